@@ -1,0 +1,34 @@
+//! Angles in radians, counter-clockwise.
+
+use std::f64::consts::{PI, TAU};
+
+use super::Vec2;
+
+/// Wraps an angle to [-pi, pi): `((a + pi) mod 2 pi) - pi` with the mathematical modulo. Not finite in, NaN out.
+pub fn wrap(angle: f64) -> f64 {
+    if (-PI..PI).contains(&angle) { angle } else { (angle + PI).rem_euclid(TAU) - PI }
+}
+
+/// The unit vector that points along `heading`.
+pub fn direction(heading: f64) -> Vec2 {
+    let (sin, cos) = heading.sin_cos();
+    Vec2::new(cos, sin)
+}
+
+/// The signed angle from `a` to `b`, in (-pi, pi]; positive is counter-clockwise. Zero vectors give 0.
+pub fn signed_angle_between(a: Vec2, b: Vec2) -> f64 {
+    a.perp(&b).atan2(a.dot(&b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wraps_into_the_half_open_interval() {
+        assert_eq!(wrap(PI), -PI);
+        assert_eq!(wrap(-PI), -PI);
+        assert!((wrap(17.3) - (17.3 - 3.0 * TAU)).abs() < 1e-12);
+        assert!(wrap(f64::NAN).is_nan());
+    }
+}

@@ -1,0 +1,236 @@
+//! A uniform grid over axis-aligned bounds: the spatial index of every map query.
+
+use super::Vec2;
+
+/// An axis-aligned rectangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: Vec2,
+    /// Upper corner.
+    pub max: Vec2,
+}
+
+impl Bounds {
+    /// Bounds that hold nothing.
+    pub const EMPTY: Self = Self {
+        min: Vec2::new(f64::INFINITY, f64::INFINITY),
+        max: Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
+    };
+
+    /// The smallest bounds around `points`.
+    pub fn of(points: impl IntoIterator<Item = Vec2>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.inf(&p), max: b.max.sup(&p) })
+    }
+
+    /// The square of half side `radius` around `center`.
+    pub fn around(center: Vec2, radius: f64) -> Self {
+        let r = Vec2::new(radius, radius);
+        Self { min: center - r, max: center + r }
+    }
+
+    /// These bounds grown by `margin` on every side.
+    pub fn inflated(&self, margin: f64) -> Self {
+        let m = Vec2::new(margin, margin);
+        Self { min: self.min - m, max: self.max + m }
+    }
+
+    /// The smallest bounds around both.
+    pub fn union(&self, other: &Self) -> Self {
+        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
+    }
+
+    /// Whether `p` lies in the closed rectangle.
+    pub fn contains(&self, p: Vec2) -> bool {
+        self.min.x <= p.x && p.x <= self.max.x && self.min.y <= p.y && p.y <= self.max.y
+    }
+
+    /// Whether the closed rectangles meet.
+    pub fn intersects(&self, other: &Self) -> bool {
+        self.min.x <= other.max.x
+            && other.min.x <= self.max.x
+            && self.min.y <= other.max.y
+            && other.min.y <= self.max.y
+    }
+}
+
+/// Items by their bounds, in square cells. An item stands in every cell that its bounds touch, in insertion order.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    origin: Vec2,
+    cell: f64,
+    columns: i64,
+    rows: i64,
+    starts: Vec<u32>,
+    items: Vec<u32>,
+}
+
+/// More cells than this are never made: the cells grow instead.
+const MAX_CELLS: f64 = 65_536.0;
+
+impl Grid {
+    /// Indexes `bounds` (item `i` is `bounds[i]`) in cells of about `cell` metres. Empty bounds are left out.
+    pub fn new(bounds: &[Bounds], cell: f64) -> Self {
+        let whole = bounds.iter().fold(Bounds::EMPTY, |a, b| a.union(b));
+        if !(whole.min.x <= whole.max.x) {
+            return Self {
+                origin: Vec2::zeros(),
+                cell,
+                columns: 0,
+                rows: 0,
+                starts: vec![0],
+                items: Vec::new(),
+            };
+        }
+        let extent = whole.max - whole.min;
+        let mut cell = cell;
+        while (extent.x / cell + 1.0).floor() * (extent.y / cell + 1.0).floor() > MAX_CELLS {
+            cell *= 1.5;
+        }
+        let columns = (extent.x / cell) as i64 + 1;
+        let rows = (extent.y / cell) as i64 + 1;
+        let mut grid = Self { origin: whole.min, cell, columns, rows, starts: Vec::new(), items: Vec::new() };
+        let mut starts = vec![0_u32; (columns * rows) as usize + 1];
+        for b in bounds {
+            grid.for_cells(b, |c| starts[c + 1] += 1);
+        }
+        for c in 1..starts.len() {
+            starts[c] += starts[c - 1];
+        }
+        let mut next = starts.clone();
+        let mut items = vec![0_u32; starts[starts.len() - 1] as usize];
+        for (i, b) in bounds.iter().enumerate() {
+            grid.for_cells(b, |c| {
+                items[next[c] as usize] = i as u32;
+                next[c] += 1;
+            });
+        }
+        grid.starts = starts;
+        grid.items = items;
+        grid
+    }
+
+    fn column(&self, x: f64) -> i64 {
+        ((x - self.origin.x) / self.cell).floor() as i64
+    }
+
+    fn row(&self, y: f64) -> i64 {
+        ((y - self.origin.y) / self.cell).floor() as i64
+    }
+
+    fn for_cells(&self, b: &Bounds, mut visit: impl FnMut(usize)) {
+        if !(b.min.x <= b.max.x) {
+            return;
+        }
+        for row in self.row(b.min.y).max(0)..=self.row(b.max.y).min(self.rows - 1) {
+            for column in self.column(b.min.x).max(0)..=self.column(b.max.x).min(self.columns - 1) {
+                visit((row * self.columns + column) as usize);
+            }
+        }
+    }
+
+    fn items_of(&self, cell: usize) -> &[u32] {
+        &self.items[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    }
+
+    /// The items of the cell that holds `p`, each once, ascending.
+    pub fn at(&self, p: Vec2) -> &[u32] {
+        let (column, row) = (self.column(p.x), self.row(p.y));
+        if (0..self.columns).contains(&column) && (0..self.rows).contains(&row) {
+            self.items_of((row * self.columns + column) as usize)
+        } else {
+            &[]
+        }
+    }
+
+    /// Visits the items of every cell that `within` touches. An item may come more than once.
+    pub fn visit(&self, within: &Bounds, mut visit: impl FnMut(u32)) {
+        self.for_cells(within, |c| self.items_of(c).iter().for_each(|&i| visit(i)));
+    }
+
+    /// The item nearest to `p` and its squared distance; the smallest index on ties.
+    ///
+    /// `distance2` gives the squared distance of an item; `start` is a known item to begin from (any, such as the answer for
+    /// a point close by): it makes the search shorter and never changes the answer.
+    pub fn nearest(
+        &self,
+        p: Vec2,
+        start: Option<u32>,
+        mut distance2: impl FnMut(u32) -> f64,
+    ) -> Option<(u32, f64)> {
+        if self.items.is_empty() {
+            return None;
+        }
+        let mut best = start.map_or((u32::MAX, f64::INFINITY), |i| (i, distance2(i)));
+        let (column, row) = (self.column(p.x), self.row(p.y));
+        let outside = |v: i64, n: i64| (-v).max(v - (n - 1)).max(0);
+        let first = outside(column, self.columns).max(outside(row, self.rows));
+        let last = (column.max(self.columns - 1 - column)).max(row.max(self.rows - 1 - row));
+        for ring in first..=last {
+            // Every cell of this ring is at least this far away.
+            let local = (p - self.origin) / self.cell - Vec2::new(column as f64, row as f64);
+            let inner = local.x.min(1.0 - local.x).min(local.y).min(1.0 - local.y);
+            let reach = ((ring - 1) as f64 + inner) * self.cell;
+            if ring > 0 && reach > 0.0 && reach * reach > best.1 {
+                break;
+            }
+            for r in (row - ring).max(0)..=(row + ring).min(self.rows - 1) {
+                let edge_row = (r - row).abs() == ring;
+                let step = if edge_row { 1 } else { (2 * ring).max(1) };
+                let mut c = column - ring;
+                while c <= column + ring {
+                    if (0..self.columns).contains(&c) {
+                        let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
+                        let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
+                        let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
+                        // A slack of a nanometre: a cell may hold a tie exactly on its border.
+                        if dx * dx + dy * dy <= best.1 + 1e-9 {
+                            for &i in self.items_of((r * self.columns + c) as usize) {
+                                let d2 = distance2(i);
+                                if d2 < best.1 || (d2 == best.1 && i < best.0) {
+                                    best = (i, d2);
+                                }
+                            }
+                        }
+                    }
+                    c += step;
+                }
+            }
+        }
+        Some(best)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn nearest_is_the_linear_scan(
+            points in prop::collection::vec((-50.0..50.0_f64, -20.0..20.0_f64), 1..60),
+            q in (-300.0..300.0_f64, -90.0..90.0_f64),
+            start in any::<prop::sample::Index>(),
+        ) {
+            let points: Vec<Vec2> = points.into_iter().map(|(x, y)| Vec2::new(x.round(), y.round())).collect();
+            let grid = Grid::new(&points.iter().map(|&p| Bounds::around(p, 0.0)).collect::<Vec<_>>(), 3.0);
+            let q = Vec2::new(q.0.round(), q.1.round());
+            let d2 = |i: u32| (points[i as usize] - q).norm_squared();
+            let scan = (0..points.len() as u32)
+                .map(|i| (i, d2(i)))
+                .fold((u32::MAX, f64::INFINITY), |b, c| if c.1 < b.1 { c } else { b });
+            prop_assert_eq!(grid.nearest(q, None, d2), Some(scan));
+            let start = start.index(points.len()) as u32;
+            prop_assert_eq!(grid.nearest(q, Some(start), d2), Some(scan));
+        }
+    }
+
+    #[test]
+    fn an_empty_grid_answers() {
+        let grid = Grid::new(&[], 4.0);
+        assert!(grid.at(Vec2::zeros()).is_empty());
+        assert_eq!(grid.nearest(Vec2::zeros(), None, |_| 0.0), None);
+    }
+}

@@ -1,0 +1,35 @@
+//! Plane geometry: angles, oriented boxes, polylines, polygons, oriented edges and a spatial index.
+//!
+//! Knows numbers only; never agents, lanes or scenarios. Metres, radians counter-clockwise, right-handed frames.
+
+mod angle;
+mod edges;
+mod grid;
+mod obb;
+mod polygon;
+mod polyline;
+
+pub use angle::{direction, signed_angle_between, wrap};
+pub use edges::{NearestEdge, OrientedEdges};
+pub use grid::{Bounds, Grid};
+pub use obb::{OrientedBox, rounded_distance};
+pub use polygon::{Polygon, point_in_ring, ring_distance};
+pub use polyline::{Polyline, PolylineError, Projection};
+
+/// A point or a vector in the plane, in metres (or metres per second for velocities).
+pub type Vec2 = nalgebra::Vector2<f64>;
+
+/// Distance from point `p` to the segment `a`-`b`, squared, and the parameter of the nearest point, clamped to [0, 1].
+pub fn point_segment(p: Vec2, a: Vec2, b: Vec2) -> (f64, f64) {
+    let ab = b - a;
+    let length2 = ab.norm_squared();
+    let t = if length2 > 0.0 { (p - a).dot(&ab) / length2 } else { 0.0 };
+    // The end points are taken exactly, so that two segments that share one are exactly as far from `p`.
+    if t <= 0.0 {
+        ((a - p).norm_squared(), 0.0)
+    } else if t >= 1.0 {
+        ((b - p).norm_squared(), 1.0)
+    } else {
+        ((a + ab * t - p).norm_squared(), t)
+    }
+}

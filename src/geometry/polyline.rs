@@ -1,0 +1,167 @@
+//! Polylines with arc length.
+
+use super::{Vec2, point_segment};
+
+/// A polyline of at least two distinct points, with the arc length at each point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Polyline {
+    points: Vec<Vec2>,
+    arc: Vec<f64>,
+}
+
+/// Why points are no polyline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PolylineError {
+    /// Fewer than two distinct points.
+    #[error("a polyline needs at least two distinct points")]
+    TooShort,
+    /// A coordinate is NaN or infinite.
+    #[error("point {0} of the polyline is not finite")]
+    NotFinite(usize),
+}
+
+/// The point of a polyline that is nearest to a query.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projection {
+    /// Arc length of the nearest point, metres from the start.
+    pub s: f64,
+    /// Signed lateral offset of the query, metres, left positive.
+    pub offset: f64,
+    /// Distance of the query to the polyline, metres.
+    pub distance: f64,
+    /// Index of the segment that holds the nearest point (the first one on ties).
+    pub segment: usize,
+    /// Parameter along that segment, 0 to 1.
+    pub t: f64,
+}
+
+impl Polyline {
+    /// Builds a polyline; repeated points are dropped.
+    ///
+    /// # Errors
+    /// [`PolylineError`] when a point is not finite or fewer than two distinct points remain.
+    pub fn new(points: &[Vec2]) -> Result<Self, PolylineError> {
+        if let Some(bad) = points.iter().position(|p| !(p.x.is_finite() && p.y.is_finite())) {
+            return Err(PolylineError::NotFinite(bad));
+        }
+        let mut kept: Vec<Vec2> = Vec::with_capacity(points.len());
+        let mut arc = Vec::with_capacity(points.len());
+        for &p in points {
+            match kept.last() {
+                None => arc.push(0.0),
+                Some(&last) => {
+                    let step = (p - last).norm();
+                    if step == 0.0 {
+                        continue;
+                    }
+                    arc.push(arc[arc.len() - 1] + step);
+                }
+            }
+            kept.push(p);
+        }
+        if kept.len() < 2 { Err(PolylineError::TooShort) } else { Ok(Self { points: kept, arc }) }
+    }
+
+    /// The points, at least two.
+    pub fn points(&self) -> &[Vec2] {
+        &self.points
+    }
+
+    /// Arc length at each point, metres, starting at 0.
+    pub fn arc(&self) -> &[f64] {
+        &self.arc
+    }
+
+    /// Length, metres.
+    pub fn length(&self) -> f64 {
+        self.arc[self.arc.len() - 1]
+    }
+
+    /// Number of segments.
+    pub fn segments(&self) -> usize {
+        self.points.len() - 1
+    }
+
+    /// End points of segment `i`.
+    pub fn segment(&self, i: usize) -> (Vec2, Vec2) {
+        (self.points[i], self.points[i + 1])
+    }
+
+    /// Direction of segment `i`, radians.
+    pub fn heading(&self, i: usize) -> f64 {
+        let d = self.points[i + 1] - self.points[i];
+        d.y.atan2(d.x)
+    }
+
+    /// The segment that holds arc length `s` (clamped to the polyline).
+    pub fn segment_at(&self, s: f64) -> usize {
+        self.arc.partition_point(|&a| a <= s).clamp(1, self.segments()) - 1
+    }
+
+    /// The point at arc length `s`; beyond the ends the end segments go on straight.
+    pub fn at(&self, s: f64) -> Vec2 {
+        let i = self.segment_at(s);
+        let (a, b) = self.segment(i);
+        a + (b - a) * ((s - self.arc[i]) / (self.arc[i + 1] - self.arc[i]))
+    }
+
+    /// Direction at arc length `s`, radians: that of the segment.
+    pub fn heading_at(&self, s: f64) -> f64 {
+        self.heading(self.segment_at(s))
+    }
+
+    /// The nearest point over all segments.
+    pub fn project(&self, p: Vec2) -> Projection {
+        self.project_between(p, 0, self.segments())
+    }
+
+    /// The nearest point over the segments `first..last` (clamped, at least one).
+    pub fn project_between(&self, p: Vec2, first: usize, last: usize) -> Projection {
+        let last = last.clamp(1, self.segments());
+        let first = first.min(last - 1);
+        let (mut best, mut segment, mut at) = (f64::INFINITY, first, 0.0);
+        for i in first..last {
+            let (d2, t) = point_segment(p, self.points[i], self.points[i + 1]);
+            if d2 < best {
+                (best, segment, at) = (d2, i, t);
+            }
+        }
+        let (a, b) = self.segment(segment);
+        let ab = b - a;
+        let side = ab.perp(&(p - a));
+        let distance = best.sqrt();
+        Projection {
+            s: self.arc[segment] + at * (self.arc[segment + 1] - self.arc[segment]),
+            offset: if side >= 0.0 { distance } else { -distance },
+            distance,
+            segment,
+            t: at,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projects_with_sign_and_arc_length() {
+        let line =
+            Polyline::new(&[Vec2::new(0.0, 0.0), Vec2::new(10.0, 0.0), Vec2::new(10.0, 10.0)]).unwrap();
+        let left = line.project(Vec2::new(4.0, 1.5));
+        assert_eq!((left.s, left.offset, left.segment), (4.0, 1.5, 0));
+        let right = line.project(Vec2::new(12.0, 5.0));
+        assert_eq!((right.s, right.offset, right.segment), (15.0, -2.0, 1));
+        assert_eq!(line.at(-1.0), Vec2::new(-1.0, 0.0));
+        assert_eq!(line.at(21.0), Vec2::new(10.0, 11.0));
+    }
+
+    #[test]
+    fn refuses_what_is_no_line() {
+        assert_eq!(Polyline::new(&[Vec2::zeros(), Vec2::zeros()]), Err(PolylineError::TooShort));
+        assert_eq!(
+            Polyline::new(&[Vec2::zeros(), Vec2::new(f64::NAN, 0.0)]),
+            Err(PolylineError::NotFinite(1))
+        );
+    }
+}

@@ -1,0 +1,10 @@
+#![doc = include_str!("README.md")]
+
+extern crate self as reactsim;
+
+pub mod geometry;
+pub mod scene;
+
+pub mod rollout;
+
+pub mod metrics;

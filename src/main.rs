@@ -1,0 +1,2 @@
+//! The `reactsim` program.
+fn main() {}

@@ -1,0 +1,121 @@
+//! Who moves the AV.
+
+mod scripted;
+
+use super::Observation;
+use crate::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
+
+pub use scripted::{Script, ScriptedAv};
+
+/// Moves the AV, one step at a time.
+pub trait AvPolicy: Send {
+    /// The AV's state at the next step; `seen` holds states up to now.
+    ///
+    /// # Errors
+    /// [`AvError`] when there is no such state.
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
+}
+
+/// Why an AV can not be moved.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AvError {
+    /// The logged AV is absent at a step.
+    #[error("the logged AV is absent at step {step}; choose another AV policy, such as `brake:3`")]
+    Absent {
+        /// Step 1 to 80.
+        step: usize,
+    },
+    /// A trajectory has not one state for each of the 80 steps.
+    #[error("the AV trajectory has {found} states, expected 80 (steps 1 to 80 at 10 Hz)")]
+    Length {
+        /// States found.
+        found: usize,
+    },
+    /// A trajectory holds a value that is not finite.
+    #[error("the AV trajectory is not finite at step {step}")]
+    NotFinite {
+        /// Step 1 to 80.
+        step: usize,
+    },
+    /// A trajectory jumps.
+    #[error(
+        "the AV trajectory jumps {metres:.1} m between steps {before} and {step}, more than {limit:.1} m in 0.1 s"
+    )]
+    Jump {
+        /// Step 1 to 80.
+        step: usize,
+        /// The step before.
+        before: usize,
+        /// Length of the jump.
+        metres: f64,
+        /// Longest step that is taken for driving.
+        limit: f64,
+    },
+}
+
+/// Longest plausible step of an AV in 0.1 s: 80 m/s.
+const LONGEST_STEP: f64 = 8.0;
+
+/// Replays a fixed trajectory: the deviated AV of the benchmark.
+#[derive(Clone, Debug)]
+pub struct DeviatedAv {
+    track: Vec<AgentState>,
+}
+
+impl DeviatedAv {
+    /// Checks a trajectory of 80 states that goes on from the AV's current state.
+    ///
+    /// # Errors
+    /// [`AvError`] when it ends early, holds values that are not finite, or jumps.
+    pub fn new(now: &AgentState, track: Vec<AgentState>) -> Result<Self, AvError> {
+        if track.len() != FUTURE {
+            return Err(AvError::Length { found: track.len() });
+        }
+        let mut before = *now;
+        for (i, state) in track.iter().enumerate() {
+            if !state.is_finite() {
+                return Err(AvError::NotFinite { step: i + 1 });
+            }
+            let metres = (state.position() - before.position()).norm();
+            if metres > LONGEST_STEP {
+                return Err(AvError::Jump { step: i + 1, before: i, metres, limit: LONGEST_STEP });
+            }
+            before = *state;
+        }
+        Ok(Self { track })
+    }
+}
+
+impl AvPolicy for DeviatedAv {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        Ok(self.track[seen.frame() - CURRENT])
+    }
+}
+
+/// Replays the logged AV.
+#[derive(Clone, Debug)]
+pub struct LogAv {
+    track: Vec<Frame>,
+}
+
+impl LogAv {
+    /// The logged AV of a scenario.
+    ///
+    /// # Errors
+    /// [`AvError::Absent`] when the log does not hold the AV at every step.
+    pub fn new(scenario: &Scenario) -> Result<Self, AvError> {
+        let track = scenario.log_future.tracks[0].clone();
+        match track.iter().position(Option::is_none) {
+            Some(i) => Err(AvError::Absent { step: i + 1 }),
+            None => Ok(Self { track }),
+        }
+    }
+}
+
+impl AvPolicy for LogAv {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        let step = seen.frame() - CURRENT;
+        self.track[step].ok_or(AvError::Absent { step: step + 1 })
+    }
+}

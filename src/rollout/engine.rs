@@ -1,0 +1,217 @@
+//! Algorithms 1 and 2: the loop that realises states.
+
+use std::collections::BTreeMap;
+
+use super::episode::{Controller, Episode, JointPlan, Memory, PlanError};
+use super::{AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
+use crate::scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
+
+/// One rollout to be made.
+pub struct Request<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// Who moves the AV; not asked in the realism protocol.
+    pub av: Box<dyn AvPolicy>,
+    /// Index among the rollouts of this scenario: part of the names of its random streams.
+    pub rollout: u32,
+}
+
+/// The realised states of one scenario: history, then 80 steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rollout {
+    /// Per agent (order of the scenario) 91 frames. Velocities of the steps are position differences over 0.1 s.
+    pub tracks: Vec<Vec<Frame>>,
+    /// How parts of plans ended, by name.
+    pub outcomes: BTreeMap<&'static str, u64>,
+}
+
+/// Why one rollout could not be made; the others of its batch go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RolloutError {
+    /// The simulator had no plan.
+    #[error("scenario `{scenario}`: no plan at step {step}: {source}")]
+    Plan {
+        /// Id of the scenario.
+        scenario: String,
+        /// Realised steps before the plan.
+        step: usize,
+        /// Why.
+        source: PlanError,
+    },
+    /// The simulator planned a state that is not finite.
+    #[error(
+        "scenario `{scenario}`: agent `{agent}` was planned at a state that is not finite at step {step}"
+    )]
+    NotFinite {
+        /// Id of the scenario.
+        scenario: String,
+        /// Id of the agent.
+        agent: String,
+        /// Step 1 to 80.
+        step: usize,
+    },
+    /// The AV policy had no state.
+    #[error("scenario `{scenario}`: {source}")]
+    Av {
+        /// Id of the scenario.
+        scenario: String,
+        /// Why.
+        source: AvError,
+    },
+}
+
+/// What one scenario of a batch has realised so far.
+struct Running<'a> {
+    scenario: &'a Scenario,
+    av: Box<dyn AvPolicy>,
+    tracks: Vec<Vec<Frame>>,
+    lights: Vec<Vec<Option<LightState>>>,
+    memory: Memory,
+    stream: Stream,
+    outcomes: BTreeMap<&'static str, u64>,
+    av_next: Option<AgentState>,
+    plan: JointPlan,
+    failed: Option<RolloutError>,
+}
+
+/// Rolls a batch of scenarios out in lockstep. The result of a scenario does not depend on the rest of the batch.
+pub fn roll_out(
+    batch: Vec<Request<'_>>,
+    controller: &Controller,
+    settings: &Settings,
+) -> Vec<Result<Rollout, RolloutError>> {
+    let mut running: Vec<Running<'_>> =
+        batch.into_iter().map(|request| Running::begin(request, controller, settings)).collect();
+    let mut step = 0;
+    while step < FUTURE {
+        let steps = settings.replan.steps().min(FUTURE - step);
+        plan_all(&mut running, controller, settings, steps);
+        for k in 0..steps {
+            for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
+                scenario.failed = scenario.advance(settings, k).err();
+            }
+        }
+        step += steps;
+    }
+    running
+        .into_iter()
+        .map(|r| match r.failed {
+            Some(error) => Err(error),
+            None => Ok(Rollout { tracks: r.tracks, outcomes: r.outcomes }),
+        })
+        .collect()
+}
+
+/// Asks the controller once for the plans of all scenarios that go on.
+fn plan_all(running: &mut [Running<'_>], controller: &Controller, settings: &Settings, steps: usize) {
+    for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
+        scenario.failed = scenario.look_ahead(settings).err();
+    }
+    let mut going: Vec<&mut Running<'_>> = running.iter_mut().filter(|r| r.failed.is_none()).collect();
+    let mut episodes: Vec<Episode<'_>> = Vec::with_capacity(going.len());
+    for scenario in &mut going {
+        let agents = scenario.tracks.len();
+        episodes.push(Episode {
+            seen: Observation::new(
+                &scenario.scenario.start,
+                &scenario.tracks,
+                &scenario.lights,
+                if settings.av_lookahead { scenario.av_next } else { None },
+            ),
+            memory: &mut scenario.memory,
+            stream: &mut scenario.stream,
+            moves_av: settings.protocol == Protocol::Realism,
+            plan: JointPlan::new(agents, steps),
+            outcomes: std::mem::take(&mut scenario.outcomes),
+            error: None,
+        });
+    }
+    let whole = match controller {
+        Controller::Fair(simulator) => simulator.plan(&mut episodes),
+        Controller::Oracle(oracle) => oracle.plan(&mut episodes),
+    };
+    let whole = whole.err().map(|e| e.to_string());
+    let done: Vec<_> = episodes.into_iter().map(|e| (e.plan, e.outcomes, e.error)).collect();
+    for (scenario, (plan, outcomes, error)) in going.into_iter().zip(done) {
+        scenario.plan = plan;
+        scenario.outcomes = outcomes;
+        let error = error.or_else(|| whole.clone().map(PlanError::Failed));
+        scenario.failed = error.map(|source| RolloutError::Plan {
+            scenario: scenario.scenario.id.clone(),
+            step: scenario.tracks[0].len() - 1 - CURRENT,
+            source,
+        });
+    }
+}
+
+impl<'a> Running<'a> {
+    fn begin(request: Request<'a>, controller: &Controller, settings: &Settings) -> Self {
+        let scenario = request.scenario;
+        let name = |purpose| stream(settings.seed, &scenario.id, request.rollout, purpose);
+        let memory = match controller {
+            Controller::Fair(simulator) => simulator.begin(&scenario.start, &mut name(Purpose::Begin)),
+            Controller::Oracle(oracle) => oracle.begin(scenario),
+        };
+        let with_room = |history: &Vec<Frame>| {
+            let mut track = Vec::with_capacity(FRAMES);
+            track.extend_from_slice(history);
+            track
+        };
+        Self {
+            tracks: scenario.start.history.iter().map(with_room).collect(),
+            lights: scenario.start.light_history.clone(),
+            memory,
+            stream: name(Purpose::Plan),
+            outcomes: BTreeMap::new(),
+            av_next: None,
+            plan: JointPlan::new(0, 0),
+            failed: None,
+            av: request.av,
+            scenario,
+        }
+    }
+
+    /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to now only.
+    fn look_ahead(&mut self, settings: &Settings) -> Result<(), RolloutError> {
+        if settings.protocol == Protocol::Realism || self.av_next.is_some() {
+            return Ok(());
+        }
+        let seen = Observation::new(&self.scenario.start, &self.tracks, &self.lights, None);
+        let next = self.av.next(&seen);
+        let next = next.map_err(|source| RolloutError::Av { scenario: self.scenario.id.clone(), source })?;
+        self.av_next = Some(next);
+        Ok(())
+    }
+
+    /// Realises one step: the AV by its policy (or by the plan), the agents by step `k` of the plan.
+    fn advance(&mut self, settings: &Settings, k: usize) -> Result<(), RolloutError> {
+        self.look_ahead(settings)?;
+        let step = self.tracks[0].len() - CURRENT;
+        let external = self.av_next.take();
+        for agent in 0..self.tracks.len() {
+            let planned = if agent == 0 && external.is_some() { external } else { self.plan.get(agent, k) };
+            if planned.is_some_and(|s| !s.is_finite()) {
+                return Err(RolloutError::NotFinite {
+                    scenario: self.scenario.id.clone(),
+                    agent: self.scenario.start.agents[agent].id.clone(),
+                    step,
+                });
+            }
+            let before = self.tracks[agent].last().copied().flatten();
+            self.tracks[agent].push(planned.map(|state| consistent(before, state)));
+        }
+        for (seen, future) in self.lights.iter_mut().zip(&self.scenario.log_future.lights) {
+            seen.push(future[step - 1]);
+        }
+        Ok(())
+    }
+}
+
+/// The state with the velocity that its positions say. After a gap the state keeps its own velocity.
+fn consistent(before: Frame, state: AgentState) -> AgentState {
+    match before {
+        Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
+        None => state,
+    }
+}

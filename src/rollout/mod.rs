@@ -1,0 +1,17 @@
+//! The protocol: who sees what, when (ReactSim-Bench, Algorithms 1 and 2). Knows scenes; never a particular simulator.
+
+mod av;
+mod engine;
+mod episode;
+mod observation;
+mod settings;
+mod stream;
+
+pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, Script, ScriptedAv};
+pub use engine::{Request, Rollout, RolloutError, roll_out};
+pub use episode::{
+    Controller, Episode, JointPlan, Memory, Oracle, PlanError, Planning, Simulator, SingleEpisode,
+};
+pub use observation::Observation;
+pub use settings::{ParseReplanError, Protocol, Replan, Settings};
+pub use stream::{Purpose, Stream, stream};

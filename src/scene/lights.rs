@@ -1,0 +1,90 @@
+//! Traffic lights.
+
+use crate::geometry::Vec2;
+
+/// What a light shows to one lane (the states of the Waymo Open Motion Dataset).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LightState {
+    /// Seen, colour unknown.
+    Unknown,
+    /// Red arrow.
+    ArrowStop,
+    /// Yellow arrow.
+    ArrowCaution,
+    /// Green arrow.
+    ArrowGo,
+    /// Red.
+    Stop,
+    /// Yellow.
+    Caution,
+    /// Green.
+    Go,
+    /// Flashing red: stop, then go when clear.
+    FlashingStop,
+    /// Flashing yellow: go with care.
+    FlashingCaution,
+}
+
+impl LightState {
+    /// All states, in the order of their codes 0 to 8 (as in the Waymo messages).
+    pub const ALL: [Self; 9] = [
+        Self::Unknown,
+        Self::ArrowStop,
+        Self::ArrowCaution,
+        Self::ArrowGo,
+        Self::Stop,
+        Self::Caution,
+        Self::Go,
+        Self::FlashingStop,
+        Self::FlashingCaution,
+    ];
+
+    /// The name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::ArrowStop => "arrow_stop",
+            Self::ArrowCaution => "arrow_caution",
+            Self::ArrowGo => "arrow_go",
+            Self::Stop => "stop",
+            Self::Caution => "caution",
+            Self::Go => "go",
+            Self::FlashingStop => "flashing_stop",
+            Self::FlashingCaution => "flashing_caution",
+        }
+    }
+
+    /// The state with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|s| s.name() == name)
+    }
+
+    /// The code 0 to 8.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The state with this code.
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
+
+    /// Red or red arrow (steady).
+    pub const fn is_red(self) -> bool {
+        matches!(self, Self::Stop | Self::ArrowStop)
+    }
+
+    /// Yellow or yellow arrow (steady).
+    pub const fn is_yellow(self) -> bool {
+        matches!(self, Self::Caution | Self::ArrowCaution)
+    }
+}
+
+/// A light that controls one lane: where it stands. Its states are kept apart, split at the current frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrafficLight {
+    /// Index of the controlled lane in the map.
+    pub lane: usize,
+    /// Where to stop, metres.
+    pub stop_point: Vec2,
+}

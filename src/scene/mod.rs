@@ -1,0 +1,25 @@
+//! The vocabulary: agents, tracks, maps, lights and scenarios. Pure data; knows geometry and nothing else.
+
+mod agent;
+mod digest;
+mod error;
+mod lights;
+mod map;
+mod map_index;
+mod parts;
+mod scenario;
+mod time;
+
+pub use agent::{Agent, AgentKind, AgentState, Frame, LoggedAgent};
+pub use error::SceneError;
+pub use lights::{LightState, TrafficLight};
+pub use map::{
+    Crosswalk, Lane, LaneArea, LaneClass, LaneKind, LaneNeighbor, RoadEdge, RoadEdgeKind, RoadLine, RoadMap,
+    StopKind, StopLine, Surface,
+};
+pub use map_index::{LaneHit, MapIndex, Road};
+pub use parts::{
+    DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
+};
+pub use scenario::{DeviatedTrack, Deviation, LogFuture, MAX_AGENTS, Scenario, Start};
+pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY};

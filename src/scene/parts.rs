@@ -1,0 +1,129 @@
+//! Scenarios as files give them: before agents are chosen, coordinates shifted and links resolved.
+
+use super::{
+    Crosswalk, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, RoadEdge, RoadLine, StopKind, Surface,
+};
+use crate::geometry::{Polygon, Vec2};
+use crate::scene::{Deviation, Frame};
+
+/// A scenario as a format reads it. [`super::Scenario::assemble`] checks it and makes the domain type.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScenarioParts {
+    /// Name of the scenario.
+    pub id: String,
+    /// Name of the data set or of the file's format, for provenance.
+    pub source: String,
+    /// `None`: coordinates are world coordinates, and the AV's current position becomes the origin. `Some`: coordinates are
+    /// already relative to this point of the world.
+    pub origin: Option<Vec2>,
+    /// Time of each frame, seconds; empty where not recorded.
+    pub timestamps: Vec<f64>,
+    /// Index of the AV in `agents`.
+    pub av: usize,
+    /// Every recorded agent with 91 frames.
+    pub agents: Vec<LoggedAgent>,
+    /// Agents that the data set asks to predict (ids).
+    pub tracks_to_predict: Vec<String>,
+    /// Agents that the data set calls interesting (ids).
+    pub objects_of_interest: Vec<String>,
+    /// The map.
+    pub map: MapParts,
+    /// Lights.
+    pub lights: Vec<LightParts>,
+    /// A deviated AV that comes with the scenario.
+    pub deviation: Option<DeviationParts>,
+}
+
+/// The map as a format reads it; lanes are named by id.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapParts {
+    /// Lanes in map order.
+    pub lanes: Vec<LaneParts>,
+    /// Oriented road edges.
+    pub road_edges: Vec<RoadEdge>,
+    /// Painted lines.
+    pub road_lines: Vec<RoadLine>,
+    /// Stop lines.
+    pub stop_lines: Vec<StopLineParts>,
+    /// Crosswalks.
+    pub crosswalks: Vec<Crosswalk>,
+    /// Speed bumps.
+    pub speed_bumps: Vec<Surface>,
+    /// Driveways.
+    pub driveways: Vec<Surface>,
+    /// Outlines of junctions.
+    pub intersections: Vec<Vec<Vec2>>,
+    /// Drivable polygons.
+    pub drivable_area: Option<Vec<Polygon>>,
+}
+
+/// A lane as a format reads it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LaneParts {
+    /// Name.
+    pub id: String,
+    /// Lane proper or connector.
+    pub kind: LaneKind,
+    /// What it is for.
+    pub class: LaneClass,
+    /// Speed limit, m/s.
+    pub speed_limit: Option<f64>,
+    /// Centre line in driving direction. A lane of fewer than two distinct points is taken out and its links are joined.
+    pub points: Vec<Vec2>,
+    /// The ground that the lane covers.
+    pub area: LaneArea,
+    /// Ids of the lanes that begin where this one ends. Missing ones are dropped and counted.
+    pub successors: Vec<String>,
+    /// Ids of the lanes that end where this one begins.
+    pub predecessors: Vec<String>,
+    /// Lanes beside it on the left.
+    pub left: Vec<NeighborParts>,
+    /// Lanes beside it on the right.
+    pub right: Vec<NeighborParts>,
+}
+
+/// A lane beside another, by id; point indices as in [`super::LaneNeighbor`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NeighborParts {
+    /// Id of the other lane.
+    pub lane: String,
+    /// First point of this lane on the stretch.
+    pub self_start: u32,
+    /// Last point of this lane on the stretch.
+    pub self_end: u32,
+    /// First point of the neighbour on the stretch.
+    pub other_start: u32,
+    /// Last point of the neighbour on the stretch.
+    pub other_end: u32,
+}
+
+/// A stop line by lane id.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StopLineParts {
+    /// What makes vehicles stop.
+    pub kind: StopKind,
+    /// Id of the lane. Lines on missing lanes are dropped and counted.
+    pub lane: String,
+    /// A point on or beside the line; it is projected onto the lane's baseline.
+    pub at: Vec2,
+}
+
+/// A light by lane id.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightParts {
+    /// Id of the controlled lane. Lights on missing lanes are dropped and counted.
+    pub lane: String,
+    /// Where to stop.
+    pub stop_point: Vec2,
+    /// One entry per frame (91); `None` where the light was not observed.
+    pub states: Vec<Option<LightState>>,
+}
+
+/// A deviated AV trajectory for the steps 1 to 80.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviationParts {
+    /// Dominant source of the deviation, where known.
+    pub category: Option<Deviation>,
+    /// 80 states.
+    pub track: Vec<Frame>,
+}
