@@ -8,3 +8,6 @@ pub mod scene;
 pub mod rollout;
 
 pub mod metrics;
+
+#[path = "../models/mod.rs"]
+pub mod models;

@@ -1,0 +1,38 @@
+//! Log replay: every agent does what it did in the log, whatever the AV does. An oracle: it is shown the future.
+
+use reactsim::models::{Baseline, CardError};
+use reactsim::rollout::{Controller, Episode, Memory, Oracle, PlanError};
+use reactsim::scene::{Frame, Scenario};
+
+pub(super) const ENTRY: Baseline =
+    Baseline { id: "log-replay", card: include_str!("card.toml"), oracle: true, make };
+
+fn make() -> Result<Controller, CardError> {
+    Ok(Controller::Oracle(Box::new(LogReplay)))
+}
+
+/// Replays the log; agents are absent where the log has none.
+#[derive(Clone, Copy, Debug)]
+pub struct LogReplay;
+
+impl Oracle for LogReplay {
+    fn begin(&self, scenario: &Scenario) -> Memory {
+        Memory::new(scenario.log_future.tracks.clone())
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        for episode in batch {
+            let Some(future) = episode.memory.get::<Vec<Vec<Frame>>>() else {
+                episode.error = Some(PlanError::ForeignMemory(ENTRY.id));
+                continue;
+            };
+            let now = episode.seen.step();
+            for (agent, track) in future.iter().enumerate() {
+                for k in 0..episode.plan.steps() {
+                    episode.plan.set(agent, k, track[now + k]);
+                }
+            }
+        }
+        Ok(())
+    }
+}
