@@ -5,6 +5,7 @@ extern crate self as reactsim;
 pub mod geometry;
 pub mod scene;
 
+pub mod dynamics;
 pub mod rollout;
 
 pub mod metrics;
