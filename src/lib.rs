@@ -8,6 +8,8 @@ pub mod scene;
 pub mod dynamics;
 pub mod rollout;
 
+pub mod formats;
+
 pub mod metrics;
 
 #[path = "../models/mod.rs"]
