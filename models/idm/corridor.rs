@@ -1,5 +1,8 @@
 //! What is, and what will be, in the corridor that a vehicle's box sweeps along its path.
 
+use reactsim::dynamics::DrivenPath;
+use reactsim::geometry::OrientedBox;
+
 use super::actor::Actor;
 use super::driver::OnPath;
 use super::forecast::Forecast;
@@ -49,6 +52,30 @@ const SIDE: f64 = 0.25;
 /// Cosine of the largest angle at which somebody goes the same way.
 const ALIGNED: f64 = 0.5;
 
+/// Cosine of the angle, and curvature (1/m), up to which a box counts as parallel to a straight path.
+const PARALLEL: f64 = 0.995;
+const STRAIGHT: f64 = 0.01;
+
+/// The stretch of a curved path on which the own box would touch `other`, found metre by metre around `middle`: arc lengths that the
+/// front may not pass and the rear must have passed.
+fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> Option<(f64, f64)> {
+    let reach = own.half_length + other.half_length + 1.0;
+    let (first, last) = (path.index(middle - reach), path.index(middle + reach));
+    let touches = |i: &usize| {
+        let point = &path.points()[*i];
+        let ours = OrientedBox {
+            center: point.pose.position,
+            axis: point.axis,
+            half_length: own.half_length + 0.5 * DrivenPath::STEP,
+            half_width: own.half_width + SIDE,
+        };
+        ours.separation(other) < 0.0
+    };
+    let low = (first..=last).find(touches)?;
+    let high = (low..=last).rev().find(touches)?;
+    Some((low as f64 * DrivenPath::STEP + own.half_length, high as f64 * DrivenPath::STEP - own.half_length))
+}
+
 /// Looks along the corridor of the vehicle `own` (index `index`).
 pub(super) fn look(
     index: usize,
@@ -87,7 +114,21 @@ pub(super) fn look(
             if at.offset.abs() > own.half_width + across + SIDE {
                 continue;
             }
-            let (low, high) = (at.s - along, at.s + along);
+            let straight = cos.abs() > PARALLEL && path.points()[at.index].curvature.abs() < STRAIGHT;
+            let (low, high) = if straight {
+                (at.s - along, at.s + along)
+            } else {
+                let swept = OrientedBox {
+                    center: sample.center,
+                    axis: sample.axis,
+                    half_length: other.half_length + swept,
+                    half_width: other.half_width,
+                };
+                match touched(own, path, at.s, &swept) {
+                    Some(stretch) => stretch,
+                    None => continue,
+                }
+            };
             if k == 0 {
                 if at.s <= driver.s {
                     if !from_behind {

@@ -5,6 +5,7 @@ use reactsim::scene::AgentKind;
 use super::actor::Actor;
 use super::corridor::{Corridor, Crossing};
 use super::driver::{Driver, OnPath};
+use super::evade::rolled;
 use super::parameters::Parameters;
 
 /// Accelerations that are weighed besides the one that car following asks for, m/s².
@@ -47,11 +48,11 @@ pub(super) fn decide(
                 settings.margin
             };
             for c in &crossing.covered {
-                let way = travelled(own.speed, a, c.t);
+                let (way, speed) = rolled(own.speed, a, c.t);
                 let (front, rear) = (driver.s + way + own.half_length, driver.s + way - own.half_length);
                 if front + room > c.low && rear - room < c.high {
-                    // A crash that is later leaves more time to do better.
-                    worst = worst.max(weight * (1.0 - 0.15 * c.t));
+                    // A crash that is later leaves more time to do better; one at lower speed does less harm.
+                    worst = worst.max(weight * (1.0 - 0.15 * c.t) * (1.0 + 0.01 * speed));
                     break;
                 }
             }
@@ -74,12 +75,6 @@ pub(super) fn decide(
         }
     }
     Some(best.1)
-}
-
-/// Way after `t` seconds at a constant acceleration; nobody rolls back.
-fn travelled(speed: f64, a: f64, t: f64) -> f64 {
-    let t = if a < 0.0 { t.min(speed / -a) } else { t };
-    speed * t + 0.5 * a * t * t
 }
 
 /// How much a crossing counts: 1 where we must yield, less where the other must, nothing where it is not our business.

@@ -29,6 +29,13 @@ pub(super) enum Driver {
 #[derive(Debug)]
 pub(super) struct OnPath {
     pub(super) path: DrivenPath,
+    /// Where the path would lead if nobody were in the way.
+    pub(super) home: Polyline,
+    /// Present offset from the home line, metres, while the driver keeps out of somebody's way, and since how many decisions that has
+    /// not been needed any more.
+    pub(super) aside: Option<(f64, usize)>,
+    /// Speed that the driver wants at each point of the path, m/s, curves apart.
+    wanted: Vec<f64>,
     /// Highest speed at each point of the path, m/s: limits, curves, and braking in time for them.
     pub(super) ceiling: Vec<f64>,
     /// Stop lines on the path, in order.
@@ -52,6 +59,8 @@ pub(super) struct PathStop {
     pub(super) done: bool,
 }
 
+/// Faster reversing is not believed, m/s.
+const FASTEST_REVERSE: f64 = 4.0;
 /// Comfortable deceleration towards slower stretches of road, m/s².
 const APPROACH: f64 = 1.6;
 /// A curve is never taken slower than this, m/s.
@@ -78,7 +87,8 @@ impl Driver {
                 let cyclist = start.agents[agent].kind == AgentKind::Cyclist;
                 let class = if cyclist { &parameters.cyclist } else { &parameters.vehicle };
                 if now.forward_speed() < -0.3 {
-                    return Self::Reversing;
+                    // Nobody drives backwards fast: a velocity against the box is damage in the recording.
+                    return if now.speed() < FASTEST_REVERSE { Self::Reversing } else { Self::Parked };
                 }
                 let motion = Motion {
                     position: now.position(),
@@ -174,9 +184,10 @@ impl OnPath {
         let path = DrivenPath::pursue(pose, motion.curvature, &line, length, &pursuit);
         let offset = line.project(motion.position).s;
         let starts: Vec<(f64, usize)> = starts.into_iter().map(|(s, l)| (s - offset, l)).collect();
-        let ceiling = ceiling(&road, &path, &starts, motion.speed, class, &style);
+        let wanted = wanted_speeds(&road, &path, &starts, motion.speed, class, &style);
+        let ceiling = ceiling(&path, &wanted, class);
         let stops = stops(start, &route, &starts, start.agents[agent].length);
-        Self { path, ceiling, stops, style, ground_ends: None, s: 0.0 }
+        Self { path, home: line, aside: None, wanted, ceiling, stops, style, ground_ends: None, s: 0.0 }
     }
 
     /// A vehicle on no lane: it goes on as it turns now, slowly, and stops before it leaves the drivable ground.
@@ -184,11 +195,10 @@ impl OnPath {
         let road = start.road();
         let length = motion.speed * DT * FUTURE as f64 + 30.0;
         let path = DrivenPath::fade(pose, motion.curvature, 8.0, length);
-        let ceiling = path
-            .points()
-            .iter()
-            .map(|p| curve_speed(p.curvature, class).min(motion.speed.max(CRAWL)))
-            .collect();
+        let wanted = vec![motion.speed.max(CRAWL); path.points().len()];
+        let ceiling = ceiling(&path, &wanted, class);
+        let points: Vec<Vec2> = path.points().iter().map(|p| p.pose.position).collect();
+        let home = Polyline::new(&points).expect("a path has at least two distinct points");
         let mut hint = None;
         let ground_ends = match road.drivable(pose.position, &mut hint) {
             Some(true) => (1..path.points().len())
@@ -196,7 +206,28 @@ impl OnPath {
                 .map(|i| i as f64 * DrivenPath::STEP),
             _ => None,
         };
-        Self { path, ceiling, stops: Vec::new(), style, ground_ends, s: 0.0 }
+        Self { path, home, aside: None, wanted, ceiling, stops: Vec::new(), style, ground_ends, s: 0.0 }
+    }
+
+    /// Takes a new path that begins where the vehicle is now.
+    pub(super) fn take(&mut self, path: DrivenPath, class: &Class) {
+        let gone = self.path.index(self.s).min(self.wanted.len() - 1);
+        let last = self.wanted[self.wanted.len() - 1];
+        self.wanted.drain(..gone);
+        self.wanted.resize(path.points().len(), last);
+        for stop in &mut self.stops {
+            stop.s -= self.s;
+        }
+        self.ground_ends = self.ground_ends.map(|end| end - self.s);
+        self.ceiling = ceiling(&path, &self.wanted, class);
+        self.path = path;
+        self.s = 0.0;
+    }
+
+    /// The sharpest curvature of the path in the next 40 m, 1/m.
+    pub(super) fn sharpest_ahead(&self) -> f64 {
+        let from = self.path.index(self.s);
+        self.path.points()[from..].iter().take(40).map(|p| p.curvature.abs()).fold(0.0, f64::max)
     }
 }
 
@@ -204,8 +235,8 @@ fn curve_speed(curvature: f64, class: &Class) -> f64 {
     (class.lateral_acceleration / curvature.abs().max(1e-6)).sqrt().max(CRAWL)
 }
 
-/// The highest speed at each point: the limit of the lane there, the curve, and braking in time for what comes.
-fn ceiling(
+/// The speed that a driver wants at each point of a path by the limits of its lanes.
+fn wanted_speeds(
     road: &Road<'_>,
     path: &DrivenPath,
     starts: &[(f64, usize)],
@@ -214,8 +245,7 @@ fn ceiling(
     style: &Style,
 ) -> Vec<f64> {
     let mut lane = 0;
-    let mut top: Vec<f64> = Vec::with_capacity(path.points().len());
-    for (i, point) in path.points().iter().enumerate() {
+    let of = |i: usize| {
         let s = i as f64 * DrivenPath::STEP;
         while lane + 1 < starts.len() && starts[lane + 1].0 <= s {
             lane += 1;
@@ -227,9 +257,15 @@ fn ceiling(
             (None, _) => class.speed_unknown_limit,
         };
         // Who is already faster than the sign stays so: logged drivers exceed limits, and nobody brakes for that alone.
-        let wanted = (limit * style.speed_factor).max(speed);
-        top.push(wanted.min(curve_speed(point.curvature, class)));
-    }
+        (limit * style.speed_factor).max(speed)
+    };
+    (0..path.points().len()).map(of).collect()
+}
+
+/// The highest speed at each point: what is wanted there, the curve, and braking in time for what comes.
+fn ceiling(path: &DrivenPath, wanted: &[f64], class: &Class) -> Vec<f64> {
+    let points = path.points().iter().zip(wanted);
+    let mut top: Vec<f64> = points.map(|(p, &wanted)| wanted.min(curve_speed(p.curvature, class))).collect();
     for i in (0..top.len() - 1).rev() {
         let reachable = (top[i + 1] * top[i + 1] + 2.0 * APPROACH * DrivenPath::STEP).sqrt();
         top[i] = top[i].min(reachable);

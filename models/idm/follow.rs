@@ -64,7 +64,8 @@ impl Style {
 /// The deceleration that just avoids a crash if the leader keeps its acceleration (Kesting et al. 2010, eq. 2.3).
 fn heuristic(speed: f64, gap: f64, leader: f64, leader_acceleration: f64) -> f64 {
     let closing = (speed - leader).max(0.0);
-    if leader * closing <= -2.0 * gap * leader_acceleration {
+    // The leader stops before the gap is closed (never so without braking: 0 / 0 for one that stands).
+    if leader_acceleration < 0.0 && leader * closing <= -2.0 * gap * leader_acceleration {
         speed * speed * leader_acceleration / (leader * leader - 2.0 * gap * leader_acceleration)
     } else {
         leader_acceleration - closing * closing / (2.0 * gap)
@@ -97,7 +98,9 @@ mod tests {
         for v0 in [5.0, 10.0, 15.0, 20.0] {
             let (mut gap, mut v) = (v0 * v0 / (2.0 * 5.0) + 3.0, v0);
             for _ in 0..300 {
-                let a = STYLE.behind(v, gap, 0.0, 0.0).max(-5.5);
+                let a = STYLE.behind(v, gap, 0.0, 0.0);
+                assert!(a.is_finite());
+                let a = a.max(-5.5);
                 let next = (v + 0.1 * a).max(0.0);
                 gap -= 0.05 * (v + next);
                 v = next;

@@ -97,12 +97,12 @@ fn travel(speed: f64, acceleration: f64, t: f64) -> (f64, f64) {
     (way, after)
 }
 
-/// Forecasts of all actors. `av_rail` is a lane that the AV seems to follow.
+/// Forecasts of all actors. `av_rails` are ways along lanes that the AV may take, from where it is.
 pub(super) fn forecast_all(
     actors: &[Actor],
     drivers: &[Driver],
     av_curvature: f64,
-    av_rail: Option<&(DrivenPath, f64)>,
+    av_rails: &[DrivenPath],
     settings: &Conflict,
 ) -> Vec<Forecast> {
     let mut all = Vec::with_capacity(actors.len() + 1);
@@ -121,8 +121,9 @@ pub(super) fn forecast_all(
             }
             Some(Driver::External) => {
                 all.push(Forecast::turning(i, actor, av_curvature, settings));
-                if let Some((rail, s)) = av_rail {
-                    all.push(Forecast::along(i, actor, rail, *s, settings));
+                for rail in av_rails {
+                    let s = rail.project(actor.pose.position, 0, usize::MAX, None).s;
+                    all.push(Forecast::along(i, actor, rail, s, settings));
                 }
             }
             Some(Driver::Parked) | None => {

@@ -4,6 +4,7 @@ mod actor;
 mod corridor;
 mod decide;
 mod driver;
+mod evade;
 mod follow;
 mod forecast;
 mod motion;

@@ -9,6 +9,7 @@ use super::actor::Actor;
 use super::corridor::{self, Corridor};
 use super::decide::decide;
 use super::driver::{Driver, OnPath};
+use super::evade::Surroundings;
 use super::forecast::{Forecast, forecast_all};
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
@@ -17,13 +18,21 @@ use super::signals;
 /// Steps between two decisions; plans of fewer steps decide at every plan.
 const DECIDE_EVERY: usize = 5;
 
+/// Decisions without danger after which a driver who has kept aside goes back to the lane.
+const QUIET: usize = 3;
+/// At most so many ways are kept for the AV, those that cost at most so much more than the likeliest; for so many plans.
+const RAILS: usize = 3;
+const RAIL_DOUBT: f64 = 1.2;
+const RAILS_LAST: usize = 3;
+
 /// What the model keeps of an episode.
 #[derive(Debug)]
 pub struct Traffic {
     drivers: Vec<Driver>,
     actors: Vec<Actor>,
-    /// A lane that the AV seems to follow.
-    av_rail: Option<DrivenPath>,
+    /// Ways along lanes that the AV may take.
+    av_rails: Vec<DrivenPath>,
+    rails_age: usize,
     av_curvature: f64,
 }
 
@@ -33,6 +42,8 @@ struct Intent {
     corridor: Corridor,
     stop: Option<f64>,
     chosen: Option<f64>,
+    /// Whether `chosen` is a way out that has been checked against everybody.
+    escaping: bool,
 }
 
 impl Traffic {
@@ -61,7 +72,7 @@ impl Traffic {
             half_length: o.half_length,
             half_width: o.half_width,
         }));
-        Self { drivers, actors, av_rail: None, av_curvature: 0.0 }
+        Self { drivers, actors, av_rails: Vec::new(), rails_age: 0, av_curvature: 0.0 }
     }
 
     /// Plans all steps that are asked for.
@@ -119,19 +130,26 @@ impl Traffic {
         av.pose.heading = newest.heading;
         av.is_av = true;
         self.actors[0] = av;
-        self.find_rail(seen, &av, parameters);
+        self.find_rails(seen, &av, parameters);
     }
 
-    /// Keeps or finds the lane that the AV seems to follow: one of the ways in which it may go on.
-    fn find_rail(&mut self, seen: &Observation<'_>, av: &Actor, parameters: &Parameters) {
-        if let Some(rail) = &self.av_rail {
-            let at = rail.project(av.pose.position, 0, usize::MAX, None);
-            let heading = rail.points()[at.index].pose.heading;
-            let left = rail.length() - at.s;
-            if at.offset.abs() < 0.4 && wrap(heading - av.pose.heading).abs() < 0.1 && left > 4.5 * av.speed {
+    /// Finds the ways along lanes that the AV may take: the likeliest, and those that are nearly as likely. They are kept while the
+    /// AV keeps to one of them and can not have passed a branch.
+    fn find_rails(&mut self, seen: &Observation<'_>, av: &Actor, parameters: &Parameters) {
+        if self.rails_age < RAILS_LAST && !self.av_rails.is_empty() {
+            let keeps = self.av_rails.iter().any(|rail| {
+                let at = rail.project(av.pose.position, 0, usize::MAX, None);
+                let heading = rail.points()[at.index].pose.heading;
+                at.offset.abs() < 0.4
+                    && wrap(heading - av.pose.heading).abs() < 0.1
+                    && rail.length() - at.s > 4.5 * av.speed
+            });
+            if keeps {
+                self.rails_age += 1;
                 return;
             }
         }
+        self.rails_age = 0;
         let road = seen.start().road();
         let motion = Motion {
             position: av.pose.position,
@@ -139,18 +157,23 @@ impl Traffic {
             speed: av.speed,
             curvature: self.av_curvature,
         };
-        let best = route::alternatives(&road, &motion, false).into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        self.av_rail = best.and_then(|(_, route)| {
+        let mut ways = route::alternatives(&road, &motion, false);
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let least = ways.first().map_or(0.0, |w| w.0);
+        ways.retain(|w| w.0 < least + RAIL_DOUBT);
+        ways.truncate(RAILS);
+        self.av_rails.clear();
+        for (_, route) in ways {
             let length = 8.0 * av.speed + 20.0;
-            let (line, _) = route::center_line(&road, &route, length)?;
+            let Some((line, _)) = route::center_line(&road, &route, length) else { continue };
             let class = &parameters.vehicle;
             let pursuit = Pursuit {
                 look_ahead: (0.9 * av.speed).clamp(5.0, 18.0),
                 max_curvature: class.max_curvature,
                 max_curvature_rate: class.curvature_rate,
             };
-            Some(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit))
-        });
+            self.av_rails.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
+        }
     }
 
     fn decide_all(
@@ -160,36 +183,11 @@ impl Traffic {
         intents: &mut [Intent],
         walks: &mut [bool],
     ) {
-        let rail = self.av_rail.take();
-        let av = self.actors[0].pose.position;
-        let rail = rail.map(|path| {
-            let s = path.project(av, 0, usize::MAX, None).s;
-            (path, s)
-        });
         let settings = &parameters.conflict;
-        let forecasts = forecast_all(&self.actors, &self.drivers, self.av_curvature, rail.as_ref(), settings);
-        self.av_rail = rail.map(|r| r.0);
+        let forecasts = forecast_all(&self.actors, &self.drivers, self.av_curvature, &self.av_rails, settings);
         for i in 0..self.drivers.len() {
-            let own = self.actors[i];
             match &mut self.drivers[i] {
-                Driver::OnPath(driver) => {
-                    let stop = signals::next_stop(seen, &own, driver);
-                    let corridor = corridor::look(i, &own, driver, &self.actors, &forecasts, settings);
-                    let mut intent = Intent { corridor, stop, chosen: None };
-                    let Driver::OnPath(driver) = &self.drivers[i] else { continue };
-                    let following = following(driver, &own, &intent, 0.0);
-                    intent.chosen = decide(
-                        i,
-                        &own,
-                        driver,
-                        &intent.corridor,
-                        following,
-                        &self.actors,
-                        &self.drivers,
-                        parameters,
-                    );
-                    intents[i] = intent;
-                }
+                Driver::OnPath(_) => intents[i] = self.decide_one(i, seen, &forecasts, parameters),
                 Driver::Walking { velocity } => {
                     let velocity = *velocity;
                     walks[i] = self.may_walk(i, velocity, &forecasts, parameters);
@@ -197,6 +195,54 @@ impl Traffic {
                 Driver::Parked | Driver::Reversing | Driver::External => {}
             }
         }
+    }
+
+    fn decide_one(
+        &mut self,
+        i: usize,
+        seen: &Observation<'_>,
+        forecasts: &[Forecast],
+        parameters: &Parameters,
+    ) -> Intent {
+        let own = self.actors[i];
+        let settings = &parameters.conflict;
+        let class = if own.kind == AgentKind::Cyclist { &parameters.cyclist } else { &parameters.vehicle };
+        let around =
+            Surroundings { index: i, actors: &self.actors, forecasts, road: seen.start().road(), settings };
+        let Driver::OnPath(driver) = &mut self.drivers[i] else { return Intent::default() };
+        if let Some((offset, quiet)) = driver.aside {
+            // Back to the own lane when nothing has been in the way for a while, and nothing will be on the way back.
+            driver.aside = Some((offset, quiet + 1));
+            if quiet >= QUIET {
+                let back = around.course(&own, driver, class, 0.0);
+                if around.meets_av(&own, &back, 0.0, 0.0).is_none() {
+                    driver.take(back, class);
+                    driver.aside = None;
+                }
+            }
+        }
+        let stop = signals::next_stop(seen, &own, driver);
+        let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
+        let mut intent = Intent { corridor, stop, chosen: None, escaping: false };
+        let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
+        let wanted = following(driver, &own, &intent, 0.0);
+        intent.chosen =
+            decide(i, &own, driver, &intent.corridor, wanted, &self.actors, &self.drivers, parameters);
+        let a = intent.chosen.unwrap_or(wanted).max(-parameters.limits.emergency_deceleration);
+        let Some(escape) = around.escape(&own, driver, class, a) else { return intent };
+        intent.chosen = Some(escape.acceleration);
+        intent.escaping = true;
+        let Driver::OnPath(driver) = &mut self.drivers[i] else { return intent };
+        if let Some((offset, path)) = escape.course {
+            driver.take(path, class);
+            driver.aside = Some((offset, 0));
+            let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
+            intent.corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
+            intent.stop = None;
+        } else if let Some((_, quiet)) = &mut driver.aside {
+            *quiet = 0;
+        }
+        intent
     }
 
     /// Whether a walker can go on without walking into a vehicle or standing in the way of none.
@@ -313,7 +359,7 @@ fn following(driver: &OnPath, own: &Actor, intent: &Intent, since: f64) -> f64 {
 
 /// The acceleration of the next step: within the limits, and not too far from the last one.
 fn limited(last: f64, wanted: f64, limits: &Limits) -> f64 {
-    let wanted = wanted.clamp(-limits.emergency_deceleration, 2.5);
+    let wanted = wanted.clamp(-limits.emergency_deceleration, 3.0);
     let jerk = if wanted < -3.0 { limits.emergency_jerk } else { limits.jerk };
     // Brakes are let go faster than comfort asks when the reason is gone.
     let up = if last < 0.0 { 2.0 * limits.jerk } else { limits.jerk };
