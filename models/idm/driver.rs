@@ -21,6 +21,8 @@ pub(super) enum Driver {
     Reversing,
     /// Walks at this velocity, m/s.
     Walking { velocity: Vec2 },
+    /// On foot inside the box of a vehicle: steps clear of it at this velocity, m/s, until the way (m) is done; then walks or stands.
+    Leaving { velocity: Vec2, way: f64, then: Vec2 },
     /// Not ours: the AV as an external input.
     External,
 }
@@ -59,6 +61,8 @@ pub(super) struct PathStop {
     pub(super) done: bool,
 }
 
+/// Speed of somebody who steps clear of a vehicle, m/s.
+const STEPPING: f64 = 1.0;
 /// Faster reversing is not believed, m/s.
 const FASTEST_REVERSE: f64 = 4.0;
 /// Comfortable deceleration towards slower stretches of road, m/s².
@@ -77,6 +81,9 @@ impl Driver {
         match start.agents[agent].kind {
             AgentKind::Pedestrian => {
                 let velocity = mean_velocity(start, agent);
+                if let Some((leave, way)) = way_out(start, agent) {
+                    return Self::Leaving { velocity: leave * STEPPING, way, then: velocity };
+                }
                 if velocity.norm() < parameters.pedestrian.standing_speed {
                     Self::Parked
                 } else {
@@ -122,6 +129,25 @@ fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parame
                 || reactsim::geometry::wrap(lane - motion.heading).abs() > bounds.heading
         }
     }
+}
+
+/// The shortest way out of a vehicle's box that a pedestrian stands in: people who get in or out. Direction and metres.
+fn way_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
+    let own = start.now(agent).footprint(&start.agents[agent]);
+    let vehicles = (0..start.agents.len()).filter(|&j| start.agents[j].kind == AgentKind::Vehicle);
+    let boxes = vehicles.map(|j| start.now(j).footprint(&start.agents[j]));
+    let inside = boxes.filter(|b| b.separation(&own) < 0.0).min_by(|a, b| {
+        (a.center - own.center).norm_squared().total_cmp(&(b.center - own.center).norm_squared())
+    })?;
+    let local = inside.to_local(own.center);
+    let (aside, along) =
+        (inside.half_width + own.radius() - local.y.abs(), inside.half_length + own.radius() - local.x.abs());
+    let out = if aside <= along {
+        (inside.left() * 1.0_f64.copysign(local.y), aside)
+    } else {
+        (inside.axis * 1.0_f64.copysign(local.x), along)
+    };
+    Some((out.0, out.1 + 0.1))
 }
 
 /// Mean velocity over the history, m/s: walkers sway from frame to frame.

@@ -15,12 +15,12 @@ use super::parameters::{Class, Conflict};
 /// Offsets from the present course that are tried, metres.
 const OFFSETS: [f64; 9] = [0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, 3.4, -3.4];
 /// Accelerations that are tried besides the present one, m/s².
-const ACCELERATIONS: [f64; 5] = [3.0, 1.5, 0.0, -2.5, -5.5];
+const ACCELERATIONS: [f64; 5] = [3.5, 1.5, 0.0, -2.5, -5.5];
 /// Room that must stay to the AV and to others, metres.
 const AV_ROOM: f64 = 0.3;
 const ROOM: f64 = 0.15;
 /// Contacts later than this may resolve themselves, s.
-const SOON: f64 = 3.0;
+const SOON: f64 = 3.9;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
 /// A standing car that is about to be hit does not jump; below this speed swerving does not help, m/s.
@@ -102,7 +102,7 @@ impl Surroundings<'_> {
                 continue;
             }
             let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
-            let leaves = if swerve.is_some() && self.leaves_road(own, path) { 40.0 } else { 0.0 };
+            let leaves = if swerve.is_some() { self.leaves_road(own, path) } else { 0.0 };
             for acceleration in std::iter::once(a).chain(ACCELERATIONS) {
                 let effort = 2.0 * target.abs() + 0.6 * (acceleration - a).abs() + leaves;
                 if effort >= best.0 {
@@ -137,14 +137,20 @@ impl Surroundings<'_> {
         DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
     }
 
-    /// Whether the outer side of the box leaves the drivable ground within the next seconds.
-    fn leaves_road(&self, own: &Actor, path: &DrivenPath) -> bool {
+    /// The price of leaving the drivable ground within the next seconds: little for a wheel, much for the middle of the car.
+    fn leaves_road(&self, own: &Actor, path: &DrivenPath) -> f64 {
         let mut hint = None;
-        (1..=3).any(|k| {
-            let pose = path.at(k as f64 * own.speed.max(3.0));
+        let mut price = 0.0_f64;
+        for k in 1..=4 {
+            let pose = path.at(0.75 * f64::from(k) * own.speed.max(3.0));
             let left = Vec2::new(-pose.heading.sin(), pose.heading.cos()) * own.half_width;
-            [left, -left].iter().any(|side| self.road.drivable(pose.position + side, &mut hint) == Some(false))
-        })
+            for (side, here) in [(left, 10.0), (-left, 10.0), (Vec2::zeros(), 60.0)] {
+                if self.road.drivable(pose.position + side, &mut hint) == Some(false) {
+                    price = price.max(here);
+                }
+            }
+        }
+        price
     }
 }
 

@@ -115,6 +115,9 @@ pub(super) fn forecast_all(
                 let now = *velocity * actor.speed / velocity.norm().max(1e-9);
                 all.push(Forecast::drifting(i, actor, now, settings));
             }
+            Some(Driver::Leaving { velocity, .. }) => {
+                all.push(Forecast::drifting(i, actor, *velocity * 0.5, settings));
+            }
             Some(Driver::Reversing) => {
                 let backwards = direction(actor.pose.heading) * actor.speed;
                 all.push(Forecast::drifting(i, actor, backwards, settings));

@@ -192,7 +192,7 @@ impl Traffic {
                     let velocity = *velocity;
                     walks[i] = self.may_walk(i, velocity, &forecasts, parameters);
                 }
-                Driver::Parked | Driver::Reversing | Driver::External => {}
+                Driver::Parked | Driver::Leaving { .. } | Driver::Reversing | Driver::External => {}
             }
         }
     }
@@ -310,6 +310,17 @@ impl Traffic {
                 own.speed = (own.speed + if walks { change } else { -2.0 * change }).clamp(0.0, full);
                 own.pose.position += *velocity * (own.speed / full * DT);
             }
+            Driver::Leaving { velocity, way, then } => {
+                let step = *velocity * DT;
+                own.pose.position += step;
+                *way -= step.norm();
+                if *way <= 0.0 {
+                    own.speed = 0.0;
+                    let then = *then;
+                    let walks = then.norm() >= parameters.pedestrian.standing_speed;
+                    self.drivers[i] = if walks { Driver::Walking { velocity: then } } else { Driver::Parked };
+                }
+            }
             Driver::OnPath(driver) => {
                 let mut wanted = following(driver, own, intent, since);
                 if let Some(chosen) = intent.chosen {
@@ -359,7 +370,7 @@ fn following(driver: &OnPath, own: &Actor, intent: &Intent, since: f64) -> f64 {
 
 /// The acceleration of the next step: within the limits, and not too far from the last one.
 fn limited(last: f64, wanted: f64, limits: &Limits) -> f64 {
-    let wanted = wanted.clamp(-limits.emergency_deceleration, 3.0);
+    let wanted = wanted.clamp(-limits.emergency_deceleration, 3.5);
     let jerk = if wanted < -3.0 { limits.emergency_jerk } else { limits.jerk };
     // Brakes are let go faster than comfort asks when the reason is gone.
     let up = if last < 0.0 { 2.0 * limits.jerk } else { limits.jerk };

@@ -36,6 +36,8 @@ const MAX_ALTERNATIVES: usize = 48;
 const TEMPERATURE: f64 = 0.35;
 /// Angle at which a branch is e times less likely when the motion does not tell, rad.
 const STRAIGHT: f64 = 0.35;
+/// Lateral distance after 30 m by which it is e times less likely than the branch that leads least aside, metres.
+const ASIDE: f64 = 1.5;
 
 /// Whether vehicles (or cyclists) may drive on a lane.
 fn usable(road: &Road<'_>, lane: usize, cyclist: bool) -> bool {
@@ -155,11 +157,17 @@ pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: b
         let end = last.baseline.heading(last.baseline.segments() - 1);
         let next: Vec<usize> =
             last.successors.iter().copied().filter(|&l| usable(road, l, cyclist)).collect();
-        let weight = |l: usize| {
+        // How far a branch turns, and how far aside it leads, well after it begins: connectors and turn pockets begin alike.
+        let (origin, ahead_axis) = (last.baseline.at(last.baseline.length()), direction(end));
+        let leads = |l: usize| {
             let line = &road.lane(l).baseline;
-            // The direction well after the branch: connectors begin alike.
-            let s = line.length().min(25.0);
-            (-wrap(line.heading_at(s) - end).abs() / STRAIGHT).exp() + 1e-6
+            let s = line.length().min(30.0);
+            (wrap(line.heading_at(s) - end).abs(), ahead_axis.perp(&(line.at(s) - origin)))
+        };
+        let least = next.iter().map(|&l| leads(l).1.abs()).fold(f64::INFINITY, f64::min);
+        let weight = |l: usize| {
+            let (turn, aside) = leads(l);
+            (-turn / STRAIGHT - (aside.abs() - least) / ASIDE).exp() + 1e-6
         };
         let total: f64 = next.iter().map(|&l| weight(l)).sum();
         let mut draw = stream.random::<f64>() * total;
