@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::error::{Cause, FormatError};
+use super::native::Native;
 use super::womd::Womd;
 use crate::scene::Scenario;
 
@@ -27,7 +28,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native];
 
 /// A file and its format.
 #[derive(Clone)]
