@@ -5,6 +5,7 @@
 
 mod error;
 mod format;
+mod json;
 mod table;
 mod womd;
 
