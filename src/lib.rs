@@ -5,9 +5,12 @@ extern crate self as reactsim;
 pub mod geometry;
 pub mod scene;
 
+pub mod formats;
 pub mod rollout;
 
 pub mod metrics;
+
+pub mod evaluation;
 
 #[path = "../models/mod.rs"]
 pub mod models;
