@@ -6,11 +6,12 @@ pub mod geometry;
 pub mod scene;
 
 pub mod dynamics;
+pub mod formats;
 pub mod rollout;
 
-pub mod formats;
-
 pub mod metrics;
+
+pub mod evaluation;
 
 #[path = "../models/mod.rs"]
 pub mod models;
