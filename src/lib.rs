@@ -7,6 +7,8 @@ pub mod scene;
 
 pub mod rollout;
 
+pub mod formats;
+
 pub mod metrics;
 
 #[path = "../models/mod.rs"]
