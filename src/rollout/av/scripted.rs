@@ -203,12 +203,15 @@ fn speeds(scenario: &Scenario, states: &[AgentState], gear: f64) -> Vec<f64> {
         let frame = step + CURRENT;
         let ahead = direction(state.heading) * gear;
         let reach = REACH.min(states.len() - 1 - step);
+        // The way of the box centre, which is not quite along the heading in curves.
+        let way = |from: &AgentState, to: &AgentState| {
+            let way = to.position() - from.position();
+            way.norm().copysign(way.dot(&ahead))
+        };
         let raw = match (step, at(frame - reach), at(frame + reach)) {
             (0, ..) => velocity_now(scenario) * gear,
-            (_, Some(a), Some(b)) if reach > 0 => {
-                (b.position() - a.position()).dot(&ahead) / (2.0 * reach as f64 * DT)
-            }
-            _ => (state.position() - states[step - 1].position()).dot(&ahead) / DT,
+            (_, Some(a), Some(b)) if reach > 0 => way(&a, &b) / (2.0 * reach as f64 * DT),
+            _ => way(&states[step - 1], state) / DT,
         };
         speeds.push(if raw < STANDING { 0.0 } else { raw });
     }

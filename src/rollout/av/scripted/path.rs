@@ -194,7 +194,7 @@ fn left(v: Vec2) -> Vec2 {
 }
 
 /// Points (with directions) of the lane that goes on from the end of the log, or none where the AV is on no lane or reverses.
-/// The distance to the lane's centre line is taken over smoothly.
+/// They leave the logged direction smoothly.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
     let road = scenario.start.road();
     let heading = ahead.y.atan2(ahead.x);
@@ -209,15 +209,15 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
     hits.retain(|h| off(h).0 < ON_LANE.1 && h.projection.t < 1.0);
     let Some(hit) = hits.iter().min_by(|a, b| off(a).1.total_cmp(&off(b).1)) else { return Vec::new() };
     let (mut lane, mut s) = (hit.lane, hit.projection.s);
-    let join = 25.0;
+    let join = 20.0;
     let (mut points, mut way) = (Vec::new(), 0.0);
     while way < reach {
         let line = &road.lane(lane).baseline;
         while s < line.length() && way < reach {
             (s, way) = (s + 1.0, way + 1.0);
-            let turn = line.heading_at(s);
-            let offset = left(direction(turn)) * (hit.projection.offset * (1.0 - smooth(way / join)));
-            points.push((line.at(s.min(line.length())) + offset, turn));
+            let on_lane = line.at(s.min(line.length()));
+            let straight = at + ahead * way;
+            points.push((straight + (on_lane - straight) * smooth(way / join), line.heading_at(s)));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),
