@@ -11,5 +11,7 @@ pub mod formats;
 
 pub mod metrics;
 
+pub mod report;
+
 #[path = "../models/mod.rs"]
 pub mod models;
