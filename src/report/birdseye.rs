@@ -149,10 +149,7 @@ pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
     let title = view.title.as_deref().unwrap_or(&scenario.id);
     canvas.text(Vec2::new(GAP, 26.0), title, "font-size=\"17\" font-weight=\"600\" fill=\"#22252b\"");
     for (i, steps) in panels.iter().enumerate() {
-        let corner = Vec2::new(
-            GAP + (i % ROW) as f64 * (size + GAP),
-            HEAD + (i / ROW) as f64 * (size + GAP),
-        );
+        let corner = Vec2::new(GAP + (i % ROW) as f64 * (size + GAP), HEAD + (i / ROW) as f64 * (size + GAP));
         panel(&mut canvas, &scene, steps, corner, size, i);
     }
     legend(&mut canvas, &scene, height - FOOT + 12.0, width);
@@ -223,7 +220,8 @@ fn legend(canvas: &mut Canvas, scene: &Scene<'_>, y: f64, width: f64) {
     if scene.view.rollout.is_some() || scene.scenario.deviation.is_some() {
         let what = if scene.view.rollout.is_some() { "in the log" } else { "deviated AV" };
         let line = if scene.view.rollout.is_some() { palette::GHOST } else { palette::AV.line };
-        let sign = format!("<path d=\"M-8 0h16\" stroke=\"{line}\" stroke-width=\"1.5\" stroke-dasharray=\"4 3\"/>");
+        let sign =
+            format!("<path d=\"M-8 0h16\" stroke=\"{line}\" stroke-width=\"1.5\" stroke-dasharray=\"4 3\"/>");
         entry(canvas, &sign, what);
     }
     for (kind, text) in [

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::canvas::{Canvas, PathData};
 use super::palette::{self, Paint};
 use super::{MarkKind, Scene};
-use crate::geometry::{OrientedBox, Vec2, direction};
+use crate::geometry::{Bounds, OrientedBox, Vec2, direction};
 use crate::scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE};
 
 /// Frames of one stretch of a fading trail.
@@ -53,6 +53,12 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let Some(track) = scene.tracks().get(agent) else { return };
     let colour = paint(scene, agent).line;
     let now = CURRENT + step;
+    // The trail of what stands is a blot.
+    let places = track.iter().flatten().filter(|s| s.is_finite()).map(AgentState::position);
+    let size = Bounds::of(places);
+    if (size.max - size.min).norm() < 1.0 {
+        return;
+    }
     let width = if agent == 0 { 2.4 } else { 1.6 };
     let mut first = 0;
     while first < now {
@@ -62,7 +68,9 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
         let opacity = 0.15 + 0.6 * end as f64 / now as f64;
         canvas.path(
             &path,
-            &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""),
+            &format!(
+                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""
+            ),
         );
         first = end;
     }
@@ -70,7 +78,10 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     stretch(&mut path, track, now, FRAMES - 1);
     canvas.path(
         &path,
-        &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-opacity=\"0.4\"", 0.55 * width),
+        &format!(
+            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-opacity=\"0.4\"",
+            0.55 * width
+        ),
     );
 }
 
@@ -123,7 +134,10 @@ fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
     }
     canvas.path(
         &path,
-        &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"", palette::AV.line),
+        &format!(
+            "fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"",
+            palette::AV.line
+        ),
     );
 }
 
@@ -195,7 +209,15 @@ fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize) {
             MarkKind::Risky => 7.0,
             MarkKind::OffRoad => 5.0,
         };
-        canvas.raw(&format!("<g transform=\"translate({:.1} {:.1})\">{}</g>", p.x, p.y, sign(mark.kind, radius)));
+        canvas.raw(&format!(
+            "<g transform=\"translate({:.1} {:.1})\">{}</g>",
+            p.x,
+            p.y,
+            sign(mark.kind, radius)
+        ));
+        let beside = p + Vec2::new(0.75 * radius + 2.0, 0.75 * radius + 9.0);
+        let attributes = format!("font-size=\"10\" fill=\"{}\"", palette::EVENT);
+        canvas.text(beside, &format!("step {}", mark.step), &attributes);
     }
 }
 

@@ -86,12 +86,7 @@ impl Canvas {
 
     /// The open window.
     pub(super) fn window(&self) -> Window {
-        self.window.unwrap_or(Window {
-            middle: Vec2::zeros(),
-            radius: 1.0,
-            corner: Vec2::zeros(),
-            size: 1.0,
-        })
+        self.window.unwrap_or(Window { middle: Vec2::zeros(), radius: 1.0, corner: Vec2::zeros(), size: 1.0 })
     }
 
     /// Markup as it is.
@@ -109,7 +104,13 @@ impl Canvas {
 
     /// A text at a pixel, escaped.
     pub(super) fn text(&mut self, at: Vec2, text: &str, attributes: &str) {
-        let _ = writeln!(self.out, "<text x=\"{:.1}\" y=\"{:.1}\" {attributes}>{}</text>", at.x, at.y, escape(text));
+        let _ = writeln!(
+            self.out,
+            "<text x=\"{:.1}\" y=\"{:.1}\" {attributes}>{}</text>",
+            at.x,
+            at.y,
+            escape(text)
+        );
     }
 
     /// A text with a pale edge around it, so that it can be read on any ground.

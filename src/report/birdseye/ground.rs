@@ -13,6 +13,9 @@ const ARROWS: f64 = 24.0;
 /// Distance between two stripes of a crosswalk, metres.
 const STRIPES: f64 = 1.2;
 
+/// Reach of the pale margin around a centre line, metres.
+const MARGIN: f64 = 2.9;
+
 /// Draws everything that does not move, with the lights as they are at `frame`.
 pub(super) fn draw(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
     let map = &scenario.start.map;
@@ -42,6 +45,9 @@ fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
     let mut junctions = PathData::new(window);
     map.intersections.iter().for_each(|ring| junctions.ring(ring));
     canvas.path(&junctions, &format!("fill=\"{}\"", palette::ROAD));
+    if map.drivable_area.is_none() {
+        shoulders(canvas, map);
+    }
     for bike in [false, true] {
         let colour = if bike { palette::BIKE_LANE } else { palette::ROAD };
         let mut outlines = PathData::new(window);
@@ -68,6 +74,17 @@ fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
     canvas.path(&bumps, "fill=\"#c9c3b2\"");
 }
 
+/// A pale margin around lanes: maps without drivable polygons leave gaps between lanes and to the edges.
+fn shoulders(canvas: &mut Canvas, map: &RoadMap) {
+    let window = canvas.window();
+    let mut path = PathData::new(window);
+    map.lanes.iter().for_each(|lane| path.line(lane.baseline.points()));
+    let width = 2.0 * MARGIN * window.scale();
+    canvas.path(
+        &path,
+        &format!("fill=\"none\" stroke=\"#e9eaec\" stroke-width=\"{width:.1}\" stroke-linecap=\"round\""),
+    );
+}
 
 /// Zebra stripes, along the way of the vehicles: across the longest side of the outline.
 fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
@@ -80,7 +97,8 @@ fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
         };
         grounds.ring(ring);
         let sides = ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| b - a);
-        let Some(along) = sides.max_by(|a, b| a.norm().total_cmp(&b.norm())).filter(|d| d.norm() > 0.5) else {
+        let Some(along) = sides.max_by(|a, b| a.norm().total_cmp(&b.norm())).filter(|d| d.norm() > 0.5)
+        else {
             continue;
         };
         let along = along.normalize();
@@ -182,7 +200,8 @@ fn lights(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
             .iter()
             .filter(|l| l.kind == StopKind::Light && l.lane == light.lane)
             .min_by(|a, b| {
-                let far = |l: &crate::scene::StopLine| (0.5 * (l.ends[0] + l.ends[1]) - light.stop_point).norm();
+                let far =
+                    |l: &crate::scene::StopLine| (0.5 * (l.ends[0] + l.ends[1]) - light.stop_point).norm();
                 far(a).total_cmp(&far(b))
             });
         if let Some(line) = line {

@@ -1,8 +1,8 @@
 use super::*;
 use crate::geometry::Polygon;
 use crate::scene::{
-    Agent, AgentKind, AgentState, Crosswalk, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LightParts, LightState,
-    LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
+    Agent, AgentKind, AgentState, Crosswalk, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LightParts,
+    LightState, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
 };
 
 /// A checker for what is written here: one root, tags that match, quoted attributes without markup, known entities.
@@ -33,7 +33,7 @@ fn well_formed(text: &str) -> Result<(), String> {
         let body = tag.strip_suffix('/').unwrap_or(tag);
         let (name, attributes) = body.split_once(' ').unwrap_or((body, ""));
         let parts: Vec<&str> = attributes.split('"').collect();
-        if parts.len() % 2 == 0 {
+        if parts.len().is_multiple_of(2) {
             return Err(format!("odd quotes in <{tag}>"));
         }
         for (i, part) in parts.iter().enumerate() {
@@ -153,7 +153,12 @@ fn an_empty_map_and_a_lonely_av_are_drawn() {
             well_formed(&draw(&scenario, &View { steps: steps.clone(), layout, ..view() })).unwrap();
         }
     }
-    let odd = View { radius: f64::NAN, size: f64::INFINITY, middle: Middle::Point(Vec2::new(f64::NAN, 0.0)), ..view() };
+    let odd = View {
+        radius: f64::NAN,
+        size: f64::INFINITY,
+        middle: Middle::Point(Vec2::new(f64::NAN, 0.0)),
+        ..view()
+    };
     let svg = draw(&scenario, &odd);
     well_formed(&svg).unwrap();
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
@@ -163,7 +168,12 @@ fn an_empty_map_and_a_lonely_av_are_drawn() {
 fn a_rollout_shows_ghosts_and_marks() {
     let mut parts = tiny();
     parts.map.drivable_area = Some(vec![Polygon {
-        exterior: vec![Vec2::new(-50.0, -9.0), Vec2::new(90.0, -9.0), Vec2::new(90.0, 9.0), Vec2::new(-50.0, 9.0)],
+        exterior: vec![
+            Vec2::new(-50.0, -9.0),
+            Vec2::new(90.0, -9.0),
+            Vec2::new(90.0, 9.0),
+            Vec2::new(-50.0, 9.0),
+        ],
         holes: vec![vec![Vec2::new(0.0, 5.0), Vec2::new(3.0, 5.0), Vec2::new(3.0, 7.0)]],
     }]);
     let scenario = Scenario::assemble(parts).unwrap();
