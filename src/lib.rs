@@ -12,6 +12,7 @@ pub mod rollout;
 pub mod metrics;
 
 pub mod evaluation;
+pub mod report;
 
 #[path = "../models/mod.rs"]
 pub mod models;

@@ -21,7 +21,9 @@ pub trait AvPolicy: Send {
 #[non_exhaustive]
 pub enum AvError {
     /// The logged AV is absent at a step.
-    #[error("the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`")]
+    #[error(
+        "the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`"
+    )]
     Absent {
         /// Step 1 to 80.
         step: usize,

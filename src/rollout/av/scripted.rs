@@ -60,7 +60,8 @@ impl FromStr for Script {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (name, value) = text.trim().split_once(':').unwrap_or((text.trim(), ""));
         let number = value.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-        let refuse = |name, range, example| ParseScriptError::Value { text: text.into(), name, range, example };
+        let refuse =
+            |name, range, example| ParseScriptError::Value { text: text.into(), name, range, example };
         match name {
             "constant-velocity" if value.is_empty() => Ok(Self::ConstantVelocity),
             "brake" => number
@@ -170,7 +171,9 @@ impl Log {
 fn velocity_now(scenario: &Scenario) -> f64 {
     let now = scenario.start.now(0);
     if now.velocity().is_some() {
-        return now.forward_speed();
+        // The whole speed, as the metrics take it, unless the AV moves sideways.
+        let (forward, speed) = (now.forward_speed(), now.speed());
+        return if forward.abs() > 0.5 * speed { speed.copysign(forward) } else { forward };
     }
     let before: Frame = scenario.start.history[0][CURRENT - 1];
     before.map_or(0.0, |b| (now.position() - b.position()).dot(&direction(now.heading)) / DT)
@@ -200,12 +203,15 @@ fn speeds(scenario: &Scenario, states: &[AgentState], gear: f64) -> Vec<f64> {
         let frame = step + CURRENT;
         let ahead = direction(state.heading) * gear;
         let reach = REACH.min(states.len() - 1 - step);
+        // The way of the box centre, which is not quite along the heading in curves.
+        let way = |from: &AgentState, to: &AgentState| {
+            let way = to.position() - from.position();
+            way.norm().copysign(way.dot(&ahead))
+        };
         let raw = match (step, at(frame - reach), at(frame + reach)) {
             (0, ..) => velocity_now(scenario) * gear,
-            (_, Some(a), Some(b)) if reach > 0 => {
-                (b.position() - a.position()).dot(&ahead) / (2.0 * reach as f64 * DT)
-            }
-            _ => (state.position() - states[step - 1].position()).dot(&ahead) / DT,
+            (_, Some(a), Some(b)) if reach > 0 => way(&a, &b) / (2.0 * reach as f64 * DT),
+            _ => way(&states[step - 1], state) / DT,
         };
         speeds.push(if raw < STANDING { 0.0 } else { raw });
     }

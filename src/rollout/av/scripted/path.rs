@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::Log;
 use crate::geometry::{Polyline, Vec2, direction, wrap};
-use crate::scene::{LaneHit, Road, Scenario};
+use crate::scene::{DT, LaneHit, Road, Scenario};
 
 /// Recorded points closer than this are dropped, metres: they tell noise, not direction.
 pub(super) const SPACING: f64 = 0.5;
@@ -150,8 +150,8 @@ fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> 
     if offset != 0.0 {
         // Quick enough to be done after 3 s, but not quicker than the steering allows: the fifth-order ramp of length d and
         // height h has a curvature of up to 5.8 h / d².
-        let early: f64 = log.speeds.iter().take((SHIFT_TIME / crate::scene::DT) as usize).sum();
-        let way = (early * crate::scene::DT).max((5.8 * offset.abs() / 0.15).sqrt());
+        let early: f64 = log.speeds.iter().take((SHIFT_TIME / DT) as usize).sum();
+        let way = (early * DT).max((5.8 * offset.abs() / 0.15).sqrt());
         // A straight guide has too few points to bend.
         (points, normals, arc) = refine(&points, &normals, &arc, reach);
         for ((p, normal), s) in points.iter_mut().zip(&normals).zip(&arc) {
@@ -194,7 +194,7 @@ fn left(v: Vec2) -> Vec2 {
 }
 
 /// Points (with directions) of the lane that goes on from the end of the log, or none where the AV is on no lane or reverses.
-/// The distance to the lane's centre line is taken over smoothly.
+/// They leave the logged direction smoothly.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
     let road = scenario.start.road();
     let heading = ahead.y.atan2(ahead.x);
@@ -209,15 +209,15 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
     hits.retain(|h| off(h).0 < ON_LANE.1 && h.projection.t < 1.0);
     let Some(hit) = hits.iter().min_by(|a, b| off(a).1.total_cmp(&off(b).1)) else { return Vec::new() };
     let (mut lane, mut s) = (hit.lane, hit.projection.s);
-    let join = 25.0;
+    let join = 20.0;
     let (mut points, mut way) = (Vec::new(), 0.0);
     while way < reach {
         let line = &road.lane(lane).baseline;
         while s < line.length() && way < reach {
             (s, way) = (s + 1.0, way + 1.0);
-            let turn = line.heading_at(s);
-            let offset = left(direction(turn)) * (hit.projection.offset * (1.0 - smooth(way / join)));
-            points.push((line.at(s.min(line.length())) + offset, turn));
+            let on_lane = line.at(s.min(line.length()));
+            let straight = at + ahead * way;
+            points.push((straight + (on_lane - straight) * smooth(way / join), line.heading_at(s)));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),
@@ -245,8 +245,7 @@ fn trace(guide: &Polyline, log: &Log, rear: f64, reach: f64) -> Path {
     let flip = if log.gear > 0.0 { 0.0 } else { PI };
     let mut course = now.heading + flip;
     let mut axle = now.position() - direction(now.heading) * rear;
-    let fastest = log.speeds.iter().take(30).fold(0.0_f64, |a, &v| a.max(v));
-    let look = (0.6 * fastest).clamp(2.5, 10.0);
+    let paces = paces(log);
     let count = (reach / STEP) as usize + 2;
     let mut path = Path {
         centers: vec![now.position()],
@@ -261,10 +260,13 @@ fn trace(guide: &Polyline, log: &Log, rear: f64, reach: f64) -> Path {
         segment = nearest.segment;
         // Beyond the last segment the projection stops; the way beyond it goes on straight.
         let s = nearest.s + if nearest.t >= 1.0 { past_end(guide, axle) } else { 0.0 };
-        let target = guide.at(s + look) - axle;
+        let driven = path.arc[path.arc.len() - 1];
+        let pace = paces[paces.partition_point(|p| p.0 <= driven).clamp(1, paces.len()) - 1].1;
+        let target = guide.at(s + (0.5 * pace).clamp(2.2, 10.0)) - axle;
         let bend = 2.0 * direction(course).perp(&target) / target.norm_squared().max(1.0);
         let change = CURVATURE_RATE * STEP;
-        let bend = curvature.map_or(bend, |c| bend.clamp(c - change, c + change)).clamp(-CURVATURE, CURVATURE);
+        let bend =
+            curvature.map_or(bend, |c| bend.clamp(c - change, c + change)).clamp(-CURVATURE, CURVATURE);
         curvature = Some(bend);
         axle += direction(course + 0.5 * bend * STEP) * STEP;
         course += bend * STEP;
@@ -278,6 +280,17 @@ fn trace(guide: &Polyline, log: &Log, rear: f64, reach: f64) -> Path {
         path.headings.push(wrap(heading));
     }
     path
+}
+
+/// The speeds of the log by the way driven: metres, and m/s from there on.
+fn paces(log: &Log) -> Vec<(f64, f64)> {
+    let mut driven = 0.0;
+    let step = |&speed: &f64| {
+        let from = driven;
+        driven += speed * DT;
+        (from, speed)
+    };
+    log.speeds.iter().map(step).collect()
 }
 
 /// How far `p` lies beyond the end of a polyline, along its last segment, metres.

@@ -65,8 +65,7 @@ pub(super) fn retime(log: &[f64], factor: f64) -> Vec<f64> {
         time += scale((k as f64 + 0.5) * DT) * DT;
         times.push(time);
     }
-    let mut speeds: Vec<f64> =
-        times.windows(2).map(|t| (travelled(t[1]) - travelled(t[0])) / DT).collect();
+    let mut speeds: Vec<f64> = times.windows(2).map(|t| (travelled(t[1]) - travelled(t[0])) / DT).collect();
     bound(log[0], &mut speeds);
     soften(log[0], &mut speeds);
     speeds

@@ -26,7 +26,8 @@ fn drive(speeds: &[f64], curvatures: &[f64], noise: &[(f64, f64)]) -> Vec<Frame>
         }
         let (along, turn) = noise.get(k).copied().unwrap_or_default();
         let p = axle + direction(heading) * (1.344 + along);
-        let mut state = AgentState { x: p.x, y: p.y, heading: wrap(heading + turn), vx: f64::NAN, vy: f64::NAN };
+        let mut state =
+            AgentState { x: p.x, y: p.y, heading: wrap(heading + turn), vx: f64::NAN, vy: f64::NAN };
         let v = direction(heading) * v;
         (state.vx, state.vy) = (v.x, v.y);
         track.push(Some(state));
@@ -68,12 +69,26 @@ fn obeys(now: &AgentState, track: &[AgentState]) -> Result<(), String> {
 
 #[test]
 fn scripts_are_read_and_written() {
-    for text in ["constant-velocity", "brake:4", "brake:6", "retime:1.6", "retime:0.5", "shift:-2.5", "shift:0"] {
+    for text in
+        ["constant-velocity", "brake:4", "brake:6", "retime:1.6", "retime:0.5", "shift:-2.5", "shift:0"]
+    {
         assert_eq!(text.parse::<Script>().unwrap().to_string(), text);
     }
-    for text in
-        ["", "brake", "brake:", "brake:0", "brake:6.1", "brake:nan", "retime:-1", "retime:3.5", "retime:inf", "shift:6", "shift:x", "swerve:2", "constant-velocity:3"]
-    {
+    for text in [
+        "",
+        "brake",
+        "brake:",
+        "brake:0",
+        "brake:6.1",
+        "brake:nan",
+        "retime:-1",
+        "retime:3.5",
+        "retime:inf",
+        "shift:6",
+        "shift:x",
+        "swerve:2",
+        "constant-velocity:3",
+    ] {
         assert!(text.parse::<Script>().is_err(), "{text}");
     }
     insta::assert_snapshot!("brake:9".parse::<Script>().unwrap_err(), @"`brake:9` is no scripted AV: expected `brake:` and a deceleration above 0 and at most 6 m/s², such as `brake:4`");
@@ -104,12 +119,17 @@ fn brakes_with_the_mean_that_was_asked_and_then_stands_still() {
 
 #[test]
 fn a_standing_av_stands_exactly_still() {
-    let noise: Vec<(f64, f64)> = (0..FRAMES).map(|k| (0.02 * (k as f64 * 2.3).sin(), 0.004 * (k as f64).cos())).collect();
+    let noise: Vec<(f64, f64)> =
+        (0..FRAMES).map(|k| (0.02 * (k as f64 * 2.3).sin(), 0.004 * (k as f64).cos())).collect();
     let scenario = alone(drive(&[0.0; FRAMES], &[0.0; FRAMES], &noise), Vec::new());
     let now = scenario.start.now(0);
     for script in ["constant-velocity", "brake:4", "retime:1.6", "retime:0.5", "shift:2"] {
         for state in plan(&scenario, script) {
-            assert_eq!((state.x, state.y, state.heading, state.speed()), (now.x, now.y, now.heading, 0.0), "{script}");
+            assert_eq!(
+                (state.x, state.y, state.heading, state.speed()),
+                (now.x, now.y, now.heading, 0.0),
+                "{script}"
+            );
         }
     }
 }
@@ -119,8 +139,8 @@ fn retime_reaches_the_factor_and_goes_on_along_its_lane() {
     // A lane that bends left after the end of the log: 80 steps of 8 m/s from x = 0.
     let mut points: Vec<Vec2> = (0..90).map(|i| Vec2::new(-10.0 + i as f64, 0.0)).collect();
     points.extend((0..120).map(|i| {
-        let a = i as f64 / 40.0;
-        Vec2::new(80.0 + 40.0 * a.sin(), 40.0 - 40.0 * a.cos())
+        let a = i as f64 / 70.0;
+        Vec2::new(80.0 + 70.0 * a.sin(), 70.0 - 70.0 * a.cos())
     }));
     let lane = LaneParts {
         id: "bend".into(),
@@ -150,11 +170,14 @@ fn retime_reaches_the_factor_and_goes_on_along_its_lane() {
 
 #[test]
 fn shift_ends_at_the_offset() {
-    for (speed, curvature, asked) in [(10.0, 0.0, 2.0), (10.0, 0.02, -3.0), (5.0, 0.05, 2.0), (20.0, 0.0, 5.0), (6.0, -0.08, 1.0)] {
+    for (speed, curvature, asked) in
+        [(10.0, 0.0, 2.0), (10.0, 0.02, -3.0), (5.0, 0.05, 2.0), (20.0, 0.0, 5.0), (6.0, -0.08, 1.0)]
+    {
         let scenario = steady(speed, curvature);
         let track = plan(&scenario, &format!("shift:{asked}"));
         obeys(&scenario.start.now(0), &track).unwrap();
-        let logged: Vec<Vec2> = scenario.logged(0)[CURRENT..].iter().flatten().map(AgentState::position).collect();
+        let logged: Vec<Vec2> =
+            scenario.logged(0)[CURRENT..].iter().flatten().map(AgentState::position).collect();
         let path = Polyline::new(&logged).unwrap();
         for (k, state) in track.iter().enumerate().filter(|(k, _)| (50..70).contains(k)) {
             let offset = path.project(state.position()).offset;
@@ -170,7 +193,9 @@ fn a_change_of_gear_is_not_driven_over() {
     let cusp = scenario.logged(0)[49].unwrap().position();
     let track = plan(&scenario, "retime:2");
     obeys(&scenario.start.now(0), &track).unwrap();
-    assert!((track[FUTURE - 1].position() - cusp).norm() < 2.0, "{:?}", track[FUTURE - 1]);
+    // The log stops at once there; a real vehicle stops before.
+    let short = (cusp - track[FUTURE - 1].position()).dot(&direction(track[FUTURE - 1].heading));
+    assert!((-0.5..4.0).contains(&short), "{short} m short of the change of gear");
     let back: Vec<f64> = vec![-2.0; FRAMES];
     let scenario = alone(drive(&back, &[0.1; FRAMES], &[]), Vec::new());
     let track = plan(&scenario, "retime:1");
@@ -220,7 +245,7 @@ proptest! {
         let scenario = alone(drive(&speeds, &bends, &noise), Vec::new());
         for (k, (state, logged)) in plan(&scenario, "retime:1").iter().zip(&scenario.log_future.tracks[0]).enumerate() {
             let away = (state.position() - logged.unwrap().position()).norm();
-            prop_assert!(away < 0.5, "{away} m away at step {}", k + 1);
+            prop_assert!(away < 0.5, "{away} m away at step {}: {state:?} {logged:?}", k + 1);
         }
     }
 }
