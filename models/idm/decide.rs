@@ -51,11 +51,13 @@ pub(super) fn decide(
                 let (way, speed) = rolled(own.speed, a, c.t);
                 let (front, rear) = (driver.s + way + own.half_length, driver.s + way - own.half_length);
                 if front + room > c.low && rear - room < c.high {
-                    // A crash that is later leaves more time to do better; one at lower speed does less harm.
-                    worst = worst.max(weight * (1.0 - 0.15 * c.t) * (1.0 + 0.01 * speed));
+                    worst = worst.max(weight * harm(c.t, speed));
                     break;
                 }
             }
+        }
+        if a > following {
+            worst = worst.max(0.9 * rams(own, driver, corridor, a));
         }
         worst * 100.0 + (a - following).abs()
     };
@@ -65,16 +67,34 @@ pub(super) fn decide(
     }
     let mut best = (stay, following);
     for a in CHOICES {
-        // Nobody speeds up into a leader, and only to escape beyond what is comfortable.
-        if a > following && !(a <= 2.5 && corridor.leaders.is_empty()) {
-            continue;
-        }
         let c = cost(a);
         if c < best.0 {
             best = (c, a);
         }
     }
     Some(best.1)
+}
+
+/// How bad a contact is, up to 1: one that is later leaves more time to do better, one at lower speed does less.
+fn harm(t: f64, speed: f64) -> f64 {
+    (1.0 - 0.15 * t) * (0.6 + 0.4 * (speed / 10.0).min(1.0))
+}
+
+/// How bad it would be for the leaders ahead to speed up by `a`.
+fn rams(own: &Actor, driver: &OnPath, corridor: &Corridor, a: f64) -> f64 {
+    let mut worst = 0.0_f64;
+    for leader in &corridor.leaders {
+        for k in 1..=5 {
+            let t = 0.5 * f64::from(k);
+            let (way, speed) = rolled(own.speed, a, t);
+            let (lead, _) = rolled(leader.speed, leader.acceleration.min(0.0), t);
+            if driver.s + own.half_length + way + 1.0 > leader.rear + lead {
+                worst = worst.max(harm(t, (speed - leader.speed).max(0.0)));
+                break;
+            }
+        }
+    }
+    worst
 }
 
 /// How much a crossing counts: 1 where we must yield, less where the other must, nothing where it is not our business.

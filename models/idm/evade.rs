@@ -19,6 +19,9 @@ const ACCELERATIONS: [f64; 5] = [3.5, 1.5, 0.0, -2.5, -5.5];
 /// Room that must stay to the AV and to others, metres.
 const AV_ROOM: f64 = 0.3;
 const ROOM: f64 = 0.15;
+/// By how much the AV's box grows in thought per second, along and aside, m/s.
+const AV_DOUBT_ALONG: f64 = 0.8;
+const AV_DOUBT_ASIDE: f64 = 0.1;
 /// Contacts later than this may resolve themselves, s.
 const SOON: f64 = 3.9;
 /// Lateral acceleration of a swerve, m/s².
@@ -71,11 +74,13 @@ impl Surroundings<'_> {
             for forecast in &relevant {
                 let other = &self.actors[forecast.actor];
                 let sample = forecast.samples[k.min(forecast.samples.len() - 1)];
+                // What the AV will do is less sure the later it is.
+                let doubt = if av { (AV_DOUBT_ALONG * t, AV_DOUBT_ASIDE * t) } else { (0.0, 0.0) };
                 let theirs = OrientedBox {
                     center: sample.center,
                     axis: sample.axis,
-                    half_length: other.half_length,
-                    half_width: other.half_width,
+                    half_length: other.half_length + doubt.0,
+                    half_width: other.half_width + doubt.1,
                 };
                 if theirs.separation(&ours) < room {
                     return Some(t);

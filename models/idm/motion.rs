@@ -44,6 +44,8 @@ struct Intent {
     chosen: Option<f64>,
     /// Whether `chosen` is a way out that has been checked against everybody.
     escaping: bool,
+    /// Whether `chosen` is faster than car following.
+    hurries: bool,
 }
 
 impl Traffic {
@@ -223,11 +225,12 @@ impl Traffic {
         }
         let stop = signals::next_stop(seen, &own, driver);
         let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
-        let mut intent = Intent { corridor, stop, chosen: None, escaping: false };
+        let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
         let wanted = following(driver, &own, &intent, 0.0);
         intent.chosen =
             decide(i, &own, driver, &intent.corridor, wanted, &self.actors, &self.drivers, parameters);
+        intent.hurries = intent.chosen.is_some_and(|a| a > wanted);
         let a = intent.chosen.unwrap_or(wanted).max(-parameters.limits.emergency_deceleration);
         let Some(escape) = around.escape(&own, driver, class, a) else { return intent };
         intent.chosen = Some(escape.acceleration);
@@ -331,7 +334,7 @@ impl Traffic {
                         wanted.min(chosen)
                     };
                 }
-                let a = limited(own.acceleration, wanted, &parameters.limits);
+                let a = limited(own.acceleration, wanted, intent.escaping, &parameters.limits);
                 let next = (own.speed + a * DT).max(0.0);
                 let way = 0.5 * (own.speed + next) * DT;
                 own.acceleration = if next > 0.0 { a } else { 0.0 };
@@ -369,11 +372,11 @@ fn following(driver: &OnPath, own: &Actor, intent: &Intent, since: f64) -> f64 {
 }
 
 /// The acceleration of the next step: within the limits, and not too far from the last one.
-fn limited(last: f64, wanted: f64, limits: &Limits) -> f64 {
+fn limited(last: f64, wanted: f64, escaping: bool, limits: &Limits) -> f64 {
     let wanted = wanted.clamp(-limits.emergency_deceleration, 3.5);
-    let jerk = if wanted < -3.0 { limits.emergency_jerk } else { limits.jerk };
+    let jerk = if wanted < -3.0 || escaping { limits.emergency_jerk } else { limits.jerk };
     // Brakes are let go faster than comfort asks when the reason is gone.
-    let up = if last < 0.0 { 2.0 * limits.jerk } else { limits.jerk };
+    let up = if escaping || last < 0.0 { 2.5 * limits.jerk } else { limits.jerk };
     wanted.clamp(last - jerk * DT, last + up * DT)
 }
 
