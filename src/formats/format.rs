@@ -5,6 +5,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::error::{Cause, FormatError};
+use super::json::Json;
+use super::native::Native;
 use super::womd::Womd;
 use crate::scene::Scenario;
 
@@ -27,7 +29,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &Json];
 
 /// A file and its format.
 #[derive(Clone)]

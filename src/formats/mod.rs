@@ -5,7 +5,11 @@
 
 mod error;
 mod format;
+mod json;
+mod table;
 mod womd;
+
+pub mod native;
 
 pub use error::{Cause, FormatError};
 pub use format::{FORMATS, Input, ScenarioFormat, Scenarios, find_inputs, open};
