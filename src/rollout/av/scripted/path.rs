@@ -15,7 +15,7 @@ const CURVATURE: f64 = 0.26;
 /// Largest change of the curvature along the path, 1/m per m.
 const CURVATURE_RATE: f64 = 0.15;
 /// Largest lateral acceleration, m/s².
-const LATERAL: f64 = 4.0;
+const LATERAL: f64 = 3.8;
 /// Braking for a curve ahead, m/s².
 const BRAKE_FOR_CURVE: f64 = 4.0;
 /// The rear axle lies this share of the length behind the box centre (nuPlan's vehicle: 1.461 m of 5.176 m).
@@ -76,7 +76,7 @@ impl Path {
             return s;
         }
         let (mut low, mut high) = (s, s + 1.5 * distance);
-        for _ in 0..60 {
+        for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if (self.position(middle) - from).norm() < distance { low = middle } else { high = middle }
         }
