@@ -194,7 +194,7 @@ fn left(v: Vec2) -> Vec2 {
 }
 
 /// Points (with directions) of the lane that goes on from the end of the log, or none where the AV is on no lane or reverses.
-/// They leave the logged direction smoothly.
+/// They leave the logged direction smoothly and keep the distance from the centre line: there may be parked cars beside the AV.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
     let road = scenario.start.road();
     let heading = ahead.y.atan2(ahead.x);
@@ -215,9 +215,10 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
         let line = &road.lane(lane).baseline;
         while s < line.length() && way < reach {
             (s, way) = (s + 1.0, way + 1.0);
-            let on_lane = line.at(s.min(line.length()));
+            let turn = line.heading_at(s);
+            let on_lane = line.at(s.min(line.length())) + left(direction(turn)) * hit.projection.offset;
             let straight = at + ahead * way;
-            points.push((straight + (on_lane - straight) * smooth(way / join), line.heading_at(s)));
+            points.push((straight + (on_lane - straight) * smooth(way / join), turn));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),
