@@ -5,12 +5,13 @@ extern crate self as reactsim;
 pub mod geometry;
 pub mod scene;
 
-pub mod rollout;
-
+pub mod dynamics;
 pub mod formats;
+pub mod rollout;
 
 pub mod metrics;
 
+pub mod evaluation;
 pub mod report;
 
 #[path = "../models/mod.rs"]

@@ -9,6 +9,7 @@ mod json;
 mod table;
 mod womd;
 
+pub mod document;
 pub mod native;
 
 pub use error::{Cause, FormatError};

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::Log;
-use crate::geometry::{Polyline, Vec2, direction, wrap};
+use crate::geometry::{OrientedBox, Polyline, Vec2, direction, wrap};
 use crate::scene::{DT, LaneHit, Road, Scenario};
 
 /// Recorded points closer than this are dropped, metres: they tell noise, not direction.
@@ -22,6 +22,10 @@ const BRAKE_FOR_CURVE: f64 = 4.0;
 const REAR_AXLE: f64 = 0.28;
 /// Rolling back farther than this ends a path, metres: the AV changed gear.
 const CUSP: f64 = 1.0;
+/// Who has moved less than this in the history stood, metres.
+const STOOD: f64 = 0.3;
+/// Room that is kept to what stands beyond the end of the log, metres.
+const ROOM: f64 = 0.5;
 /// Time of a sideways shift, s.
 const SHIFT_TIME: f64 = 3.0;
 /// Largest distance and angle at which the end of the log counts as on a lane, metres and radians.
@@ -38,7 +42,7 @@ pub(super) struct Path {
     arc: Vec<f64>,
     /// Curvature of the centre's way from each pose to the next, 1/m.
     curvatures: Vec<f64>,
-    /// Where the logged path ends by a change of gear, if it does, metres.
+    /// Where the AV must have stopped, if anywhere, metres: the log changes gear there, or something stands in the way beyond it.
     end: Option<f64>,
 }
 
@@ -46,11 +50,33 @@ impl Path {
     /// The logged path, moved sideways by `offset` metres (left positive), over at least `reach` metres.
     pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, reach: f64) -> Self {
         let rear = REAR_AXLE * scenario.start.agents[0].length;
-        let (guide, end) = guide(scenario, log, rear, offset, reach);
+        let (guide, told, cusp) = guide(scenario, log, rear, offset, reach);
         let mut path = trace(&guide, log, rear, reach);
         // The guide is the rear axle's way; the end is wanted along the centre's, which is never shorter.
-        path.end = end.map(|s| path.arc[((s / STEP) as usize).min(path.arc.len() - 1)]);
+        let last = ((told / STEP) as usize).min(path.arc.len() - 1);
+        path.end = if cusp { Some(path.arc[last]) } else { path.blocked_beyond(scenario, last) };
         path
+    }
+
+    /// Where the way beyond the pose `last`, at which the log ends, meets something that has stood since the start, metres. The log
+    /// tells that its own way is free; what lies beyond is the script's guess, which does not drive into parked cars.
+    fn blocked_beyond(&self, scenario: &Scenario, last: usize) -> Option<f64> {
+        let start = &scenario.start;
+        let stood = |&j: &usize| {
+            let mut seen = start.history[j].iter().flatten();
+            let first = seen.next().map(|s| s.position());
+            first.is_some_and(|p| (start.now(j).position() - p).norm() < STOOD)
+        };
+        let others = (1..start.agents.len()).filter(stood).map(|j| start.now(j).footprint(&start.agents[j]));
+        let standing: Vec<OrientedBox> = others.chain(start.obstacles.iter().copied()).collect();
+        let av = &start.agents[0];
+        let meets = |i: &usize| {
+            let own = OrientedBox::new(self.centers[*i], self.headings[*i], av.length, av.width);
+            standing.iter().any(|o| (o.center - own.center).norm() < 30.0 && o.separation(&own) < ROOM)
+        };
+        // The stop is a little short of the first contact.
+        let first = (last..self.centers.len()).step_by(5).find(meets)?;
+        Some((self.arc[first] - ROOM).max(self.arc[last]))
     }
 
     fn locate(&self, s: f64) -> (usize, f64) {
@@ -113,8 +139,8 @@ impl Allowed<'_> {
     }
 }
 
-/// Where the rear axle is to go, and how long the way is that the log tells where it ends by a change of gear.
-fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> (Polyline, Option<f64>) {
+/// Where the rear axle is to go, how long the way is that the log tells, and whether it ends there by a change of gear.
+fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> (Polyline, f64, bool) {
     let axle = |k: usize| log.states[k].position() - direction(log.states[k].heading) * rear;
     let ahead = |k: usize| direction(log.states[k].heading) * log.gear;
     let (mut kept, mut arc, mut cusp) = (vec![0], vec![0.0], false);
@@ -162,7 +188,7 @@ fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> 
         let start = axle(0);
         Polyline::new(&[start, start + ahead(0)]).expect("two points a metre apart")
     });
-    (guide, cusp.then_some(told))
+    (guide, told, cusp)
 }
 
 /// The same guide with a point at least every metre, and on to `reach`.

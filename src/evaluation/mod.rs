@@ -1,0 +1,3 @@
+//! What to run, the runner, results and their statistics.
+
+pub mod document;
