@@ -123,9 +123,9 @@ impl ScriptedAv {
                 Script::Retime(factor) => speed::retime(&log.speeds, factor),
                 Script::Shift(_) | Script::ConstantVelocity => speed::retime(&log.speeds, 1.0),
             };
-            let reach = desired.iter().sum::<f64>() * DT + 10.0;
+            let travel = desired.iter().sum::<f64>() * DT;
             let offset = if let Script::Shift(offset) = script { offset } else { 0.0 };
-            let path = Path::new(scenario, &log, offset, reach);
+            let path = Path::new(scenario, &log, offset, travel);
             follow(now, log.speeds[0], &path, &desired)
         };
         Ok(Self { track })

@@ -47,14 +47,21 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// The logged path, moved sideways by `offset` metres (left positive), over at least `reach` metres.
-    pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, reach: f64) -> Self {
+    /// The logged path, moved sideways by `offset` metres (left positive), for an AV that is to travel `travel` metres.
+    pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, travel: f64) -> Self {
+        let reach = travel + 10.0;
         let rear = REAR_AXLE * scenario.start.agents[0].length;
         let (guide, told, cusp) = guide(scenario, log, rear, offset, reach);
         let mut path = trace(&guide, log, rear, reach);
         // The guide is the rear axle's way; the end is wanted along the centre's, which is never shorter.
         let last = ((told / STEP) as usize).min(path.arc.len() - 1);
-        path.end = if cusp { Some(path.arc[last]) } else { path.blocked_beyond(scenario, last) };
+        path.end = if cusp {
+            Some(path.arc[last])
+        } else if travel > path.arc[last] + 1.0 {
+            path.blocked_beyond(scenario, last)
+        } else {
+            None
+        };
         path
     }
 
@@ -70,12 +77,14 @@ impl Path {
         let others = (1..start.agents.len()).filter(stood).map(|j| start.now(j).footprint(&start.agents[j]));
         let standing: Vec<OrientedBox> = others.chain(start.obstacles.iter().copied()).collect();
         let av = &start.agents[0];
-        let meets = |i: &usize| {
-            let own = OrientedBox::new(self.centers[*i], self.headings[*i], av.length, av.width);
-            standing.iter().any(|o| (o.center - own.center).norm() < 30.0 && o.separation(&own) < ROOM)
+        let meets = |i: usize, o: &OrientedBox| {
+            let own = OrientedBox::new(self.centers[i], self.headings[i], av.length, av.width);
+            (o.center - own.center).norm() < 30.0 && o.separation(&own) < ROOM
         };
+        // What the log leaves less room to at its end stands beside the AV, not in its way.
+        let ahead: Vec<OrientedBox> = standing.into_iter().filter(|o| !meets(last, o)).collect();
         // The stop is a little short of the first contact.
-        let first = (last..self.centers.len()).step_by(5).find(meets)?;
+        let first = (last..self.centers.len()).step_by(5).find(|i| ahead.iter().any(|o| meets(*i, o)))?;
         Some((self.arc[first] - ROOM).max(self.arc[last]))
     }
 
