@@ -26,8 +26,6 @@ const AV_DOUBT_ASIDE: f64 = 0.1;
 const SOON: f64 = 3.9;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
-/// A standing car that is about to be hit does not jump; below this speed swerving does not help, m/s.
-const SLOWEST: f64 = 0.5;
 
 /// What to do.
 pub(super) struct Escape {
@@ -102,7 +100,7 @@ impl Surroundings<'_> {
         let mut best = (price(Some(foreseen), 100.0), a, None);
         for offset in OFFSETS {
             let target = here + offset;
-            let swerve = (offset != 0.0 && own.speed > SLOWEST).then(|| self.course(own, driver, class, target));
+            let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target));
             if offset != 0.0 && swerve.is_none() {
                 continue;
             }
