@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod layers;
+mod mini_scenarios;
 mod scripted_av;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise.

@@ -15,7 +15,7 @@ const CURVATURE: f64 = 0.26;
 /// Largest change of the curvature along the path, 1/m per m.
 const CURVATURE_RATE: f64 = 0.15;
 /// Largest lateral acceleration, m/s².
-const LATERAL: f64 = 4.0;
+const LATERAL: f64 = 3.8;
 /// Braking for a curve ahead, m/s².
 const BRAKE_FOR_CURVE: f64 = 4.0;
 /// The rear axle lies this share of the length behind the box centre (nuPlan's vehicle: 1.461 m of 5.176 m).
@@ -47,14 +47,21 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// The logged path, moved sideways by `offset` metres (left positive), over at least `reach` metres.
-    pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, reach: f64) -> Self {
+    /// The logged path, moved sideways by `offset` metres (left positive), for an AV that is to travel `travel` metres.
+    pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, travel: f64) -> Self {
+        let reach = travel + 10.0;
         let rear = REAR_AXLE * scenario.start.agents[0].length;
         let (guide, told, cusp) = guide(scenario, log, rear, offset, reach);
         let mut path = trace(&guide, log, rear, reach);
         // The guide is the rear axle's way; the end is wanted along the centre's, which is never shorter.
         let last = ((told / STEP) as usize).min(path.arc.len() - 1);
-        path.end = if cusp { Some(path.arc[last]) } else { path.blocked_beyond(scenario, last) };
+        path.end = if cusp {
+            Some(path.arc[last])
+        } else if travel > path.arc[last] + 1.0 {
+            path.blocked_beyond(scenario, last)
+        } else {
+            None
+        };
         path
     }
 
@@ -70,12 +77,14 @@ impl Path {
         let others = (1..start.agents.len()).filter(stood).map(|j| start.now(j).footprint(&start.agents[j]));
         let standing: Vec<OrientedBox> = others.chain(start.obstacles.iter().copied()).collect();
         let av = &start.agents[0];
-        let meets = |i: &usize| {
-            let own = OrientedBox::new(self.centers[*i], self.headings[*i], av.length, av.width);
-            standing.iter().any(|o| (o.center - own.center).norm() < 30.0 && o.separation(&own) < ROOM)
+        let meets = |i: usize, o: &OrientedBox| {
+            let own = OrientedBox::new(self.centers[i], self.headings[i], av.length, av.width);
+            (o.center - own.center).norm() < 30.0 && o.separation(&own) < ROOM
         };
+        // What the log leaves less room to at its end stands beside the AV, not in its way.
+        let ahead: Vec<OrientedBox> = standing.into_iter().filter(|o| !meets(last, o)).collect();
         // The stop is a little short of the first contact.
-        let first = (last..self.centers.len()).step_by(5).find(meets)?;
+        let first = (last..self.centers.len()).step_by(5).find(|i| ahead.iter().any(|o| meets(*i, o)))?;
         Some((self.arc[first] - ROOM).max(self.arc[last]))
     }
 
@@ -102,7 +111,7 @@ impl Path {
             return s;
         }
         let (mut low, mut high) = (s, s + 1.5 * distance);
-        for _ in 0..60 {
+        for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if (self.position(middle) - from).norm() < distance { low = middle } else { high = middle }
         }
@@ -220,7 +229,7 @@ fn left(v: Vec2) -> Vec2 {
 }
 
 /// Points (with directions) of the lane that goes on from the end of the log, or none where the AV is on no lane or reverses.
-/// They leave the logged direction smoothly.
+/// They leave the logged direction smoothly and keep the distance from the centre line: there may be parked cars beside the AV.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
     let road = scenario.start.road();
     let heading = ahead.y.atan2(ahead.x);
@@ -241,9 +250,10 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
         let line = &road.lane(lane).baseline;
         while s < line.length() && way < reach {
             (s, way) = (s + 1.0, way + 1.0);
-            let on_lane = line.at(s.min(line.length()));
+            let turn = line.heading_at(s);
+            let on_lane = line.at(s.min(line.length())) + left(direction(turn)) * hit.projection.offset;
             let straight = at + ahead * way;
-            points.push((straight + (on_lane - straight) * smooth(way / join), line.heading_at(s)));
+            points.push((straight + (on_lane - straight) * smooth(way / join), turn));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),
