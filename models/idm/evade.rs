@@ -26,10 +26,12 @@ const AV_DOUBT_ASIDE: f64 = 0.1;
 const SOON: f64 = 3.9;
 /// Time in which the price of a contact falls by e, s.
 const PATIENCE: f64 = 2.5;
+/// Share of the worst way, against the mean of all, in what the AV threatens.
+const DOUBT: f64 = 0.6;
 /// What effort costs: a swerve at all, each metre beside the own course, each m/s² of change.
-const SWERVE_PRICE: f64 = 4.0;
-const OFFSET_PRICE: f64 = 2.0;
-const CHANGE_PRICE: f64 = 0.6;
+const SWERVE_PRICE: f64 = 1.0;
+const OFFSET_PRICE: f64 = 1.0;
+const CHANGE_PRICE: f64 = 1.5;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
 
@@ -63,14 +65,16 @@ impl Surroundings<'_> {
     /// What the AV threatens on a path: the mean price of a contact over the ways that it may go.
     fn threat(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> f64 {
         let reach = self.reach(own);
-        let (mut sum, mut ways) = (0.0, 0);
+        let (mut sum, mut worst, mut ways) = (0.0, 0.0_f64, 0);
         for forecast in self.forecasts.iter().filter(|f| self.is_av(f)) {
             ways += 1;
             if forecast.bounds.intersects(&reach) {
-                sum += price(self.first_contact(own, path, s, a, |f| std::ptr::eq(f, forecast), AV_ROOM));
+                let here = price(self.first_contact(own, path, s, a, |f| std::ptr::eq(f, forecast), AV_ROOM));
+                sum += here;
+                worst = worst.max(here);
             }
         }
-        if ways == 0 { 0.0 } else { sum / f64::from(ways) }
+        if ways == 0 { 0.0 } else { DOUBT * worst + (1.0 - DOUBT) * sum / f64::from(ways) }
     }
 
     fn first_contact(
