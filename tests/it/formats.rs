@@ -1,0 +1,1 @@
+//! Formats: round trips, damage, odd input.
