@@ -52,7 +52,11 @@ pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>,
     let path = path.as_ref();
     let head = head(path, 4).map_err(|e| FormatError::file(path, Cause::read(e)))?;
     let mut all = Records { path, records: BTreeMap::new(), next: 0 };
-    if head == b"PAR1" { all.read_parquet()? } else { all.read_json()? }
+    if head == b"PAR1" {
+        all.read_parquet()?
+    } else {
+        all.read_json()?
+    }
     Ok(all.records)
 }
 
@@ -143,7 +147,13 @@ impl Records<'_> {
         let origin = states::origin("`frame`", raw.frame.as_deref()).map_err(file)?;
         for one in raw.deviations {
             let frames = one.frames();
-            self.add(&one.scenario_id, one.category.as_deref(), one.scenario_digest.as_deref(), origin, frames)?;
+            self.add(
+                &one.scenario_id,
+                one.category.as_deref(),
+                one.scenario_digest.as_deref(),
+                origin,
+                frames,
+            )?;
         }
         Ok(())
     }

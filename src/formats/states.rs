@@ -68,11 +68,7 @@ impl States {
     }
 
     /// The lists inside a list, per column, which must be so many.
-    pub(super) fn inner(
-        &self,
-        row: usize,
-        expected: usize,
-    ) -> Result<Vec<[Option<Range<usize>>; 5]>, Cause> {
+    pub(super) fn inner(&self, row: usize, expected: usize) -> Result<Vec<[Option<Range<usize>>; 5]>, Cause> {
         let outer = self.ranges(|v| v.range(0, row));
         for (name, range) in NAMES.iter().zip(&outer) {
             if let Some(range) = range.as_ref().filter(|r| r.len() != expected) {
