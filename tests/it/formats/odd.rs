@@ -58,10 +58,12 @@ fn odd_input_with_a_stated_meaning() {
     assert_eq!((s.unselected[0].agent.length, s.start.agents.len()), (0.0, 2));
 }
 
+type Change = Box<dyn FnOnce(&mut Proto)>;
+
 #[test]
 fn odd_input_is_refused_by_name() {
     let nan = f64::NAN;
-    let cases: Vec<(Box<dyn FnOnce(&mut Proto)>, &str)> = vec![
+    let cases: Vec<(Change, &str)> = vec![
         (Box::new(move |p| p.tracks[0].2 = nan), "agents[0].track[0].x is NaN, expected a finite coordinate"),
         (
             Box::new(|p| p.tracks[0].2 = f64::INFINITY),
