@@ -133,6 +133,21 @@ fn a_bad_record_does_not_end_a_file() {
 }
 
 #[test]
+fn a_damaged_payload_costs_one_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("train.tfrecord-00003-of-01000");
+    let two = Proto { id: "two".into(), ..Proto::default() };
+    let mut data = proto::records(&[Proto::default(), two]);
+    data[500] ^= 4;
+    fs::write(&path, data).unwrap();
+    let all: Vec<_> = reactsim::formats::open(&path).unwrap().collect();
+    assert_eq!(all.len(), 2);
+    let error = all[0].as_ref().unwrap_err().to_string();
+    assert!(error.contains("of-01000: record 0: is damaged: the checksum of the record is"), "{error}");
+    assert_eq!(all[1].as_ref().unwrap().id, "two");
+}
+
+#[test]
 fn absurd_lengths_allocate_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("f.tfrecord");
