@@ -6,11 +6,14 @@
 mod error;
 mod format;
 mod json;
+mod states;
 mod table;
 mod womd;
 
+pub mod deviations;
 pub mod document;
 pub mod native;
+pub mod rollouts;
 
 pub use error::{Cause, FormatError};
 pub use format::{FORMATS, Input, ScenarioFormat, Scenarios, find_inputs, open};

@@ -1,6 +1,7 @@
 //! All integration tests, in one binary.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod formats;
 mod layers;
 mod mini_scenarios;
 mod scripted_av;

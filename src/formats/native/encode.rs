@@ -2,7 +2,7 @@
 
 use crate::formats::table::{Column, Leaf, TableWriter, Value};
 use crate::geometry::Vec2;
-use crate::scene::{Agent, Frame, LaneArea, LaneNeighbor, Scenario};
+use crate::scene::{Agent, Frame, Lane, LaneArea, LaneNeighbor, Scenario};
 
 use Leaf::{Flag, Number, Text, Whole};
 
@@ -127,7 +127,8 @@ fn agents(t: &mut TableWriter, scenario: &Scenario) {
     each("agent_width", |a| Value::Number(a.width));
     let none: &[Frame] = &[];
     let tracks = || {
-        let chosen = slots.clone().map(|i| (start.history[i].as_slice(), scenario.log_future.tracks[i].as_slice()));
+        let chosen =
+            slots.clone().map(|i| (start.history[i].as_slice(), scenario.log_future.tracks[i].as_slice()));
         chosen.chain(scenario.unselected.iter().map(move |a| (a.track.as_slice(), none)))
     };
     let mut each = |column: &str, value: fn(&Frame) -> Option<f64>| {
@@ -163,8 +164,7 @@ fn lanes(t: &mut TableWriter, scenario: &Scenario) {
     let id = |i: &usize| Value::Text(&lanes[*i].id);
     t.column("lane_successors").lists(lanes.iter().map(|l| l.successors.iter().map(id)));
     t.column("lane_predecessors").lists(lanes.iter().map(|l| l.predecessors.iter().map(id)));
-    let sides: [(&[&str; 5], fn(&crate::scene::Lane) -> &[LaneNeighbor]); 2] =
-        [(&LEFT, |l| &l.left), (&RIGHT, |l| &l.right)];
+    let sides: [Side; 2] = [(LEFT, |l| &l.left), (RIGHT, |l| &l.right)];
     for ([other, self_start, self_end, other_start, other_end], side) in sides {
         t.column(other).lists(lanes.iter().map(|l| side(l).iter().map(|n| id(&n.lane))));
         let mut each = |column: &str, value: fn(&LaneNeighbor) -> u32| {
@@ -176,6 +176,9 @@ fn lanes(t: &mut TableWriter, scenario: &Scenario) {
         each(other_end, |n| n.other_end);
     }
 }
+
+/// The columns of one side, and the lanes on it.
+type Side = ([&'static str; 5], fn(&Lane) -> &[LaneNeighbor]);
 
 /// Columns of the lanes on the left: id, then the four indices.
 pub(super) const LEFT: [&str; 5] = [
@@ -210,9 +213,10 @@ fn surroundings(t: &mut TableWriter, scenario: &Scenario) {
     lines(t, "intersection_x", "intersection_y", map.intersections.iter().map(Vec::as_slice));
     t.column("has_drivable_area").push(Value::Flag(map.drivable_area.is_some()));
     let rings = || {
-        map.drivable_area.iter().flatten().map(|p| {
-            std::iter::once(p.exterior.as_slice()).chain(p.holes.iter().map(Vec::as_slice))
-        })
+        map.drivable_area
+            .iter()
+            .flatten()
+            .map(|p| std::iter::once(p.exterior.as_slice()).chain(p.holes.iter().map(Vec::as_slice)))
     };
     t.column("drivable_area_x").nested(rings().map(|p| p.map(|r| r.iter().map(|v| Value::Number(v.x)))));
     t.column("drivable_area_y").nested(rings().map(|p| p.map(|r| r.iter().map(|v| Value::Number(v.y)))));

@@ -68,8 +68,11 @@ impl TableReader {
                 Some(found) if found == expected => {}
                 found => {
                     let found = found.map_or("missing".to_owned(), |f| format!("`{f}`"));
-                    let cause =
-                        Cause::schema(format!("`{key}` in the file's metadata"), found, format!("`{expected}`"));
+                    let cause = Cause::schema(
+                        format!("`{key}` in the file's metadata"),
+                        found,
+                        format!("`{expected}`"),
+                    );
                     return Err(FormatError::file(&self.path, cause));
                 }
             }
@@ -79,6 +82,11 @@ impl TableReader {
             return Err(FormatError::file(&self.path, cause));
         }
         Ok(())
+    }
+
+    /// As [`TableReader::require`], but files of other programs, which state nothing, are welcome.
+    pub(crate) fn expect(&self, kind: &str, version: u32) -> Result<(), FormatError> {
+        if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
     }
 
     /// The next rows; `None` at the end. After an error there are none.
@@ -184,7 +192,8 @@ fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<Group>, Cause> 
                 return Err(wrong("a column lies in another file"));
             }
             let begin = column.dictionary_page_offset().unwrap_or(i64::MAX).min(column.data_page_offset());
-            let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size())) else {
+            let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size()))
+            else {
                 return Err(wrong("a column has a negative place"));
             };
             if column.num_values() < 0 || column.data_page_offset() < 0 {
