@@ -1,0 +1,3 @@
+//! Metrics: the worked cases, properties, and a slow literal reading of the definitions beside ours.
+
+mod cases;
