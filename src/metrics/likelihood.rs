@@ -44,6 +44,7 @@ struct Bins {
 }
 
 /// Speed, acceleration, yaw rate, yaw acceleration.
+#[expect(clippy::approx_constant, reason = "the challenge's bound is 3.14, not pi")]
 const FEATURES: [Bins; 4] = [
     Bins { min: 0.0, max: 25.0, bins: 10 },
     Bins { min: -12.0, max: 12.0, bins: 11 },
@@ -164,6 +165,10 @@ fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
 
 /// The likelihoods of the case's log under its rollouts; `None` without either.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
+    *case.cache.likelihood.get_or_init(|| compute(case))
+}
+
+fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
     let log = case.log.as_ref().filter(|_| !case.rollouts.is_empty())?;
     let histograms = FEATURES.each_ref().map(Histogram::new);
     let first = case.current + 1;

@@ -227,8 +227,9 @@ impl Options {
                 }
                 _ => Err("a number from 0 to 1, such as 0.7".to_owned()),
             },
-            "velocity_source" => choice(value, VelocitySource::ALL, VelocitySource::name)
-                .map(|v| self.velocity_source = v),
+            "velocity_source" => {
+                choice(value, VelocitySource::ALL, VelocitySource::name).map(|v| self.velocity_source = v)
+            }
             "fault_order" => choice(value, FaultOrder::ALL, FaultOrder::name).map(|v| self.fault_order = v),
             "exclude_initial_overlap" => flag(value).map(|v| self.exclude_initial_overlap = v),
             "ttc_wrap_heading" => flag(value).map(|v| self.ttc_wrap_heading = v),
@@ -236,8 +237,10 @@ impl Options {
             "aa_include_av" => flag(value).map(|v| self.aa_include_av = v),
             "aa_include_other" => flag(value).map(|v| self.aa_include_other = v),
             "dir_window_extra" => match value {
-                "0" => Ok(self.dir_window_extra = false),
-                "1" => Ok(self.dir_window_extra = true),
+                "0" | "1" => {
+                    self.dir_window_extra = value == "1";
+                    Ok(())
+                }
                 _ => Err("`0` or `1`".to_owned()),
             },
             "dir_connector" => {

@@ -3,6 +3,7 @@
 
 mod formats;
 mod layers;
+mod metrics;
 mod mini_scenarios;
 mod scripted_av;
 
