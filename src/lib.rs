@@ -9,5 +9,13 @@ pub mod rollout;
 
 pub mod metrics;
 
+pub mod formats;
+
+pub mod evaluation;
+
+pub mod report;
+
+pub mod cli;
+
 #[path = "../models/mod.rs"]
 pub mod models;

@@ -1,10 +1,9 @@
 //! `reactsim convert`: any format to native Parquet.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::Args;
 
 use super::{ExitStatus, say};
@@ -30,25 +29,9 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }
-    let beside = args.out.with_extension("parquet.tmp");
-    let done = stream(&inputs, &beside);
-    match done {
-        Ok((good, bad)) if good > 0 => {
-            let moved = fs::rename(&beside, &args.out);
-            moved.with_context(|| format!("could not write {}", args.out.display()))?;
-            say(format_args!("converted {good} scenarios, {bad} failed"));
-            Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
-        }
-        Ok(_) => {
-            fs::remove_file(&beside).ok();
-            bail!("no scenario could be converted")
-        }
-        Err(error) => {
-            // Half a file helps nobody.
-            fs::remove_file(&beside).ok();
-            Err(error.context(format!("could not write {}", args.out.display())))
-        }
-    }
+    let (good, bad) = stream(&inputs, &args.out)?;
+    say(format_args!("converted {good} scenarios, {bad} failed"));
+    Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
 /// Writes every good scenario; counts the good and the bad.
@@ -81,6 +64,10 @@ fn stream(inputs: &[formats::Input], out: &Path) -> anyhow::Result<(usize, usize
                 }
             }
         }
+    }
+    // The writer leaves no file behind where it is not finished.
+    if good == 0 {
+        bail!("no scenario could be converted: see the warnings above");
     }
     writer.finish()?;
     Ok((good, bad))

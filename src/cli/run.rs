@@ -1,6 +1,5 @@
 //! `reactsim run`: simulators on scenarios.
 
-use std::fs;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

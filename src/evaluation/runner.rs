@@ -1,12 +1,11 @@
 //! Runs a plan on several threads. Results do not depend on their number, on the size of batches, or on interruptions.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
-use super::folder::{ROLLOUTS, RunFolder, SUMMARY, cannot_write, line};
+use super::folder::{RunFolder, SUMMARY, line};
 use super::judge::judge;
 use super::plan::Plan;
 use super::row::{EventLine, Failure, Place, Row};
@@ -213,7 +212,10 @@ impl Runner<'_> {
         let mut failed: Vec<Option<String>> = vec![None; todo.len()];
         for rollout in 0..self.plan.settings.rollouts {
             let (mut requests, mut asked) = (Vec::new(), Vec::new());
-            for (i, ready) in todo.iter().enumerate().filter(|(i, _)| failed[*i].is_none()) {
+            for (i, ready) in todo.iter().enumerate() {
+                if failed[i].is_some() {
+                    continue;
+                }
                 match self.plan.av(&ready.scenario) {
                     Ok((av, _)) => {
                         requests.push(Request { scenario: &ready.scenario, av, rollout });
