@@ -4,6 +4,7 @@
 //! that opens files: a run folder is part of what a run is.
 
 mod av;
+pub mod document;
 mod error;
 mod folder;
 mod judge;

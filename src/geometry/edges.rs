@@ -85,7 +85,7 @@ impl OrientedEdges {
         let d = s.b - s.a;
         let t = d.dot(&(p - s.a)) / d.norm_squared();
         let right_of = |s: &Segment| (s.b - s.a).perp(&(p - s.a)) < 0.0;
-        let neighbour = if t <= 0.0 {
+        let neighbour = if t < 0.0 {
             s.previous.map(|i| &self.segments[i as usize]).map(|before| (before, before, s))
         } else if t >= 1.0 {
             s.next.map(|i| &self.segments[i as usize]).map(|after| (after, s, after))

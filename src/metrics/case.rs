@@ -1,19 +1,50 @@
 //! What a metric judges: one scenario with one rollout.
 
-use super::Options;
-use crate::scene::{Agent, Frame, Road};
+use std::sync::OnceLock;
+
+use super::agent_agent::Overlaps;
+use super::collision::Contact;
+use super::direction::WrongWay;
+use super::kinematics::Infeasible;
+use super::motion::Motion;
+use super::offroad::Ground;
+use super::ttc::Approach;
+use super::{DirTracking, Options};
+use crate::scene::{Agent, AgentKind, CURRENT, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
 
 /// One agent with its judged track.
 #[derive(Clone, Debug)]
 pub struct Object<'a> {
     /// The agent.
     pub agent: &'a Agent,
-    /// 91 frames: history, then the judged future.
+    /// All frames: history, then the judged future. Frames beyond its end are absent.
     pub track: Vec<Frame>,
 }
 
-/// One scenario with one rollout.
-#[derive(Clone, Debug)]
+/// The log of one agent, split at the current frame.
+#[derive(Clone, Copy, Debug)]
+pub struct LoggedTrack<'a> {
+    /// Frames up to and including the current one.
+    pub history: &'a [Frame],
+    /// Frames after the current one.
+    pub future: &'a [Frame],
+    /// Recorded x, y and heading of the history also where it is invalid, for the kinematic likelihood, whose finite
+    /// differences do not ask for validity; `None`: the valid frames of `history`.
+    pub recorded_history: Option<&'a [[f64; 3]]>,
+}
+
+impl LoggedTrack<'_> {
+    /// The logged state at a frame.
+    pub fn at(&self, frame: usize) -> Frame {
+        match frame.checked_sub(self.history.len()) {
+            None => self.history[frame],
+            Some(k) => self.future.get(k).copied().flatten(),
+        }
+    }
+}
+
+/// One scenario with one rollout, with what several metrics need of it, computed once.
+#[derive(Debug)]
 pub struct Case<'a> {
     /// The map.
     pub road: Road<'a>,
@@ -21,10 +52,129 @@ pub struct Case<'a> {
     pub objects: Vec<Object<'a>>,
     /// Index of the AV in `objects`.
     pub av: usize,
-    /// The log, aligned with `objects`: 91 frames each.
-    pub log: Option<Vec<Vec<Frame>>>,
-    /// All rollouts of this scenario, each aligned with `objects`, 80 frames each; for the metrics over several rollouts.
-    pub rollouts: Vec<Vec<Vec<Frame>>>,
-    /// Variants.
+    /// Variants; `dir_tracking` is resolved, never `Auto`.
     pub options: Options,
+    /// Index of the current frame.
+    pub current: usize,
+    /// The log, aligned with `objects`.
+    pub log: Option<Vec<LoggedTrack<'a>>>,
+    /// All rollouts of this scenario, each aligned with `objects`, future frames only; for the metrics over several rollouts.
+    pub rollouts: Vec<Vec<&'a [Frame]>>,
+    pub(super) motion: Motion,
+    pub(super) cache: Cache,
+}
+
+/// Judgements per object that more than one metric or report reads.
+#[derive(Debug, Default)]
+pub(super) struct Cache {
+    pub(super) contacts: OnceLock<Vec<Option<Contact>>>,
+    pub(super) approaches: OnceLock<Vec<Option<Approach>>>,
+    pub(super) overlaps: OnceLock<Vec<Overlaps>>,
+    pub(super) grounds: OnceLock<Vec<Ground>>,
+    pub(super) directions: OnceLock<Vec<WrongWay>>,
+    pub(super) infeasible: OnceLock<Vec<Infeasible>>,
+    pub(super) av_overlap: OnceLock<Vec<bool>>,
+}
+
+impl<'a> Case<'a> {
+    /// A case with the usual time axis: 91 frames, of which frame 10 is now. An `av` beyond the objects stands for an absent AV.
+    pub fn new(road: Road<'a>, objects: Vec<Object<'a>>, av: usize, options: Options) -> Self {
+        Self::with_current(road, objects, av, CURRENT, HISTORY + FUTURE, options)
+    }
+
+    /// A case with another time axis: `frames` frames at 10 Hz, of which `current` is now.
+    pub fn with_current(
+        road: Road<'a>,
+        objects: Vec<Object<'a>>,
+        av: usize,
+        current: usize,
+        frames: usize,
+        mut options: Options,
+    ) -> Self {
+        options.dir_tracking = match options.dir_tracking {
+            DirTracking::Auto if is_waymo_like(&road) => DirTracking::Pointwise,
+            DirTracking::Auto => DirTracking::Route,
+            chosen => chosen,
+        };
+        let frames = frames.max(current + 1);
+        let motion = Motion::new(&objects, current, frames, &options);
+        Self {
+            road,
+            objects,
+            av,
+            options,
+            current,
+            log: None,
+            rollouts: Vec::new(),
+            motion,
+            cache: Cache::default(),
+        }
+    }
+
+    /// The case of one rollout of a scenario, judged beside its log. `tracks`: per agent (order of the scenario) 91 frames.
+    pub fn of_rollout(scenario: &'a Scenario, tracks: Vec<Vec<Frame>>, options: Options) -> Self {
+        let start = &scenario.start;
+        let objects =
+            start.agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track }).collect();
+        let log = start.history.iter().zip(&scenario.log_future.tracks);
+        let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
+        Self::new(start.road(), objects, 0, options).with_log(log.collect())
+    }
+
+    /// Adds the log, aligned with the objects (missing entries are absent throughout).
+    pub fn with_log(mut self, mut log: Vec<LoggedTrack<'a>>) -> Self {
+        log.resize(self.objects.len(), LoggedTrack { history: &[], future: &[], recorded_history: None });
+        self.log = Some(log);
+        self
+    }
+
+    /// Adds all rollouts of the scenario: per rollout and object the frames after the current one.
+    pub fn with_rollouts(mut self, mut rollouts: Vec<Vec<&'a [Frame]>>) -> Self {
+        for rollout in &mut rollouts {
+            rollout.resize(self.objects.len(), &[]);
+        }
+        self.rollouts = rollouts;
+        self
+    }
+
+    /// Number of frames.
+    pub fn frames(&self) -> usize {
+        self.motion.frames
+    }
+
+    /// The frames that are scored: those after the current one. The step of frame `f` is `f - current`.
+    pub(super) fn future(&self) -> std::ops::Range<usize> {
+        self.current + 1..self.frames()
+    }
+
+    /// Whether an object takes part: valid at the current frame, with a box of positive size.
+    pub fn present(&self, object: usize) -> bool {
+        self.motion.present.get(object).copied().unwrap_or(false)
+    }
+
+    /// Whether an object is evaluated: present, not the AV, vehicle, pedestrian or cyclist (the set A).
+    pub fn evaluated(&self, object: usize) -> bool {
+        object != self.av && self.present(object) && self.objects[object].agent.kind != AgentKind::Other
+    }
+
+    /// Indices of the evaluated objects.
+    pub(super) fn agents(&self) -> impl Iterator<Item = usize> {
+        (0..self.objects.len()).filter(|&i| self.evaluated(i))
+    }
+
+    /// Indices of the evaluated vehicles (the set V).
+    pub(super) fn vehicles(&self) -> impl Iterator<Item = usize> {
+        self.agents().filter(|&i| self.objects[i].agent.kind == AgentKind::Vehicle)
+    }
+
+    /// The id of an object.
+    pub(super) fn id(&self, object: usize) -> String {
+        self.objects[object].agent.id.clone()
+    }
+}
+
+/// Lanes recorded as centre lines, and no drivable polygons: such maps overlap at merges and junctions.
+fn is_waymo_like(road: &Road<'_>) -> bool {
+    road.map.drivable_area.is_none()
+        && road.map.lanes.iter().any(|l| matches!(l.area, LaneArea::Corridor { .. }))
 }

@@ -1,13 +1,39 @@
 //! The metrics of the benchmark: what a finished rollout is worth. Knows maps, tracks and numbers; never simulators.
 
+mod ade;
+mod agent_agent;
+mod boxes;
 mod case;
+mod collision;
+mod deviation;
+mod direction;
 mod event;
+mod kinematics;
+mod likelihood;
+mod motion;
+mod offroad;
 mod options;
+mod progress;
 mod score;
+mod scores;
 mod spec;
+mod ttc;
 
-pub use case::{Case, Object};
+pub use ade::Displacement;
+pub use agent_agent::Overlaps;
+pub use case::{Case, LoggedTrack, Object};
+pub use collision::{Contact, Fault};
+pub use deviation::DeviationStats;
+pub use direction::{WrongWay, WrongWaySpell};
 pub use event::Event;
-pub use options::Options;
+pub use kinematics::{Infeasible, Spell, Violations};
+pub use likelihood::KinematicLikelihood;
+pub use offroad::Ground;
+pub use options::{
+    CurvatureYaw, DirCandidate, DirConnector, DirTracking, FaultOrder, OptionError, Options, TtcSpeed,
+    VelocitySource,
+};
 pub use score::Score;
+pub use scores::{AgentScores, METRICS, RolloutScores, Scores, metric, score_case, score_rollouts};
 pub use spec::{Metric, MetricSpec, Unit};
+pub use ttc::Approach;

@@ -1,0 +1,94 @@
+//! The JSON rollout document `reactsim-rollouts-v1`: scenarios with one judged rollout each, as any program can write them.
+//!
+//! Unlike scenario files, a document is taken as it is: coordinates are not shifted, agents are neither chosen nor reordered,
+//! and there may be any number of them.
+
+mod read;
+mod values;
+
+use crate::scene::{Frame, LoggedAgent, RoadMap, SceneError};
+
+/// The value of the document's `format` field.
+pub const FORMAT: &str = "reactsim-rollouts-v1";
+
+/// A rollout document.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Document {
+    /// Names and values (as text) of the metric options that the document asks for, by name.
+    pub options: Vec<(String, String)>,
+    /// The scenarios, in order.
+    pub scenarios: Vec<DocumentScenario>,
+}
+
+/// A scenario of a document.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DocumentScenario {
+    /// Name.
+    pub id: String,
+    /// Index of the current frame.
+    pub current: usize,
+    /// Number of frames after the current one.
+    pub future: usize,
+    /// Index of the AV in `agents`.
+    pub av: usize,
+    /// The map; only what the metrics read.
+    pub map: RoadMap,
+    /// The agents with their judged tracks: `current + 1 + future` frames.
+    pub agents: Vec<LoggedAgent>,
+    /// The log, aligned with `agents`.
+    pub log: Option<Vec<DocumentLog>>,
+    /// Rollouts, each aligned with `agents`: `future` frames.
+    pub rollouts: Vec<Vec<Vec<Frame>>>,
+}
+
+/// The log of one agent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DocumentLog {
+    /// All frames.
+    pub track: Vec<Frame>,
+    /// x, y and heading up to the current frame as they stand in the document, also where they are invalid; NaN for null.
+    pub recorded_history: Vec<[f64; 3]>,
+}
+
+/// Why a text is no rollout document.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DocumentError {
+    /// The text is no JSON, or a field is missing or of another type.
+    #[error("{at}: {source}")]
+    Json {
+        /// Where: the document, or scenario and agent or lane.
+        at: String,
+        /// What the parser found.
+        source: serde_json::Error,
+    },
+    /// The document is of another format.
+    #[error("the document's format is `{found}`, expected `{FORMAT}`")]
+    Format {
+        /// The format found.
+        found: String,
+    },
+    /// The document has another rate.
+    #[error("the document's dt is {found} s, expected 0.1 s (10 Hz)")]
+    Rate {
+        /// The step found.
+        found: f64,
+    },
+    /// A value can not be.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+impl Document {
+    /// Reads a document.
+    ///
+    /// Stated meanings of odd input: `null` in x, y or heading makes a frame invalid, in vx or vy unknown; data of invalid
+    /// frames are passed over; unknown successors and predecessors are passed over; an empty `drivable_area` is none.
+    ///
+    /// # Errors
+    /// [`DocumentError`] names scenario, agent, field and value: missing fields, arrays of the wrong length, numbers that are
+    /// not finite at valid frames, repeated ids, an AV index without an agent, negative sizes.
+    pub fn from_json(text: &str) -> Result<Self, DocumentError> {
+        read::document(text)
+    }
+}

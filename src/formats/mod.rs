@@ -1,0 +1,3 @@
+//! Files: every format that scenarios and rollouts are read from and written to.
+
+pub mod document;

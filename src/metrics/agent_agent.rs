@@ -1,0 +1,125 @@
+//! Collisions between agents (ReactSim-Bench, "Metric Computation Details": agent-agent collision rate).
+
+use super::boxes::overlap;
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use crate::scene::AgentKind;
+
+/// How often an agent overlaps another.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overlaps {
+    /// Steps with an overlap.
+    pub hits: u64,
+    /// Steps at which the agent is valid.
+    pub valid: u64,
+    /// Overlaps with partners of higher index (each pair stands once): partner, first step, last step.
+    pub spells: Vec<(usize, usize, usize)>,
+}
+
+/// The overlaps of every object; zeros for those that are not evaluated.
+pub(super) fn overlaps<'c>(case: &'c Case<'_>) -> &'c [Overlaps] {
+    case.cache.overlaps.get_or_init(|| compute(case))
+}
+
+/// Bounds of a track over the scored frames: min x, max x, min y, max y.
+fn extent(case: &Case<'_>, object: usize) -> [f64; 4] {
+    let range = case.motion.at(object, case.current + 1)..case.motion.at(object, case.frames());
+    let (x, y) = (&case.motion.x[range.clone()], &case.motion.y[range]);
+    let mut e = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+    // min and max pass over the NaN of absent frames.
+    for (&x, &y) in x.iter().zip(y) {
+        e = [e[0].min(x), e[1].max(x), e[2].min(y), e[3].max(y)];
+    }
+    e
+}
+
+fn compute(case: &Case<'_>) -> Vec<Overlaps> {
+    let n = case.objects.len();
+    let (motion, options) = (&case.motion, &case.options);
+    let mut found = vec![Overlaps::default(); n];
+    let mut hit = vec![false; n * case.frames()];
+    let partner = |i: usize| {
+        case.evaluated(i)
+            || case.present(i)
+                && if i == case.av { options.aa_include_av } else { options.aa_include_other }
+    };
+    let partners: Vec<(usize, [f64; 4])> =
+        (0..n).filter(|&i| partner(i)).map(|i| (i, extent(case, i))).collect();
+    for (at, &(i, a)) in partners.iter().enumerate() {
+        for &(j, b) in &partners[at + 1..] {
+            if excluded(case, i, j) || !(case.evaluated(i) || case.evaluated(j)) {
+                continue;
+            }
+            let reach = motion.radius[i] + motion.radius[j] + 1e-6;
+            let apart = a[0] > b[1] + reach || b[0] > a[1] + reach || a[2] > b[3] + reach || b[2] > a[3] + reach;
+            if apart {
+                continue;
+            }
+            let mut open: Option<usize> = None;
+            for f in case.future() {
+                let step = f - case.current;
+                if overlap(motion, i, j, f, options.corner_rounding) {
+                    hit[motion.at(i, f)] = true;
+                    hit[motion.at(j, f)] = true;
+                    open.get_or_insert(step);
+                } else if let Some(first) = open.take() {
+                    found[i].spells.push((j, first, step - 1));
+                }
+            }
+            if let Some(first) = open {
+                found[i].spells.push((j, first, case.frames() - 1 - case.current));
+            }
+        }
+    }
+    for i in case.agents() {
+        for f in case.future() {
+            found[i].valid += u64::from(motion.valid(i, f));
+            found[i].hits += u64::from(hit[motion.at(i, f)]);
+        }
+    }
+    found
+}
+
+/// Pedestrians walk close to one another and to cyclists: such pairs do not count. Two cyclists do.
+fn excluded(case: &Case<'_>, i: usize, j: usize) -> bool {
+    use AgentKind::{Cyclist, Pedestrian};
+    matches!(
+        (case.objects[i].agent.kind, case.objects[j].agent.kind),
+        (Pedestrian, Pedestrian) | (Pedestrian, Cyclist) | (Cyclist, Pedestrian)
+    )
+}
+
+/// Share of agent-steps with a collision.
+#[derive(Debug)]
+pub(super) struct AgentAgent;
+
+impl Metric for AgentAgent {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "aa-collision",
+            title: "A-A Coll.",
+            unit: Unit::Rate,
+            lower_is_better: true,
+            source: "ReactSim-Bench, Metric Computation Details: agent-agent collision rate",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let (mut hits, mut valid) = (0, 0);
+        for (i, overlaps) in overlaps(case).iter().enumerate() {
+            (hits, valid) = (hits + overlaps.hits, valid + overlaps.valid);
+            for &(j, first, last) in &overlaps.spells {
+                events.push(Event {
+                    metric: self.spec().id,
+                    step: first,
+                    last_step: last,
+                    agent: case.id(i),
+                    partner: Some(case.id(j)),
+                    reason: None,
+                    counted: true,
+                    values: Vec::new(),
+                });
+            }
+        }
+        (valid > 0).then_some(Score::Rate { hits, valid })
+    }
+}

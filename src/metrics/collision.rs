@@ -1,0 +1,164 @@
+//! Collisions of vehicles with the AV, and whose fault they are (ReactSim-Bench, "Metric Computation Details").
+
+use super::boxes::av_overlap;
+use super::options::FaultOrder;
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use crate::geometry::signed_angle_between;
+
+/// An agent or AV up to this speed is stopped, m/s (nuPlan's stopped-speed threshold; the comparison is `<=`).
+const STOPPED_SPEED: f64 = 0.05;
+/// The AV is behind an agent from this angle between the agent's heading and the direction to the AV, degrees.
+const BEHIND_DEGREES: f64 = 150.0;
+
+/// Why a collision counts or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The agent stands: not its fault.
+    AgentStopped,
+    /// The AV is behind the agent: not the agent's fault.
+    AvBehind,
+    /// The AV stands: the agent's fault.
+    AvStopped,
+    /// The agent's front bumper is in the AV: the agent's fault.
+    FrontBumper,
+    /// The agent is off the road: its fault.
+    AgentOffroad,
+    /// Any other contact: not the agent's fault.
+    Lateral,
+}
+
+impl Fault {
+    /// The name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::AgentStopped => "agent_stopped",
+            Self::AvBehind => "av_behind",
+            Self::AvStopped => "av_stopped",
+            Self::FrontBumper => "front_bumper",
+            Self::AgentOffroad => "agent_offroad",
+            Self::Lateral => "lateral",
+        }
+    }
+
+    /// Whether the agent is at fault.
+    pub const fn at_fault(self) -> bool {
+        matches!(self, Self::AvStopped | Self::FrontBumper | Self::AgentOffroad)
+    }
+}
+
+/// The first contact of a vehicle with the AV.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Step, 1 to 80.
+    pub step: usize,
+    /// Last step of the same overlap.
+    pub last_step: usize,
+    /// Why it counts or not.
+    pub fault: Fault,
+}
+
+/// The first contact of every object with the AV; `None` for those that have none or are no evaluated vehicles.
+pub(super) fn contacts<'c>(case: &'c Case<'_>) -> &'c [Option<Contact>] {
+    case.cache.contacts.get_or_init(|| {
+        let mut contacts = vec![None; case.objects.len()];
+        for i in case.vehicles() {
+            contacts[i] = first_contact(case, i);
+        }
+        contacts
+    })
+}
+
+fn first_contact(case: &Case<'_>, agent: usize) -> Option<Contact> {
+    let hits = &av_overlap(case)[case.motion.at(agent, 0)..][..case.frames()];
+    if case.options.exclude_initial_overlap && hits[case.current] {
+        return None;
+    }
+    let first = case.future().find(|&f| hits[f])?;
+    let last = (first..case.frames()).take_while(|&f| hits[f]).last().unwrap_or(first);
+    Some(Contact {
+        step: first - case.current,
+        last_step: last - case.current,
+        fault: judge(case, agent, first),
+    })
+}
+
+fn judge(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
+    let motion = &case.motion;
+    let (me, av) = (motion.at(agent, frame), motion.at(case.av, frame));
+    let p = motion.position(agent, frame);
+    // Unknown speeds are NaN and so never "stopped".
+    if motion.speed[me] <= STOPPED_SPEED {
+        return Fault::AgentStopped;
+    }
+    let to_av = motion.position(case.av, frame) - p;
+    let behind = signed_angle_between(motion.axis[me], to_av).abs() > BEHIND_DEGREES.to_radians();
+    let av_stopped = motion.speed[av] <= STOPPED_SPEED;
+    match case.options.fault_order {
+        FaultOrder::Paper if behind => return Fault::AvBehind,
+        _ if av_stopped => return Fault::AvStopped,
+        FaultOrder::Nuplan if behind => return Fault::AvBehind,
+        _ => {}
+    }
+    let [front_left, front_right, ..] = motion.footprint(agent, frame).corners();
+    if motion.footprint(case.av, frame).intersects_segment(front_left, front_right) {
+        return Fault::FrontBumper;
+    }
+    if case.road.drivable(p, &mut None) == Some(false) { Fault::AgentOffroad } else { Fault::Lateral }
+}
+
+/// Vehicles that collide with the AV by their own fault.
+#[derive(Debug)]
+pub(super) struct AtFault;
+
+impl Metric for AtFault {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "aav-collision",
+            title: "A-AV Coll.",
+            unit: Unit::Count,
+            lower_is_better: true,
+            source: "ReactSim-Bench, Metric Computation Details: agent-AV collision count",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let mut count = 0;
+        for (i, contact) in contacts(case).iter().enumerate() {
+            let Some(contact) = contact else { continue };
+            count += u64::from(contact.fault.at_fault());
+            let k = case.motion.at(i, case.current + contact.step);
+            let av = case.motion.at(case.av, case.current + contact.step);
+            events.push(Event {
+                metric: self.spec().id,
+                step: contact.step,
+                last_step: contact.last_step,
+                agent: case.id(i),
+                partner: Some(case.id(case.av)),
+                reason: Some(contact.fault.name()),
+                counted: contact.fault.at_fault(),
+                values: vec![("speed", case.motion.speed[k]), ("av_speed", case.motion.speed[av])],
+            });
+        }
+        Some(Score::Count(count))
+    }
+}
+
+/// Vehicles that overlap the AV, whosever fault it is.
+#[derive(Debug)]
+pub(super) struct AnyOverlap;
+
+impl Metric for AnyOverlap {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "aav-overlap",
+            title: "A-AV Overlap",
+            unit: Unit::Count,
+            lower_is_better: true,
+            source: "beside A-AV Coll.: the same first contacts, without the test of fault",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
+        Some(Score::Count(contacts(case).iter().flatten().count() as u64))
+    }
+}

@@ -1,0 +1,64 @@
+//! How far the judged AV leaves the logged one (ReactSim-Bench, "Deviation Statistics").
+
+use super::Case;
+use crate::geometry::Vec2;
+use crate::scene::DT;
+
+/// Difference of the judged AV from the logged AV over the scored steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviationStats {
+    /// Offset of the last position along the AV's current heading, metres; `None` where either is absent.
+    pub endpoint_longitudinal: Option<f64>,
+    /// Offset of the last position to the left of the AV's current heading, metres.
+    pub endpoint_lateral: Option<f64>,
+    /// Mean distance over the steps at which both are valid, metres.
+    pub ade: Option<f64>,
+    /// Mean step length over 0.1 s of the logged AV, m/s.
+    pub mean_speed_log: Option<f64>,
+    /// The same of the judged AV, m/s.
+    pub mean_speed_deviated: Option<f64>,
+    /// Judged minus logged mean speed, m/s.
+    pub mean_speed_difference: Option<f64>,
+}
+
+/// The statistics; `None` without a log or an AV.
+pub(super) fn deviation(case: &Case<'_>) -> Option<DeviationStats> {
+    let log = case.log.as_ref()?;
+    if !case.present(case.av) {
+        return None;
+    }
+    let log = &log[case.av];
+    let logged = |f: usize| log.at(f).filter(|s| s.is_finite()).map(|s| s.position());
+    let judged = |f: usize| case.motion.valid(case.av, f).then(|| case.motion.position(case.av, f));
+    let (mut sum, mut n) = (0.0, 0_u32);
+    for f in case.future() {
+        if let (Some(a), Some(b)) = (judged(f), logged(f)) {
+            sum += (a.x - b.x).hypot(a.y - b.y);
+            n += 1;
+        }
+    }
+    let last = case.frames() - 1;
+    let ahead = case.motion.axis[case.motion.at(case.av, case.current)];
+    let end = judged(last).zip(logged(last)).map(|(a, b)| a - b);
+    let speeds = (mean_speed(case, logged), mean_speed(case, judged));
+    Some(DeviationStats {
+        endpoint_longitudinal: end.map(|d| d.dot(&ahead)),
+        endpoint_lateral: end.map(|d| ahead.perp(&d)),
+        ade: (n > 0).then(|| sum / f64::from(n)),
+        mean_speed_log: speeds.0,
+        mean_speed_deviated: speeds.1,
+        mean_speed_difference: speeds.0.zip(speeds.1).map(|(log, judged)| judged - log),
+    })
+}
+
+/// Mean length of the steps between consecutive valid frames, over 0.1 s; the first step begins at the current frame.
+fn mean_speed(case: &Case<'_>, at: impl Fn(usize) -> Option<Vec2>) -> Option<f64> {
+    let (mut sum, mut n) = (0.0, 0_u32);
+    for f in case.future() {
+        if let (Some(a), Some(b)) = (at(f - 1), at(f)) {
+            sum += (b.x - a.x).hypot(b.y - a.y) / DT;
+            n += 1;
+        }
+    }
+    (n > 0).then(|| sum / f64::from(n))
+}

@@ -1,0 +1,233 @@
+//! Which lane a vehicle is on: nuPlan's route over lanes and connectors, or every point by itself.
+
+use std::ops::Range;
+
+use crate::geometry::{Projection, Vec2, wrap};
+use crate::metrics::Case;
+use crate::metrics::options::DirConnector;
+use crate::scene::{LaneClass, LaneHit, LaneKind, Road};
+
+/// A vehicle that leaves its connector stays on it up to this distance, metres (nuPlan `get_route`).
+const PROXIMITY: f64 = 5.0;
+
+/// Where a pose lies on its lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Placed {
+    /// Index of the lane.
+    pub(super) lane: usize,
+    /// Arc length of the nearest point of the baseline, metres.
+    pub(super) s: f64,
+    /// Direction of the segment that holds it, radians.
+    pub(super) theta: f64,
+}
+
+/// Assigns lanes to poses; keeps its buffers between vehicles.
+pub(super) struct Tracker<'c> {
+    road: Road<'c>,
+    /// Bike lanes of maps without drivable polygons overlap the lanes beside them and are left out.
+    skip_bikes: bool,
+    hits: Vec<LaneHit>,
+    /// Hits of all poses of a run, one after the other, and the range of each pose.
+    all_hits: Vec<LaneHit>,
+    hit_ranges: Vec<Range<usize>>,
+    /// Candidate lists of all poses in one store, and the range of each pose.
+    members: Vec<usize>,
+    lists: Vec<Range<usize>>,
+}
+
+impl<'c> Tracker<'c> {
+    pub(super) fn new(case: &Case<'c>) -> Self {
+        let skip_bikes = case.road.map.drivable_area.is_none()
+            && case.road.map.lanes.iter().any(|l| l.class == LaneClass::Bike);
+        Self {
+            road: case.road,
+            skip_bikes,
+            hits: Vec::new(),
+            all_hits: Vec::new(),
+            hit_ranges: Vec::new(),
+            members: Vec::new(),
+            lists: Vec::new(),
+        }
+    }
+
+    fn look(&mut self, p: Vec2) {
+        self.road.lanes_at(p, &mut self.hits);
+        if self.skip_bikes {
+            let road = self.road;
+            self.hits.retain(|h| road.lane(h.lane).class != LaneClass::Bike);
+        }
+    }
+
+    fn placed(&self, lane: usize, projection: &Projection) -> Placed {
+        Placed { lane, s: projection.s, theta: self.road.lane(lane).baseline.heading(projection.segment) }
+    }
+
+    /// Whether any lane holds `p`, and whether one of them surely points less than `degrees` off `axis`.
+    pub(super) fn some_lane_along(
+        &mut self,
+        _case: &Case<'_>,
+        p: Vec2,
+        axis: Vec2,
+        degrees: f64,
+    ) -> (bool, bool) {
+        self.look(p);
+        // The margin keeps rounding on the safe side: what is close to the bound is judged exactly.
+        let least = degrees.to_radians().cos() + 1e-9;
+        let along = self.hits.iter().any(|h| {
+            let (a, b) = self.road.lane(h.lane).baseline.segment(h.projection.segment);
+            (b - a).dot(&axis) > least * (b - a).norm()
+        });
+        (!self.hits.is_empty(), along)
+    }
+
+    /// Every lane that holds the pose, the least heading error counts; the first in map order on ties.
+    pub(super) fn pointwise(
+        &mut self,
+        case: &Case<'_>,
+        agent: usize,
+        run: Range<usize>,
+        placed: &mut Vec<Option<Placed>>,
+    ) {
+        placed.clear();
+        for f in run {
+            self.look(case.motion.position(agent, f));
+            let heading = case.motion.heading[case.motion.at(agent, f)];
+            let all = self.hits.iter().map(|h| self.placed(h.lane, &h.projection));
+            placed.push(least_error(all, heading));
+        }
+    }
+
+    /// nuPlan's `get_route` and `remove_extra_lane_connectors`, on box centres.
+    pub(super) fn route(
+        &mut self,
+        case: &Case<'_>,
+        agent: usize,
+        run: Range<usize>,
+        placed: &mut Vec<Option<Placed>>,
+    ) {
+        self.all_hits.clear();
+        self.hit_ranges.clear();
+        self.members.clear();
+        self.lists.clear();
+        for f in run.clone() {
+            let p = case.motion.position(agent, f);
+            self.look(p);
+            let from = self.all_hits.len();
+            self.all_hits.extend_from_slice(&self.hits);
+            self.hit_ranges.push(from..self.all_hits.len());
+            let list = self.advance(p);
+            self.lists.push(list);
+        }
+        self.prune();
+        placed.clear();
+        for (q, f) in run.enumerate() {
+            let p = case.motion.position(agent, f);
+            let hits = &self.all_hits[self.hit_ranges[q].clone()];
+            let place = |&lane: &usize| match hits.iter().find(|h| h.lane == lane) {
+                Some(hit) => self.placed(lane, &hit.projection),
+                None => self.placed(lane, &self.road.lane(lane).baseline.project(p)),
+            };
+            let list = &self.members[self.lists[q].clone()];
+            placed.push(match case.options.dir_connector {
+                DirConnector::First => list.first().map(place),
+                DirConnector::MinHeading => {
+                    least_error(list.iter().map(place), case.motion.heading[case.motion.at(agent, f)])
+                }
+            });
+        }
+    }
+
+    fn holds(&self, lane: usize) -> bool {
+        self.hits.iter().any(|h| h.lane == lane)
+    }
+
+    fn begins_with(&self, list: &Range<usize>, kind: LaneKind) -> bool {
+        self.members[list.clone()].first().is_some_and(|&lane| self.road.lane(lane).kind == kind)
+    }
+
+    /// The candidate list of the next pose at `p`, whose hits have been looked up.
+    fn advance(&mut self, p: Vec2) -> Range<usize> {
+        let q = self.lists.len();
+        let before = self.lists.last().cloned().unwrap_or(0..0);
+        let start = self.members.len();
+        for k in before.clone() {
+            let lane = self.members[k];
+            if self.holds(lane) {
+                self.members.push(lane);
+            }
+        }
+        if self.members.len() == start && before.len() == 1 {
+            let only = self.members[before.start];
+            for &next in &self.road.map.lanes[only].successors {
+                if self.holds(next) {
+                    self.members.push(next);
+                }
+            }
+        }
+        if self.members.len() > start {
+            return start..self.members.len();
+        }
+        let is_lane = |h: &&LaneHit| self.road.lane(h.lane).kind == LaneKind::Lane;
+        match self.hits.iter().find(is_lane) {
+            Some(hit) => self.members.push(hit.lane),
+            None => self.members.extend(self.hits.iter().map(|h| h.lane)),
+        }
+        let fresh = start..self.members.len();
+        let lost = fresh.is_empty() && self.road.in_intersection(p);
+        if q > 1
+            && self.begins_with(&before, LaneKind::Connector)
+            && (lost || self.begins_with(&fresh, LaneKind::Connector))
+        {
+            let end = self.members.len();
+            for k in before {
+                let lane = self.members[k];
+                if self.road.distance_to_lane(p, lane) < PROXIMITY {
+                    self.members.push(lane);
+                }
+            }
+            if self.members.len() > end {
+                return end..self.members.len();
+            }
+        }
+        fresh
+    }
+
+    /// From the last pose but one back to the first: ambiguous lists are narrowed by what came next.
+    fn prune(&mut self) {
+        for q in (0..self.lists.len().saturating_sub(1)).rev() {
+            let (mut list, next) = (self.lists[q].clone(), self.lists[q + 1].clone());
+            if list.len() <= 1 {
+                continue;
+            }
+            let held = |lane: &usize| self.members[list.clone()].contains(lane);
+            if list.len() > next.len() && self.members[next.clone()].iter().all(held) {
+                list = next.clone();
+            }
+            if self.begins_with(&next, LaneKind::Lane) {
+                let incoming = &self.road.map.lanes[self.members[next.start]].predecessors;
+                let start = self.members.len();
+                for k in list.clone() {
+                    let lane = self.members[k];
+                    if incoming.contains(&lane) {
+                        self.members.push(lane);
+                    }
+                }
+                if self.members.len() > start {
+                    list = start..self.members.len();
+                }
+            }
+            self.lists[q] = list;
+        }
+    }
+}
+
+fn least_error(places: impl Iterator<Item = Placed>, heading: f64) -> Option<Placed> {
+    let mut best: Option<(f64, Placed)> = None;
+    for place in places {
+        let error = wrap(heading - place.theta).abs();
+        if best.is_none_or(|(least, _)| error < least) {
+            best = Some((error, place));
+        }
+    }
+    best.map(|b| b.1)
+}

@@ -1,0 +1,203 @@
+//! Infeasible accelerations and curvatures of vehicles (ReactSim-Bench, "Metric Computation Details"; the inverse of Waymax's
+//! bicycle model).
+
+use super::options::CurvatureYaw;
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use crate::geometry::wrap;
+use crate::scene::DT;
+
+/// Largest feasible acceleration, m/s².
+const MAX_ACCELERATION: f64 = 6.0;
+/// Largest feasible curvature, 1/m.
+const MAX_CURVATURE: f64 = 0.3;
+/// Tolerance of both bounds.
+const TOLERANCE: f64 = 1e-3;
+/// Below this speed at either end the curvature is taken for 0, m/s.
+const LOW_SPEED: f64 = 0.6;
+
+/// A stretch of violating transitions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spell {
+    /// Step at the end of its first transition.
+    pub first: usize,
+    /// Step at the end of its last transition.
+    pub last: usize,
+    /// The value of greatest magnitude, signed.
+    pub peak: f64,
+}
+
+/// How often a vehicle moves infeasibly.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Infeasible {
+    /// Transitions judged.
+    pub valid: u64,
+    /// Accelerations beyond the bound.
+    pub acceleration: Violations,
+    /// Curvatures beyond the bound, of heading minus heading.
+    pub curvature: Violations,
+    /// Curvatures beyond the bound, of velocity direction minus heading.
+    pub curvature_velocity: Violations,
+}
+
+/// Transitions that violate one bound.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Violations {
+    /// Their number.
+    pub hits: u64,
+    /// The stretches of consecutive ones.
+    pub spells: Vec<Spell>,
+}
+
+impl Violations {
+    fn note(&mut self, value: f64, bound: f64, step: usize) {
+        if !(value.abs() > bound + TOLERANCE) {
+            return;
+        }
+        self.hits += 1;
+        match self.spells.last_mut() {
+            Some(spell) if spell.last + 1 == step => {
+                spell.last = step;
+                if value.abs() > spell.peak.abs() {
+                    spell.peak = value;
+                }
+            }
+            _ => self.spells.push(Spell { first: step, last: step, peak: value }),
+        }
+    }
+}
+
+impl Infeasible {
+    /// The curvature violations under an option.
+    pub fn curvature_by(&self, yaw: CurvatureYaw) -> &Violations {
+        match yaw {
+            CurvatureYaw::Heading => &self.curvature,
+            CurvatureYaw::Velocity => &self.curvature_velocity,
+        }
+    }
+}
+
+/// The transitions of every object; zeros for those that are no evaluated vehicles.
+pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [Infeasible] {
+    case.cache.infeasible.get_or_init(|| {
+        let mut found = vec![Infeasible::default(); case.objects.len()];
+        for i in case.vehicles() {
+            found[i] = transitions(case, i);
+        }
+        found
+    })
+}
+
+fn transitions(case: &Case<'_>, agent: usize) -> Infeasible {
+    let motion = &case.motion;
+    let mut found = Infeasible::default();
+    for f in case.current..case.frames() - 1 {
+        let (k0, k1) = (motion.at(agent, f), motion.at(agent, f + 1));
+        let (v0, v1) = (motion.speed[k0], motion.speed[k1]);
+        // Speeds of absent frames are NaN too.
+        if v0.is_nan() || v1.is_nan() {
+            continue;
+        }
+        found.valid += 1;
+        let step = f + 1 - case.current;
+        let a = (v1 - v0) / DT;
+        found.acceleration.note(a, MAX_ACCELERATION, step);
+        if v0 < LOW_SPEED || v1 < LOW_SPEED {
+            continue;
+        }
+        let d = v0 * DT + 0.5 * a * DT * DT;
+        let curvature = |heading: f64| wrap(heading - motion.heading[k0]) / d;
+        found.curvature.note(curvature(motion.heading[k1]), MAX_CURVATURE, step);
+        let v = motion.velocity[k1];
+        let towards = if v1 > LOW_SPEED { v.y.atan2(v.x) } else { motion.heading[k1] };
+        found.curvature_velocity.note(curvature(towards), MAX_CURVATURE, step);
+    }
+    found
+}
+
+fn rate<'c>(
+    case: &'c Case<'_>,
+    metric: &'static str,
+    value: &'static str,
+    of: impl Fn(&'c Infeasible) -> &'c Violations,
+    events: &mut Vec<Event>,
+) -> Option<Score> {
+    let (mut hits, mut valid) = (0, 0);
+    for (i, found) in infeasible(case).iter().enumerate() {
+        let violations = of(found);
+        (hits, valid) = (hits + violations.hits, valid + found.valid);
+        for spell in &violations.spells {
+            events.push(Event {
+                metric,
+                step: spell.first,
+                last_step: spell.last,
+                agent: case.id(i),
+                partner: None,
+                reason: None,
+                counted: true,
+                values: vec![(value, spell.peak)],
+            });
+        }
+    }
+    (valid > 0).then_some(Score::Rate { hits, valid })
+}
+
+/// Share of transitions with an infeasible acceleration.
+#[derive(Debug)]
+pub(super) struct Acceleration;
+
+impl Metric for Acceleration {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "acceleration",
+            title: "Acc.",
+            unit: Unit::Rate,
+            lower_is_better: true,
+            source: "ReactSim-Bench, Metric Computation Details: acceleration infeasibility",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        rate(case, self.spec().id, "acceleration", |f| &f.acceleration, events)
+    }
+}
+
+/// Share of transitions with an infeasible curvature.
+#[derive(Debug)]
+pub(super) struct Curvature;
+
+impl Metric for Curvature {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "curvature",
+            title: "Steer.",
+            unit: Unit::Rate,
+            lower_is_better: true,
+            source: "ReactSim-Bench, Metric Computation Details: steering-curvature infeasibility",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let yaw = case.options.curvature_yaw;
+        rate(case, self.spec().id, "curvature", |f| f.curvature_by(yaw), events)
+    }
+}
+
+/// Share of transitions with an infeasible curvature, by the direction of the velocity.
+#[derive(Debug)]
+pub(super) struct CurvatureVelocity;
+
+impl Metric for CurvatureVelocity {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "curvature-velocity",
+            title: "Steer. (vel.)",
+            unit: Unit::Rate,
+            lower_is_better: true,
+            source: "Waymax bicycle model, heading change by velocity direction; printed beside Steer.",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        rate(case, self.spec().id, "curvature", |f| &f.curvature_velocity, events)
+    }
+}

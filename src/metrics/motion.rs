@@ -1,0 +1,126 @@
+//! Positions, boxes and velocities of all objects over all frames, computed once per case.
+
+use super::options::VelocitySource;
+use super::{Object, Options};
+use crate::geometry::{OrientedBox, Vec2, direction};
+use crate::scene::DT;
+
+/// Arrays over objects × frames (`object * frames + frame`). NaN stands for absent or unknown.
+#[derive(Debug)]
+pub(super) struct Motion {
+    pub(super) frames: usize,
+    /// Whether an object takes part at all; the arrays of others are NaN.
+    pub(super) present: Vec<bool>,
+    pub(super) x: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) heading: Vec<f64>,
+    pub(super) axis: Vec<Vec2>,
+    pub(super) velocity: Vec<Vec2>,
+    pub(super) speed: Vec<f64>,
+    /// Half of length and width per object.
+    half: Vec<(f64, f64)>,
+    /// Radius of the circle that holds the box, per object.
+    pub(super) radius: Vec<f64>,
+}
+
+impl Motion {
+    pub(super) fn new(objects: &[Object<'_>], current: usize, frames: usize, options: &Options) -> Self {
+        let n = objects.len() * frames;
+        let unknown = Vec2::new(f64::NAN, f64::NAN);
+        let mut m = Self {
+            frames,
+            present: Vec::with_capacity(objects.len()),
+            x: vec![f64::NAN; n],
+            y: vec![f64::NAN; n],
+            heading: vec![f64::NAN; n],
+            axis: vec![unknown; n],
+            velocity: vec![unknown; n],
+            speed: vec![f64::NAN; n],
+            half: Vec::with_capacity(objects.len()),
+            radius: Vec::with_capacity(objects.len()),
+        };
+        for (i, object) in objects.iter().enumerate() {
+            let (length, width) = (object.agent.length, object.agent.width);
+            m.half.push((0.5 * length, 0.5 * width));
+            m.radius.push((0.5 * length).hypot(0.5 * width));
+            let now = object.track.get(current).copied().flatten();
+            let present = now.is_some_and(|s| s.is_finite()) && length > 0.0 && width > 0.0;
+            m.present.push(present);
+            if present {
+                m.fill(i * frames, object, options);
+            }
+        }
+        m
+    }
+
+    fn fill(&mut self, base: usize, object: &Object<'_>, options: &Options) {
+        let states = object.track.iter().take(self.frames);
+        for (f, state) in states.enumerate().filter_map(|(f, s)| Some((f, s.filter(|s| s.is_finite())?))) {
+            let k = base + f;
+            (self.x[k], self.y[k], self.heading[k]) = (state.x, state.y, state.heading);
+            self.axis[k] = direction(state.heading);
+            if let (VelocitySource::State, Some(v)) = (options.velocity_source, state.velocity()) {
+                self.velocity[k] = v;
+            }
+        }
+        for f in 0..self.frames {
+            let k = base + f;
+            if self.x[k].is_nan() {
+                continue;
+            }
+            if self.velocity[k].x.is_nan() {
+                self.velocity[k] = self.difference(base, f);
+            }
+            self.speed[k] = self.velocity[k].x.hypot(self.velocity[k].y);
+        }
+    }
+
+    /// Backward difference of the positions, else forward difference, else unknown.
+    fn difference(&self, base: usize, f: usize) -> Vec2 {
+        let between = |from: usize, to: usize| {
+            let d = Vec2::new(self.x[to] - self.x[from], self.y[to] - self.y[from]);
+            d / DT
+        };
+        let k = base + f;
+        if f > 0 && !self.x[k - 1].is_nan() {
+            between(k - 1, k)
+        } else if f + 1 < self.frames && !self.x[k + 1].is_nan() {
+            between(k, k + 1)
+        } else {
+            Vec2::new(f64::NAN, f64::NAN)
+        }
+    }
+
+    pub(super) fn at(&self, object: usize, frame: usize) -> usize {
+        object * self.frames + frame
+    }
+
+    pub(super) fn valid(&self, object: usize, frame: usize) -> bool {
+        !self.x[self.at(object, frame)].is_nan()
+    }
+
+    pub(super) fn position(&self, object: usize, frame: usize) -> Vec2 {
+        let k = self.at(object, frame);
+        Vec2::new(self.x[k], self.y[k])
+    }
+
+    /// The sharp box of an object that is valid at the frame.
+    pub(super) fn footprint(&self, object: usize, frame: usize) -> OrientedBox {
+        let k = self.at(object, frame);
+        let (half_length, half_width) = self.half[object];
+        OrientedBox { center: Vec2::new(self.x[k], self.y[k]), axis: self.axis[k], half_length, half_width }
+    }
+
+    /// Squared centre distance from which two objects can not touch; the slack covers rounding.
+    pub(super) fn reach2(&self, a: usize, b: usize) -> f64 {
+        let reach = self.radius[a] + self.radius[b];
+        reach * reach * (1.0 + 1e-9) + 1e-9
+    }
+
+    /// Squared centre distance; NaN where either is absent.
+    pub(super) fn distance2(&self, a: usize, b: usize, frame: usize) -> f64 {
+        let (i, j) = (self.at(a, frame), self.at(b, frame));
+        let (dx, dy) = (self.x[i] - self.x[j], self.y[i] - self.y[j]);
+        dx * dx + dy * dy
+    }
+}

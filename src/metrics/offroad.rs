@@ -1,0 +1,88 @@
+//! Vehicles off the drivable ground (ReactSim-Bench, "Metric Computation Details": off-road rate).
+
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+
+/// How often a vehicle is off the drivable ground.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ground {
+    /// Steps with the centre off the road.
+    pub hits: u64,
+    /// Steps judged; 0 for those that are off the road at the current frame, and in maps that do not tell.
+    pub valid: u64,
+    /// First and last steps of each stay off the road.
+    pub spells: Vec<(usize, usize)>,
+}
+
+/// The ground under every object; zeros for those that are no evaluated vehicles.
+pub(super) fn grounds<'c>(case: &'c Case<'_>) -> &'c [Ground] {
+    case.cache.grounds.get_or_init(|| {
+        let mut grounds = vec![Ground::default(); case.objects.len()];
+        if case.road.knows_drivable() {
+            for i in case.vehicles() {
+                grounds[i] = under(case, i);
+            }
+        }
+        grounds
+    })
+}
+
+fn under(case: &Case<'_>, agent: usize) -> Ground {
+    let mut ground = Ground::default();
+    let mut near = None;
+    if case.road.drivable(case.motion.position(agent, case.current), &mut near) != Some(true) {
+        return ground;
+    }
+    let mut open: Option<(usize, usize)> = None;
+    for f in case.future() {
+        if !case.motion.valid(agent, f) {
+            continue;
+        }
+        ground.valid += 1;
+        let step = f - case.current;
+        if case.road.drivable(case.motion.position(agent, f), &mut near) == Some(false) {
+            ground.hits += 1;
+            open = Some((open.map_or(step, |o| o.0), step));
+        } else {
+            ground.spells.extend(open.take());
+        }
+    }
+    ground.spells.extend(open);
+    ground
+}
+
+/// Share of vehicle-steps off the road.
+#[derive(Debug)]
+pub(super) struct OffRoad;
+
+impl Metric for OffRoad {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "offroad",
+            title: "Off-Road",
+            unit: Unit::Rate,
+            lower_is_better: true,
+            source: "ReactSim-Bench, Metric Computation Details: off-road rate",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let (mut hits, mut valid) = (0, 0);
+        for (i, ground) in grounds(case).iter().enumerate() {
+            (hits, valid) = (hits + ground.hits, valid + ground.valid);
+            for &(first, last) in &ground.spells {
+                let p = case.motion.position(i, case.current + first);
+                events.push(Event {
+                    metric: self.spec().id,
+                    step: first,
+                    last_step: last,
+                    agent: case.id(i),
+                    partner: None,
+                    reason: None,
+                    counted: true,
+                    values: vec![("x", p.x), ("y", p.y)],
+                });
+            }
+        }
+        (valid > 0).then_some(Score::Rate { hits, valid })
+    }
+}
