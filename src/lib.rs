@@ -7,9 +7,9 @@ pub mod scene;
 
 pub mod rollout;
 
-pub mod metrics;
-
 pub mod formats;
+
+pub mod metrics;
 
 pub mod evaluation;
 

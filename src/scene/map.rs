@@ -36,6 +36,24 @@ pub enum LaneKind {
     Connector,
 }
 
+impl LaneKind {
+    /// All kinds.
+    pub const ALL: [Self; 2] = [Self::Lane, Self::Connector];
+
+    /// The name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lane => "lane",
+            Self::Connector => "connector",
+        }
+    }
+
+    /// The kind with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// What a lane is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LaneClass {

@@ -182,11 +182,11 @@ impl Scenario {
 
         let mut stop_lines = Vec::new();
         for (i, line) in parts.map.stop_lines.into_iter().enumerate() {
-            let at = builder.point(&format!("map.stop_lines[{i}].at"), line.at)?;
             let Some(&lane) = names.get(line.lane.as_str()) else {
                 builder.repaired("stop lines on missing lanes");
                 continue;
             };
+            let at = builder.point(&format!("map.stop_lines[{i}].at"), line.at)?;
             let baseline = &lanes[lane].baseline;
             let s = baseline.project(at).s;
             let half = match lanes[lane].area {

@@ -1,0 +1,168 @@
+//! What can be wrong with a file.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::scene::SceneError;
+
+/// Why a file, or one record of it, could not be read or written.
+#[derive(Debug)]
+pub struct FormatError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Index of the record in the file, from 0, where the error concerns one.
+    pub record: Option<u64>,
+    /// Id of the scenario, where known.
+    pub scenario: Option<String>,
+    /// What is wrong.
+    pub cause: Cause,
+    ends_file: bool,
+}
+
+/// What is wrong with a file or a record.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Cause {
+    /// The system refused.
+    #[error("could not {doing}: {source}")]
+    Io {
+        /// What was tried, such as `read` or `write`.
+        doing: &'static str,
+        /// The system's answer.
+        source: io::Error,
+    },
+    /// No format knows the file.
+    #[error("is {found}, not a scenario file; known formats: {known}")]
+    Unrecognised {
+        /// What the file looks like.
+        found: &'static str,
+        /// The known formats.
+        known: String,
+    },
+    /// A folder holds no scenario file.
+    #[error("holds no scenario file; known formats: {known}")]
+    NoInput {
+        /// The known formats.
+        known: String,
+    },
+    /// The file ends inside a record.
+    #[error("is truncated: {what} has {found} of {expected} bytes")]
+    Truncated {
+        /// The part of the record.
+        what: &'static str,
+        /// Bytes found.
+        found: u64,
+        /// Bytes expected.
+        expected: u64,
+    },
+    /// A checksum does not hold.
+    #[error("is damaged: the checksum of {what} is {found}, expected {expected}; fetch the file again")]
+    Checksum {
+        /// What was summed up.
+        what: &'static str,
+        /// The sum of what was read.
+        found: String,
+        /// The sum that the file states.
+        expected: String,
+    },
+    /// The content can not be decoded.
+    #[error("can not be decoded: {0}")]
+    Undecodable(String),
+    /// The file holds another kind of content, another version or other columns.
+    #[error("{what} is {found}, expected {expected}")]
+    Schema {
+        /// Column or key.
+        what: String,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+    /// A field has a value that it can not have.
+    #[error("{field} is {value}, expected {expected}")]
+    Value {
+        /// Path of the field.
+        field: String,
+        /// The value found.
+        value: String,
+        /// What was expected.
+        expected: String,
+    },
+    /// The parts make no scenario.
+    #[error("{} is {}, expected {}", .0.field, .0.value, .0.expected)]
+    Scene(SceneError),
+}
+
+impl Cause {
+    pub(super) fn value(
+        field: impl Into<String>,
+        value: impl fmt::Display,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Value { field: field.into(), value: value.to_string(), expected: expected.into() }
+    }
+
+    pub(super) fn schema(
+        what: impl Into<String>,
+        found: impl fmt::Display,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Schema { what: what.into(), found: found.to_string(), expected: expected.into() }
+    }
+
+    pub(super) fn read(source: io::Error) -> Self {
+        Self::Io { doing: "read", source }
+    }
+
+    pub(super) fn write(source: io::Error) -> Self {
+        Self::Io { doing: "write", source }
+    }
+}
+
+impl FormatError {
+    /// An error after which nothing more of the file can be read.
+    pub(super) fn file(path: &Path, cause: Cause) -> Self {
+        Self { path: path.to_owned(), record: None, scenario: None, cause, ends_file: true }
+    }
+
+    /// An error of one record; reading goes on with the next.
+    pub(super) fn record(path: &Path, record: u64, scenario: Option<String>, cause: Cause) -> Self {
+        Self { path: path.to_owned(), record: Some(record), scenario, cause, ends_file: false }
+    }
+
+    /// The same error, at a record.
+    pub(super) fn at(self, record: u64) -> Self {
+        Self { record: Some(record), ..self }
+    }
+
+    /// The error of parts that make no scenario.
+    pub(super) fn scene(path: &Path, record: u64, error: SceneError) -> Self {
+        let scenario = Some(error.scenario.clone()).filter(|id| !id.is_empty());
+        Self::record(path, record, scenario, Cause::Scene(error))
+    }
+
+    /// Whether reading of the file ends here. Otherwise the error concerns one record, and the next record may be good.
+    pub fn ends_file(&self) -> bool {
+        self.ends_file
+    }
+}
+
+impl fmt::Display for FormatError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if let Some(record) = self.record {
+            write!(f, ": record {record}")?;
+        }
+        if let Some(scenario) = &self.scenario {
+            write!(f, ": scenario `{scenario}`")?;
+        }
+        write!(f, ": {}", self.cause)
+    }
+}
+
+impl std::error::Error for FormatError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        std::error::Error::source(&self.cause)
+    }
+}

@@ -1,0 +1,157 @@
+//! The list of formats, detection and opening.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::error::{Cause, FormatError};
+use super::native::Native;
+use super::womd::Womd;
+use crate::scene::Scenario;
+
+/// Scenarios in file order. An error that [`FormatError::ends_file`] ends the file, others concern one record.
+pub type Scenarios = Box<dyn Iterator<Item = Result<Scenario, FormatError>> + Send>;
+
+/// A record that was split off its file: decoding it is the longer part of the work and can be done on any thread.
+pub type Undecoded = Box<dyn FnOnce() -> Result<Scenario, FormatError> + Send>;
+
+/// Records in file order, not yet decoded. Errors as of [`Scenarios`]; those of one record may come with its decoding.
+pub type PendingScenarios = Box<dyn Iterator<Item = Result<Undecoded, FormatError>> + Send>;
+
+/// A scenario in the form of one that is still to be decoded.
+pub fn decoded(scenario: Scenario) -> Undecoded {
+    Box::new(move || Ok(scenario))
+}
+
+/// A kind of scenario file.
+pub trait ScenarioFormat: Sync {
+    /// The name on the command line.
+    fn id(&self) -> &'static str;
+    /// One line for people.
+    fn title(&self) -> &'static str;
+    /// Whether a file looks like this format: by its first bytes, and where these are damaged by its name.
+    fn recognises(&self, path: &Path) -> bool;
+    /// Opens one file.
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file can not be read at all.
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError>;
+    /// Opens one file for reading by several threads: a format whose decoding is slow leaves it to them.
+    ///
+    /// # Errors
+    /// As [`ScenarioFormat::open`].
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        let scenarios = self.open(path)?;
+        Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
+    }
+}
+
+/// All formats.
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native];
+
+/// A file and its format.
+#[derive(Clone)]
+pub struct Input {
+    /// The file.
+    pub path: PathBuf,
+    /// Its format.
+    pub format: &'static dyn ScenarioFormat,
+}
+
+/// The scenario files at a path: the file itself, or those in the folder and its subfolders, sorted by name. Files of other
+/// kinds in a folder are passed over.
+///
+/// # Errors
+/// [`FormatError`] when the path can not be read, a file is of no known format, or a folder holds no scenario file.
+pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
+    let about = fs::metadata(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+    let mut files = Vec::new();
+    if about.is_dir() {
+        collect(path, &mut files)?;
+    } else {
+        files.push(path.to_owned());
+    }
+    let inputs: Vec<Input> = files
+        .into_iter()
+        .filter_map(|path| {
+            let format = FORMATS.iter().copied().find(|f| f.recognises(&path))?;
+            Some(Input { path, format })
+        })
+        .collect();
+    if !inputs.is_empty() {
+        return Ok(inputs);
+    }
+    let known: Vec<String> = FORMATS.iter().map(|f| format!("{} ({})", f.id(), f.title())).collect();
+    let known = known.join(", ");
+    Err(FormatError::file(
+        path,
+        if about.is_dir() {
+            Cause::NoInput { known }
+        } else {
+            let found = kind_of(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+            Cause::Unrecognised { found, known }
+        },
+    ))
+}
+
+/// Reads all scenarios at a path: a file or a folder. A file of a folder that can not be read is reported once, and the next
+/// one is read.
+///
+/// # Errors
+/// As [`find_inputs`]; for a single file also when it can not be opened.
+pub fn open(path: &Path) -> Result<Scenarios, FormatError> {
+    let inputs = find_inputs(path)?;
+    if let [only] = inputs.as_slice() {
+        return only.format.open(&only.path);
+    }
+    Ok(Box::new(inputs.into_iter().flat_map(|input| match input.format.open(&input.path) {
+        Ok(scenarios) => scenarios,
+        Err(error) => Box::new(std::iter::once(Err(error))),
+    })))
+}
+
+/// The files below a folder, in the order of their names. A link to a folder above itself ends at the system's depth limit.
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
+    let refuse = |e| FormatError::file(folder, Cause::read(e));
+    let mut entries = Vec::new();
+    for entry in fs::read_dir(folder).map_err(refuse)? {
+        entries.push(entry.map_err(refuse)?.path());
+    }
+    entries.sort();
+    for path in entries {
+        let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        if path.is_dir() {
+            collect(&path, files)?;
+        } else if !hidden {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// The first bytes of a file, fewer where it is shorter.
+pub(super) fn head(path: &Path, bytes: u64) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    File::open(path)?.take(bytes).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+/// Whether the name of a file ends so, in any case.
+pub(super) fn named(path: &Path, ending: &str) -> bool {
+    path.file_name().is_some_and(|n| n.to_string_lossy().to_ascii_lowercase().ends_with(ending))
+}
+
+fn kind_of(path: &Path) -> std::io::Result<&'static str> {
+    let head = head(path, 4096)?;
+    let text = head.trim_ascii_start();
+    Ok(match &head[..] {
+        [] => "empty",
+        [b'P', b'A', b'R', b'1', ..] => "a Parquet file of another kind",
+        [0x1f, 0x8b, ..] => "a gzip file without TFRecords",
+        [0x28, 0xb5, 0x2f, 0xfd, ..] => "a zstd file without TFRecords",
+        [0x80, 0x02..=0x05, ..] => "a Python pickle",
+        _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
+        _ if text.starts_with(b"<") => "an XML file",
+        _ => "a file of an unknown kind",
+    })
+}

@@ -1,0 +1,264 @@
+//! The shape of a hand-written scenario file. What the fields mean is told in `scenarios/README.md`.
+
+use serde::Deserialize;
+
+/// The value of `format`.
+pub(super) const FORMAT: &str = "reactsim-scenario-v1";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawScenario {
+    pub(super) format: String,
+    pub(super) id: String,
+    pub(super) intent: String,
+    #[serde(default)]
+    pub(super) source: Option<String>,
+    #[serde(default)]
+    pub(super) timestamps: Vec<f64>,
+    #[serde(default)]
+    pub(super) av: Option<String>,
+    pub(super) agents: Vec<RawAgent>,
+    #[serde(default)]
+    pub(super) tracks_to_predict: Vec<String>,
+    #[serde(default)]
+    pub(super) objects_of_interest: Vec<String>,
+    #[serde(default)]
+    pub(super) map: RawMap,
+    #[serde(default)]
+    pub(super) lights: Vec<RawLight>,
+    #[serde(default)]
+    pub(super) deviation: Option<RawDeviation>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawAgent {
+    pub(super) id: String,
+    #[serde(default = "vehicle")]
+    pub(super) kind: String,
+    pub(super) length: f64,
+    pub(super) width: f64,
+    #[serde(default)]
+    pub(super) track: Option<RawTrack>,
+    #[serde(default)]
+    pub(super) motion: Option<RawMotion>,
+}
+
+fn vehicle() -> String {
+    "vehicle".to_owned()
+}
+
+/// One entry per frame; `null` where absent (x, y, heading) or unknown (vx, vy).
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawTrack {
+    pub(super) x: Vec<Option<f64>>,
+    pub(super) y: Vec<Option<f64>>,
+    pub(super) heading: Vec<Option<f64>>,
+    #[serde(default)]
+    pub(super) vx: Option<Vec<Option<f64>>>,
+    #[serde(default)]
+    pub(super) vy: Option<Vec<Option<f64>>>,
+}
+
+/// The state at the current frame, the second before and the pieces after it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMotion {
+    pub(super) at: [f64; 2],
+    #[serde(default)]
+    pub(super) heading: f64,
+    #[serde(default)]
+    pub(super) speed: f64,
+    #[serde(default)]
+    pub(super) past: RawPast,
+    #[serde(default)]
+    pub(super) pieces: Vec<RawPiece>,
+    #[serde(default)]
+    pub(super) frames: Option<[usize; 2]>,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawPast {
+    #[serde(default)]
+    pub(super) acceleration: f64,
+    #[serde(default)]
+    pub(super) curvature: f64,
+}
+
+/// A stretch of time with constant acceleration and curvature, and a sideways shift.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawPiece {
+    pub(super) seconds: f64,
+    #[serde(default)]
+    pub(super) acceleration: f64,
+    #[serde(default)]
+    pub(super) curvature: f64,
+    #[serde(default)]
+    pub(super) shift: f64,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMap {
+    #[serde(default)]
+    pub(super) lanes: Vec<RawLane>,
+    #[serde(default)]
+    pub(super) road_edges: Vec<RawEdge>,
+    #[serde(default)]
+    pub(super) road_lines: Vec<RawLine>,
+    #[serde(default)]
+    pub(super) stop_lines: Vec<RawStopLine>,
+    #[serde(default)]
+    pub(super) crosswalks: Vec<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) speed_bumps: Vec<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) driveways: Vec<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) intersections: Vec<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) drivable_area: Option<Vec<RawPolygon>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawLane {
+    pub(super) id: String,
+    #[serde(default = "lane")]
+    pub(super) kind: String,
+    #[serde(default = "surface_street")]
+    pub(super) class: String,
+    #[serde(default)]
+    pub(super) speed_limit: Option<f64>,
+    #[serde(default)]
+    pub(super) points: Option<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) path: Option<RawPath>,
+    #[serde(default)]
+    pub(super) half_width: Option<f64>,
+    #[serde(default)]
+    pub(super) polygon: Option<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) successors: Vec<String>,
+    #[serde(default)]
+    pub(super) predecessors: Option<Vec<String>>,
+    #[serde(default)]
+    pub(super) left: Vec<RawNeighbor>,
+    #[serde(default)]
+    pub(super) right: Vec<RawNeighbor>,
+}
+
+fn lane() -> String {
+    "lane".to_owned()
+}
+
+fn surface_street() -> String {
+    "surface_street".to_owned()
+}
+
+/// A line from a point through straight pieces and arcs.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawPath {
+    pub(super) at: [f64; 2],
+    #[serde(default)]
+    pub(super) heading: f64,
+    pub(super) pieces: Vec<RawArc>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawArc {
+    pub(super) length: f64,
+    #[serde(default)]
+    pub(super) curvature: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawNeighbor {
+    pub(super) lane: String,
+    #[serde(default)]
+    pub(super) self_start: Option<u32>,
+    #[serde(default)]
+    pub(super) self_end: Option<u32>,
+    #[serde(default)]
+    pub(super) other_start: Option<u32>,
+    #[serde(default)]
+    pub(super) other_end: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawEdge {
+    #[serde(default = "boundary")]
+    pub(super) kind: String,
+    #[serde(default)]
+    pub(super) points: Option<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) path: Option<RawPath>,
+}
+
+fn boundary() -> String {
+    "boundary".to_owned()
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawLine {
+    #[serde(default)]
+    pub(super) paint: u8,
+    #[serde(default)]
+    pub(super) points: Option<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) path: Option<RawPath>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawStopLine {
+    pub(super) kind: String,
+    pub(super) lane: String,
+    pub(super) at: [f64; 2],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawPolygon {
+    pub(super) exterior: Vec<[f64; 2]>,
+    #[serde(default)]
+    pub(super) holes: Vec<Vec<[f64; 2]>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawLight {
+    pub(super) lane: String,
+    pub(super) stop_point: [f64; 2],
+    #[serde(default)]
+    pub(super) states: Option<Vec<Option<String>>>,
+    #[serde(default)]
+    pub(super) phases: Option<Vec<RawPhase>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawPhase {
+    #[serde(default)]
+    pub(super) state: Option<String>,
+    pub(super) seconds: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawDeviation {
+    #[serde(default)]
+    pub(super) category: Option<String>,
+    #[serde(default)]
+    pub(super) track: Option<RawTrack>,
+    #[serde(default)]
+    pub(super) pieces: Option<Vec<RawPiece>>,
+}

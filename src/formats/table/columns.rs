@@ -1,0 +1,298 @@
+//! Columns of nested lists: filled value by value, read as slices.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use arrow_array::builder::{BooleanBufferBuilder, StringBuilder};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float32Type, Float64Type, Int32Type, Int64Type, UInt32Type};
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, ListArray, RecordBatch, UInt32Array};
+use arrow_buffer::{NullBuffer, OffsetBuffer};
+use arrow_schema::{DataType, Field};
+
+use crate::formats::error::Cause;
+
+/// What the innermost cells of a column hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Leaf {
+    Number,
+    Whole,
+    Text,
+    Flag,
+}
+
+/// One cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Value<'a> {
+    Number(f64),
+    Whole(u32),
+    Text(&'a str),
+    Flag(bool),
+    Null,
+}
+
+impl From<Option<f64>> for Value<'_> {
+    fn from(v: Option<f64>) -> Self {
+        v.map_or(Self::Null, Self::Number)
+    }
+}
+
+impl<'a> From<Option<&'a str>> for Value<'a> {
+    fn from(v: Option<&'a str>) -> Self {
+        v.map_or(Self::Null, Self::Text)
+    }
+}
+
+/// A column being filled.
+pub(crate) struct Column {
+    name: &'static str,
+    leaf: Leaf,
+    nullable: bool,
+    /// Ends of the lists, outermost first; values of a list at one depth are lists of the next.
+    ends: Vec<Vec<i32>>,
+    numbers: Vec<f64>,
+    wholes: Vec<u32>,
+    texts: StringBuilder,
+    flags: BooleanBufferBuilder,
+    present: BooleanBufferBuilder,
+}
+
+impl Column {
+    /// An empty column of lists nested so deep (0: plain cells).
+    pub(crate) fn new(name: &'static str, leaf: Leaf, depth: usize, nullable: bool) -> Self {
+        Self {
+            name,
+            leaf,
+            nullable,
+            ends: vec![vec![0]; depth],
+            numbers: Vec::new(),
+            wholes: Vec::new(),
+            texts: StringBuilder::new(),
+            flags: BooleanBufferBuilder::new(0),
+            present: BooleanBufferBuilder::new(0),
+        }
+    }
+
+    pub(crate) fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// The arrow field. List elements are called `element`, as the Parquet standard asks.
+    pub(crate) fn field(&self) -> Field {
+        let leaf = match self.leaf {
+            Leaf::Number => DataType::Float64,
+            Leaf::Whole => DataType::UInt32,
+            Leaf::Text => DataType::Utf8,
+            Leaf::Flag => DataType::Boolean,
+        };
+        let (mut name, mut data, mut nullable) = (self.name, leaf, self.nullable);
+        for depth in (0..self.ends.len()).rev() {
+            let element = Field::new("element", data, nullable);
+            (data, nullable) = (DataType::List(Arc::new(element)), false);
+            name = if depth == 0 { self.name } else { "element" };
+        }
+        Field::new(name, data, nullable)
+    }
+
+    /// The path of the leaf in Parquet's schema.
+    pub(crate) fn path(&self) -> String {
+        format!("{}{}", self.name, ".list.element".repeat(self.ends.len()))
+    }
+
+    pub(crate) fn leaf(&self) -> Leaf {
+        self.leaf
+    }
+
+    /// Adds one cell.
+    pub(crate) fn push(&mut self, value: Value<'_>) {
+        self.present.append(!matches!(value, Value::Null));
+        match (self.leaf, value) {
+            (Leaf::Number, Value::Number(v)) => self.numbers.push(v),
+            (Leaf::Number, _) => self.numbers.push(0.0),
+            (Leaf::Whole, Value::Whole(v)) => self.wholes.push(v),
+            (Leaf::Whole, _) => self.wholes.push(0),
+            (Leaf::Text, Value::Text(v)) => self.texts.append_value(v),
+            (Leaf::Text, _) => self.texts.append_value(""),
+            (Leaf::Flag, value) => self.flags.append(matches!(value, Value::Flag(true))),
+        }
+    }
+
+    /// Ends the list at this depth: all that was added since the last end is in it.
+    fn close(&mut self, depth: usize) {
+        let cells = self.present.len() as i32;
+        let end = self.ends.get(depth + 1).map_or(cells, |inner| inner.len() as i32 - 1);
+        self.ends[depth].push(end);
+    }
+
+    /// Adds a row of a column of depth 1.
+    pub(crate) fn list<'a>(&mut self, cells: impl IntoIterator<Item = Value<'a>>) {
+        cells.into_iter().for_each(|v| self.push(v));
+        self.close(0);
+    }
+
+    /// Adds a row of a column of depth 2.
+    pub(crate) fn lists<'a, I: IntoIterator<Item = Value<'a>>>(&mut self, rows: impl IntoIterator<Item = I>) {
+        for row in rows {
+            row.into_iter().for_each(|v| self.push(v));
+            self.close(1);
+        }
+        self.close(0);
+    }
+
+    /// Adds a row of a column of depth 3.
+    pub(crate) fn nested<'a, I, J>(&mut self, rows: impl IntoIterator<Item = J>)
+    where
+        I: IntoIterator<Item = Value<'a>>,
+        J: IntoIterator<Item = I>,
+    {
+        for row in rows {
+            for cells in row {
+                cells.into_iter().for_each(|v| self.push(v));
+                self.close(2);
+            }
+            self.close(1);
+        }
+        self.close(0);
+    }
+
+    /// Takes what was added as an array and starts anew.
+    pub(crate) fn take(&mut self) -> ArrayRef {
+        let mut fields = vec![self.field()];
+        while let DataType::List(inner) = fields[fields.len() - 1].data_type() {
+            let inner = inner.as_ref().clone();
+            fields.push(inner);
+        }
+        let present = self.present.finish();
+        let nulls = self.nullable.then(|| NullBuffer::new(present));
+        let mut array: ArrayRef = match self.leaf {
+            Leaf::Number => Arc::new(Float64Array::new(std::mem::take(&mut self.numbers).into(), nulls)),
+            Leaf::Whole => Arc::new(UInt32Array::new(std::mem::take(&mut self.wholes).into(), nulls)),
+            Leaf::Flag => Arc::new(BooleanArray::new(self.flags.finish(), nulls)),
+            Leaf::Text => {
+                let (offsets, data, _) = self.texts.finish().into_parts();
+                Arc::new(arrow_array::StringArray::new(offsets, data, nulls))
+            }
+        };
+        for depth in (0..self.ends.len()).rev() {
+            let ends = std::mem::replace(&mut self.ends[depth], vec![0]);
+            let element = Arc::new(fields[depth + 1].clone());
+            array = Arc::new(ListArray::new(element, OffsetBuffer::new(ends.into()), array, None));
+        }
+        array
+    }
+}
+
+/// A column that was read.
+pub(crate) struct View {
+    name: &'static str,
+    offsets: Vec<OffsetBuffer<i32>>,
+    leaf: ArrayRef,
+}
+
+impl View {
+    /// The column of this name, checked to be lists nested so deep over cells of this kind. `None` where it is missing.
+    pub(crate) fn find(
+        batch: &RecordBatch,
+        name: &'static str,
+        leaf: Leaf,
+        depth: usize,
+    ) -> Result<Option<Self>, Cause> {
+        let Some(column) = batch.column_by_name(name) else { return Ok(None) };
+        let refuse = || {
+            let lists = "list of ".repeat(depth);
+            let kind = match leaf {
+                Leaf::Number => "float64",
+                Leaf::Whole => "uint32",
+                Leaf::Text => "string",
+                Leaf::Flag => "boolean",
+            };
+            Cause::schema(format!("column `{name}`"), column.data_type(), format!("{lists}{kind}"))
+        };
+        let (mut array, mut offsets) = (column.clone(), Vec::with_capacity(depth));
+        for _ in 0..depth {
+            let list = array.as_list_opt::<i32>().ok_or_else(refuse)?;
+            offsets.push(list.offsets().clone());
+            array = list.values().clone();
+        }
+        array = match (leaf, array.data_type()) {
+            (Leaf::Number, DataType::Float64)
+            | (Leaf::Whole, DataType::UInt32)
+            | (Leaf::Text, DataType::Utf8)
+            | (Leaf::Flag, DataType::Boolean) => array,
+            // Other programs write narrower numbers and signed counts.
+            (Leaf::Number, DataType::Float32) => {
+                let wide = array.as_primitive::<Float32Type>().unary::<_, Float64Type>(f64::from);
+                Arc::new(wide)
+            }
+            (Leaf::Number, DataType::Int64) => {
+                Arc::new(array.as_primitive::<Int64Type>().unary::<_, Float64Type>(|v| v as f64))
+            }
+            (Leaf::Number, DataType::Int32) => {
+                Arc::new(array.as_primitive::<Int32Type>().unary::<_, Float64Type>(f64::from))
+            }
+            (Leaf::Whole, DataType::Int64) => {
+                let whole = array.as_primitive::<Int64Type>();
+                let kept = whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?;
+                Arc::new(kept)
+            }
+            (Leaf::Whole, DataType::Int32) => {
+                let whole = array.as_primitive::<Int32Type>();
+                let kept = whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?;
+                Arc::new(kept)
+            }
+            _ => return Err(refuse()),
+        };
+        Ok(Some(Self { name, offsets, leaf: array }))
+    }
+
+    /// As [`View::find`], for a column that must be there.
+    pub(crate) fn need(
+        batch: &RecordBatch,
+        name: &'static str,
+        leaf: Leaf,
+        depth: usize,
+    ) -> Result<Self, Cause> {
+        Self::find(batch, name, leaf, depth)?
+            .ok_or_else(|| Cause::schema(format!("column `{name}`"), "missing", "present"))
+    }
+
+    /// The cells, or lists of the next depth, in list `i` of this depth.
+    pub(crate) fn range(&self, depth: usize, i: usize) -> Range<usize> {
+        let ends = &self.offsets[depth];
+        match (ends.get(i), ends.get(i + 1)) {
+            (Some(&a), Some(&b)) if a >= 0 && b >= a => a as usize..b as usize,
+            _ => 0..0,
+        }
+    }
+
+    /// The number in a cell; `None` where it is null.
+    pub(crate) fn number(&self, cell: usize) -> Option<f64> {
+        let array = self.leaf.as_primitive::<Float64Type>();
+        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+    }
+
+    /// All numbers of the column, and whether none of them is null.
+    pub(crate) fn numbers(&self) -> (&[f64], bool) {
+        let array = self.leaf.as_primitive::<Float64Type>();
+        (array.values(), array.null_count() == 0)
+    }
+
+    pub(crate) fn whole(&self, cell: usize) -> Option<u32> {
+        let array = self.leaf.as_primitive::<UInt32Type>();
+        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+    }
+
+    pub(crate) fn flag(&self, cell: usize) -> Option<bool> {
+        let array = self.leaf.as_boolean();
+        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+    }
+
+    pub(crate) fn text(&self, cell: usize) -> Option<&str> {
+        let array = self.leaf.as_string::<i32>();
+        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+    }
+
+    pub(crate) fn name(&self) -> &'static str {
+        self.name
+    }
+}

@@ -1,0 +1,276 @@
+//! Reading Parquet by row group, with every number of the footer checked before it is used.
+
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow_array::RecordBatch;
+use bytes::Bytes;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
+use parquet::file::reader::{ChunkReader, Length};
+
+use super::{KIND, SUMS, VERSION};
+use crate::formats::error::{Cause, FormatError};
+
+/// Rows that are decoded at a time.
+const BATCH: usize = 64;
+/// Longest footer that is believed.
+const LONGEST_FOOTER: u64 = 1 << 28;
+
+/// The row groups of a Parquet file.
+pub(crate) struct TableReader {
+    path: PathBuf,
+    file: File,
+    metadata: ArrowReaderMetadata,
+    groups: Vec<Group>,
+    next: usize,
+    batches: Option<ParquetRecordBatchReader>,
+    rows: usize,
+}
+
+/// Where a row group lies.
+struct Group {
+    start: u64,
+    end: u64,
+    rows: usize,
+    sum: Option<u32>,
+}
+
+impl TableReader {
+    /// Opens a file and checks its footer.
+    pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
+        let opened = File::open(path).map_err(Cause::read).and_then(|mut file| {
+            let (metadata, length) = footer(&mut file)?;
+            let groups = groups(&metadata, length)?;
+            let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+            let metadata = guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options))?;
+            Ok(Self { path: path.to_owned(), file, metadata, groups, next: 0, batches: None, rows: 0 })
+        });
+        opened.map_err(|cause| FormatError::file(path, cause))
+    }
+
+    /// A value of the file's own metadata.
+    pub(crate) fn key(&self, key: &str) -> Option<&str> {
+        find(self.metadata.metadata(), key)
+    }
+
+    /// Refuses a file of another kind or version, or one that this program did not write.
+    pub(crate) fn require(&self, kind: &str, version: u32) -> Result<(), FormatError> {
+        let version = version.to_string();
+        for (key, expected) in [(KIND, kind), (VERSION, version.as_str())] {
+            match self.key(key) {
+                Some(found) if found == expected => {}
+                found => {
+                    let found = found.map_or("missing".to_owned(), |f| format!("`{f}`"));
+                    let cause =
+                        Cause::schema(format!("`{key}` in the file's metadata"), found, format!("`{expected}`"));
+                    return Err(FormatError::file(&self.path, cause));
+                }
+            }
+        }
+        if self.key(SUMS).is_none() {
+            let cause = Cause::schema(format!("`{SUMS}` in the file's metadata"), "missing", "present");
+            return Err(FormatError::file(&self.path, cause));
+        }
+        Ok(())
+    }
+
+    /// The next rows; `None` at the end. After an error there are none.
+    pub(crate) fn next_batch(&mut self) -> Option<Result<RecordBatch, FormatError>> {
+        match self.advance() {
+            Ok(Some(batch)) => Some(Ok(batch)),
+            Ok(None) => None,
+            Err(cause) => {
+                self.end();
+                Some(Err(FormatError::file(&self.path, cause)))
+            }
+        }
+    }
+
+    /// Reads no further.
+    pub(crate) fn end(&mut self) {
+        self.next = self.groups.len();
+        self.batches = None;
+        self.rows = 0;
+    }
+
+    fn advance(&mut self) -> Result<Option<RecordBatch>, Cause> {
+        loop {
+            if let Some(batches) = &mut self.batches {
+                match guarded(|| batches.next().transpose().map_err(ParquetError::from))? {
+                    Some(batch) => {
+                        self.rows = self.rows.saturating_sub(batch.num_rows());
+                        return Ok(Some(batch));
+                    }
+                    None if self.rows > 0 => {
+                        return Err(Cause::Undecodable(format!("{} rows are missing", self.rows)));
+                    }
+                    None => self.batches = None,
+                }
+            }
+            let Some(group) = self.groups.get(self.next) else { return Ok(None) };
+            let data = load(&mut self.file, group)?;
+            let (metadata, index) = (self.metadata.clone(), self.next);
+            self.batches = Some(guarded(|| {
+                ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
+                    .with_row_groups(vec![index])
+                    .with_batch_size(group.rows.clamp(1, BATCH))
+                    .build()
+            })?);
+            self.rows = group.rows;
+            self.next += 1;
+        }
+    }
+}
+
+/// The kind that a Parquet file says it holds: `Ok(None)` where it says nothing, `Err` where its footer can not be read.
+pub(crate) fn kind(path: &Path) -> Result<Option<String>, Cause> {
+    let (metadata, _) = footer(&mut File::open(path).map_err(Cause::read)?)?;
+    Ok(find(&metadata, KIND).map(str::to_owned))
+}
+
+fn find<'a>(metadata: &'a ParquetMetaData, key: &str) -> Option<&'a str> {
+    let pairs = metadata.file_metadata().key_value_metadata()?;
+    pairs.iter().find(|p| p.key == key)?.value.as_deref()
+}
+
+/// Runs a part of the Parquet library. It checks most of what it reads; what it does not must not end the program.
+fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause> {
+    match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(error)) => Err(Cause::Undecodable(error.to_string())),
+        Err(_) => Err(Cause::Undecodable("the Parquet data contradict themselves".into())),
+    }
+}
+
+fn footer(file: &mut File) -> Result<(ParquetMetaData, u64), Cause> {
+    let length = file.metadata().map_err(Cause::read)?.len();
+    if length < 12 {
+        return Err(Cause::Truncated { what: "the Parquet file", found: length, expected: 12 });
+    }
+    let mut tail = [0; 8];
+    file.seek(SeekFrom::End(-8)).and_then(|_| file.read_exact(&mut tail)).map_err(Cause::read)?;
+    let [a, b, c, d, magic @ ..] = tail;
+    if &magic != b"PAR1" {
+        let why = "it does not end with the Parquet mark `PAR1`; the file may be truncated";
+        return Err(Cause::Undecodable(why.into()));
+    }
+    let bytes = u64::from(u32::from_le_bytes([a, b, c, d]));
+    if bytes > LONGEST_FOOTER || bytes + 12 > length {
+        return Err(Cause::value("the length of the Parquet footer", bytes, "less than the file holds"));
+    }
+    let mut data = Vec::new();
+    file.seek(SeekFrom::End(-8 - bytes as i64)).map_err(Cause::read)?;
+    file.take(bytes).read_to_end(&mut data).map_err(Cause::read)?;
+    let metadata = guarded(|| ParquetMetaDataReader::decode_metadata(&data))?;
+    Ok((metadata, length - 8 - bytes))
+}
+
+/// Where the row groups lie; every number is checked against the data's length.
+fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<Group>, Cause> {
+    let wrong = |what: &str| Cause::Undecodable(format!("the footer contradicts itself: {what}"));
+    let mut groups = Vec::with_capacity(metadata.num_row_groups());
+    let mut total = 0i64;
+    for group in metadata.row_groups() {
+        let (mut first, mut last) = (u64::MAX, 0);
+        for column in group.columns() {
+            if column.file_path().is_some() {
+                return Err(wrong("a column lies in another file"));
+            }
+            let begin = column.dictionary_page_offset().unwrap_or(i64::MAX).min(column.data_page_offset());
+            let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size())) else {
+                return Err(wrong("a column has a negative place"));
+            };
+            if column.num_values() < 0 || column.data_page_offset() < 0 {
+                return Err(wrong("a column has a negative number of values"));
+            }
+            let end = begin.checked_add(size).filter(|end| *end <= length);
+            let end = end.ok_or_else(|| wrong("a column ends behind the data"))?;
+            (first, last) = (first.min(begin), last.max(end));
+        }
+        let rows = usize::try_from(group.num_rows()).map_err(|_| wrong("a negative number of rows"))?;
+        total = total.checked_add(group.num_rows()).ok_or_else(|| wrong("too many rows"))?;
+        groups.push(Group { start: first.min(last), end: last, rows, sum: None });
+    }
+    if metadata.file_metadata().num_rows() != total {
+        return Err(wrong("row groups do not hold the stated number of rows"));
+    }
+    let Some(sums) = find(metadata, SUMS) else { return Ok(groups) };
+    let mut stated = sums.split(',').filter(|s| !s.is_empty());
+    for group in &mut groups {
+        let sum = stated.next().ok_or_else(|| wrong("fewer checksums than row groups"))?;
+        let parts: Vec<&str> = sum.split(':').collect();
+        let [start, end, rows, sum] = parts[..] else { return Err(wrong("a checksum has another form")) };
+        let (Ok(start), Ok(end), Ok(rows), Ok(sum)) =
+            (start.parse::<u64>(), end.parse::<u64>(), rows.parse::<usize>(), u32::from_str_radix(sum, 16))
+        else {
+            return Err(wrong("a checksum has another form"));
+        };
+        if rows != group.rows || start > group.start || end < group.end || end > length {
+            return Err(wrong("checksums and row groups differ"));
+        }
+        (group.start, group.end, group.sum) = (start, end, Some(sum));
+    }
+    if stated.next().is_some() { Err(wrong("more checksums than row groups")) } else { Ok(groups) }
+}
+
+fn load(file: &mut File, group: &Group) -> Result<Part, Cause> {
+    let expected = group.end - group.start;
+    let mut data = Vec::with_capacity(expected as usize);
+    file.seek(SeekFrom::Start(group.start)).map_err(Cause::read)?;
+    file.take(expected).read_to_end(&mut data).map_err(Cause::read)?;
+    let found = data.len() as u64;
+    if found < expected {
+        return Err(Cause::Truncated { what: "a row group", found, expected });
+    }
+    if let Some(sum) = group.sum {
+        let read = crc32c::crc32c(&data);
+        if read != sum {
+            let (found, expected) = (format!("{read:08x}"), format!("{sum:08x}"));
+            return Err(Cause::Checksum { what: "a row group", found, expected });
+        }
+    }
+    Ok(Part { start: group.start, data: data.into() })
+}
+
+/// The bytes of one row group, addressed as in the file.
+struct Part {
+    start: u64,
+    data: Bytes,
+}
+
+impl Part {
+    fn slice(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        let begin = start.checked_sub(self.start).and_then(|b| usize::try_from(b).ok());
+        let range = begin.and_then(|b| Some(b..b.checked_add(length)?));
+        match range {
+            Some(range) if range.end <= self.data.len() => Ok(self.data.slice(range)),
+            _ => Err(ParquetError::EOF("a page lies outside its row group".into())),
+        }
+    }
+}
+
+impl Length for Part {
+    fn len(&self) -> u64 {
+        self.start + self.data.len() as u64
+    }
+}
+
+impl ChunkReader for Part {
+    type T = Cursor<Bytes>;
+
+    fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
+        let rest = Length::len(self).saturating_sub(start);
+        Ok(Cursor::new(self.slice(start, rest as usize)?))
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        self.slice(start, length)
+    }
+}

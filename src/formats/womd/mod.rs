@@ -1,0 +1,79 @@
+//! The Waymo Open Motion Dataset: `Scenario` messages in TFRecord files, plain, gzip or zstd.
+
+mod message;
+mod parts;
+mod record;
+
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+
+use self::message::Scenario as Proto;
+use self::record::Records;
+use super::error::{Cause, FormatError};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named};
+use crate::scene::Scenario;
+
+/// The format.
+pub(super) struct Womd;
+
+impl ScenarioFormat for Womd {
+    fn id(&self) -> &'static str {
+        "womd"
+    }
+
+    fn title(&self) -> &'static str {
+        "Waymo Open Motion Dataset, TFRecord, plain, gzip or zstd"
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        let other = matches!(head(path, 4).as_deref(), Ok(b"PAR1"));
+        !other
+            && (Records::starts(path)
+                || [".tfrecord", ".tfrecord.gz", ".tfrecord.zst"].iter().any(|e| named(path, e))
+                || path.file_name().is_some_and(|n| n.to_string_lossy().contains(".tfrecord-")))
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(Reader::open(path)?))
+    }
+}
+
+struct Reader {
+    path: PathBuf,
+    records: Records,
+    next: u64,
+}
+
+impl Reader {
+    fn open(path: &Path) -> Result<Self, FormatError> {
+        Ok(Self { path: path.to_owned(), records: Records::open(path)?, next: 0 })
+    }
+}
+
+impl Iterator for Reader {
+    type Item = Result<Undecoded, FormatError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let payload = self.records.next()?.map(<[u8]>::to_vec);
+        let (path, record) = (self.path.clone(), self.next);
+        self.next += 1;
+        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as Undecoded))
+    }
+}
+
+fn read_one(path: &Path, record: u64, payload: &[u8]) -> Result<Scenario, FormatError> {
+    let proto = Proto::decode(payload)
+        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
+    let id = proto.scenario_id.clone();
+    let parts =
+        parts::parts(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
+    Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))
+}
+
+#[cfg(test)]
+mod tests;

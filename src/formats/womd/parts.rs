@@ -1,0 +1,195 @@
+//! From a Waymo message to the parts of a scenario.
+
+use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};
+use crate::formats::error::Cause;
+use crate::geometry::Vec2;
+use crate::scene::{
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts,
+    LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine,
+    ScenarioParts, StopKind, StopLineParts, Surface,
+};
+
+/// Half of the width of every lane (Waymo records none), metres.
+const HALF_WIDTH: f64 = 1.75;
+/// Metres per second in a mile per hour.
+const MPH: f64 = 0.44704;
+
+/// The parts of a message.
+pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
+    if proto.current_time_index != CURRENT as i32 {
+        return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
+    }
+    if proto.timestamps_seconds.len() != FRAMES {
+        let found = format!("{} entries", proto.timestamps_seconds.len());
+        return Err(Cause::value("timestamps_seconds", found, "91 entries (9.1 s at 10 Hz)"));
+    }
+    let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
+    let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
+    for (i, asked) in proto.tracks_to_predict.iter().enumerate() {
+        let track = index(&format!("tracks_to_predict[{i}].track_index"), asked.track_index, &proto.tracks)?;
+        tracks_to_predict.push(proto.tracks[track].id.to_string());
+    }
+    let mut agents = Vec::with_capacity(proto.tracks.len());
+    for (i, track) in proto.tracks.iter().enumerate() {
+        agents.push(agent(i, track)?);
+    }
+    let mut map = map(proto.map_features);
+    let lights = lights(&proto.dynamic_map_states, &map)?;
+    map.stop_lines.extend(lights.iter().map(|light| StopLineParts {
+        kind: StopKind::Light,
+        lane: light.lane.clone(),
+        at: light.stop_point,
+    }));
+    Ok(ScenarioParts {
+        id: proto.scenario_id,
+        source: "womd".into(),
+        origin: None,
+        timestamps: proto.timestamps_seconds,
+        av,
+        agents,
+        tracks_to_predict,
+        objects_of_interest: proto.objects_of_interest.iter().map(i32::to_string).collect(),
+        map,
+        lights,
+        deviation: None,
+    })
+}
+
+fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
+    usize::try_from(value)
+        .ok()
+        .filter(|&i| i < tracks.len())
+        .ok_or_else(|| Cause::value(field, value, format!("the index of one of {} tracks", tracks.len())))
+}
+
+fn agent(i: usize, track: &Track) -> Result<LoggedAgent, Cause> {
+    if track.states.len() != FRAMES {
+        let found = format!("{} entries", track.states.len());
+        return Err(Cause::value(format!("tracks[{i}].states"), found, "91 entries (9.1 s at 10 Hz)"));
+    }
+    // The benchmark takes the box of the current frame; agents that are absent then keep the first one seen.
+    let sized = if track.states[CURRENT].valid {
+        Some(&track.states[CURRENT])
+    } else {
+        track.states.iter().find(|s| s.valid)
+    };
+    let (length, width) = sized.map_or((0.0, 0.0), |s| (f64::from(s.length), f64::from(s.width)));
+    let kind = match track.object_type {
+        1 => AgentKind::Vehicle,
+        2 => AgentKind::Pedestrian,
+        3 => AgentKind::Cyclist,
+        _ => AgentKind::Other,
+    };
+    let frame = |s: &super::message::ObjectState| {
+        // States that are not valid may hold data; it means nothing.
+        s.valid.then(|| AgentState {
+            x: s.center_x,
+            y: s.center_y,
+            heading: f64::from(s.heading),
+            vx: f64::from(s.velocity_x),
+            vy: f64::from(s.velocity_y),
+        })
+    };
+    Ok(LoggedAgent {
+        agent: Agent { id: track.id.to_string(), kind, length, width },
+        track: track.states.iter().map(frame).collect(),
+    })
+}
+
+fn point(p: &MapPoint) -> Vec2 {
+    Vec2::new(p.x, p.y)
+}
+
+fn points(line: &[MapPoint]) -> Vec<Vec2> {
+    line.iter().map(point).collect()
+}
+
+/// The entry of a list of all values at a code of the messages; the first one (unknown) for codes that are newer.
+fn coded<T: Copy>(all: &[T], code: i32) -> T {
+    usize::try_from(code).ok().and_then(|i| all.get(i).copied()).unwrap_or(all[0])
+}
+
+fn names(ids: &[i64]) -> Vec<String> {
+    ids.iter().map(i64::to_string).collect()
+}
+
+fn neighbors(all: &[LaneNeighbor]) -> Vec<NeighborParts> {
+    let at = |v: i32| u32::try_from(v).unwrap_or(0);
+    all.iter()
+        .map(|n| NeighborParts {
+            lane: n.feature_id.to_string(),
+            self_start: at(n.self_start_index),
+            self_end: at(n.self_end_index),
+            other_start: at(n.neighbor_start_index),
+            other_end: at(n.neighbor_end_index),
+        })
+        .collect()
+}
+
+fn map(features: Vec<MapFeature>) -> MapParts {
+    let mut map = MapParts::default();
+    for MapFeature { id, feature } in features {
+        let Some(feature) = feature else { continue };
+        match feature {
+            Feature::Lane(lane) => map.lanes.push(LaneParts {
+                id: id.to_string(),
+                // Waymo's lanes overlap at merges and junctions, as connectors do.
+                kind: LaneKind::Connector,
+                class: coded(&LaneClass::ALL, lane.kind),
+                speed_limit: Some(lane.speed_limit_mph * MPH).filter(|v| *v != 0.0),
+                points: points(&lane.polyline),
+                area: LaneArea::Corridor { half_width: HALF_WIDTH },
+                successors: names(&lane.exit_lanes),
+                predecessors: names(&lane.entry_lanes),
+                left: neighbors(&lane.left_neighbors),
+                right: neighbors(&lane.right_neighbors),
+            }),
+            Feature::RoadLine(line) => map.road_lines.push(RoadLine {
+                paint: u8::try_from(line.kind).ok().filter(|p| *p <= 8).unwrap_or(0),
+                points: points(&line.polyline),
+            }),
+            Feature::RoadEdge(line) => map.road_edges.push(RoadEdge {
+                kind: coded(&RoadEdgeKind::ALL, line.kind),
+                points: points(&line.polyline),
+            }),
+            Feature::StopSign(sign) => {
+                let Some(at) = sign.position.as_ref().map(point) else { continue };
+                let line = |lane: &i64| StopLineParts { kind: StopKind::Sign, lane: lane.to_string(), at };
+                map.stop_lines.extend(sign.lane.iter().map(line));
+            }
+            Feature::Crosswalk(c) => map.crosswalks.push(Crosswalk { outline: points(&c.polygon) }),
+            Feature::SpeedBump(c) => map.speed_bumps.push(Surface { outline: points(&c.polygon) }),
+            Feature::Driveway(c) => map.driveways.push(Surface { outline: points(&c.polygon) }),
+        }
+    }
+    map
+}
+
+/// One light per controlled lane, in the order in which they appear. A light without a recorded stop point stands at the
+/// start of its lane, where nearly all recorded ones are; without a lane it is dropped and counted later.
+fn lights(frames: &[DynamicMapState], map: &MapParts) -> Result<Vec<LightParts>, Cause> {
+    if !frames.is_empty() && frames.len() != FRAMES {
+        let found = format!("{} entries", frames.len());
+        return Err(Cause::value("dynamic_map_states", found, "91 entries or none"));
+    }
+    let mut order: Vec<i64> = Vec::new();
+    let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
+    for (f, frame) in frames.iter().enumerate() {
+        for seen in &frame.lane_states {
+            let i = order.iter().position(|lane| *lane == seen.lane).unwrap_or_else(|| {
+                order.push(seen.lane);
+                lights.push((None, vec![None; FRAMES]));
+                order.len() - 1
+            });
+            let (stop, states) = &mut lights[i];
+            states[f] = Some(coded(&LightState::ALL, seen.state));
+            *stop = stop.or_else(|| seen.stop_point.as_ref().map(point));
+        }
+    }
+    let stand = |(lane, (stop, states)): (i64, (Option<Vec2>, Vec<Option<LightState>>))| {
+        let lane = lane.to_string();
+        let start = || map.lanes.iter().find(|l| l.id == lane)?.points.first().copied();
+        LightParts { stop_point: stop.or_else(start).unwrap_or_default(), states, lane }
+    };
+    Ok(order.into_iter().zip(lights).map(stand).collect())
+}

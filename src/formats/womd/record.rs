@@ -1,0 +1,128 @@
+//! TFRecord framing: u64 length, u32 masked CRC-32C of the length, payload, u32 masked CRC-32C of the payload, little-endian.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use flate2::read::MultiGzDecoder;
+
+use crate::formats::error::{Cause, FormatError};
+
+/// Longest record that is believed: a scenario is a few megabytes.
+const LONGEST: u64 = 1 << 30;
+/// Window that zstd files of long records are written with.
+const WINDOW_LOG: u32 = 27;
+/// Bytes of length and its checksum.
+const HEADER: usize = 12;
+
+/// The records of a file, one at a time.
+pub(super) struct Records {
+    path: PathBuf,
+    source: Box<dyn Read + Send>,
+    payload: Vec<u8>,
+    next: u64,
+    ended: bool,
+}
+
+impl Records {
+    pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
+        let source = source(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+        Ok(Self { path: path.to_owned(), source, payload: Vec::new(), next: 0, ended: false })
+    }
+
+    /// Whether a file begins with the header of a record.
+    pub(super) fn starts(path: &Path) -> bool {
+        let mut header = [0; HEADER];
+        let read = source(path).and_then(|mut s| s.read_exact(&mut header));
+        read.is_ok() && length(&header).is_ok()
+    }
+
+    /// The payload of the next record, checked. After an error that ends the file there is no next one.
+    pub(super) fn next(&mut self) -> Option<Result<&[u8], FormatError>> {
+        if self.ended {
+            return None;
+        }
+        let record = self.next;
+        self.next += 1;
+        match self.advance() {
+            Ok(true) => Some(Ok(&self.payload)),
+            Ok(false) => {
+                self.ended = true;
+                // An empty file is no data set of zero scenarios but a failed copy.
+                let cause = || Cause::Truncated { what: "the first record", found: 0, expected: HEADER as u64 };
+                (record == 0).then(|| Err(FormatError::file(&self.path, cause()).at(0)))
+            }
+            // The framing of a record whose payload alone is damaged is intact: the next one can be read.
+            Err(cause @ Cause::Checksum { what: "the record", .. }) => {
+                Some(Err(FormatError::record(&self.path, record, None, cause)))
+            }
+            Err(cause) => {
+                self.ended = true;
+                Some(Err(FormatError::file(&self.path, cause).at(record)))
+            }
+        }
+    }
+
+    /// Reads a record into `payload`; `false` at the end of the file.
+    fn advance(&mut self) -> Result<bool, Cause> {
+        match self.fill("the header of the record", HEADER as u64) {
+            Err(Cause::Truncated { found: 0, .. }) => return Ok(false),
+            done => done?,
+        }
+        let mut header = [0; HEADER];
+        header.copy_from_slice(&self.payload);
+        let length = length(&header)?;
+        if length > LONGEST {
+            return Err(Cause::value("the length of the record", length, "at most 1 GiB"));
+        }
+        self.fill("the record", length + 4)?;
+        let stated = self.payload.split_off(length as usize);
+        check("the record", &self.payload, &stated)?;
+        Ok(true)
+    }
+
+    /// Reads so many bytes. The buffer grows as they come, so that a wrong length allocates nothing.
+    fn fill(&mut self, what: &'static str, bytes: u64) -> Result<(), Cause> {
+        self.payload.clear();
+        let found = (&mut self.source).take(bytes).read_to_end(&mut self.payload).map_err(Cause::read)? as u64;
+        if found < bytes { Err(Cause::Truncated { what, found, expected: bytes }) } else { Ok(()) }
+    }
+}
+
+/// Opens a file through the decompressor that its first bytes ask for.
+fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
+    let mut magic = Vec::new();
+    File::open(path)?.take(4).read_to_end(&mut magic)?;
+    let file = File::open(path)?;
+    Ok(match magic[..] {
+        [0x28, 0xb5, 0x2f, 0xfd] => {
+            let mut decoder = zstd::stream::read::Decoder::new(file)?;
+            decoder.window_log_max(WINDOW_LOG)?;
+            Box::new(decoder)
+        }
+        [0x1f, 0x8b, ..] => Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(BufReader::new(file)))),
+        _ => Box::new(BufReader::with_capacity(1 << 16, file)),
+    })
+}
+
+fn length(header: &[u8; HEADER]) -> Result<u64, Cause> {
+    let (length, stated) = header.split_at(8);
+    check("the length of the record", length, stated)?;
+    let mut bytes = [0; 8];
+    bytes.copy_from_slice(length);
+    Ok(u64::from_le_bytes(bytes))
+}
+
+fn check(what: &'static str, data: &[u8], stated: &[u8]) -> Result<(), Cause> {
+    let sum = masked_crc(data);
+    if sum.to_le_bytes() == *stated {
+        return Ok(());
+    }
+    let hex = |bytes: &[u8]| bytes.iter().rev().map(|b| format!("{b:02x}")).collect::<String>();
+    Err(Cause::Checksum { what, found: hex(&sum.to_le_bytes()), expected: hex(stated) })
+}
+
+/// CRC-32C, rotated and shifted as TensorFlow does (a checksum of data that holds checksums would be weak).
+pub(super) fn masked_crc(data: &[u8]) -> u32 {
+    crc32c::crc32c(data).rotate_right(15).wrapping_add(0xa282_ead8)
+}
