@@ -5,7 +5,6 @@ use std::io::{self, Write};
 use super::table::{self, Column, Line};
 use super::{Exporter, Run};
 use crate::evaluation::Estimate;
-use crate::metrics::Unit;
 
 /// The form.
 pub(super) struct Markdown;
@@ -49,9 +48,10 @@ impl Exporter for Markdown {
         if lines.iter().any(|l| l.oracle) {
             writeln!(out, "† is shown the log's future.")?;
         }
-        if columns.iter().any(|c| c.kind().0 != Unit::Count) {
-            writeln!(out, "Mean over scenarios with its 95 % bootstrap interval; ↓ less is better, ↑ more is.")?;
-        }
+        writeln!(
+            out,
+            "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
+        )?;
         for run in runs {
             let name = if runs.len() > 1 { format!("{}: ", escape(run.name)) } else { String::new() };
             writeln!(out, "{name}{}.", escape(&table::provenance(run)))?;
@@ -101,11 +101,11 @@ fn pad(text: &str, width: usize, right: bool) -> String {
     if right { format!("{space}{text}") } else { format!("{text}{space}") }
 }
 
-/// A mean with its interval; a dash where nothing could be judged.
+/// A mean with half the width of its interval; a dash where nothing could be judged.
 fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
     match estimate {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
-            format!("{} [{}, {}]", column.number(*mean), column.number(*low), column.number(*high))
+            format!("{} ±{}", column.number(*mean), column.number((high - low) / 2.0))
         }
         _ => "–".to_owned(),
     }
