@@ -1,7 +1,7 @@
 //! The scenarios that ship with the program.
 
 use crate::evaluation::{FileRecord, Source};
-use crate::formats::json;
+use crate::formats::{decoded, parse_json};
 
 /// Names and texts of the files in `scenarios/mini`, in the order of their names.
 const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shipped.rs"));
@@ -16,8 +16,8 @@ pub(super) fn sources() -> Vec<Source> {
             blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
         },
         open: Box::new(move || {
-            let scenario = json::parse(name.as_ref(), text);
-            Ok(Box::new(std::iter::once(scenario.map(crate::formats::decoded))))
+            let scenario = parse_json(name.as_ref(), text.as_bytes());
+            Ok(Box::new(std::iter::once(scenario.map(decoded))))
         }),
     };
     FILES.iter().map(source).collect()

@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::error::{Cause, FormatError};
+use super::json::Json;
 use super::native::Native;
 use super::womd::Womd;
 use crate::scene::Scenario;
@@ -47,7 +48,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &Json];
 
 /// A file and its format.
 #[derive(Clone)]

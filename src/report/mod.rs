@@ -1,5 +1,6 @@
-//! What people read: tables of runs. Knows results, never how they were made.
+//! What people read: tables and pictures. Knows results; never decides what is run.
 
+pub mod birdseye;
 mod csv;
 mod json;
 mod latex;

@@ -5,7 +5,7 @@ mod scripted;
 use super::Observation;
 use crate::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
 
-pub use scripted::{Script, ScriptedAv};
+pub use scripted::{ParseScriptError, Script, ScriptedAv};
 
 /// Moves the AV, one step at a time.
 pub trait AvPolicy: Send {
@@ -21,7 +21,9 @@ pub trait AvPolicy: Send {
 #[non_exhaustive]
 pub enum AvError {
     /// The logged AV is absent at a step.
-    #[error("the logged AV is absent at step {step}; choose another AV policy, such as `brake:3`")]
+    #[error(
+        "the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`"
+    )]
     Absent {
         /// Step 1 to 80.
         step: usize,

@@ -1,5 +1,15 @@
-//! The integration tests: one binary.
+//! All integration tests, in one binary.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod cli;
 mod evaluation;
 mod generated;
+mod layers;
+mod mini_scenarios;
+mod scripted_av;
+
+/// Where the shared data lie, if they are there; a test that needs them is passed over otherwise.
+pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
+    let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
+    path.exists().then_some(path)
+}

@@ -49,7 +49,8 @@ impl Records {
             Ok(false) => {
                 self.ended = true;
                 // An empty file is no data set of zero scenarios but a failed copy.
-                let cause = || Cause::Truncated { what: "the first record", found: 0, expected: HEADER as u64 };
+                let cause =
+                    || Cause::Truncated { what: "the first record", found: 0, expected: HEADER as u64 };
                 (record == 0).then(|| Err(FormatError::file(&self.path, cause()).at(0)))
             }
             // The framing of a record whose payload alone is damaged is intact: the next one can be read.
@@ -84,7 +85,8 @@ impl Records {
     /// Reads so many bytes. The buffer grows as they come, so that a wrong length allocates nothing.
     fn fill(&mut self, what: &'static str, bytes: u64) -> Result<(), Cause> {
         self.payload.clear();
-        let found = (&mut self.source).take(bytes).read_to_end(&mut self.payload).map_err(Cause::read)? as u64;
+        let found =
+            (&mut self.source).take(bytes).read_to_end(&mut self.payload).map_err(Cause::read)? as u64;
         if found < bytes { Err(Cause::Truncated { what, found, expected: bytes }) } else { Ok(()) }
     }
 }
@@ -100,7 +102,9 @@ fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
             decoder.window_log_max(WINDOW_LOG)?;
             Box::new(decoder)
         }
-        [0x1f, 0x8b, ..] => Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(BufReader::new(file)))),
+        [0x1f, 0x8b, ..] => {
+            Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(BufReader::new(file))))
+        }
         _ => Box::new(BufReader::with_capacity(1 << 16, file)),
     })
 }

@@ -1,0 +1,68 @@
+//! Hand-written scenarios: one JSON file each, with compact forms of motions and lines. Told in `scenarios/README.md`.
+
+mod motion;
+mod parts;
+mod raw;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use self::raw::RawScenario;
+use super::error::{Cause, FormatError};
+use super::format::{ScenarioFormat, Scenarios, head};
+use crate::scene::Scenario;
+
+/// Longest file that is read: a scenario with full tracks is a few megabytes.
+const LONGEST: u64 = 1 << 28;
+
+/// The format.
+pub(super) struct Json;
+
+impl ScenarioFormat for Json {
+    fn id(&self) -> &'static str {
+        "json"
+    }
+
+    fn title(&self) -> &'static str {
+        "hand-written scenario, JSON with \"format\": \"reactsim-scenario-v1\""
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        head(path, 4096).is_ok_and(|head| {
+            let text = head.trim_ascii_start();
+            text.starts_with(b"{") && text.windows(raw::FORMAT.len()).any(|w| w == raw::FORMAT.as_bytes())
+        })
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        let scenario = read(path)?;
+        Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+}
+
+fn read(path: &Path) -> Result<Scenario, FormatError> {
+    let mut text = Vec::new();
+    let file = File::open(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+    let bytes = file.take(LONGEST + 1).read_to_end(&mut text);
+    if bytes.map_err(|e| FormatError::file(path, Cause::read(e)))? as u64 > LONGEST {
+        let cause = Cause::value("the length of the file", "more than 256 MiB", "one scenario");
+        return Err(FormatError::file(path, cause));
+    }
+    parse(path, &text)
+}
+
+/// Reads a hand-written scenario from memory; `path` is the name that errors give it.
+///
+/// # Errors
+/// [`FormatError`] names the field and the value.
+pub fn parse(path: &Path, text: &[u8]) -> Result<Scenario, FormatError> {
+    let raw: RawScenario = serde_json::from_slice(text)
+        .map_err(|e| FormatError::file(path, Cause::Undecodable(e.to_string())).at(0))?;
+    let id = raw.id.clone();
+    let parts = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
+    Scenario::assemble(parts).map_err(|e| FormatError::scene(path, 0, e))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,277 @@
+//! Agents: boxes, trails, ghosts of the log, and marks.
+
+use std::fmt::Write;
+
+use super::canvas::{Canvas, PathData};
+use super::palette::{self, Paint};
+use super::{MarkKind, Scene};
+use crate::geometry::{Bounds, OrientedBox, Vec2, direction};
+use crate::scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE};
+
+/// Frames of one stretch of a fading trail.
+const STRETCH: usize = 8;
+/// A realised state farther than this from the log gives the log a ghost, metres.
+const APART: f64 = 0.5;
+
+/// Draws all agents at some steps; the last step counts most.
+pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
+    let last = steps[steps.len() - 1];
+    canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
+    for obstacle in &scene.scenario.start.obstacles {
+        body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
+    }
+    // The AV comes last, on top.
+    let order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
+    for &agent in &order {
+        if scene.view.rollout.is_some() {
+            ghost(canvas, scene, agent, last);
+        }
+        trail(canvas, scene, agent, last);
+    }
+    deviation(canvas, scene);
+    for (i, &step) in steps.iter().enumerate() {
+        let strength = (i + 1) as f64 / steps.len() as f64;
+        for &agent in &order {
+            if let Some(state) = scene.state(agent, step) {
+                figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), strength);
+            }
+        }
+    }
+    canvas.raw("</g>");
+    marks(canvas, scene, last);
+    if scene.view.ids {
+        ids(canvas, scene, last);
+    }
+}
+
+fn paint(scene: &Scene<'_>, agent: usize) -> &'static Paint {
+    if agent == 0 { &palette::AV } else { palette::of(scene.scenario.start.agents[agent].kind) }
+}
+
+/// What has been driven, growing paler with age, and thin what comes.
+fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
+    let Some(track) = scene.tracks().get(agent) else { return };
+    let colour = paint(scene, agent).line;
+    let now = CURRENT + step;
+    // The trail of what stands is a blot.
+    let places = track.iter().flatten().filter(|s| s.is_finite()).map(AgentState::position);
+    let size = Bounds::of(places);
+    if (size.max - size.min).norm() < 1.0 {
+        return;
+    }
+    let width = if agent == 0 { 2.4 } else { 1.6 };
+    let mut first = 0;
+    while first < now {
+        let end = (first + STRETCH).min(now);
+        let mut path = PathData::new(canvas.window());
+        stretch(&mut path, track, first, end);
+        let opacity = 0.15 + 0.6 * end as f64 / now as f64;
+        canvas.path(
+            &path,
+            &format!(
+                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""
+            ),
+        );
+        first = end;
+    }
+    let mut path = PathData::new(canvas.window());
+    stretch(&mut path, track, now, FRAMES - 1);
+    canvas.path(
+        &path,
+        &format!(
+            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-opacity=\"0.4\"",
+            0.55 * width
+        ),
+    );
+}
+
+/// The positions of the frames `first..=last`; a gap breaks the line.
+fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: usize, last: usize) {
+    let mut points: Vec<Vec2> = Vec::new();
+    for frame in first..=last {
+        match track.get(frame).copied().flatten().filter(AgentState::is_finite) {
+            Some(state) => points.push(state.position()),
+            None => {
+                path.line(&points);
+                points.clear();
+            }
+        }
+    }
+    path.line(&points);
+}
+
+/// The logged track of an agent that was moved elsewhere, and its logged box at the drawn step.
+fn ghost(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
+    let logged = &scene.logged[agent];
+    let apart = (0..=FUTURE).any(|k| match (scene.state(agent, k), logged[CURRENT + k]) {
+        (Some(a), Some(b)) => (a.position() - b.position()).norm() > APART,
+        _ => false,
+    });
+    if !apart {
+        return;
+    }
+    let mut path = PathData::new(canvas.window());
+    stretch(&mut path, logged, CURRENT, FRAMES - 1);
+    if let Some(state) = logged[CURRENT + step].filter(AgentState::is_finite) {
+        let shape = state.footprint(&scene.scenario.start.agents[agent]);
+        path.ring(&shape.corners());
+    }
+    canvas.path(
+        &path,
+        &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"0.9\" stroke-dasharray=\"4 3\" stroke-opacity=\"0.8\"", palette::GHOST),
+    );
+}
+
+/// The deviated AV that comes with the scenario, where the log is drawn.
+fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
+    let (None, Some(deviation)) = (scene.view.rollout, &scene.scenario.deviation) else { return };
+    let mut points = vec![scene.scenario.start.now(0).position()];
+    points.extend(deviation.track.iter().filter(|s| s.is_finite()).map(AgentState::position));
+    let mut path = PathData::new(canvas.window());
+    path.line(&points);
+    if let Some(last) = deviation.track.last().filter(|s| s.is_finite()) {
+        path.ring(&last.footprint(&scene.scenario.start.agents[0]).corners());
+    }
+    canvas.path(
+        &path,
+        &format!(
+            "fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"",
+            palette::AV.line
+        ),
+    );
+}
+
+/// An agent: people as discs with a tick, the rest as boxes with a pale wedge at the front.
+fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint, strength: f64) {
+    let shape = state.footprint(agent);
+    if agent.kind != AgentKind::Pedestrian {
+        body(canvas, &shape, paint, strength);
+        return;
+    }
+    let window = canvas.window();
+    if !window.bounds().inflated(shape.radius()).contains(shape.center) {
+        return;
+    }
+    let p = window.pixel(shape.center);
+    let radius = (shape.half_length.max(shape.half_width) * window.scale()).max(3.2);
+    let tip = direction(state.heading) * (radius + 3.0);
+    canvas.raw(&format!(
+        "<g stroke=\"{}\" opacity=\"{strength:.2}\"><path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke-width=\"1.4\"/>\
+         <circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius:.1}\" fill=\"{}\"/></g>",
+        paint.line,
+        p.x,
+        p.y,
+        p.x + tip.x,
+        p.y - tip.y,
+        p.x,
+        p.y,
+        paint.fill
+    ));
+}
+
+/// A box with a pale wedge that points ahead.
+fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) {
+    let window = canvas.window();
+    let mut outline = PathData::new(window);
+    outline.ring(&shape.corners());
+    canvas.path(
+        &outline,
+        &format!(
+            "fill=\"{}\" stroke=\"{}\" stroke-width=\"1\" opacity=\"{strength:.2}\"",
+            paint.fill, paint.line
+        ),
+    );
+    let (ahead, aside) = (shape.axis * shape.half_length, shape.left() * (0.62 * shape.half_width));
+    let mut wedge = PathData::new(window);
+    wedge.ring(&[
+        shape.center + ahead * 0.88,
+        shape.center + ahead * 0.38 + aside,
+        shape.center + ahead * 0.38 - aside,
+    ]);
+    canvas.path(&wedge, &format!("fill=\"#ffffff\" fill-opacity=\"{:.2}\"", 0.85 * strength));
+}
+
+/// Events up to a step, where the agent was then.
+fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize) {
+    let window = canvas.window();
+    let mut marks: Vec<_> = scene.view.marks.iter().filter(|m| m.step <= last).collect();
+    marks.sort_by_key(|m| (m.step, m.kind));
+    for mark in marks {
+        let agents = &scene.scenario.start.agents;
+        let Some(agent) = agents.iter().position(|a| a.id == mark.agent) else { continue };
+        let Some(state) = scene.state(agent, mark.step) else { continue };
+        if !window.bounds().contains(state.position()) {
+            continue;
+        }
+        let p = window.pixel(state.position());
+        let radius = match mark.kind {
+            MarkKind::AtFault | MarkKind::Contact => (3.4 * window.scale()).max(9.0),
+            MarkKind::Risky => 7.0,
+            MarkKind::OffRoad => 5.0,
+        };
+        canvas.raw(&format!(
+            "<g transform=\"translate({:.1} {:.1})\">{}</g>",
+            p.x,
+            p.y,
+            sign(mark.kind, radius)
+        ));
+        let beside = p + Vec2::new(0.75 * radius + 2.0, 0.75 * radius + 9.0);
+        let attributes = format!("font-size=\"10\" fill=\"{}\"", palette::EVENT);
+        canvas.text(beside, &format!("step {}", mark.step), &attributes);
+    }
+}
+
+/// The sign of an event, of this radius in pixels, around the origin.
+pub(super) fn sign(kind: MarkKind, r: f64) -> String {
+    let colour = palette::EVENT;
+    match kind {
+        MarkKind::AtFault => format!(
+            "<circle r=\"{r:.1}\" fill=\"{colour}\" fill-opacity=\"0.10\" stroke=\"{colour}\" stroke-width=\"2.6\"/>"
+        ),
+        MarkKind::Contact => format!(
+            "<circle r=\"{r:.1}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" stroke-dasharray=\"4 3\"/>"
+        ),
+        MarkKind::Risky => format!(
+            "<path d=\"M0 {:.1}L{:.1} {:.1}H{:.1}Z\" fill=\"#ffd34d\" stroke=\"#22252b\" stroke-width=\"1.2\"/>",
+            -r,
+            0.95 * r,
+            0.7 * r,
+            -0.95 * r
+        ),
+        MarkKind::OffRoad => format!(
+            "<path d=\"M{0:.1} {0:.1}L{r:.1} {r:.1}M{0:.1} {r:.1}L{r:.1} {0:.1}\" stroke=\"{colour}\" stroke-width=\"2.4\"/>",
+            -r
+        ),
+    }
+}
+
+/// Ids beside the agents that are in the picture.
+fn ids(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
+    let window = canvas.window();
+    let mut halos = String::new();
+    let mut texts = String::new();
+    for (agent, about) in scene.scenario.start.agents.iter().enumerate() {
+        let Some(state) = scene.state(agent, step) else { continue };
+        if !window.bounds().contains(state.position()) {
+            continue;
+        }
+        let shape = state.footprint(about);
+        // Right of the box and above its middle, whatever way it points.
+        let reach = shape.corners().iter().map(|c| c.x - shape.center.x).fold(0.0, f64::max);
+        let p = window.pixel(state.position()) + Vec2::new(reach.min(3.0) * window.scale() + 2.0, -3.0);
+        let name = if agent == 0 { "AV" } else { about.id.as_str() };
+        let id = super::canvas::escape(name);
+        let _ = writeln!(halos, "<text x=\"{:.1}\" y=\"{:.1}\">{id}</text>", p.x, p.y);
+        let bold = if agent == 0 { " font-weight=\"700\" font-size=\"12\"" } else { "" };
+        let _ = writeln!(
+            texts,
+            "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{}\"{bold}>{id}</text>",
+            p.x,
+            p.y,
+            paint(scene, agent).line
+        );
+    }
+    canvas.raw(&format!(
+        "<g font-size=\"9\">\n<g stroke=\"#ffffff\" stroke-width=\"2.5\" stroke-opacity=\"0.8\" stroke-linejoin=\"round\">\n{halos}</g>\n{texts}</g>"
+    ));
+}

@@ -1,0 +1,63 @@
+//! Colours (Okabe and Ito, "Color Universal Design").
+
+use crate::scene::{AgentKind, LightState};
+
+/// The two colours of a thing.
+pub(super) struct Paint {
+    /// Of its body.
+    pub(super) fill: &'static str,
+    /// Of its outline and its trail.
+    pub(super) line: &'static str,
+}
+
+/// The AV.
+pub(super) const AV: Paint = Paint { fill: "#d55e00", line: "#9c4400" };
+/// Vehicles.
+const VEHICLE: Paint = Paint { fill: "#56a7dc", line: "#00568c" };
+/// Pedestrians.
+const PEDESTRIAN: Paint = Paint { fill: "#cc79a7", line: "#8f3f6d" };
+/// Cyclists.
+const CYCLIST: Paint = Paint { fill: "#1fb48a", line: "#006f4f" };
+/// Static context.
+const OTHER: Paint = Paint { fill: "#a7a9ae", line: "#63666d" };
+
+/// Off the road.
+pub(super) const GROUND: &str = "#f4f3ef";
+/// The road.
+pub(super) const ROAD: &str = "#d9dbe0";
+/// The lanes of bicycles.
+pub(super) const BIKE_LANE: &str = "#cfe0d6";
+/// White paint, and zebra stripes.
+pub(super) const WHITE: &str = "#ffffff";
+/// Yellow paint.
+pub(super) const YELLOW: &str = "#e2a800";
+/// Edges of the road.
+pub(super) const EDGE: &str = "#6c7078";
+/// Centre lines and their arrows.
+pub(super) const CENTER: &str = "#aeb3bd";
+/// Stop lines without a light.
+pub(super) const STOP: &str = "#22252b";
+/// Tracks of the log beside a rollout.
+pub(super) const GHOST: &str = "#5c6068";
+/// Events.
+pub(super) const EVENT: &str = "#b00020";
+
+/// The colours of a kind of agent.
+pub(super) const fn of(kind: AgentKind) -> &'static Paint {
+    match kind {
+        AgentKind::Vehicle => &VEHICLE,
+        AgentKind::Pedestrian => &PEDESTRIAN,
+        AgentKind::Cyclist => &CYCLIST,
+        AgentKind::Other => &OTHER,
+    }
+}
+
+/// The colour of a light; grey where it was not observed.
+pub(super) fn light(state: Option<LightState>) -> &'static str {
+    match state {
+        Some(LightState::Stop | LightState::ArrowStop | LightState::FlashingStop) => "#d0021b",
+        Some(LightState::Caution | LightState::ArrowCaution | LightState::FlashingCaution) => "#f0b400",
+        Some(LightState::Go | LightState::ArrowGo) => "#00935f",
+        Some(LightState::Unknown) | None => "#9a9da4",
+    }
+}
