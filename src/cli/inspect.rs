@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::Value;
 
 use super::{ExitStatus, say, write_result};
-use crate::evaluation::{EVENTS, ROLLOUTS};
+use crate::evaluation::{EVENTS, ROLLOUTS, recorded_tracks};
 use crate::formats;
 use crate::report::birdseye::{self, Layout, Mark, MarkKind, View};
 use crate::scene::{AgentKind, CURRENT, FUTURE, Frame, LaneKind, Scenario};
@@ -117,8 +117,8 @@ fn rollout(
     }
     for record in formats::rollouts::read(&path)? {
         let record = record?;
-        if record.scenario == scenario.id && record.simulator == simulator && record.rollout == args.index {
-            return Ok(record.tracks_of(scenario)?);
+        if record.scenario_id == scenario.id && record.simulator == simulator && record.rollout == args.index {
+            return Ok(recorded_tracks(scenario, &record)?);
         }
     }
     bail!("{} holds no rollout {} of `{simulator}` in `{}`", path.display(), args.index, scenario.id)

@@ -14,10 +14,11 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::{Parser, Subcommand};
 
 use crate::evaluation::EvaluationError;
+use crate::metrics::Options;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
 #[derive(Debug, Parser)]
@@ -86,8 +87,14 @@ pub fn main() -> ExitCode {
         Ok(status) => status.into(),
         Err(error) => {
             let mut err = io::stderr().lock();
+            let mut last = String::new();
             for (depth, cause) in error.chain().enumerate() {
-                writeln!(err, "{}: {cause}", if depth == 0 { "error" } else { "  cause" }).ok();
+                let text = cause.to_string();
+                // Some errors already end with the text of their cause.
+                if depth == 0 || !last.ends_with(&text) {
+                    writeln!(err, "{}: {text}", if depth == 0 { "error" } else { "  cause" }).ok();
+                }
+                last = text;
             }
             if let Some(hint) = hint(&error) {
                 writeln!(err, "hint: {hint}").ok();
@@ -139,4 +146,20 @@ fn write_result(
 fn say(text: std::fmt::Arguments<'_>) {
     // Where even stderr is gone there is nobody to tell.
     writeln!(io::stderr().lock(), "{text}").ok();
+}
+
+/// The variants of the metrics that were asked for.
+fn metric_options(asked: &[String]) -> anyhow::Result<Options> {
+    let mut options = Options::default();
+    for option in asked {
+        let (name, value) = split_option(option)?;
+        options.set(name, value)?;
+    }
+    Ok(options)
+}
+
+/// Name and value of a metric option.
+fn split_option(option: &str) -> anyhow::Result<(&str, &str)> {
+    let wrong = || anyhow!("`{option}` is no metric option: write name=value, such as fault_order=nuplan");
+    option.split_once('=').ok_or_else(wrong)
 }

@@ -11,13 +11,12 @@ use clap::{Args, ValueEnum};
 
 use super::progress::Progress;
 use super::report::formats as table_formats;
-use super::{ExitStatus, say, shipped, write_result};
+use super::{ExitStatus, metric_options, say, shipped, write_result};
 use crate::evaluation::{
     self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder,
     RunSettings, Source, Summary, TABLE, Tally,
 };
 use crate::formats;
-use crate::metrics::Options;
 use crate::report::{Run, exporter};
 use crate::rollout::{Protocol, Replan, Settings};
 
@@ -30,7 +29,7 @@ pub(super) struct RunArgs {
     /// Simulators, separated by commas [default: all baselines]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     models: Vec<String>,
-    /// Who is moved: every agent around an external AV, or the AV too
+    /// Whether the AV is an external input (Algorithm 1) or moved by the simulator too (2)
     #[arg(long, value_enum, default_value = "reactive")]
     protocol: ProtocolName,
     /// Who drives the AV: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>,
@@ -77,9 +76,8 @@ pub(super) struct RunArgs {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ProtocolName {
-    /// Algorithm 1: the AV is an external input
+    // Comments here would make the help of `run` twice as long; the flag's own says it.
     Reactive,
-    /// Algorithm 2: the simulator moves the AV too
     Realism,
 }
 
@@ -154,13 +152,7 @@ fn failures(summary: &Summary) -> String {
 }
 
 fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
-    let mut options = Options::default();
-    for option in &args.metric_options {
-        let Some((name, value)) = option.split_once('=') else {
-            bail!("`{option}` is no metric option: write name=value, such as fault_order=nuplan");
-        };
-        options.set(name, value)?;
-    }
+    let options = metric_options(&args.metric_options)?;
     let simulators = PlannedSimulator::by_ids(&args.models)?;
     let protocol = match args.protocol {
         ProtocolName::Reactive => Protocol::Reactive,

@@ -72,7 +72,7 @@ impl RunFolder {
             return Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new });
         }
         let folder = Self::open(path)?;
-        folder.keep_whole_pairs(tally)?;
+        folder.keep_whole_pairs(tally, provenance.keep_rollouts == Some(true))?;
         Ok(folder)
     }
 
@@ -157,7 +157,16 @@ impl RunFolder {
         replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
     }
 
-    fn keep_whole_pairs(&self, tally: &mut Tally) -> Result<(), EvaluationError> {
+    /// Whether an earlier run came to its end without a failure, so that nothing is left to be tried.
+    fn is_finished(&self) -> bool {
+        let there = |name| self.path.join(name).exists();
+        let no_failure = fs::metadata(self.path.join(FAILURES)).is_ok_and(|m| m.len() == 0);
+        there(SUMMARY) && there(ROLLOUTS) && no_failure
+    }
+
+    fn keep_whole_pairs(&self, tally: &mut Tally, with_rollouts: bool) -> Result<(), EvaluationError> {
+        // Rollouts that were already put together can not be added to: then a pair without its part is run again.
+        let with_rollouts = with_rollouts && !self.is_finished();
         let path = self.path.join(ROWS);
         let mut pairs: BTreeMap<(Place, String), Vec<Row>> = BTreeMap::new();
         for_lines(&path, |_, text| {
@@ -166,9 +175,12 @@ impl RunFolder {
                 pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
             }
         })?;
-        pairs.values().filter(|rows| tally.is_whole(rows)).cloned().collect::<Vec<_>>().iter().for_each(|rows| {
-            tally.add(rows);
-        });
+        for ((place, simulator), rows) in &pairs {
+            let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
+            if tally.is_whole(rows) && !(with_rollouts && !self.part(*place, index)?.exists()) {
+                tally.add(rows);
+            }
+        }
         for (name, appender) in [(ROWS, &self.rows), (EVENTS, &self.events)] {
             let path = self.path.join(name);
             let mut lines = index(&path, tally)?;

@@ -10,6 +10,7 @@ mod folder;
 mod judge;
 mod plan;
 mod provenance;
+mod recorded;
 mod rollouts;
 mod row;
 mod runner;
@@ -25,6 +26,8 @@ pub use folder::{
 };
 pub use plan::{Deviations, NoAv, Plan, PlannedSimulator, RunSettings};
 pub use provenance::{FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
+pub use recorded::Recorded;
+pub use rollouts::{ForeignRollout, recorded_tracks};
 pub use row::{EventLine, Failure, Place, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
 pub use source::{Opener, Source};

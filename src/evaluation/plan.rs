@@ -94,6 +94,14 @@ pub enum NoAv {
     /// The scenario carries no deviated trajectory.
     #[error("no deviated AV; give --deviations with one for this scenario, or choose another --av")]
     Missing,
+    /// The trajectory was made for something else.
+    #[error("the deviated AV was made for a scenario with the digest {wanted}, this one has {found}")]
+    OtherScenario {
+        /// Digest that the trajectory names.
+        wanted: String,
+        /// Digest of the scenario.
+        found: String,
+    },
     /// The trajectory is refused.
     #[error(transparent)]
     Refused(#[from] AvError),
@@ -138,11 +146,18 @@ impl Plan {
     }
 
     /// The deviated trajectory of a scenario in its frame, where there is one.
-    fn deviated(&self, scenario: &Scenario) -> Option<(Option<Deviation>, Vec<AgentState>)> {
+    fn deviated(&self, scenario: &Scenario) -> Result<(Option<Deviation>, Vec<AgentState>), NoAv> {
         if let Some(record) = self.deviations.as_ref().and_then(|d| d.tracks.get(&scenario.id)) {
-            return Some((record.category, record.in_frame_of(scenario)));
+            if let Some(wanted) = &record.scenario_digest {
+                let found = scenario.digest();
+                if found != *wanted {
+                    return Err(NoAv::OtherScenario { wanted: wanted.clone(), found });
+                }
+            }
+            return Ok((record.category, record.track_in(scenario.origin)));
         }
-        scenario.deviation.as_ref().map(|d| (d.category, d.track.clone()))
+        let own = scenario.deviation.as_ref().ok_or(NoAv::Missing)?;
+        Ok((own.category, own.track.clone()))
     }
 
     /// The AV of a scenario and the category of its deviation, where known.
@@ -155,7 +170,7 @@ impl Plan {
         }
         Ok(match &self.settings.av {
             AvChoice::Deviated | AvChoice::File(_) => {
-                let (category, track) = self.deviated(scenario).ok_or(NoAv::Missing)?;
+                let (category, track) = self.deviated(scenario)?;
                 (Box::new(DeviatedAv::new(&scenario.start.now(0), track)?), category)
             }
             AvChoice::Log => (Box::new(LogAv::new(scenario)?), None),

@@ -41,7 +41,7 @@ impl Exporter for Markdown {
                 })
                 .collect();
             let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
-            writeln!(out, "\n{} deviations ({n} scenarios):\n", capital(&escape(&category)))?;
+            writeln!(out, "\n{} deviations ({}):\n", capital(&escape(&category)), table::count(n, "scenario"))?;
             write_table(out, &columns, &lines)?;
         }
         writeln!(out)?;

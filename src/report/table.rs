@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{Estimate, Summary};
+use crate::evaluation::{Estimate, SettingsRecord, Summary};
 use crate::metrics::{self, Unit};
 
 /// A column of the tables.
@@ -112,21 +112,15 @@ pub(super) fn categories(runs: &[super::Run<'_>]) -> Vec<String> {
 pub(super) fn provenance(run: &super::Run<'_>) -> String {
     let p = &run.summary.provenance;
     let s = &p.run.settings;
-    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
     let mut parts = vec![count(p.scenarios, "scenario")];
     if !p.failures.is_empty() {
         parts.push(count(p.failures.len(), "failure"));
     }
-    parts.push(format!("{} protocol", s.protocol));
-    if s.protocol == "reactive" {
-        parts.push(format!("AV {}", s.av));
-        if !s.av_lookahead {
-            parts.push("AV lookahead 0".to_owned());
-        }
+    if s.protocol == "recorded" {
+        parts.push("recorded rollouts".to_owned());
+    } else {
+        protocol(s, &mut parts);
     }
-    parts.push(format!("replan every {}", count(s.replan_steps, "step")));
-    parts.push(count(s.rollouts as usize, "rollout"));
-    parts.push(format!("seed {}", s.seed));
     let changed: Vec<String> = metrics::Options::default()
         .named()
         .into_iter()
@@ -147,4 +141,23 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
         false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
     });
     parts.join(", ")
+}
+
+/// What the rollouts were made with.
+fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
+    parts.push(format!("{} protocol", s.protocol));
+    if s.protocol == "reactive" {
+        parts.push(format!("AV {}", s.av));
+        if !s.av_lookahead {
+            parts.push("AV lookahead 0".to_owned());
+        }
+    }
+    parts.push(format!("replan every {}", count(s.replan_steps, "step")));
+    parts.push(count(s.rollouts as usize, "rollout"));
+    parts.push(format!("seed {}", s.seed));
+}
+
+/// A number of things.
+pub(super) fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }

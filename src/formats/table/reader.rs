@@ -84,6 +84,11 @@ impl TableReader {
         Ok(())
     }
 
+    /// As [`TableReader::require`], but files of other programs, which state nothing, are welcome.
+    pub(crate) fn expect(&self, kind: &str, version: u32) -> Result<(), FormatError> {
+        if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
+    }
+
     /// The next rows; `None` at the end. After an error there are none.
     pub(crate) fn next_batch(&mut self) -> Option<Result<RecordBatch, FormatError>> {
         match self.advance() {

@@ -1,0 +1,199 @@
+//! Deviated AV trajectories by scenario id, from Parquet or JSON. Told in `scenarios/README.md`.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use arrow_array::RecordBatch;
+use serde::Deserialize;
+
+use super::error::{Cause, FormatError};
+use super::format::head;
+use super::states::{self, States};
+use super::table::{Leaf, TableReader, View};
+use crate::geometry::Vec2;
+use crate::scene::{AgentState, Deviation, FUTURE, Frame};
+
+/// The value of `format` in JSON, and of `reactsim.format` in Parquet where the file states one.
+const JSON: &str = "reactsim-deviations-v1";
+const KIND: &str = "reactsim-deviations";
+const VERSION: u32 = 1;
+/// Longest JSON file that is read.
+const LONGEST: u64 = 1 << 30;
+
+/// One deviated AV trajectory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviationRecord {
+    /// Dominant source of the deviation, where known.
+    pub category: Option<Deviation>,
+    /// Digest of the scenario that the trajectory was made for, where stated.
+    pub scenario_digest: Option<String>,
+    /// The point of the world that coordinates are relative to: (0, 0) for world coordinates; `None` for the scenario's origin.
+    pub origin: Option<Vec2>,
+    /// States at the steps 1 to 80, without gaps.
+    pub track: Vec<AgentState>,
+}
+
+impl DeviationRecord {
+    /// The states in the frame of a scenario with this origin.
+    pub fn track_in(&self, origin: Vec2) -> Vec<AgentState> {
+        self.track.iter().map(|s| states::moved(*s, self.origin, origin)).collect()
+    }
+}
+
+/// Reads all trajectories of a file.
+///
+/// # Errors
+/// [`FormatError`] names the scenario and the step: gaps, values that are not finite, a wrong number of steps, a scenario that
+/// occurs twice, an unknown category, missing columns.
+pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
+    let path = path.as_ref();
+    let head = head(path, 4).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+    let mut all = Records { path, records: BTreeMap::new(), next: 0 };
+    if head == b"PAR1" {
+        all.read_parquet()?
+    } else {
+        all.read_json()?
+    }
+    Ok(all.records)
+}
+
+/// What was read so far.
+struct Records<'a> {
+    path: &'a Path,
+    records: BTreeMap<String, DeviationRecord>,
+    next: u64,
+}
+
+impl Records<'_> {
+    fn add(
+        &mut self,
+        scenario: &str,
+        category: Option<&str>,
+        scenario_digest: Option<&str>,
+        origin: Option<Vec2>,
+        frames: Result<Vec<Frame>, Cause>,
+    ) -> Result<(), FormatError> {
+        let record = self.next;
+        self.next += 1;
+        let refuse = |cause| FormatError::record(self.path, record, Some(scenario.to_owned()), cause);
+        let category = match category {
+            None | Some("") => None,
+            Some(name) => Some(Deviation::from_name(name).ok_or_else(|| {
+                refuse(Cause::value("category", format!("`{name}`"), "longitudinal, lateral or directional"))
+            })?),
+        };
+        let frames = frames.map_err(refuse)?;
+        if let Some(gap) = frames.iter().position(Option::is_none) {
+            let field = format!("the state at step {}", gap + 1);
+            return Err(refuse(Cause::value(field, "missing", "80 states without gaps")));
+        }
+        let track = frames.into_iter().flatten().collect();
+        let digest = scenario_digest.filter(|d| !d.is_empty()).map(str::to_owned);
+        match self.records.entry(scenario.to_owned()) {
+            Entry::Occupied(_) => {
+                Err(refuse(Cause::value("scenario_id", format!("`{scenario}` again"), "one trajectory each")))
+            }
+            Entry::Vacant(place) => {
+                place.insert(DeviationRecord { category, scenario_digest: digest, origin, track });
+                Ok(())
+            }
+        }
+    }
+
+    fn read_parquet(&mut self) -> Result<(), FormatError> {
+        let mut table = TableReader::open(self.path)?;
+        table.expect(KIND, VERSION)?;
+        let file = |cause| FormatError::file(self.path, cause);
+        let origin = states::table_origin(&table).map_err(file)?;
+        while let Some(batch) = table.next_batch() {
+            self.read_batch(&batch?, origin)?;
+        }
+        Ok(())
+    }
+
+    fn read_batch(&mut self, batch: &RecordBatch, origin: Option<Vec2>) -> Result<(), FormatError> {
+        let file = |cause| FormatError::file(self.path, cause);
+        let ids = View::need(batch, "scenario_id", Leaf::Text, 0).map_err(file)?;
+        let categories = View::find(batch, "category", Leaf::Text, 0).map_err(file)?;
+        let digests = View::find(batch, "scenario_digest", Leaf::Text, 0).map_err(file)?;
+        let columns = States::find(batch, 1).map_err(file)?;
+        for row in 0..batch.num_rows() {
+            let frames = columns.frames("", &columns.ranges(|v| v.range(0, row)), FUTURE);
+            let category = categories.as_ref().and_then(|c| c.text(row));
+            let digest = digests.as_ref().and_then(|c| c.text(row));
+            let Some(id) = ids.text(row) else {
+                let cause = Cause::value("scenario_id", "null", "the id of a scenario");
+                return Err(FormatError::record(self.path, self.next, None, cause));
+            };
+            self.add(id, category, digest, origin, frames)?;
+        }
+        Ok(())
+    }
+
+    fn read_json(&mut self) -> Result<(), FormatError> {
+        let file = |cause| FormatError::file(self.path, cause);
+        let mut text = Vec::new();
+        let source = File::open(self.path).map_err(|e| file(Cause::read(e)))?;
+        source.take(LONGEST).read_to_end(&mut text).map_err(|e| file(Cause::read(e)))?;
+        let raw: RawFile =
+            serde_json::from_slice(&text).map_err(|e| file(Cause::Undecodable(e.to_string())))?;
+        if raw.format != JSON {
+            let found = format!("`{}`", raw.format);
+            return Err(file(Cause::schema("`format`", found, format!("`{JSON}`"))));
+        }
+        let origin = states::origin("`frame`", raw.frame.as_deref()).map_err(file)?;
+        for one in raw.deviations {
+            let frames = one.frames();
+            self.add(
+                &one.scenario_id,
+                one.category.as_deref(),
+                one.scenario_digest.as_deref(),
+                origin,
+                frames,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawFile {
+    format: String,
+    #[serde(default)]
+    frame: Option<String>,
+    deviations: Vec<RawTrajectory>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTrajectory {
+    scenario_id: String,
+    #[serde(default)]
+    category: Option<String>,
+    #[serde(default)]
+    scenario_digest: Option<String>,
+    x: Vec<Option<f64>>,
+    y: Vec<Option<f64>>,
+    heading: Vec<Option<f64>>,
+    #[serde(default)]
+    vx: Option<Vec<Option<f64>>>,
+    #[serde(default)]
+    vy: Option<Vec<Option<f64>>>,
+}
+
+impl RawTrajectory {
+    fn frames(&self) -> Result<Vec<Frame>, Cause> {
+        let lists = [Some(&self.x), Some(&self.y), Some(&self.heading), self.vx.as_ref(), self.vy.as_ref()];
+        for (name, list) in ["x", "y", "heading", "vx", "vy"].iter().zip(lists) {
+            if let Some(list) = list.filter(|l| l.len() != FUTURE) {
+                return Err(Cause::value(*name, format!("{} steps", list.len()), "80 steps"));
+            }
+        }
+        let value = |list: Option<&Vec<Option<f64>>>, f: usize| list.and_then(|l| l[f]).unwrap_or(f64::NAN);
+        (0..FUTURE).map(|f| states::frame("", f, lists.map(|l| value(l, f)))).collect()
+    }
+}
