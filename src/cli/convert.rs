@@ -51,7 +51,10 @@ fn stream(inputs: &[formats::Input], out: &Path) -> anyhow::Result<(usize, usize
             match scenario {
                 Ok(scenario) if !ids.insert(scenario.id.clone()) => {
                     let file = input.path.display();
-                    say(format_args!("warning: {file}: scenario `{}`: an earlier one has this id", scenario.id));
+                    say(format_args!(
+                        "warning: {file}: scenario `{}`: an earlier one has this id",
+                        scenario.id
+                    ));
                     bad += 1;
                 }
                 Ok(scenario) => {

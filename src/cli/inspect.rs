@@ -58,7 +58,8 @@ pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
             (Some(run), Some(simulator)) => marks(run, simulator, args.index, &scenario.id)?,
             _ => Vec::new(),
         };
-        let title = args.simulator.as_ref().map(|s| format!("{} · {s} · rollout {}", scenario.id, args.index));
+        let title =
+            args.simulator.as_ref().map(|s| format!("{} · {s} · rollout {}", scenario.id, args.index));
         let view = View {
             radius: args.radius,
             steps: args.steps.iter().map(|s| usize::from(*s)).collect(),
@@ -117,7 +118,8 @@ fn rollout(
     }
     for record in formats::rollouts::read(&path)? {
         let record = record?;
-        if record.scenario_id == scenario.id && record.simulator == simulator && record.rollout == args.index {
+        if record.scenario_id == scenario.id && record.simulator == simulator && record.rollout == args.index
+        {
             return Ok(recorded_tracks(scenario, &record)?);
         }
     }
@@ -166,15 +168,17 @@ fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
     let world = start.agents.len().saturating_sub(1);
     let lanes = |kind: LaneKind| map.lanes.iter().filter(|l| l.kind == kind).count();
     let metres: f64 = map.lanes.iter().map(|l| l.baseline.length()).sum();
-    let seen = (0..start.lights.len())
-        .filter(|&i| scenario.light_states(i).iter().any(Option::is_some))
-        .count();
+    let seen =
+        (0..start.lights.len()).filter(|&i| scenario.light_states(i).iter().any(Option::is_some)).count();
     let mut lines = vec![
         ("scenario", scenario.id.clone()),
         ("source", scenario.source.clone()),
         ("digest", scenario.digest()),
         ("origin", format!("({}, {}) m in the world", scenario.origin.x, scenario.origin.y)),
-        ("agents", format!("{world} around the AV: {}", kinds(&mut start.agents[1..].iter().map(|a| a.kind)))),
+        (
+            "agents",
+            format!("{world} around the AV: {}", kinds(&mut start.agents[1..].iter().map(|a| a.kind))),
+        ),
         ("context", kinds(&mut scenario.unselected.iter().map(|a| a.agent.kind))),
         (
             "lanes",
@@ -209,7 +213,9 @@ fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
                 let end = d.track.last().map(|s| s.position());
                 let logged = scenario.log_future.tracks[0].last().copied().flatten().map(|s| s.position());
                 match end.zip(logged) {
-                    Some((end, logged)) => format!("{category}, {:.1} m off at the end", (end - logged).norm()),
+                    Some((end, logged)) => {
+                        format!("{category}, {:.1} m off at the end", (end - logged).norm())
+                    }
                     None => category.to_owned(),
                 }
             }),
@@ -230,6 +236,7 @@ fn travel(scenario: &Scenario) -> String {
     let now = scenario.start.now(0);
     let agent = &scenario.start.agents[0];
     let gaps = if steps < FUTURE { format!(", present at {steps} of {FUTURE} steps") } else { String::new() };
-    let speed = if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
+    let speed =
+        if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
     format!("`{}`, {} m x {} m, {speed}, drives {metres:.1} m{gaps}", agent.id, agent.length, agent.width)
 }

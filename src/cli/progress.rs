@@ -20,7 +20,9 @@ pub(super) struct Progress {
 impl Progress {
     pub(super) fn new() -> Self {
         let bar = ProgressBar::new_spinner();
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {pos} scenarios, {per_sec}, {elapsed}{msg}") {
+        if let Ok(style) =
+            ProgressStyle::with_template("{spinner} {pos} scenarios, {per_sec}, {elapsed}{msg}")
+        {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(120));

@@ -13,8 +13,8 @@ use super::progress::Progress;
 use super::report::formats as table_formats;
 use super::{ExitStatus, metric_options, say, shipped, write_result};
 use crate::evaluation::{
-    self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder,
-    RunSettings, Source, Summary, TABLE, Tally,
+    self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator,
+    RunFolder, RunSettings, Source, Summary, TABLE, Tally,
 };
 use crate::formats;
 use crate::report::{Run, exporter};
@@ -92,7 +92,8 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
         None => None,
     };
     let stop = stop_on_interrupt(args.out.as_deref())?;
-    let jobs = args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), Into::into);
+    let jobs =
+        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), Into::into);
     let execution = Execution { jobs, batch: args.batch.get() };
     let progress = Progress::new();
     let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, &stop);

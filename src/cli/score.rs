@@ -151,12 +151,5 @@ fn failed(
     scenario: Option<String>,
     error: impl ToString,
 ) -> Failure {
-    Failure {
-        input,
-        record,
-        simulator: None,
-        file: file.to_owned(),
-        scenario,
-        error: error.to_string(),
-    }
+    Failure { input, record, simulator: None, file: file.to_owned(), scenario, error: error.to_string() }
 }

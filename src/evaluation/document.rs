@@ -157,9 +157,9 @@ fn likelihood_json(likelihood: &KinematicLikelihood) -> Value {
 fn agent_json(case: &Case<'_>, object: usize) -> Value {
     let agent = case.objects[object].agent;
     let scores = case.agent_scores(object);
-    let contact = scores.contact.map(|c| {
-        json!({ "step": c.step, "at_fault": c.fault.at_fault(), "reason": c.fault.name() })
-    });
+    let contact = scores
+        .contact
+        .map(|c| json!({ "step": c.step, "at_fault": c.fault.at_fault(), "reason": c.fault.name() }));
     let (moves, steer) = (scores.infeasible, scores.infeasible.curvature_by(case.options.curvature_yaw));
     json!({
         "id": agent.id,

@@ -63,6 +63,7 @@ fn deviation(stats: &DeviationStats) -> BTreeMap<String, f64> {
         ("endpoint_longitudinal", stats.endpoint_longitudinal),
         ("mean_speed_difference", stats.mean_speed_difference),
     ];
-    let defined = all.into_iter().filter_map(|(name, v)| Some((name.to_owned(), v.filter(|v| v.is_finite())?)));
+    let defined =
+        all.into_iter().filter_map(|(name, v)| Some((name.to_owned(), v.filter(|v| v.is_finite())?)));
     defined.collect()
 }

@@ -25,7 +25,9 @@ pub use folder::{
     EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
 };
 pub use plan::{Deviations, NoAv, Plan, PlannedSimulator, RunSettings};
-pub use provenance::{FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
+pub use provenance::{
+    FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
+};
 pub use recorded::Recorded;
 pub use rollouts::{ForeignRollout, recorded_tracks};
 pub use row::{EventLine, Failure, Place, Row, Value};

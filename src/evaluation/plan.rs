@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::av::AvChoice;
-use super::provenance::{FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
-use super::source::Source;
 use super::EvaluationError;
+use super::av::AvChoice;
+use super::provenance::{
+    FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
+};
+use super::source::Source;
 use crate::formats::deviations::DeviationRecord;
 use crate::metrics::Options;
 use crate::models::{self, Baseline, Card, MODELS};

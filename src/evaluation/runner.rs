@@ -89,7 +89,7 @@ pub fn run(
     }
     failures.sort();
     let provenance = plan.provenance();
-    let summary = Summary::new(&tally, &failures, &provenance);
+    let summary = with_threads(execution.jobs, || Summary::new(&tally, &failures, &provenance));
     if let Some(folder) = folder {
         folder.finish(&tally, &failures)?;
         if plan.keep_rollouts {
@@ -101,14 +101,21 @@ pub fn run(
     Ok(Outcome::Finished(Box::new(summary)))
 }
 
+/// Does parallel work on so many threads; where they can not be had, on those that there are.
+fn with_threads<T: Send>(jobs: usize, work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(jobs.max(1)).build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
+    }
+}
+
 /// Takes scenarios out whose id an earlier one has. Which of two is the earlier one depends on the inputs' order only.
 fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     let repeated = tally.repeated();
     let refuse = |(place, earlier): (Place, Place)| {
         let entry = tally.entries.remove(&place)?;
         let first = &plan.sources[earlier.input].file.name;
-        let error =
-            format!("the id `{}` is taken by record {} of {first}", entry.scenario, earlier.record);
+        let error = format!("the id `{}` is taken by record {} of {first}", entry.scenario, earlier.record);
         Some(failure(plan, place, None, Some(entry.scenario), error))
     };
     repeated.into_iter().filter_map(refuse).collect()
@@ -201,7 +208,8 @@ impl Runner<'_> {
         let decoded = item.content.and_then(|decode| decode());
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
         let (_, category) = self.plan.av(&scenario).map_err(|e| {
-            refuse(Some(scenario.id.clone()), format!("scenario `{}`: {e}", scenario.id))
+            let text = self.named(item.place, &format!("scenario `{}`: {e}", scenario.id));
+            refuse(Some(scenario.id.clone()), text)
         })?;
         Ok(Ready { place: item.place, digest: scenario.digest(), category, scenario })
     }
@@ -221,7 +229,7 @@ impl Runner<'_> {
                         requests.push(Request { scenario: &ready.scenario, av, rollout });
                         asked.push(i);
                     }
-                    Err(error) => failed[i] = Some(error.to_string()),
+                    Err(error) => failed[i] = Some(format!("scenario `{}`: {error}", ready.scenario.id)),
                 }
             }
             let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
@@ -237,7 +245,8 @@ impl Runner<'_> {
                 None => self.keep(ready, simulator, rollouts)?,
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
-                    self.fail(failure(self.plan, ready.place, Some(planned.id), id, error))?;
+                    let text = self.named(ready.place, &error);
+                    self.fail(failure(self.plan, ready.place, Some(planned.id), id, text))?;
                 }
             }
         }
@@ -290,6 +299,11 @@ impl Runner<'_> {
         }
         rows.push(Row { metrics: judged.together, ..empty });
         (rows, events)
+    }
+
+    /// A text with file and record before it, as errors of files have them.
+    fn named(&self, place: Place, text: &str) -> String {
+        format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
     }
 
     fn fail(&self, failure: Failure) -> Result<(), EvaluationError> {

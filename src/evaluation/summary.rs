@@ -153,7 +153,8 @@ impl Summary {
 
     /// The text of `summary.json`.
     pub fn to_json(&self) -> String {
-        let mut text = serde_json::to_string_pretty(self).expect("a summary holds finite numbers and text only");
+        let mut text =
+            serde_json::to_string_pretty(self).expect("a summary holds finite numbers and text only");
         text.push('\n');
         text
     }

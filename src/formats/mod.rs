@@ -16,7 +16,7 @@ pub mod native;
 pub mod rollouts;
 
 pub use error::{Cause, FormatError};
-pub use json::parse as parse_json;
 pub use format::{
     FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Undecoded, decoded, find_inputs, open,
 };
+pub use json::parse as parse_json;

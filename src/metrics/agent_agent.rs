@@ -39,8 +39,7 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
     let mut hit = vec![false; n * case.frames()];
     let partner = |i: usize| {
         case.evaluated(i)
-            || case.present(i)
-                && if i == case.av { options.aa_include_av } else { options.aa_include_other }
+            || case.present(i) && if i == case.av { options.aa_include_av } else { options.aa_include_other }
     };
     let partners: Vec<(usize, [f64; 4])> =
         (0..n).filter(|&i| partner(i)).map(|i| (i, extent(case, i))).collect();
@@ -50,7 +49,8 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
                 continue;
             }
             let reach = motion.radius[i] + motion.radius[j] + 1e-6;
-            let apart = a[0] > b[1] + reach || b[0] > a[1] + reach || a[2] > b[3] + reach || b[2] > a[3] + reach;
+            let apart =
+                a[0] > b[1] + reach || b[0] > a[1] + reach || a[2] > b[3] + reach || b[2] > a[3] + reach;
             if apart {
                 continue;
             }

@@ -114,8 +114,7 @@ impl<'a> Case<'a> {
     /// The case of one rollout of a scenario, judged beside its log. `tracks`: per agent (order of the scenario) 91 frames.
     pub fn of_rollout(scenario: &'a Scenario, tracks: Vec<Vec<Frame>>, options: Options) -> Self {
         let start = &scenario.start;
-        let objects =
-            start.agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track }).collect();
+        let objects = start.agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track }).collect();
         let log = start.history.iter().zip(&scenario.log_future.tracks);
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
         Self::new(start.road(), objects, 0, options).with_log(log.collect())

@@ -85,7 +85,8 @@ impl Judge<'_, '_> {
         let options = &case.options;
         let first = run.start.max(case.current + 1);
         let moving = |f: usize| case.motion.speed[case.motion.at(agent, f)] > MOVING_SPEED;
-        if options.dir_tracking != DirTracking::Route && self.harmless(agent, first..run.end, &moving, found) {
+        if options.dir_tracking != DirTracking::Route && self.harmless(agent, first..run.end, &moving, found)
+        {
             return;
         }
         match options.dir_tracking {
@@ -112,7 +113,8 @@ impl Judge<'_, '_> {
                 }
                 (Some((error, progress)), None) => {
                     let lane = self.placed[f - run.start].map_or(0, |p| p.lane);
-                    open = Some(WrongWaySpell { first: step, last: step, lane, heading_error: error, progress });
+                    open =
+                        Some(WrongWaySpell { first: step, last: step, lane, heading_error: error, progress });
                 }
                 (None, _) => keep(open.take(), found),
             }

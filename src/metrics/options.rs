@@ -227,8 +227,9 @@ impl Options {
                 }
                 _ => Err("a number from 0 to 1, such as 0.7".to_owned()),
             },
-            "velocity_source" => choice(value, VelocitySource::ALL, VelocitySource::name)
-                .map(|v| self.velocity_source = v),
+            "velocity_source" => {
+                choice(value, VelocitySource::ALL, VelocitySource::name).map(|v| self.velocity_source = v)
+            }
             "fault_order" => choice(value, FaultOrder::ALL, FaultOrder::name).map(|v| self.fault_order = v),
             "exclude_initial_overlap" => flag(value).map(|v| self.exclude_initial_overlap = v),
             "ttc_wrap_heading" => flag(value).map(|v| self.ttc_wrap_heading = v),

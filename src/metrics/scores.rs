@@ -96,9 +96,8 @@ pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: 
         return RolloutScores { displacement: None, likelihood: None };
     };
     // Presence is decided at the current frame, which all rollouts share.
-    let case = Case::of_rollout(scenario, first.to_vec(), options).with_rollouts(
-        rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect(),
-    );
+    let case = Case::of_rollout(scenario, first.to_vec(), options)
+        .with_rollouts(rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect());
     RolloutScores { displacement: ade::displacement(&case), likelihood: likelihood::likelihood(&case) }
 }
 

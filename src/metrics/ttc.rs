@@ -118,7 +118,9 @@ impl Metric for Risky {
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let mut count = 0;
         for (i, approach) in approaches(case).iter().enumerate() {
-            let Some((approach, (first, last))) = approach.and_then(|a| Some((a, a.risky?))) else { continue };
+            let Some((approach, (first, last))) = approach.and_then(|a| Some((a, a.risky?))) else {
+                continue;
+            };
             count += 1;
             let at = approach.step.unwrap_or(first);
             events.push(Event {

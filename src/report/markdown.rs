@@ -41,7 +41,12 @@ impl Exporter for Markdown {
                 })
                 .collect();
             let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
-            writeln!(out, "\n{} deviations ({}):\n", capital(&escape(&category)), table::count(n, "scenario"))?;
+            writeln!(
+                out,
+                "\n{} deviations ({}):\n",
+                capital(&escape(&category)),
+                table::count(n, "scenario")
+            )?;
             write_table(out, &columns, &lines)?;
         }
         writeln!(out)?;
@@ -80,9 +85,8 @@ fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> i
         row.extend(with_failed.then(|| line.failed.to_string()));
         rows.push(row);
     }
-    let widths: Vec<usize> = (0..rows[0].len())
-        .map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0))
-        .collect();
+    let widths: Vec<usize> =
+        (0..rows[0].len()).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
     for (i, row) in rows.iter().enumerate() {
         let cells: Vec<String> = row.iter().enumerate().map(|(c, t)| pad(t, widths[c], c >= texts)).collect();
         writeln!(out, "| {} |", cells.join(" | "))?;

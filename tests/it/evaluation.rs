@@ -83,7 +83,8 @@ fn a_cut_run_goes_on_to_the_same_bytes() {
     run(&plan(2), &whole, false, 2, 2);
     let wanted = files(&whole);
     let length = wanted[1].len();
-    for (i, cut) in [0, 1, length / 7, length / 2, length / 2 + 1, length - 1, length].into_iter().enumerate() {
+    for (i, cut) in [0, 1, length / 7, length / 2, length / 2 + 1, length - 1, length].into_iter().enumerate()
+    {
         let folder = home.path().join(format!("cut-{i}"));
         fs::create_dir(&folder).unwrap();
         for entry in fs::read_dir(&whole).unwrap() {
@@ -146,10 +147,7 @@ fn another_setting_is_refused_by_name() {
         if setting == "seed" && old == "0" && new == "3"));
     let more = plan_of(vec![source("a", vec![0])], &["stop"], 1);
     assert!(RunFolder::resume(&folder, &more.provenance(), &mut tally(&more)).is_err());
-    assert!(matches!(
-        RunFolder::create(&folder, &plan(1).provenance()),
-        Err(EvaluationError::Exists { .. })
-    ));
+    assert!(matches!(RunFolder::create(&folder, &plan(1).provenance()), Err(EvaluationError::Exists { .. })));
 }
 
 #[test]

@@ -10,13 +10,8 @@ use reactsim::scene::{
 
 /// A vehicle on the x axis: present in all frames, position and speed at the current frame given.
 fn driver(id: &str, x: f64, y: f64, speed: f64) -> LoggedAgent {
-    let state = |f: usize| AgentState {
-        x: x + speed * 0.1 * (f as f64 - 10.0),
-        y,
-        heading: 0.0,
-        vx: speed,
-        vy: 0.0,
-    };
+    let state =
+        |f: usize| AgentState { x: x + speed * 0.1 * (f as f64 - 10.0), y, heading: 0.0, vx: speed, vy: 0.0 };
     LoggedAgent {
         agent: Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.5, width: 2.0 },
         track: (0..FRAMES).map(|f| Some(state(f))).collect(),
@@ -70,10 +65,7 @@ pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
             road_edges: vec![road(-1.75, true), road(5.25, false)],
             ..MapParts::default()
         },
-        deviation: deviated.then(|| DeviationParts {
-            category: Some(Deviation::ALL[i % 3]),
-            track: braking,
-        }),
+        deviation: deviated.then(|| DeviationParts { category: Some(Deviation::ALL[i % 3]), track: braking }),
         ..ScenarioParts::default()
     };
     Scenario::assemble(parts).unwrap()
@@ -82,7 +74,12 @@ pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
 /// A source that makes its scenarios anew each time it is opened.
 pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
     Source {
-        file: FileRecord { name: name.to_owned(), format: "generated".into(), bytes: 0, blake3: String::new() },
+        file: FileRecord {
+            name: name.to_owned(),
+            format: "generated".into(),
+            bytes: 0,
+            blake3: String::new(),
+        },
         open: Box::new(move || {
             let scenarios = scenarios.clone();
             Ok(Box::new(scenarios.into_iter().map(|i| Ok(decoded(scenario(i))))))

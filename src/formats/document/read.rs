@@ -163,7 +163,11 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
     let (current, future) = (raw.current_index, raw.num_future);
     if future == 0 || current >= MOST_FRAMES || future >= MOST_FRAMES {
         let value = format!("{current} and {future}");
-        return Err(at.error("current_index and num_future", value, "at least one frame after the current one"));
+        return Err(at.error(
+            "current_index and num_future",
+            value,
+            "at least one frame after the current one",
+        ));
     }
     let frames = current + 1 + future;
     let mut agents = Vec::with_capacity(raw.agents.len());
@@ -249,8 +253,7 @@ fn agent(
         }
     };
     let (length, width) = (size("length", raw.length)?, size("width", raw.width)?);
-    let track =
-        track(at, &field, [raw.x, raw.y, raw.heading], Some(&raw.valid), [raw.vx, raw.vy], frames)?;
+    let track = track(at, &field, [raw.x, raw.y, raw.heading], Some(&raw.valid), [raw.vx, raw.vy], frames)?;
     Ok(LoggedAgent { agent: Agent { id: raw.id.0, kind, length, width }, track })
 }
 
