@@ -3,6 +3,7 @@
 
 mod cli;
 mod evaluation;
+mod formats;
 mod generated;
 mod layers;
 mod mini_scenarios;

@@ -1,0 +1,107 @@
+//! Flipped bytes and cut files: never a panic; an error that names the file, or the identical scenario.
+
+use std::fs;
+use std::path::Path;
+
+use super::proto::{self, Proto};
+use super::{digests, good, shared, write_native};
+
+/// Reads a file with every `stride`-th byte changed, and cut at every `stride`-th byte.
+fn hurt(path: &Path, stride: usize, exact: bool) {
+    let data = fs::read(path).unwrap();
+    let sound: Vec<String> = good(path).iter().map(|s| s.digest()).collect();
+    let check = |what: &str| {
+        let all = digests(path);
+        let mut errors = 0;
+        for one in &all {
+            match one {
+                Err(error) => {
+                    errors += 1;
+                    assert!(error.to_string().contains(&path.display().to_string()), "{what}: {error}");
+                }
+                Ok(digest) if exact => assert!(sound.contains(digest), "{what}: another scenario"),
+                Ok(_) => {}
+            }
+        }
+        if exact {
+            assert!(
+                errors > 0 || all.len() == sound.len(),
+                "{what}: {} of {}, no error",
+                all.len(),
+                sound.len()
+            );
+        }
+    };
+    for (k, at) in (0..data.len()).step_by(stride).enumerate() {
+        let mut bad = data.clone();
+        bad[at] ^= [0x01, 0x80, 0xff][k % 3];
+        fs::write(path, &bad).unwrap();
+        check(&format!("byte {at} flipped"));
+    }
+    for length in (0..data.len()).step_by(stride) {
+        fs::write(path, &data[..length]).unwrap();
+        check(&format!("cut to {length}"));
+    }
+    let mut longer = data.clone();
+    longer.extend(b"garbage behind the end");
+    fs::write(path, longer).unwrap();
+    if exact {
+        assert!(digests(path).iter().any(Result::is_err), "garbage behind the end");
+    }
+}
+
+#[test]
+fn damaged_tfrecords() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    let two = [Proto::default(), Proto { id: "two".into(), ..Proto::default() }];
+    fs::write(&path, proto::records(&two)).unwrap();
+    hurt(&path, 301, true);
+    let plain = proto::records(&two);
+    let path = folder.path().join("f.tfrecord.zst");
+    fs::write(&path, zstd::encode_all(&plain[..], 1).unwrap()).unwrap();
+    hurt(&path, 17, true);
+    let path = folder.path().join("f.tfrecord.gz");
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    std::io::Write::write_all(&mut gzip, &plain).unwrap();
+    fs::write(&path, gzip.finish().unwrap()).unwrap();
+    hurt(&path, 17, true);
+}
+
+#[test]
+fn damaged_native_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (womd, path) = (folder.path().join("f.tfrecord"), folder.path().join("f.parquet"));
+    let ten: Vec<Proto> = (0..10).map(|i| Proto { id: i.to_string(), ..Proto::default() }).collect();
+    fs::write(&womd, proto::records(&ten)).unwrap();
+    write_native(&path, &good(&womd));
+    fs::remove_file(&womd).unwrap();
+    hurt(&path, 89, true);
+}
+
+#[test]
+fn damaged_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.json");
+    fs::write(&path, super::HAND_WRITTEN).unwrap();
+    hurt(&path, 3, false);
+}
+
+#[test]
+fn damaged_real_record() {
+    let Some(source) = shared("data/womd/val/womd-val-00000-of-00002.tfrecord.zst") else {
+        println!("skipped: no shared data");
+        return;
+    };
+    // The first record alone, decoded.
+    let mut data = Vec::new();
+    let decoder = zstd::stream::read::Decoder::new(fs::File::open(source).unwrap()).unwrap();
+    std::io::Read::read_to_end(&mut std::io::Read::take(decoder, 16 << 20), &mut data).unwrap();
+    let mut length = [0; 8];
+    length.copy_from_slice(&data[..8]);
+    data.truncate(u64::from_le_bytes(length) as usize + 16);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    fs::write(&path, &data).unwrap();
+    hurt(&path, data.len() / 40, true);
+}

@@ -1,0 +1,179 @@
+//! Odd input: each has a stated meaning or an error that names file, record, scenario, field and value.
+
+use std::fs;
+
+use super::proto::{self, Proto};
+use super::{good, refusal};
+use reactsim::scene::Scenario;
+
+fn read(change: impl FnOnce(&mut Proto)) -> Result<Scenario, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    let mut made = Proto::default();
+    change(&mut made);
+    fs::write(&path, proto::records(&[made])).unwrap();
+    let mut scenarios = reactsim::formats::open(&path).unwrap();
+    scenarios.next().unwrap().map_err(|e| {
+        assert!(!e.ends_file(), "{e}");
+        e.to_string().rsplit_once("f.tfrecord: ").unwrap().1.to_owned()
+    })
+}
+
+#[test]
+fn waymo_messages_mean_what_they_say() {
+    let s = read(|_| ()).unwrap();
+    assert_eq!((s.id.as_str(), s.source.as_str()), ("made", "womd"));
+    assert_eq!((s.origin.x, s.origin.y), (5010.0, -20_000.0));
+    let ids: Vec<&str> = s.start.agents.iter().map(|a| a.id.as_str()).collect();
+    assert_eq!(ids, ["8", "9", "7"], "the AV, then by distance");
+    // Unwrapped headings are kept; sizes are those of frame 10; states that are not valid mean nothing whatever they hold.
+    assert!((s.start.now(2).heading - 17.3).abs() < 1e-6);
+    assert_eq!(s.start.agents[0].length, f64::from(5.0_f32 + 10.0 * 0.001));
+    assert!(s.start.history[1][4].is_none() && s.start.history[1][5].is_some());
+    assert!(s.log_future.tracks[1][29].is_none() && s.log_future.tracks[1][28].is_some());
+    assert_eq!(
+        (s.tracks_to_predict.as_slice(), s.objects_of_interest.len()),
+        (["7".to_owned()].as_slice(), 1)
+    );
+    let map = &s.start.map;
+    assert_eq!(map.lanes[0].successors, [1]);
+    assert!((map.lanes[0].speed_limit.unwrap() - 11.176).abs() < 1e-9);
+    assert_eq!(map.stop_lines.len(), 2);
+    assert_eq!(s.start.light_history[0].iter().filter(|l| l.is_some()).count(), 6);
+    assert!(s.repairs.is_empty(), "{:?}", s.repairs);
+}
+
+#[test]
+fn odd_input_with_a_stated_meaning() {
+    let s = read(|p| p.lights.push(999)).unwrap();
+    assert_eq!((s.start.lights.len(), s.repairs["lights on missing lanes"]), (1, 1));
+    let s = read(|p| p.lanes[1].1.push(999)).unwrap();
+    assert_eq!(s.repairs["links to missing lanes"], 1);
+    // A box of size zero stands for an absent agent.
+    let s = read(|p| p.tracks[0].4 = 0.0).unwrap();
+    assert_eq!((s.start.agents.len(), s.unselected.len()), (2, 1));
+    assert_eq!(s.repairs["agents with a box of size zero"], 1);
+    // Agents that are never valid have no size at all.
+    let s = read(|p| p.tracks[0].5 = 0..0).unwrap();
+    assert_eq!((s.unselected[0].agent.length, s.start.agents.len()), (0.0, 2));
+}
+
+#[test]
+fn odd_input_is_refused_by_name() {
+    let nan = f64::NAN;
+    let cases: Vec<(Box<dyn FnOnce(&mut Proto)>, &str)> = vec![
+        (Box::new(move |p| p.tracks[0].2 = nan), "agents[0].track[0].x is NaN, expected a finite coordinate"),
+        (
+            Box::new(|p| p.tracks[0].2 = f64::INFINITY),
+            "agents[0].track[0].x is inf, expected a finite coordinate",
+        ),
+        (Box::new(|p| p.sdc = 3), "sdc_track_index is 3, expected the index of one of 3 tracks"),
+        (
+            Box::new(|p| p.tracks[1].5 = 11..91),
+            "agents[1].track[10] is absent, expected the AV present at the current frame",
+        ),
+        (
+            Box::new(|p| p.frames = 90),
+            "timestamps_seconds is 90 entries, expected 91 entries (9.1 s at 10 Hz)",
+        ),
+        (Box::new(|p| p.current = 11), "current_time_index is 11, expected 10"),
+        (Box::new(|p| p.step = 0.25), "timestamps is a step of 0.25 s, expected steps of 0.1 s (10 Hz)"),
+        (Box::new(|p| p.tracks[2].0 = 7), "agents[2].id is 7, expected an id that no other agent has"),
+        (Box::new(|p| p.lanes[1].0 = 100), "map.lanes[1].id is 100, expected an id that no other lane has"),
+        (
+            Box::new(|p| p.tracks[0].4 = f32::NAN),
+            "agents[0].length is NaN, expected a finite size of at least 0 m",
+        ),
+        (
+            Box::new(|p| p.tracks[0].3 = f32::INFINITY),
+            "agents[0].track[0].heading is inf, expected a finite heading",
+        ),
+    ];
+    for (change, expected) in cases {
+        let found = read(change).unwrap_err();
+        assert_eq!(found, format!("record 0: scenario `made`: {expected}"));
+    }
+}
+
+#[test]
+fn files_of_another_kind_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x");
+    for (data, expected) in [
+        (&b""[..], "is empty, not a scenario file; known formats: womd ("),
+        (b"\x80\x04\x95", "is a Python pickle, not a scenario file"),
+        (b"{\"a\": 1}", "is a JSON file without"),
+        (b"hello", "is a file of an unknown kind"),
+    ] {
+        fs::write(&path, data).unwrap();
+        let error = refusal(&path);
+        assert!(error.contains(expected), "{error}");
+    }
+    let error = refusal(&folder.path().join("none"));
+    assert!(error.contains("none: could not read: "), "{error}");
+    let empty = folder.path().join("x.tfrecord");
+    fs::write(&empty, b"").unwrap();
+    assert!(refusal(&empty).contains("is truncated: the first record has 0 of 12 bytes"));
+}
+
+#[test]
+fn a_bad_record_does_not_end_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    let (first, third) =
+        (Proto::default().encode(), Proto { id: "third".into(), ..Proto::default() }.encode());
+    fs::write(&path, proto::framed(&[first, b"\xff\xff\xff".to_vec(), third])).unwrap();
+    let all: Vec<_> = reactsim::formats::open(&path).unwrap().collect();
+    assert_eq!(all.len(), 3);
+    let error = all[1].as_ref().unwrap_err();
+    assert!(error.to_string().contains("f.tfrecord: record 1: can not be decoded: "), "{error}");
+    assert_eq!(all[2].as_ref().unwrap().id, "third");
+}
+
+#[test]
+fn absurd_lengths_allocate_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    for length in [u64::MAX, 1 << 40, (1 << 30) - 8] {
+        let mut data = length.to_le_bytes().to_vec();
+        let sum = crc32c::crc32c(&data).rotate_right(15).wrapping_add(0xa282_ead8);
+        data.extend(sum.to_le_bytes());
+        data.extend(b"short");
+        fs::write(&path, data).unwrap();
+        let error = refusal(&path);
+        assert!(
+            error.contains("at most 1 GiB") || error.contains("is truncated: the record has 5 of"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn hand_written_mistakes_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.json");
+    for (from, to, expected) in [
+        ("\"intent\": \"Everything that a file can hold.\",", "", "missing field `intent`"),
+        ("\"id\": \"hand\"", "\"idd\": \"hand\"", "unknown field `idd`"),
+        ("\"speed\": 10, \"frames\"", "\"speed\": 1e999, \"frames\"", "number out of range"),
+        (
+            "\"seconds\": 4",
+            "\"seconds\": 0.05",
+            "lights[0].phases[0].seconds is 0.05, expected a positive multiple",
+        ),
+        ("\"av\": \"av\"", "\"av\": \"me\"", "av is `me`, expected the id of an agent"),
+        (
+            "\"half_width\": 2",
+            "\"half_width\": 0",
+            "map.lanes[2].half_width is 0, expected a finite positive width",
+        ),
+        ("[3, 60]", "[3, 91]", "agents[0].motion.frames is [3, 91], expected [first, last] within 0 to 90"),
+    ] {
+        assert!(super::HAND_WRITTEN.contains(from), "{from}");
+        fs::write(&path, super::HAND_WRITTEN.replacen(from, to, 1)).unwrap();
+        let error = refusal(&path);
+        assert!(error.contains("a.json: record 0: ") && error.contains(expected), "{error}");
+    }
+    fs::write(&path, super::HAND_WRITTEN).unwrap();
+    assert_eq!(good(&path).len(), 1);
+}
