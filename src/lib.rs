@@ -7,8 +7,6 @@ pub mod scene;
 
 pub mod rollout;
 
-pub mod formats;
-
 pub mod metrics;
 
 pub mod evaluation;

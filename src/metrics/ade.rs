@@ -29,7 +29,11 @@ impl Case<'_> {
 }
 
 /// The errors of the case's rollouts, or of its judged track where it has none; `None` without a log or a step to judge.
-pub(super) fn displacement(case: &Case<'_>) -> Option<Displacement> {
+pub(super) fn displacement<'c>(case: &'c Case<'_>) -> Option<&'c Displacement> {
+    case.cache.displacement.get_or_init(|| compute(case)).as_ref()
+}
+
+fn compute(case: &Case<'_>) -> Option<Displacement> {
     let log = case.log.as_ref()?;
     let sources: Vec<Option<usize>> =
         if case.rollouts.is_empty() { vec![None] } else { (0..case.rollouts.len()).map(Some).collect() };

@@ -2,10 +2,12 @@
 
 use std::sync::OnceLock;
 
+use super::ade::Displacement;
 use super::agent_agent::Overlaps;
 use super::collision::Contact;
 use super::direction::WrongWay;
 use super::kinematics::Infeasible;
+use super::likelihood::KinematicLikelihood;
 use super::motion::Motion;
 use super::offroad::Ground;
 use super::ttc::Approach;
@@ -64,7 +66,7 @@ pub struct Case<'a> {
     pub(super) cache: Cache,
 }
 
-/// Judgements per object that more than one metric or report reads.
+/// Judgements that more than one metric or report reads.
 #[derive(Debug, Default)]
 pub(super) struct Cache {
     pub(super) contacts: OnceLock<Vec<Option<Contact>>>,
@@ -74,6 +76,8 @@ pub(super) struct Cache {
     pub(super) directions: OnceLock<Vec<WrongWay>>,
     pub(super) infeasible: OnceLock<Vec<Infeasible>>,
     pub(super) av_overlap: OnceLock<Vec<bool>>,
+    pub(super) displacement: OnceLock<Option<Displacement>>,
+    pub(super) likelihood: OnceLock<Option<KinematicLikelihood>>,
 }
 
 impl<'a> Case<'a> {
@@ -124,6 +128,7 @@ impl<'a> Case<'a> {
     pub fn with_log(mut self, mut log: Vec<LoggedTrack<'a>>) -> Self {
         log.resize(self.objects.len(), LoggedTrack { history: &[], future: &[], recorded_history: None });
         self.log = Some(log);
+        self.cache = Cache::default();
         self
     }
 
@@ -133,6 +138,7 @@ impl<'a> Case<'a> {
             rollout.resize(self.objects.len(), &[]);
         }
         self.rollouts = rollouts;
+        self.cache = Cache::default();
         self
     }
 

@@ -151,6 +151,7 @@ impl Judge<'_, '_> {
     ) -> bool {
         let case = self.case;
         let any_step = case.options.dir_candidate == DirCandidate::Lane;
+        let mut hint = None;
         for f in frames {
             let fast = moving(f);
             if !fast && (found.candidate || !any_step) {
@@ -158,10 +159,10 @@ impl Judge<'_, '_> {
             }
             let k = case.motion.at(agent, f);
             let (on_lane, along) = self.tracker.some_lane_along(
-                case,
                 case.motion.position(agent, f),
                 case.motion.axis[k],
                 AGAINST_DEGREES,
+                &mut hint,
             );
             found.candidate |= on_lane;
             if fast && on_lane && !along {

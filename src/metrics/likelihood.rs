@@ -164,6 +164,10 @@ fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
 
 /// The likelihoods of the case's log under its rollouts; `None` without either.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
+    *case.cache.likelihood.get_or_init(|| compute(case))
+}
+
+fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
     let log = case.log.as_ref().filter(|_| !case.rollouts.is_empty())?;
     let histograms = FEATURES.each_ref().map(Histogram::new);
     let first = case.current + 1;

@@ -72,7 +72,7 @@ pub fn score_case(case: &Case<'_>) -> Scores {
         values,
         events,
         deviation: deviation::deviation(case),
-        displacement: ade::displacement(case),
+        displacement: ade::displacement(case).cloned(),
         likelihood: likelihood::likelihood(case),
         dir_tracking: case.options.dir_tracking,
     }
@@ -98,7 +98,10 @@ pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: 
     // Presence is decided at the current frame, which all rollouts share.
     let case = Case::of_rollout(scenario, first.to_vec(), options)
         .with_rollouts(rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect());
-    RolloutScores { displacement: ade::displacement(&case), likelihood: likelihood::likelihood(&case) }
+    RolloutScores {
+        displacement: ade::displacement(&case).cloned(),
+        likelihood: likelihood::likelihood(&case),
+    }
 }
 
 /// What the metrics say about one object, for reports that list agents.

@@ -127,6 +127,22 @@ impl<'a> Road<'a> {
         hits.sort_by_key(|h| h.lane);
     }
 
+    /// Whether the area of one lane strictly holds `p`, and where on its baseline: what [`Road::lanes_at`] says of that lane.
+    pub fn lane_at(&self, p: Vec2, lane: usize) -> Option<Projection> {
+        match &self.map.lanes[lane].area {
+            LaneArea::Corridor { half_width } => {
+                let cell = self.index.piece_grid.at(p);
+                let of = |i: &u32| self.index.pieces[*i as usize].lane as usize;
+                let start = cell.partition_point(|i| of(i) < lane);
+                let end = start + cell[start..].partition_point(|i| of(i) == lane);
+                self.in_corridor(p, lane, *half_width, &cell[start..end])
+            }
+            LaneArea::Polygon(ring) => {
+                (point_in_ring(p, ring) == Some(true)).then(|| self.map.lanes[lane].baseline.project(p))
+            }
+        }
+    }
+
     /// Whether a corridor strictly holds `p`: within the half width of the baseline, and not beyond its flat ends.
     fn in_corridor(&self, p: Vec2, lane: usize, half_width: f64, pieces: &[u32]) -> Option<Projection> {
         let line = &self.map.lanes[lane].baseline;

@@ -6,6 +6,7 @@ mod evaluation;
 mod formats;
 mod generated;
 mod layers;
+mod metrics;
 mod mini_scenarios;
 mod scripted_av;
 

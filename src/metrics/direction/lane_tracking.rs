@@ -62,22 +62,30 @@ impl<'c> Tracker<'c> {
         Placed { lane, s: projection.s, theta: self.road.lane(lane).baseline.heading(projection.segment) }
     }
 
-    /// Whether any lane holds `p`, and whether one of them surely points less than `degrees` off `axis`.
+    /// Whether any lane holds `p`, and whether one of them surely points less than `degrees` off `axis`. `hint` carries such a
+    /// lane from one pose to the next and is asked first.
     pub(super) fn some_lane_along(
         &mut self,
-        _case: &Case<'_>,
         p: Vec2,
         axis: Vec2,
         degrees: f64,
+        hint: &mut Option<usize>,
     ) -> (bool, bool) {
-        self.look(p);
         // The margin keeps rounding on the safe side: what is close to the bound is judged exactly.
         let least = degrees.to_radians().cos() + 1e-9;
-        let along = self.hits.iter().any(|h| {
-            let (a, b) = self.road.lane(h.lane).baseline.segment(h.projection.segment);
+        let road = self.road;
+        let along = |lane: usize, projection: &Projection| {
+            let (a, b) = road.lane(lane).baseline.segment(projection.segment);
             (b - a).dot(&axis) > least * (b - a).norm()
-        });
-        (!self.hits.is_empty(), along)
+        };
+        if let Some(lane) = *hint
+            && road.lane_at(p, lane).is_some_and(|projection| along(lane, &projection))
+        {
+            return (true, true);
+        }
+        self.look(p);
+        *hint = self.hits.iter().find(|h| along(h.lane, &h.projection)).map(|h| h.lane);
+        (!self.hits.is_empty(), hint.is_some())
     }
 
     /// Every lane that holds the pose, the least heading error counts; the first in map order on ties.
