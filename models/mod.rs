@@ -2,6 +2,7 @@
 
 mod card;
 pub mod constant_velocity;
+pub mod idm;
 pub mod log_replay;
 pub mod stop;
 
@@ -23,7 +24,7 @@ pub struct Baseline {
 }
 
 /// All baselines, in the order of the tables.
-pub const MODELS: &[Baseline] = &[log_replay::ENTRY, constant_velocity::ENTRY, stop::ENTRY];
+pub const MODELS: &[Baseline] = &[log_replay::ENTRY, constant_velocity::ENTRY, stop::ENTRY, idm::ENTRY];
 
 /// The baseline with this id.
 pub fn find(id: &str) -> Option<&'static Baseline> {

@@ -5,6 +5,8 @@ extern crate self as reactsim;
 pub mod geometry;
 pub mod scene;
 
+pub mod dynamics;
+pub mod formats;
 pub mod rollout;
 
 pub mod metrics;

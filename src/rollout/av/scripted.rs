@@ -123,9 +123,9 @@ impl ScriptedAv {
                 Script::Retime(factor) => speed::retime(&log.speeds, factor),
                 Script::Shift(_) | Script::ConstantVelocity => speed::retime(&log.speeds, 1.0),
             };
-            let reach = desired.iter().sum::<f64>() * DT + 10.0;
+            let travel = desired.iter().sum::<f64>() * DT;
             let offset = if let Script::Shift(offset) = script { offset } else { 0.0 };
-            let path = Path::new(scenario, &log, offset, reach);
+            let path = Path::new(scenario, &log, offset, travel);
             follow(now, log.speeds[0], &path, &desired)
         };
         Ok(Self { track })
@@ -233,10 +233,24 @@ fn straight_on(now: AgentState, speed: f64) -> Vec<AgentState> {
 fn follow(now: AgentState, speed_now: f64, path: &Path, desired: &[f64]) -> Vec<AgentState> {
     let allowed = path.allowed_speeds();
     let (mut s, mut speed, mut state) = (0.0, speed_now, now);
+    // Change of speed in the last step, and whether a curve keeps the AV below what is desired.
+    let (mut change, mut held) = (0.0, false);
     let mut track = Vec::with_capacity(FUTURE);
     for &wanted in desired {
-        let ceiling = allowed.at(s + speed * DT).min(allowed.at(s + wanted * DT));
-        let mut next = wanted.min(ceiling).clamp((speed - speed::CHANGE).max(0.0), speed + speed::CHANGE);
+        // A look ahead gives the braking force time to rise.
+        let ceiling = allowed.at(s + 0.5 * (speed + wanted) * DT).min(allowed.at(s + 4.0 * speed * DT));
+        held = ceiling < wanted || (held && speed < wanted - speed::EASE);
+        let aim = if held {
+            let least = (change - 2.0 * speed::EASE).max(-speed::LOSS);
+            let most = (change + speed::EASE).clamp(least, speed::GAIN);
+            speed + (wanted.min(ceiling) - speed).clamp(least, most)
+        } else {
+            wanted
+        };
+        let mut next = aim.clamp((speed - speed::CHANGE).max(0.0), speed + speed::CHANGE);
+        if held {
+            next = speed::halted(next);
+        }
         let mut reached = path.advance(s, state.position(), next * DT);
         // A step that speeds up turns more than its mean speed accounts for: speed up less there.
         for _ in 0..8 {
@@ -255,7 +269,7 @@ fn follow(now: AgentState, speed_now: f64, path: &Path, desired: &[f64]) -> Vec<
             let v = (p - state.position()) / DT;
             state = AgentState { x: p.x, y: p.y, heading: path.heading(reached), vx: v.x, vy: v.y };
         }
-        (s, speed) = (reached, next);
+        (change, s, speed) = (next - speed, reached, next);
         track.push(state);
     }
     track

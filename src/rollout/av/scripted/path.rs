@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::Log;
-use crate::geometry::{Polyline, Vec2, direction, wrap};
+use crate::geometry::{OrientedBox, Polyline, Vec2, direction, wrap};
 use crate::scene::{DT, LaneHit, Road, Scenario};
 
 /// Recorded points closer than this are dropped, metres: they tell noise, not direction.
@@ -15,13 +15,17 @@ const CURVATURE: f64 = 0.26;
 /// Largest change of the curvature along the path, 1/m per m.
 const CURVATURE_RATE: f64 = 0.15;
 /// Largest lateral acceleration, m/s².
-const LATERAL: f64 = 4.0;
+const LATERAL: f64 = 3.8;
 /// Braking for a curve ahead, m/s².
 const BRAKE_FOR_CURVE: f64 = 4.0;
 /// The rear axle lies this share of the length behind the box centre (nuPlan's vehicle: 1.461 m of 5.176 m).
 const REAR_AXLE: f64 = 0.28;
 /// Rolling back farther than this ends a path, metres: the AV changed gear.
 const CUSP: f64 = 1.0;
+/// Who has moved less than this in the history stood, metres.
+const STOOD: f64 = 0.3;
+/// Room that is kept to what stands beyond the end of the log, metres.
+const ROOM: f64 = 0.5;
 /// Time of a sideways shift, s.
 const SHIFT_TIME: f64 = 3.0;
 /// Largest distance and angle at which the end of the log counts as on a lane, metres and radians.
@@ -38,19 +42,50 @@ pub(super) struct Path {
     arc: Vec<f64>,
     /// Curvature of the centre's way from each pose to the next, 1/m.
     curvatures: Vec<f64>,
-    /// Where the logged path ends by a change of gear, if it does, metres.
+    /// Where the AV must have stopped, if anywhere, metres: the log changes gear there, or something stands in the way beyond it.
     end: Option<f64>,
 }
 
 impl Path {
-    /// The logged path, moved sideways by `offset` metres (left positive), over at least `reach` metres.
-    pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, reach: f64) -> Self {
+    /// The logged path, moved sideways by `offset` metres (left positive), for an AV that is to travel `travel` metres.
+    pub(super) fn new(scenario: &Scenario, log: &Log, offset: f64, travel: f64) -> Self {
+        let reach = travel + 10.0;
         let rear = REAR_AXLE * scenario.start.agents[0].length;
-        let (guide, end) = guide(scenario, log, rear, offset, reach);
+        let (guide, told, cusp) = guide(scenario, log, rear, offset, reach);
         let mut path = trace(&guide, log, rear, reach);
         // The guide is the rear axle's way; the end is wanted along the centre's, which is never shorter.
-        path.end = end.map(|s| path.arc[((s / STEP) as usize).min(path.arc.len() - 1)]);
+        let last = ((told / STEP) as usize).min(path.arc.len() - 1);
+        path.end = if cusp {
+            Some(path.arc[last])
+        } else if travel > path.arc[last] + 1.0 {
+            path.blocked_beyond(scenario, last)
+        } else {
+            None
+        };
         path
+    }
+
+    /// Where the way beyond the pose `last`, at which the log ends, meets something that has stood since the start, metres. The log
+    /// tells that its own way is free; what lies beyond is the script's guess, which does not drive into parked cars.
+    fn blocked_beyond(&self, scenario: &Scenario, last: usize) -> Option<f64> {
+        let start = &scenario.start;
+        let stood = |&j: &usize| {
+            let mut seen = start.history[j].iter().flatten();
+            let first = seen.next().map(|s| s.position());
+            first.is_some_and(|p| (start.now(j).position() - p).norm() < STOOD)
+        };
+        let others = (1..start.agents.len()).filter(stood).map(|j| start.now(j).footprint(&start.agents[j]));
+        let standing: Vec<OrientedBox> = others.chain(start.obstacles.iter().copied()).collect();
+        let av = &start.agents[0];
+        let meets = |i: usize, o: &OrientedBox| {
+            let own = OrientedBox::new(self.centers[i], self.headings[i], av.length, av.width);
+            (o.center - own.center).norm() < 30.0 && o.separation(&own) < ROOM
+        };
+        // What the log leaves less room to at its end stands beside the AV, not in its way.
+        let ahead: Vec<OrientedBox> = standing.into_iter().filter(|o| !meets(last, o)).collect();
+        // The stop is a little short of the first contact.
+        let first = (last..self.centers.len()).step_by(5).find(|i| ahead.iter().any(|o| meets(*i, o)))?;
+        Some((self.arc[first] - ROOM).max(self.arc[last]))
     }
 
     fn locate(&self, s: f64) -> (usize, f64) {
@@ -76,7 +111,7 @@ impl Path {
             return s;
         }
         let (mut low, mut high) = (s, s + 1.5 * distance);
-        for _ in 0..60 {
+        for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if (self.position(middle) - from).norm() < distance { low = middle } else { high = middle }
         }
@@ -113,8 +148,8 @@ impl Allowed<'_> {
     }
 }
 
-/// Where the rear axle is to go, and how long the way is that the log tells where it ends by a change of gear.
-fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> (Polyline, Option<f64>) {
+/// Where the rear axle is to go, how long the way is that the log tells, and whether it ends there by a change of gear.
+fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> (Polyline, f64, bool) {
     let axle = |k: usize| log.states[k].position() - direction(log.states[k].heading) * rear;
     let ahead = |k: usize| direction(log.states[k].heading) * log.gear;
     let (mut kept, mut arc, mut cusp) = (vec![0], vec![0.0], false);
@@ -162,7 +197,7 @@ fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> 
         let start = axle(0);
         Polyline::new(&[start, start + ahead(0)]).expect("two points a metre apart")
     });
-    (guide, cusp.then_some(told))
+    (guide, told, cusp)
 }
 
 /// The same guide with a point at least every metre, and on to `reach`.
@@ -194,7 +229,7 @@ fn left(v: Vec2) -> Vec2 {
 }
 
 /// Points (with directions) of the lane that goes on from the end of the log, or none where the AV is on no lane or reverses.
-/// They leave the logged direction smoothly.
+/// They leave the logged direction smoothly and keep the distance from the centre line: there may be parked cars beside the AV.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
     let road = scenario.start.road();
     let heading = ahead.y.atan2(ahead.x);
@@ -215,9 +250,10 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
         let line = &road.lane(lane).baseline;
         while s < line.length() && way < reach {
             (s, way) = (s + 1.0, way + 1.0);
-            let on_lane = line.at(s.min(line.length()));
+            let turn = line.heading_at(s);
+            let on_lane = line.at(s.min(line.length())) + left(direction(turn)) * hit.projection.offset;
             let straight = at + ahead * way;
-            points.push((straight + (on_lane - straight) * smooth(way / join), line.heading_at(s)));
+            points.push((straight + (on_lane - straight) * smooth(way / join), turn));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),

@@ -2,8 +2,14 @@
 
 use crate::scene::{DT, FUTURE};
 
-/// Largest change of speed between two steps, m/s: 5.95 m/s², just under the bound of the acceleration metric.
+/// Largest change of speed between two steps, m/s: the bound of the acceleration metric, 6 m/s².
 pub(super) const CHANGE: f64 = 0.6;
+/// Largest gain of speed between two steps after a curve, m/s.
+pub(super) const GAIN: f64 = ACCELERATION * DT;
+/// Largest loss of speed between two steps before a curve, m/s.
+pub(super) const LOSS: f64 = DECELERATION * DT;
+/// By how much that gain may grow from step to step, m/s: a jerk of 15 m/s³; it may fall twice as fast.
+pub(super) const EASE: f64 = 0.15;
 /// Longest rise and fall of the braking force, s.
 const BRAKE_RAMP: f64 = 0.5;
 /// Peak deceleration that a ramp may lead to, m/s².
@@ -21,7 +27,7 @@ const HALT: f64 = 0.05;
 /// asked, and so is the way to the halt, `speed² / (2 deceleration)`.
 pub(super) fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
     let duration = speed / deceleration;
-    let ramp = BRAKE_RAMP.min(duration / 3.0).min(duration * (1.0 - deceleration / BRAKE_PEAK)).max(0.0);
+    let ramp = BRAKE_RAMP.min(duration / 5.0).min(duration * (1.0 - deceleration / BRAKE_PEAK)).max(0.0);
     let peak = if duration > ramp { speed / (duration - ramp) } else { 0.0 };
     // Distance after t: the force is a trapezoid, so the distance is a cubic, a parabola and a cubic.
     let rise = |t: f64| if ramp > 0.0 { peak * t * t * t / (6.0 * ramp) } else { 0.0 };
@@ -77,7 +83,8 @@ fn steps(distance: impl Fn(f64) -> f64) -> Vec<f64> {
     (0..FUTURE).map(|k| halted(((at(k + 1) - at(k)) / DT).max(0.0))).collect()
 }
 
-fn halted(speed: f64) -> f64 {
+/// The speed, or 0 where it is a halt.
+pub(super) fn halted(speed: f64) -> f64 {
     if speed < HALT { 0.0 } else { speed }
 }
 

@@ -1,0 +1,159 @@
+//! What is, and what will be, in the corridor that a vehicle's box sweeps along its path.
+
+use reactsim::dynamics::DrivenPath;
+use reactsim::geometry::OrientedBox;
+
+use super::actor::Actor;
+use super::driver::OnPath;
+use super::forecast::Forecast;
+use super::parameters::Conflict;
+
+/// Something ahead in the corridor that stands or moves on along it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leader {
+    /// Arc length of its rear, metres.
+    pub(super) rear: f64,
+    /// Speed along the path, m/s, not negative.
+    pub(super) speed: f64,
+    /// Acceleration along the path, m/s².
+    pub(super) acceleration: f64,
+}
+
+/// A stretch of the path that somebody covers at some time from now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Covered {
+    /// s.
+    pub(super) t: f64,
+    /// Arc lengths, metres.
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// Somebody who comes into the corridor, or comes up from behind.
+#[derive(Clone, Debug)]
+pub(super) struct Crossing {
+    /// Index of the actor.
+    pub(super) actor: usize,
+    /// Whether it comes up from behind in the own direction.
+    pub(super) from_behind: bool,
+    /// What it covers, in order of time.
+    pub(super) covered: Vec<Covered>,
+}
+
+/// What a vehicle has to reckon with.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Corridor {
+    pub(super) leaders: Vec<Leader>,
+    pub(super) crossings: Vec<Crossing>,
+}
+
+/// Room beside the box that is kept free, metres: what is nearer is in the way.
+const SIDE: f64 = 0.25;
+/// Cosine of the largest angle at which somebody goes the same way.
+const ALIGNED: f64 = 0.5;
+
+/// Cosine of the angle, and curvature (1/m), up to which a box counts as parallel to a straight path.
+const PARALLEL: f64 = 0.995;
+const STRAIGHT: f64 = 0.01;
+
+/// The stretch of a curved path on which the own box would touch `other`, found metre by metre around `middle`: arc lengths that the
+/// front may not pass and the rear must have passed.
+fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> Option<(f64, f64)> {
+    let reach = own.half_length + other.half_length + 1.0;
+    let (first, last) = (path.index(middle - reach), path.index(middle + reach));
+    let touches = |i: &usize| {
+        let point = &path.points()[*i];
+        let ours = OrientedBox {
+            center: point.pose.position,
+            axis: point.axis,
+            half_length: own.half_length + 0.5 * DrivenPath::STEP,
+            half_width: own.half_width + SIDE,
+        };
+        ours.separation(other) < 0.0
+    };
+    let low = (first..=last).find(touches)?;
+    let high = (low..=last).rev().find(touches)?;
+    Some((low as f64 * DrivenPath::STEP + own.half_length, high as f64 * DrivenPath::STEP - own.half_length))
+}
+
+/// Looks along the corridor of the vehicle `own` (index `index`).
+pub(super) fn look(
+    index: usize,
+    own: &Actor,
+    driver: &OnPath,
+    actors: &[Actor],
+    forecasts: &[Forecast],
+    settings: &Conflict,
+) -> Corridor {
+    let mut corridor = Corridor::default();
+    let path = &driver.path;
+    let reach = own.half_length + 15.0 + 4.5 * own.speed;
+    let (from, to) = (driver.s - own.half_length, driver.s + reach);
+    let bounds = path.bounds(from, to).inflated(own.half_width + own.half_length.min(3.0) + SIDE);
+    let (first, last) = (path.index(from), path.index(to));
+    for forecast in forecasts {
+        if forecast.actor == index || !bounds.intersects(&forecast.bounds) {
+            continue;
+        }
+        let other = &actors[forecast.actor];
+        let mut covered: Vec<Covered> = Vec::new();
+        let mut near = None;
+        let mut from_behind = false;
+        for (k, sample) in forecast.samples.iter().enumerate() {
+            let at = path.project(sample.center, first, last, near);
+            near = Some(at.index);
+            let axis = path.points()[at.index].axis;
+            let (cos, sin) = (axis.dot(&sample.axis), axis.perp(&sample.axis).abs());
+            // A moving box covers what it sweeps until the next sample, half of it before and half after.
+            let swept = if k == 0 { 0.0 } else { 0.5 * settings.sample * sample.speed.abs() };
+            let along = (other.half_length + swept) * cos.abs() + other.half_width * sin;
+            let across = (other.half_length + swept) * sin + other.half_width * cos.abs();
+            if k == 0 && at.s < driver.s && cos > ALIGNED {
+                from_behind = true;
+            }
+            if at.offset.abs() > own.half_width + across + SIDE {
+                continue;
+            }
+            let straight = cos.abs() > PARALLEL && path.points()[at.index].curvature.abs() < STRAIGHT;
+            let (low, high) = if straight {
+                (at.s - along, at.s + along)
+            } else {
+                let swept = OrientedBox {
+                    center: sample.center,
+                    axis: sample.axis,
+                    half_length: other.half_length + swept,
+                    half_width: other.half_width,
+                };
+                match touched(own, path, at.s, &swept) {
+                    Some(stretch) => stretch,
+                    None => continue,
+                }
+            };
+            if k == 0 {
+                if at.s <= driver.s {
+                    if !from_behind {
+                        covered.push(Covered { t: 0.0, low, high });
+                    }
+                    continue;
+                }
+                let forward = sample.speed * cos;
+                if forecast.samples.len() == 1 || cos > ALIGNED && forward > -0.1 {
+                    corridor.leaders.push(Leader {
+                        rear: low,
+                        speed: forward.max(0.0),
+                        acceleration: other.acceleration * cos,
+                    });
+                    covered.clear();
+                    break;
+                }
+            }
+            if low < to {
+                covered.push(Covered { t: k as f64 * settings.sample, low, high });
+            }
+        }
+        if !covered.is_empty() {
+            corridor.crossings.push(Crossing { actor: forecast.actor, from_behind, covered });
+        }
+    }
+    corridor
+}

@@ -1,0 +1,395 @@
+//! Who an agent is to the model: parked, on a path, on foot.
+
+use rand::RngExt;
+use reactsim::dynamics::{DrivenPath, Pose, Pursuit};
+use reactsim::geometry::{OrientedBox, Polyline, Vec2};
+use reactsim::rollout::Stream;
+use reactsim::scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind};
+
+use super::follow::Style;
+use super::parameters::{Class, Parameters};
+use super::route::{self, Motion, Route};
+
+/// How an agent is moved.
+#[derive(Debug)]
+pub(super) enum Driver {
+    /// Stays where it is.
+    Parked,
+    /// Drives a path.
+    OnPath(Box<OnPath>),
+    /// Rolls back and comes to a stop (vehicles in reverse).
+    Reversing,
+    /// Walks at this velocity, m/s.
+    Walking { velocity: Vec2 },
+    /// On foot inside the box of a vehicle: steps clear of it at this velocity, m/s, until the way (m) is done; then walks or stands.
+    Leaving { velocity: Vec2, way: f64, then: Vec2 },
+    /// Not ours: the AV as an external input.
+    External,
+}
+
+/// A vehicle or cyclist with its path.
+#[derive(Debug)]
+pub(super) struct OnPath {
+    pub(super) path: DrivenPath,
+    /// Where the path would lead if nobody were in the way.
+    pub(super) home: Polyline,
+    /// Present offset from the home line, metres, while the driver keeps out of somebody's way, and since how many decisions that has
+    /// not been needed any more.
+    pub(super) aside: Option<(f64, usize)>,
+    /// Speed that the driver wants at each point of the path, m/s, curves apart.
+    wanted: Vec<f64>,
+    /// Highest speed at each point of the path, m/s: limits, curves, and braking in time for them.
+    pub(super) ceiling: Vec<f64>,
+    /// Stop lines on the path, in order.
+    pub(super) stops: Vec<PathStop>,
+    pub(super) style: Style,
+    /// Where the path leaves the drivable ground, if it does, metres.
+    pub(super) ground_ends: Option<f64>,
+    /// Arc length now, metres.
+    pub(super) s: f64,
+}
+
+/// A stop line on a path.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PathStop {
+    /// Arc length of the line, metres.
+    pub(super) s: f64,
+    pub(super) kind: StopKind,
+    /// The lane that it belongs to.
+    pub(super) lane: usize,
+    /// Whether a stop sign has been obeyed.
+    pub(super) done: bool,
+}
+
+/// Speed of somebody who steps clear of a vehicle, m/s.
+const STEPPING: f64 = 1.0;
+/// Faster reversing is not believed, m/s.
+const FASTEST_REVERSE: f64 = 4.0;
+/// Comfortable deceleration towards slower stretches of road, m/s².
+const APPROACH: f64 = 1.6;
+/// A curve is never taken slower than this, m/s.
+const CRAWL: f64 = 2.0;
+
+impl Driver {
+    /// Decides what an agent is and plans its path.
+    pub(super) fn begin(start: &Start, agent: usize, parameters: &Parameters, stream: &mut Stream) -> Self {
+        // Every agent draws the same number of times, so that one agent's choices do not shift another's.
+        let (headway, speed) = (stream.random::<f64>() * 2.0 - 1.0, stream.random::<f64>() * 2.0 - 1.0);
+        let seed: u64 = stream.random();
+        let mut own = <Stream as rand::SeedableRng>::seed_from_u64(seed);
+        let now = start.now(agent);
+        match start.agents[agent].kind {
+            AgentKind::Pedestrian => {
+                let velocity = mean_velocity(start, agent);
+                if let Some((leave, way)) = way_out(start, agent) {
+                    return Self::Leaving { velocity: leave * STEPPING, way, then: velocity };
+                }
+                if velocity.norm() < parameters.pedestrian.standing_speed {
+                    Self::Parked
+                } else {
+                    Self::Walking { velocity }
+                }
+            }
+            AgentKind::Vehicle | AgentKind::Cyclist => {
+                let cyclist = start.agents[agent].kind == AgentKind::Cyclist;
+                let class = if cyclist { &parameters.cyclist } else { &parameters.vehicle };
+                if now.forward_speed() < -0.3 {
+                    // Nobody drives backwards fast: a velocity against the box is damage in the recording.
+                    return if now.speed() < FASTEST_REVERSE { Self::Reversing } else { Self::Parked };
+                }
+                let motion = Motion {
+                    position: now.position(),
+                    heading: now.heading,
+                    speed: now.velocity().map_or(0.0, |v| v.norm()),
+                    curvature: curvature_now(start, agent).clamp(-class.max_curvature, class.max_curvature),
+                };
+                if is_parked(start, agent, &motion, cyclist, parameters) {
+                    return Self::Parked;
+                }
+                let style = Style::of(class, headway, speed);
+                Self::OnPath(Box::new(OnPath::plan(start, agent, &motion, class, style, cyclist, &mut own)))
+            }
+            AgentKind::Other => Self::Parked,
+        }
+    }
+}
+
+/// Whether a standing vehicle is parked: it has not moved, and it stands beside the lanes or across them.
+fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parameters: &Parameters) -> bool {
+    let first = start.history[agent].iter().flatten().next().map_or(motion.position, |s| s.position());
+    let bounds = &parameters.parked;
+    if (motion.position - first).norm() > bounds.travel || motion.speed > bounds.speed {
+        return false;
+    }
+    match route::nearest_lane(&start.road(), motion.position, motion.heading, cyclist) {
+        None => true,
+        Some(hit) => {
+            let lane = start.road().lane(hit.lane).baseline.heading(hit.projection.segment);
+            hit.projection.distance > bounds.offset
+                || reactsim::geometry::wrap(lane - motion.heading).abs() > bounds.heading
+        }
+    }
+}
+
+/// The shortest way out of a vehicle's box that a pedestrian stands in: people who get in or out. Direction and metres.
+fn way_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
+    let own = start.now(agent).footprint(&start.agents[agent]);
+    let vehicles = (0..start.agents.len()).filter(|&j| start.agents[j].kind == AgentKind::Vehicle);
+    let boxes = vehicles.map(|j| start.now(j).footprint(&start.agents[j]));
+    let inside = boxes.filter(|b| b.separation(&own) < 0.0).min_by(|a, b| {
+        (a.center - own.center).norm_squared().total_cmp(&(b.center - own.center).norm_squared())
+    })?;
+    let local = inside.to_local(own.center);
+    let (aside, along) =
+        (inside.half_width + own.radius() - local.y.abs(), inside.half_length + own.radius() - local.x.abs());
+    let out = if aside <= along {
+        (inside.left() * 1.0_f64.copysign(local.y), aside)
+    } else {
+        (inside.axis * 1.0_f64.copysign(local.x), along)
+    };
+    Some((out.0, out.1 + 0.1))
+}
+
+/// Mean velocity over the history, m/s: walkers sway from frame to frame.
+fn mean_velocity(start: &Start, agent: usize) -> Vec2 {
+    let seen = start.history[agent].iter().enumerate().filter_map(|(f, s)| Some((f, (*s)?)));
+    let mut ends = seen.map(|(f, s)| (f, s.position()));
+    let Some(first) = ends.next() else { return Vec2::zeros() };
+    match ends.last() {
+        Some(last) => (last.1 - first.1) / (DT * (last.0 - first.0) as f64),
+        None => start.now(agent).velocity().unwrap_or_default(),
+    }
+}
+
+/// Curvature of the driven path over the last half second, 1/m; 0 for slow vehicles, whose headings are mostly noise.
+fn curvature_now(start: &Start, agent: usize) -> f64 {
+    let track = &start.history[agent];
+    let Some(now) = track[HISTORY - 1] else { return 0.0 };
+    let Some((back, before)) = (1..=5).rev().find_map(|b| Some((b, track[HISTORY - 1 - b]?))) else {
+        return 0.0;
+    };
+    let way = (now.position() - before.position()).norm();
+    if way < 0.1 * back as f64 {
+        return 0.0;
+    }
+    reactsim::geometry::wrap(now.heading - before.heading) / way
+}
+
+impl OnPath {
+    fn plan(
+        start: &Start,
+        agent: usize,
+        motion: &Motion,
+        class: &Class,
+        style: Style,
+        cyclist: bool,
+        stream: &mut Stream,
+    ) -> Self {
+        let road = start.road();
+        let pose = Pose { position: motion.position, heading: motion.heading };
+        let free = class.speed_freeway.max(motion.speed);
+        // As far as the vehicle can come in the horizon, and its look-ahead.
+        let horizon = DT * FUTURE as f64;
+        let coming = motion.speed * horizon + 0.5 * style.acceleration * horizon * horizon;
+        let length = coming.min(free * horizon) + 40.0;
+        let route = route::choose(route::alternatives(&road, motion, cyclist), stream);
+        let Some(mut route) = route else {
+            return Self::off_lane(start, motion, pose, class, style);
+        };
+        route::extend(&road, &mut route, length, cyclist, stream);
+        let Some((line, starts)) = route::center_line(&road, &route, length) else {
+            return Self::off_lane(start, motion, pose, class, style);
+        };
+        let half_width = 0.5 * start.agents[agent].width;
+        let line = beside_obstacles(start, agent, &line, half_width, motion.speed);
+        let pursuit = Pursuit {
+            look_ahead: (0.9 * motion.speed).clamp(5.0, 18.0),
+            max_curvature: class.max_curvature,
+            max_curvature_rate: class.curvature_rate,
+        };
+        let path = DrivenPath::pursue(pose, motion.curvature, &line, length, &pursuit);
+        let offset = line.project(motion.position).s;
+        let starts: Vec<(f64, usize)> = starts.into_iter().map(|(s, l)| (s - offset, l)).collect();
+        let wanted = wanted_speeds(&road, &path, &starts, motion.speed, class, &style);
+        let ceiling = ceiling(&path, &wanted, class);
+        let stops = stops(start, &route, &starts, start.agents[agent].length);
+        Self { path, home: line, aside: None, wanted, ceiling, stops, style, ground_ends: None, s: 0.0 }
+    }
+
+    /// A vehicle on no lane: it goes on as it turns now, slowly, and stops before it leaves the drivable ground.
+    fn off_lane(start: &Start, motion: &Motion, pose: Pose, class: &Class, style: Style) -> Self {
+        let road = start.road();
+        let length = motion.speed * DT * FUTURE as f64 + 30.0;
+        let path = DrivenPath::fade(pose, motion.curvature, 8.0, length);
+        let wanted = vec![motion.speed.max(CRAWL); path.points().len()];
+        let ceiling = ceiling(&path, &wanted, class);
+        let points: Vec<Vec2> = path.points().iter().map(|p| p.pose.position).collect();
+        let home = Polyline::new(&points).expect("a path has at least two distinct points");
+        let mut hint = None;
+        let ground_ends = match road.drivable(pose.position, &mut hint) {
+            Some(true) => (1..path.points().len())
+                .find(|&i| road.drivable(path.points()[i].pose.position, &mut hint) == Some(false))
+                .map(|i| i as f64 * DrivenPath::STEP),
+            _ => None,
+        };
+        Self { path, home, aside: None, wanted, ceiling, stops: Vec::new(), style, ground_ends, s: 0.0 }
+    }
+
+    /// Takes a new path that begins where the vehicle is now.
+    pub(super) fn take(&mut self, path: DrivenPath, class: &Class) {
+        let gone = self.path.index(self.s).min(self.wanted.len() - 1);
+        let last = self.wanted[self.wanted.len() - 1];
+        self.wanted.drain(..gone);
+        self.wanted.resize(path.points().len(), last);
+        for stop in &mut self.stops {
+            stop.s -= self.s;
+        }
+        self.ground_ends = self.ground_ends.map(|end| end - self.s);
+        self.ceiling = ceiling(&path, &self.wanted, class);
+        self.path = path;
+        self.s = 0.0;
+    }
+
+    /// The sharpest curvature of the path in the next 40 m, 1/m.
+    pub(super) fn sharpest_ahead(&self) -> f64 {
+        let from = self.path.index(self.s);
+        self.path.points()[from..].iter().take(40).map(|p| p.curvature.abs()).fold(0.0, f64::max)
+    }
+}
+
+fn curve_speed(curvature: f64, class: &Class) -> f64 {
+    (class.lateral_acceleration / curvature.abs().max(1e-6)).sqrt().max(CRAWL)
+}
+
+/// The speed that a driver wants at each point of a path by the limits of its lanes.
+fn wanted_speeds(
+    road: &Road<'_>,
+    path: &DrivenPath,
+    starts: &[(f64, usize)],
+    speed: f64,
+    class: &Class,
+    style: &Style,
+) -> Vec<f64> {
+    let mut lane = 0;
+    let of = |i: usize| {
+        let s = i as f64 * DrivenPath::STEP;
+        while lane + 1 < starts.len() && starts[lane + 1].0 <= s {
+            lane += 1;
+        }
+        let here = road.lane(starts[lane].1);
+        let limit = match (here.speed_limit, here.class) {
+            (Some(limit), _) => limit.min(class.speed_freeway),
+            (None, LaneClass::Freeway) => class.speed_freeway,
+            (None, _) => class.speed_unknown_limit,
+        };
+        // Who is already faster than the sign stays so: logged drivers exceed limits, and nobody brakes for that alone.
+        (limit * style.speed_factor).max(speed)
+    };
+    (0..path.points().len()).map(of).collect()
+}
+
+/// The highest speed at each point: what is wanted there, the curve, and braking in time for what comes.
+fn ceiling(path: &DrivenPath, wanted: &[f64], class: &Class) -> Vec<f64> {
+    let points = path.points().iter().zip(wanted);
+    let mut top: Vec<f64> = points.map(|(p, &wanted)| wanted.min(curve_speed(p.curvature, class))).collect();
+    for i in (0..top.len() - 1).rev() {
+        let reachable = (top[i + 1] * top[i + 1] + 2.0 * APPROACH * DrivenPath::STEP).sqrt();
+        top[i] = top[i].min(reachable);
+    }
+    top
+}
+
+/// The stop lines along a route that lie ahead of the vehicle's front.
+fn stops(start: &Start, route: &Route, starts: &[(f64, usize)], length: f64) -> Vec<PathStop> {
+    let mut found: Vec<PathStop> = Vec::new();
+    for &(begins, lane) in starts.iter().filter(|(_, l)| route.lanes.contains(l)) {
+        for line in start.map.stop_lines.iter().filter(|line| line.lane == lane) {
+            let s = begins + line.s;
+            // A front that has crossed the line has crossed it.
+            if s > 0.5 * length - 0.3 {
+                found.push(PathStop { s, kind: line.kind, lane, done: false });
+            }
+        }
+    }
+    found.sort_by(|a, b| a.s.total_cmp(&b.s));
+    found
+}
+
+/// Moves the reference line aside where a standing vehicle or obstacle leans into it and there is room beside.
+fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f64, speed: f64) -> Polyline {
+    /// No wider berth than this is given, metres.
+    const WIDEST: f64 = 1.5;
+    /// Room beside a standing vehicle, metres.
+    const CLEARANCE: f64 = 0.45;
+    let road = start.road();
+    let ramp = (1.2 * speed).max(10.0);
+    let mut berths: Vec<(f64, f64, f64)> = Vec::new();
+    let standing = (1..start.agents.len()).filter(|&j| j != agent && stands(start, j));
+    let boxes = standing.map(|j| start.now(j).footprint(&start.agents[j]));
+    for o in boxes.chain(start.obstacles.iter().copied()) {
+        let Some((from, to, low, high)) = beside(line, &o) else { continue };
+        let (to_left, to_right) = (high + half_width + CLEARANCE, half_width + CLEARANCE - low);
+        if to_left <= 0.0 || to_right <= 0.0 {
+            continue;
+        }
+        let shift = if to_left < to_right { to_left } else { -to_right };
+        if shift.abs() > WIDEST {
+            continue;
+        }
+        let middle = 0.5 * (from + to);
+        let heading = line.heading_at(middle);
+        let left = Vec2::new(-heading.sin(), heading.cos());
+        let edge = line.at(middle) + left * (shift + half_width.copysign(shift));
+        if road.drivable(edge, &mut None) == Some(false) {
+            continue;
+        }
+        berths.push((from, to, shift));
+    }
+    let widest_left = berths.iter().map(|b| b.2).fold(0.0, f64::max);
+    let widest_right = berths.iter().map(|b| b.2).fold(0.0, f64::min);
+    // Obstacles on both sides: a gap to be driven slowly or not at all; the follower sees them.
+    if berths.is_empty() || (widest_left > 0.0 && widest_right < 0.0) {
+        return line.clone();
+    }
+    let moved: Vec<Vec2> = line
+        .points()
+        .iter()
+        .zip(line.arc())
+        .enumerate()
+        .map(|(i, (&p, &s))| {
+            let mut shift = 0.0_f64;
+            for &(from, to, berth) in &berths {
+                let away = (from - s).max(s - to).max(0.0);
+                let share =
+                    if away < ramp { 0.5 + 0.5 * (std::f64::consts::PI * away / ramp).cos() } else { 0.0 };
+                if (share * berth).abs() > shift.abs() {
+                    shift = share * berth;
+                }
+            }
+            let heading = line.heading(i.min(line.segments() - 1));
+            p + Vec2::new(-heading.sin(), heading.cos()) * shift
+        })
+        .collect();
+    Polyline::new(&moved).unwrap_or_else(|_| line.clone())
+}
+
+/// Whether an agent stood through its whole history.
+fn stands(start: &Start, agent: usize) -> bool {
+    let now = start.now(agent);
+    let first = start.history[agent].iter().flatten().next().map_or(now.position(), |s| s.position());
+    (now.position() - first).norm() < 0.3 && now.velocity().is_none_or(|v| v.norm() < 0.3)
+}
+
+/// The stretch of a line beside a box: arc lengths from and to, lateral offsets from and to. `None` when it is far off.
+fn beside(line: &Polyline, o: &OrientedBox) -> Option<(f64, f64, f64, f64)> {
+    let center = line.project(o.center);
+    if center.distance > o.radius() + 2.5 {
+        return None;
+    }
+    let heading = line.heading(center.segment);
+    let axis = Vec2::new(heading.cos(), heading.sin());
+    let (cos, sin) = (axis.dot(&o.axis).abs(), axis.perp(&o.axis).abs());
+    let along = o.half_length * cos + o.half_width * sin;
+    let across = o.half_length * sin + o.half_width * cos;
+    Some((center.s - along, center.s + along, center.offset - across, center.offset + across))
+}

@@ -1,0 +1,173 @@
+//! Getting out of the AV's way: when braking and speeding up along the own path do not help, a swerve may.
+//!
+//! The AV may come from behind, from the side or head on. A few lateral offsets are tried with a few accelerations against the
+//! forecasts; what stays clear of the AV, of the others and of the road edge at the least effort is done.
+
+use reactsim::dynamics::{DrivenPath, Pursuit};
+use reactsim::geometry::{Bounds, OrientedBox, Polyline, Vec2};
+use reactsim::scene::Road;
+
+use super::actor::Actor;
+use super::driver::OnPath;
+use super::forecast::Forecast;
+use super::parameters::{Class, Conflict};
+
+/// Offsets from the present course that are tried, metres.
+const OFFSETS: [f64; 9] = [0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, 3.4, -3.4];
+/// Accelerations that are tried besides the present one, m/s².
+const ACCELERATIONS: [f64; 5] = [3.5, 1.5, 0.0, -2.5, -5.5];
+/// Room that must stay to the AV and to others, metres.
+const AV_ROOM: f64 = 0.3;
+const ROOM: f64 = 0.15;
+/// By how much the AV's box grows in thought per second, along and aside, m/s.
+const AV_DOUBT_ALONG: f64 = 0.8;
+const AV_DOUBT_ASIDE: f64 = 0.1;
+/// Contacts later than this may resolve themselves, s.
+const SOON: f64 = 3.9;
+/// Lateral acceleration of a swerve, m/s².
+const SWERVE: f64 = 4.0;
+
+/// What to do.
+pub(super) struct Escape {
+    /// m/s².
+    pub(super) acceleration: f64,
+    /// A new course: the offset from the home line, and the path onto it.
+    pub(super) course: Option<(f64, DrivenPath)>,
+}
+
+/// What a swerve is judged against.
+pub(super) struct Surroundings<'a> {
+    pub(super) index: usize,
+    pub(super) actors: &'a [Actor],
+    pub(super) forecasts: &'a [Forecast],
+    pub(super) road: Road<'a>,
+    pub(super) settings: &'a Conflict,
+}
+
+impl Surroundings<'_> {
+    /// When the AV is met on a path at a constant acceleration, if soon.
+    pub(super) fn meets_av(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> Option<f64> {
+        self.first_contact(own, path, s, a, true, AV_ROOM)
+    }
+
+    fn first_contact(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64, av: bool, room: f64) -> Option<f64> {
+        let reach = self.reach(own);
+        let relevant = self.forecasts.iter().filter(|f| {
+            f.actor != self.index && self.actors[f.actor].is_av == av && f.bounds.intersects(&reach)
+        });
+        let relevant: Vec<&Forecast> = relevant
+            // Who is touched already cannot be avoided any more.
+            .filter(|f| self.actors[f.actor].footprint().separation(&own.footprint()) > 0.0)
+            .collect();
+        if relevant.is_empty() {
+            return None;
+        }
+        let last = (SOON / self.settings.sample).round() as usize;
+        for k in 1..=last {
+            let t = k as f64 * self.settings.sample;
+            let (way, _) = rolled(own.speed, a, t);
+            let pose = path.at(s + way);
+            let ours =
+                OrientedBox::new(pose.position, pose.heading, 2.0 * own.half_length, 2.0 * own.half_width);
+            for forecast in &relevant {
+                let other = &self.actors[forecast.actor];
+                let sample = forecast.samples[k.min(forecast.samples.len() - 1)];
+                // What the AV will do is less sure the later it is.
+                let doubt = if av { (AV_DOUBT_ALONG * t, AV_DOUBT_ASIDE * t) } else { (0.0, 0.0) };
+                let theirs = OrientedBox {
+                    center: sample.center,
+                    axis: sample.axis,
+                    half_length: other.half_length + doubt.0,
+                    half_width: other.half_width + doubt.1,
+                };
+                if theirs.separation(&ours) < room {
+                    return Some(t);
+                }
+            }
+        }
+        None
+    }
+
+    fn reach(&self, own: &Actor) -> Bounds {
+        Bounds::around(own.pose.position, (own.speed + 4.0) * SOON + own.half_length + 5.0)
+    }
+
+    /// Looks for a way out of a contact with the AV that is foreseen at the acceleration `a`.
+    pub(super) fn escape(&self, own: &Actor, driver: &OnPath, class: &Class, a: f64) -> Option<Escape> {
+        let foreseen = self.meets_av(own, &driver.path, driver.s, a)?;
+        let price = |contact: Option<f64>, weight: f64| contact.map_or(0.0, |t| weight * (1.0 - 0.15 * t));
+        let here = driver.home.project(own.pose.position).offset;
+        let mut best = (price(Some(foreseen), 100.0), a, None);
+        for offset in OFFSETS {
+            let target = here + offset;
+            let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target));
+            if offset != 0.0 && swerve.is_none() {
+                continue;
+            }
+            let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
+            let leaves = if swerve.is_some() { self.leaves_road(own, path) } else { 0.0 };
+            for acceleration in std::iter::once(a).chain(ACCELERATIONS) {
+                let effort = 2.0 * target.abs() + 0.6 * (acceleration - a).abs() + leaves;
+                if effort >= best.0 {
+                    continue;
+                }
+                let cost = effort + price(self.meets_av(own, path, s, acceleration), 100.0);
+                if cost >= best.0 {
+                    continue;
+                }
+                let cost = cost + price(self.first_contact(own, path, s, acceleration, false, ROOM), 80.0);
+                if cost < best.0 {
+                    best = (cost, acceleration, swerve.as_ref().map(|p| (target, p.clone())));
+                }
+            }
+        }
+        Some(Escape { acceleration: best.1, course: best.2 })
+    }
+
+    /// The path onto the home line moved aside by `target` metres.
+    pub(super) fn course(&self, own: &Actor, driver: &OnPath, class: &Class, target: f64) -> DrivenPath {
+        let fast = own.speed.max(3.0);
+        let limit = class.max_curvature.min(SWERVE / (fast * fast));
+        let pursuit = Pursuit {
+            look_ahead: (0.7 * own.speed).clamp(4.0, 14.0),
+            // A curve of the road itself must stay drivable.
+            max_curvature: limit.max(driver.sharpest_ahead()).min(class.max_curvature),
+            max_curvature_rate: class.curvature_rate.min(12.0 / (fast * fast)).max(0.01),
+        };
+        let line = aside(&driver.home, target);
+        let left = (driver.path.length() - driver.s).max(20.0);
+        let curvature = driver.path.points()[driver.path.index(driver.s)].curvature;
+        DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
+    }
+
+    /// The price of leaving the drivable ground within the next seconds: little for a wheel, much for the middle of the car.
+    fn leaves_road(&self, own: &Actor, path: &DrivenPath) -> f64 {
+        let mut hint = None;
+        let mut price = 0.0_f64;
+        for k in 1..=4 {
+            let pose = path.at(0.75 * f64::from(k) * own.speed.max(3.0));
+            let left = Vec2::new(-pose.heading.sin(), pose.heading.cos()) * own.half_width;
+            for (side, here) in [(left, 10.0), (-left, 10.0), (Vec2::zeros(), 60.0)] {
+                if self.road.drivable(pose.position + side, &mut hint) == Some(false) {
+                    price = price.max(here);
+                }
+            }
+        }
+        price
+    }
+}
+
+/// Way and speed after `t` seconds at a constant acceleration; nobody rolls back.
+pub(super) fn rolled(speed: f64, a: f64, t: f64) -> (f64, f64) {
+    let lasting = if a < 0.0 { t.min(speed / -a) } else { t };
+    (speed * lasting + 0.5 * a * lasting * lasting, (speed + a * lasting).max(0.0))
+}
+
+/// A line moved sideways by `offset` metres, left positive.
+fn aside(line: &Polyline, offset: f64) -> Polyline {
+    let moved = line.points().iter().enumerate().map(|(i, &p)| {
+        let heading = line.heading(i.min(line.segments() - 1));
+        p + Vec2::new(-heading.sin(), heading.cos()) * offset
+    });
+    Polyline::new(&moved.collect::<Vec<_>>()).unwrap_or_else(|_| line.clone())
+}

@@ -1,0 +1,52 @@
+//! IDM: rule-based drivers that react. Vehicles and cyclists drive paths over the lane graph, pedestrians walk.
+
+mod actor;
+mod corridor;
+mod decide;
+mod driver;
+mod evade;
+mod follow;
+mod forecast;
+mod motion;
+mod parameters;
+mod route;
+mod signals;
+
+use reactsim::models::{Baseline, Card, CardError};
+use reactsim::rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
+use reactsim::scene::Start;
+
+use self::motion::Traffic;
+use self::parameters::Parameters;
+
+pub(super) const ENTRY: Baseline =
+    Baseline { id: "idm", card: include_str!("card.toml"), oracle: false, make };
+
+fn make() -> Result<Controller, CardError> {
+    Ok(Controller::Fair(Box::new(Idm {
+        parameters: Card::read(ENTRY.id, ENTRY.card)?.parameters(ENTRY.id)?,
+    })))
+}
+
+/// Rule-based drivers on the lane graph.
+#[derive(Clone, Debug)]
+pub struct Idm {
+    parameters: Parameters,
+}
+
+impl SingleEpisode for Idm {
+    type Memory = Traffic;
+
+    fn id(&self) -> &'static str {
+        ENTRY.id
+    }
+
+    fn begin(&self, start: &Start, stream: &mut Stream) -> Traffic {
+        Traffic::begin(start, &self.parameters, stream)
+    }
+
+    fn plan_one(&self, traffic: &mut Traffic, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        traffic.plan(&self.parameters, episode);
+        Ok(())
+    }
+}

@@ -1,0 +1,220 @@
+//! Routes over the lane graph: chosen from where a vehicle is, how it turns and a random stream, never from the future.
+
+use rand::RngExt;
+use reactsim::geometry::{Polyline, Vec2, direction, wrap};
+use reactsim::rollout::Stream;
+use reactsim::scene::{LaneClass, LaneHit, Road};
+
+/// How a vehicle moves now: what a route is chosen from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Motion {
+    pub(super) position: Vec2,
+    pub(super) heading: f64,
+    /// m/s.
+    pub(super) speed: f64,
+    /// 1/m.
+    pub(super) curvature: f64,
+}
+
+/// A chain of lanes, entered at `s0` of the first one.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Route {
+    pub(super) lanes: Vec<usize>,
+    pub(super) s0: f64,
+}
+
+/// The widest lateral offset at which a moving vehicle is taken to follow a lane, metres.
+const REACH: f64 = 3.2;
+/// The largest angle to a lane that is followed, rad.
+const ANGLE: f64 = 1.0;
+/// How far ahead branches are told apart by the motion, metres at least and seconds.
+const BRANCH_METRES: f64 = 12.0;
+const BRANCH_SECONDS: f64 = 2.0;
+/// No more alternatives than this are weighed.
+const MAX_ALTERNATIVES: usize = 48;
+/// Cost at which an alternative is e times less likely.
+const TEMPERATURE: f64 = 0.35;
+/// Angle at which a branch is e times less likely when the motion does not tell, rad.
+const STRAIGHT: f64 = 0.35;
+/// Lateral distance after 30 m by which it is e times less likely than the branch that leads least aside, metres.
+const ASIDE: f64 = 1.5;
+
+/// Whether vehicles (or cyclists) may drive on a lane.
+fn usable(road: &Road<'_>, lane: usize, cyclist: bool) -> bool {
+    cyclist || road.lane(lane).class != LaneClass::Bike
+}
+
+/// The lane under or beside a vehicle that suits its heading best, with the projection onto it.
+pub(super) fn nearest_lane(road: &Road<'_>, p: Vec2, heading: f64, cyclist: bool) -> Option<LaneHit> {
+    let mut hits = Vec::new();
+    road.lanes_near(p, REACH, &mut hits);
+    let cost = |h: &LaneHit| {
+        let angle = wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - heading).abs();
+        (usable(road, h.lane, cyclist) && angle < ANGLE).then_some(h.projection.distance + 2.0 * angle)
+    };
+    let best = hits.iter().filter_map(|h| Some((cost(h)?, h))).min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map(|(_, h)| *h)
+}
+
+/// Every way on from where a vehicle is, as far as its motion can tell them apart, with its cost: how far the lanes lie from where
+/// the vehicle would come at its present speed and curvature.
+pub(super) fn alternatives(road: &Road<'_>, motion: &Motion, cyclist: bool) -> Vec<(f64, Route)> {
+    let mut hits = Vec::new();
+    road.lanes_near(motion.position, REACH, &mut hits);
+    let reach = BRANCH_METRES.max(motion.speed * BRANCH_SECONDS);
+    let mut found = Vec::new();
+    for hit in &hits {
+        let lane = road.lane(hit.lane);
+        let angle = wrap(lane.baseline.heading(hit.projection.segment) - motion.heading);
+        if !usable(road, hit.lane, cyclist) || angle.abs() > ANGLE {
+            continue;
+        }
+        // A lane that the vehicle has already left behind, or has not yet reached, is found through its neighbour in the chain.
+        let beyond = hit.projection.t >= 1.0 && hit.projection.segment + 1 == lane.baseline.segments();
+        if beyond && !lane.successors.is_empty() {
+            continue;
+        }
+        let mut open = vec![Route { lanes: vec![hit.lane], s0: hit.projection.s }];
+        while let Some(route) = open.pop() {
+            let ahead: f64 =
+                route.lanes.iter().map(|&l| road.lane(l).baseline.length()).sum::<f64>() - route.s0;
+            let last = road.lane(route.lanes[route.lanes.len() - 1]);
+            let next =
+                last.successors.iter().filter(|&&l| usable(road, l, cyclist) && !route.lanes.contains(&l));
+            let mut ended = true;
+            if ahead < reach {
+                for &lane in next {
+                    ended = false;
+                    let mut longer = route.clone();
+                    longer.lanes.push(lane);
+                    open.push(longer);
+                }
+            }
+            if ended {
+                found.push((cost(road, &route, motion), route));
+            }
+            if found.len() >= MAX_ALTERNATIVES {
+                return found;
+            }
+        }
+    }
+    found
+}
+
+/// Mean distance of the route from where the vehicle comes in the next two seconds, plus the angle there in equal measure.
+fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
+    let mut total = 0.0;
+    let times = [0.0, 0.5, 1.0, 1.5];
+    for t in times {
+        // A turn is not kept up for ever: the curvature counts for one second.
+        let along = motion.speed * t;
+        let turning = motion.speed * t.min(1.0);
+        let heading = motion.heading + motion.curvature * turning;
+        let middle = motion.heading + 0.5 * motion.curvature * turning;
+        let p = motion.position + direction(middle) * along;
+        let (mut best, mut angle) = (f64::INFINITY, 0.0);
+        let mut from = route.s0;
+        let mut passed = 0.0;
+        for &l in &route.lanes {
+            let line = &road.lane(l).baseline;
+            let (first, last) = (line.segment_at(from), line.segment_at(from + along + 12.0 - passed) + 1);
+            let hit = line.project_between(p, first, last);
+            if hit.distance < best {
+                best = hit.distance;
+                angle = wrap(line.heading(hit.segment) - heading).abs();
+            }
+            passed += line.length() - from;
+            from = 0.0;
+            if passed > along + 10.0 {
+                break;
+            }
+        }
+        total += best + 3.0 * angle;
+    }
+    total / times.len() as f64
+}
+
+/// Draws one of the alternatives, likelier the less it costs.
+pub(super) fn choose(alternatives: Vec<(f64, Route)>, stream: &mut Stream) -> Option<Route> {
+    let least = alternatives.iter().map(|a| a.0).fold(f64::INFINITY, f64::min);
+    let weight = |cost: f64| (-(cost - least) / TEMPERATURE).exp();
+    let total: f64 = alternatives.iter().map(|a| weight(a.0)).sum();
+    let mut draw = stream.random::<f64>() * total;
+    for (cost, route) in alternatives {
+        draw -= weight(cost);
+        if draw <= 0.0 {
+            return Some(route);
+        }
+    }
+    None
+}
+
+/// Extends a route until it is `length` metres long from where it is entered, straight on more often than round a corner.
+pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: bool, stream: &mut Stream) {
+    let mut ahead: f64 = route.lanes.iter().map(|&l| road.lane(l).baseline.length()).sum::<f64>() - route.s0;
+    while ahead < length && route.lanes.len() < 64 {
+        let last = road.lane(route.lanes[route.lanes.len() - 1]);
+        let end = last.baseline.heading(last.baseline.segments() - 1);
+        let next: Vec<usize> =
+            last.successors.iter().copied().filter(|&l| usable(road, l, cyclist)).collect();
+        // How far a branch turns, and how far aside it leads, well after it begins: connectors and turn pockets begin alike.
+        let (origin, ahead_axis) = (last.baseline.at(last.baseline.length()), direction(end));
+        let leads = |l: usize| {
+            let line = &road.lane(l).baseline;
+            let s = line.length().min(30.0);
+            (wrap(line.heading_at(s) - end).abs(), ahead_axis.perp(&(line.at(s) - origin)))
+        };
+        let least = next.iter().map(|&l| leads(l).1.abs()).fold(f64::INFINITY, f64::min);
+        let weight = |l: usize| {
+            let (turn, aside) = leads(l);
+            (-turn / STRAIGHT - (aside.abs() - least) / ASIDE).exp() + 1e-6
+        };
+        let total: f64 = next.iter().map(|&l| weight(l)).sum();
+        let mut draw = stream.random::<f64>() * total;
+        let mut chosen = None;
+        for &l in &next {
+            chosen = Some(l);
+            draw -= weight(l);
+            if draw <= 0.0 {
+                break;
+            }
+        }
+        let Some(lane) = chosen else { return };
+        route.lanes.push(lane);
+        ahead += road.lane(lane).baseline.length();
+    }
+}
+
+/// The centre line of a route from a little behind where it is entered, and for each lane the arc length at which it begins on it.
+pub(super) fn center_line(
+    road: &Road<'_>,
+    route: &Route,
+    length: f64,
+) -> Option<(Polyline, Vec<(f64, usize)>)> {
+    let mut points: Vec<Vec2> = Vec::new();
+    let mut starts = Vec::new();
+    let behind = (route.s0 - 4.0).max(0.0);
+    let mut s = 0.0;
+    for (k, &l) in route.lanes.iter().enumerate() {
+        let line = &road.lane(l).baseline;
+        let from = if k == 0 { behind } else { 0.0 };
+        starts.push((s - from, l));
+        if k == 0 {
+            points.push(line.at(behind));
+        }
+        // The recorded points lie half a metre apart; a metre is enough to steer by.
+        let mut last = f64::NEG_INFINITY;
+        for (i, (&p, &arc)) in line.points().iter().zip(line.arc()).enumerate() {
+            let end = i + 1 == line.points().len();
+            if arc > from && (arc - last > 0.9 || end) {
+                points.push(p);
+                last = arc;
+            }
+        }
+        s += line.length() - from;
+        if s > length + 10.0 {
+            break;
+        }
+    }
+    Some((Polyline::new(&points).ok()?, starts))
+}

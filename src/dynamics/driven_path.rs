@@ -1,0 +1,199 @@
+//! Paths that a vehicle can drive: chains of short arcs of bounded, slowly changing curvature.
+
+use super::Pose;
+use crate::geometry::{Bounds, Polyline, Vec2, direction, signed_angle_between};
+
+/// A path of arcs of equal length. Between two points the curvature is that of the first.
+#[derive(Clone, Debug)]
+pub struct DrivenPath {
+    points: Vec<PathPoint>,
+    bounds: Vec<Bounds>,
+}
+
+/// A point of a [`DrivenPath`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathPoint {
+    /// Position and heading.
+    pub pose: Pose,
+    /// Unit vector along the heading.
+    pub axis: Vec2,
+    /// Curvature of the arc that begins here, 1/m.
+    pub curvature: f64,
+}
+
+/// Where something lies relative to a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathProjection {
+    /// Arc length, metres; negative before the start, beyond the length after the end.
+    pub s: f64,
+    /// Lateral offset, metres, left positive.
+    pub offset: f64,
+    /// Index of the nearest point.
+    pub index: usize,
+}
+
+/// How a path is steered onto a reference line.
+#[derive(Clone, Copy, Debug)]
+pub struct Pursuit {
+    /// Distance to the point of the reference that is aimed at, metres.
+    pub look_ahead: f64,
+    /// Largest curvature, 1/m.
+    pub max_curvature: f64,
+    /// Largest change of curvature along the path, 1/m².
+    pub max_curvature_rate: f64,
+}
+
+impl DrivenPath {
+    /// Length of every arc, metres.
+    pub const STEP: f64 = 1.0;
+    /// Points per block of bounds.
+    const BLOCK: usize = 8;
+
+    /// Steers from `start` (with curvature `curvature`, 1/m) onto `reference` by pure pursuit, for `length` metres. Beyond the end
+    /// of the reference the path goes on straight. Curvature and its change stay within the limits of `pursuit`.
+    ///
+    /// Source: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm (CMU-RI-TR-92-01).
+    pub fn pursue(start: Pose, curvature: f64, reference: &Polyline, length: f64, pursuit: &Pursuit) -> Self {
+        let count = (length / Self::STEP).ceil().max(1.0) as usize + 1;
+        let limit = pursuit.max_curvature;
+        let mut points = Vec::with_capacity(count);
+        let mut pose = start;
+        let mut curvature = curvature.clamp(-limit, limit);
+        let mut segment = reference.project(pose.position).segment;
+        for _ in 0..count {
+            let near = reference.project_between(pose.position, segment, segment + 12);
+            segment = near.segment;
+            let goal = reference.at(near.s + pursuit.look_ahead) - pose.position;
+            let angle = signed_angle_between(direction(pose.heading), goal);
+            let wanted = (2.0 * angle.sin() / goal.norm().max(1.0)).clamp(-limit, limit);
+            // A goal behind the vehicle asks for the tightest turn towards it.
+            let wanted = if angle.abs() > 1.6 { limit.copysign(angle) } else { wanted };
+            let change = pursuit.max_curvature_rate * Self::STEP;
+            curvature += (wanted - curvature).clamp(-change, change);
+            points.push(PathPoint { pose, axis: direction(pose.heading), curvature });
+            pose = pose.advance(Self::STEP, curvature);
+        }
+        Self::of(points)
+    }
+
+    /// Goes on with `curvature`, which fades with the length scale `fade` (metres), for `length` metres.
+    pub fn fade(start: Pose, curvature: f64, fade: f64, length: f64) -> Self {
+        let count = (length / Self::STEP).ceil().max(1.0) as usize + 1;
+        let mut points = Vec::with_capacity(count);
+        let mut pose = start;
+        for k in 0..count {
+            let curvature = curvature * (-(k as f64) * Self::STEP / fade).exp();
+            points.push(PathPoint { pose, axis: direction(pose.heading), curvature });
+            pose = pose.advance(Self::STEP, curvature);
+        }
+        Self::of(points)
+    }
+
+    fn of(points: Vec<PathPoint>) -> Self {
+        let block = |first: usize| {
+            let last = (first + Self::BLOCK).min(points.len() - 1);
+            Bounds::of(points[first..=last].iter().map(|p| p.pose.position))
+        };
+        let bounds = (0..points.len()).step_by(Self::BLOCK).map(block).collect();
+        Self { points, bounds }
+    }
+
+    /// The points, one per metre.
+    pub fn points(&self) -> &[PathPoint] {
+        &self.points
+    }
+
+    /// Length, metres.
+    pub fn length(&self) -> f64 {
+        (self.points.len() - 1) as f64 * Self::STEP
+    }
+
+    /// Index of the arc that holds arc length `s`.
+    pub fn index(&self, s: f64) -> usize {
+        ((s / Self::STEP).max(0.0) as usize).min(self.points.len() - 1)
+    }
+
+    /// The pose at arc length `s`; before the start and beyond the end the path is straight.
+    pub fn at(&self, s: f64) -> Pose {
+        let i = self.index(s);
+        let point = &self.points[i];
+        let along = s - i as f64 * Self::STEP;
+        let straight = along < 0.0 || i + 1 == self.points.len();
+        point.pose.advance(along, if straight { 0.0 } else { point.curvature })
+    }
+
+    /// Bounds of the centre line between two arc lengths (in steps of some metres, so a little too large).
+    pub fn bounds(&self, from: f64, to: f64) -> Bounds {
+        let (first, last) = (self.index(from) / Self::BLOCK, self.index(to) / Self::BLOCK);
+        self.bounds[first..=last].iter().fold(Bounds::EMPTY, |a, b| a.union(b))
+    }
+
+    /// Projects `p` onto the stretch between the point indices `first` and `last`, beginning the search at `near` where given.
+    ///
+    /// With `near` the search walks downhill from there, which suffices for a point that moves on step by step.
+    pub fn project(&self, p: Vec2, first: usize, last: usize, near: Option<usize>) -> PathProjection {
+        let last = last.min(self.points.len() - 1);
+        let first = first.min(last);
+        let d2 = |i: usize| (self.points[i].pose.position - p).norm_squared();
+        let mut best = near.map_or_else(
+            || {
+                let coarse = (first..=last).step_by(4).chain([last]);
+                coarse.map(|i| (i, d2(i))).fold((first, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a })
+            },
+            |i| (i.clamp(first, last), d2(i.clamp(first, last))),
+        );
+        loop {
+            let lower = if best.0 > first { d2(best.0 - 1) } else { f64::INFINITY };
+            let upper = if best.0 < last { d2(best.0 + 1) } else { f64::INFINITY };
+            if lower < best.1 && lower <= upper {
+                best = (best.0 - 1, lower);
+            } else if upper < best.1 {
+                best = (best.0 + 1, upper);
+            } else {
+                break;
+            }
+        }
+        let point = &self.points[best.0];
+        let d = p - point.pose.position;
+        PathProjection {
+            s: best.0 as f64 * Self::STEP + d.dot(&point.axis),
+            offset: point.axis.perp(&d),
+            index: best.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn straight() -> Polyline {
+        Polyline::new(&[Vec2::new(0.0, 0.0), Vec2::new(200.0, 0.0)]).unwrap()
+    }
+
+    const PURSUIT: Pursuit = Pursuit { look_ahead: 10.0, max_curvature: 0.19, max_curvature_rate: 0.05 };
+
+    #[test]
+    fn steers_onto_the_line_within_its_limits() {
+        let start = Pose { position: Vec2::new(0.0, 2.0), heading: 0.3 };
+        let path = DrivenPath::pursue(start, 0.0, &straight(), 80.0, &PURSUIT);
+        let end = path.at(80.0);
+        assert!(end.position.y.abs() < 0.02 && end.heading.abs() < 0.01, "{end:?}");
+        for w in path.points().windows(2) {
+            assert!(w[1].curvature.abs() <= 0.19);
+            assert!((w[1].curvature - w[0].curvature).abs() <= 0.05 + 1e-12);
+        }
+    }
+
+    #[test]
+    fn projection_inverts_the_path() {
+        let start = Pose { position: Vec2::new(0.0, -3.0), heading: -0.2 };
+        let path = DrivenPath::pursue(start, 0.1, &straight(), 60.0, &PURSUIT);
+        for s in [0.0, 3.3, 17.9, 59.0] {
+            let pose = path.at(s);
+            let left = Vec2::new(-pose.heading.sin(), pose.heading.cos());
+            let found = path.project(pose.position + left * 1.5, 0, usize::MAX, None);
+            assert!((found.s - s).abs() < 0.1 && (found.offset - 1.5).abs() < 0.05, "{s}: {found:?}");
+        }
+    }
+}
