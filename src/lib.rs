@@ -12,7 +12,10 @@ pub mod rollout;
 pub mod metrics;
 
 pub mod evaluation;
+
 pub mod report;
+
+pub mod cli;
 
 #[path = "../models/mod.rs"]
 pub mod models;

@@ -1,2 +1,7 @@
 //! The `reactsim` program.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    reactsim::cli::main()
+}

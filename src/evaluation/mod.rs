@@ -1,3 +1,38 @@
-//! What to run, the runner, results and their statistics.
+//! Evaluation: what to run, the runner, run folders and statistics.
+//!
+//! Knows simulators, metrics and files of scenarios; never how results are shown. The only room beside `formats` and `cli`
+//! that opens files: a run folder is part of what a run is.
 
+mod av;
 pub mod document;
+mod error;
+mod folder;
+mod judge;
+mod plan;
+mod provenance;
+mod recorded;
+mod rollouts;
+mod row;
+mod runner;
+mod source;
+mod statistics;
+mod summary;
+mod tally;
+
+pub use av::{AV_CHOICES, AvChoice, ParseAvError};
+pub use error::EvaluationError;
+pub use folder::{
+    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
+};
+pub use plan::{Deviations, NoAv, Plan, PlannedSimulator, RunSettings};
+pub use provenance::{
+    FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
+};
+pub use recorded::Recorded;
+pub use rollouts::{ForeignRollout, recorded_tracks};
+pub use row::{EventLine, Failure, Place, Row, Value};
+pub use runner::{Execution, Outcome, RunObserver, run};
+pub use source::{Opener, Source};
+pub use statistics::Estimate;
+pub use summary::{CategorySummary, Pressure, REFERENCE, SimulatorSummary, Summary, SummaryProvenance};
+pub use tally::{Cell, Entry, Tally};

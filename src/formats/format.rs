@@ -13,6 +13,17 @@ use crate::scene::Scenario;
 /// Scenarios in file order. An error that [`FormatError::ends_file`] ends the file, others concern one record.
 pub type Scenarios = Box<dyn Iterator<Item = Result<Scenario, FormatError>> + Send>;
 
+/// A record that was split off its file: decoding it is the longer part of the work and can be done on any thread.
+pub type Undecoded = Box<dyn FnOnce() -> Result<Scenario, FormatError> + Send>;
+
+/// Records in file order, not yet decoded. Errors as of [`Scenarios`]; those of one record may come with its decoding.
+pub type PendingScenarios = Box<dyn Iterator<Item = Result<Undecoded, FormatError>> + Send>;
+
+/// A scenario in the form of one that is still to be decoded.
+pub fn decoded(scenario: Scenario) -> Undecoded {
+    Box::new(move || Ok(scenario))
+}
+
 /// A kind of scenario file.
 pub trait ScenarioFormat: Sync {
     /// The name on the command line.
@@ -26,6 +37,14 @@ pub trait ScenarioFormat: Sync {
     /// # Errors
     /// [`FormatError`] when the file can not be read at all.
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError>;
+    /// Opens one file for reading by several threads: a format whose decoding is slow leaves it to them.
+    ///
+    /// # Errors
+    /// As [`ScenarioFormat::open`].
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        let scenarios = self.open(path)?;
+        Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
+    }
 }
 
 /// All formats.

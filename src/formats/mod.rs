@@ -1,4 +1,4 @@
-//! Files in and out: scenario formats, deviations and rollouts.
+//! Files in and out: scenario formats, deviations, rollouts and rollout documents.
 //!
 //! Reading is streaming: one scenario (of native files: one row group) is in memory at a time. Errors name file, record,
 //! scenario, field and value; one bad record does not end a file, and one bad file does not end a folder.
@@ -16,4 +16,7 @@ pub mod native;
 pub mod rollouts;
 
 pub use error::{Cause, FormatError};
-pub use format::{FORMATS, Input, ScenarioFormat, Scenarios, find_inputs, open};
+pub use format::{
+    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Undecoded, decoded, find_inputs, open,
+};
+pub use json::parse as parse_json;

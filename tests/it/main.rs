@@ -1,7 +1,10 @@
 //! All integration tests, in one binary.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod cli;
+mod evaluation;
 mod formats;
+mod generated;
 mod layers;
 mod metrics;
 mod mini_scenarios;

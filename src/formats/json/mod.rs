@@ -49,7 +49,15 @@ fn read(path: &Path) -> Result<Scenario, FormatError> {
         let cause = Cause::value("the length of the file", "more than 256 MiB", "one scenario");
         return Err(FormatError::file(path, cause));
     }
-    let raw: RawScenario = serde_json::from_slice(&text)
+    parse(path, &text)
+}
+
+/// Reads a hand-written scenario from memory; `path` is the name that errors give it.
+///
+/// # Errors
+/// [`FormatError`] names the field and the value.
+pub fn parse(path: &Path, text: &[u8]) -> Result<Scenario, FormatError> {
+    let raw: RawScenario = serde_json::from_slice(text)
         .map_err(|e| FormatError::file(path, Cause::Undecodable(e.to_string())).at(0))?;
     let id = raw.id.clone();
     let parts = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;

@@ -4,11 +4,12 @@ mod decode;
 mod encode;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 
 use super::error::{Cause, FormatError};
-use super::format::{ScenarioFormat, Scenarios, head, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named};
 use super::table::{self, TableReader, TableWriter};
 use crate::scene::Scenario;
 
@@ -41,39 +42,47 @@ impl ScenarioFormat for Native {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let table = TableReader::open(path)?;
-        table.require(KIND, VERSION)?;
-        Ok(Box::new(Reader { path: path.to_owned(), table, rows: None, record: 0 }))
+        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(Reader::open(path)?))
     }
 }
 
 struct Reader {
     path: PathBuf,
     table: TableReader,
-    rows: Option<(decode::Rows, usize)>,
+    rows: Option<(Arc<decode::Rows>, usize)>,
     record: u64,
 }
 
 impl Reader {
+    fn open(path: &Path) -> Result<Self, FormatError> {
+        let table = TableReader::open(path)?;
+        table.require(KIND, VERSION)?;
+        Ok(Self { path: path.to_owned(), table, rows: None, record: 0 })
+    }
+
     fn load(&mut self, batch: &RecordBatch) -> Result<(), FormatError> {
         let rows = decode::Rows::new(batch).map_err(|cause| FormatError::file(&self.path, cause))?;
-        self.rows = Some((rows, 0));
+        self.rows = Some((Arc::new(rows), 0));
         Ok(())
     }
 }
 
 impl Iterator for Reader {
-    type Item = Result<Scenario, FormatError>;
+    type Item = Result<Undecoded, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             if let Some((rows, next)) = &mut self.rows
                 && *next < rows.len()
             {
-                let (row, record) = (*next, self.record);
+                let (rows, row, path, record) = (Arc::clone(rows), *next, self.path.clone(), self.record);
                 *next += 1;
                 self.record += 1;
-                return Some(rows.scenario(row, &self.path, record));
+                return Some(Ok(Box::new(move || rows.scenario(row, &path, record))));
             }
             let loaded = match self.table.next_batch()? {
                 Ok(batch) => self.load(&batch),

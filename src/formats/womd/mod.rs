@@ -11,7 +11,7 @@ use prost::Message;
 use self::message::Scenario as Proto;
 use self::record::Records;
 use super::error::{Cause, FormatError};
-use super::format::{ScenarioFormat, Scenarios, head, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named};
 use crate::scene::Scenario;
 
 /// The format.
@@ -32,7 +32,11 @@ impl ScenarioFormat for Womd {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(Reader { path: path.to_owned(), records: Records::open(path)?, next: 0 }))
+        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(Reader::open(path)?))
     }
 }
 
@@ -52,14 +56,20 @@ struct Reader {
     next: u64,
 }
 
+impl Reader {
+    fn open(path: &Path) -> Result<Self, FormatError> {
+        Ok(Self { path: path.to_owned(), records: Records::open(path)?, next: 0 })
+    }
+}
+
 impl Iterator for Reader {
-    type Item = Result<Scenario, FormatError>;
+    type Item = Result<Undecoded, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let payload = self.records.next()?;
-        let record = self.next;
+        let payload = self.records.next()?.map(<[u8]>::to_vec);
+        let (path, record) = (self.path.clone(), self.next);
         self.next += 1;
-        Some(payload.and_then(|payload| read_one(&self.path, record, payload)))
+        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as Undecoded))
     }
 }
 

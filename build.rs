@@ -1,0 +1,66 @@
+//! Notes the commit that the program is built from, for the provenance of its numbers, and lists the scenarios that ship
+//! with it. Needs no network, and no git either.
+
+#![expect(clippy::print_stdout, reason = "this is how a build script speaks to cargo")]
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fs, io};
+
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}
+
+fn main() -> io::Result<()> {
+    for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios/mini"] {
+        println!("cargo:rerun-if-changed={path}");
+    }
+    let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
+    list_scenarios(&here)?;
+    note_commit(&here);
+    Ok(())
+}
+
+/// Writes the list of `scenarios/mini` as Rust: names and texts, so that the program works from anywhere.
+fn list_scenarios(here: &Path) -> io::Result<()> {
+    let folder = here.join("scenarios").join("mini");
+    let mut files = Vec::new();
+    for entry in fs::read_dir(&folder).into_iter().flatten() {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "json") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    let mut list = String::from("&[\n");
+    for path in files {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        writeln!(list, "    ({name:?}, include_str!({path:?})),").map_err(io::Error::other)?;
+    }
+    list.push(']');
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
+    fs::write(out.join("shipped.rs"), list)
+}
+
+fn note_commit(here: &Path) {
+    // A package that lies unpacked inside some other checkout must not take that one's commit for its own.
+    let top = git(&["rev-parse", "--show-toplevel"]);
+    if !top.is_some_and(|top| Path::new(&top).canonicalize().ok() == here.canonicalize().ok()) {
+        return;
+    }
+    for file in ["HEAD", "logs/HEAD"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", file])
+            && Path::new(&path).exists()
+        {
+            println!("cargo:rerun-if-changed={path}");
+        }
+    }
+    if let Some(commit) = git(&["rev-parse", "HEAD"]) {
+        let changed = git(&["status", "--porcelain", "--", "src", "models", "Cargo.toml", "Cargo.lock"])
+            .is_some_and(|files| !files.is_empty());
+        println!("cargo:rustc-env=REACTSIM_COMMIT={commit}{}", if changed { "+" } else { "" });
+    }
+}

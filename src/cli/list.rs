@@ -1,0 +1,77 @@
+//! `reactsim list`: what there is.
+
+use std::io::{self, Write};
+
+use clap::{Args, ValueEnum};
+
+use super::{ExitStatus, write_result};
+use crate::formats::FORMATS;
+use crate::metrics::{METRICS, Unit};
+use crate::models::{Card, MODELS};
+
+/// Arguments of `list`.
+#[derive(Debug, Args)]
+pub(super) struct ListArgs {
+    /// What to list
+    what: What,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum What {
+    /// The simulators that ship with the program
+    Models,
+    /// The metrics
+    Metrics,
+    /// The scenario formats that can be read
+    Formats,
+    /// The weights of learned models
+    Weights,
+}
+
+pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
+    let rows = match args.what {
+        What::Models => {
+            let mut rows = Vec::new();
+            for model in MODELS {
+                let card = Card::read(model.id, model.card)?;
+                let mark = if model.oracle { " †" } else { "" };
+                rows.push(vec![model.id.to_owned(), format!("{}{mark}", card.title), card.summary]);
+            }
+            rows
+        }
+        What::Metrics => METRICS
+            .iter()
+            .map(|m| {
+                let spec = m.spec();
+                let unit = match spec.unit {
+                    Unit::Count => "count",
+                    Unit::Rate => "rate",
+                    Unit::Metres => "m",
+                    Unit::Plain => "-",
+                };
+                let better = if spec.lower_is_better { "lower" } else { "higher" };
+                [spec.id, spec.title, unit, better, spec.source].map(str::to_owned).to_vec()
+            })
+            .collect(),
+        What::Formats => FORMATS.iter().map(|f| vec![f.id().to_owned(), f.title().to_owned()]).collect(),
+        // No model of this version has weights.
+        What::Weights => Vec::new(),
+    };
+    write_result(None, |out| aligned(&rows, out))?;
+    Ok(ExitStatus::Done)
+}
+
+/// Columns under each other; the last one is left as it is.
+fn aligned(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
+    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
+    for row in rows {
+        for (c, text) in row.iter().enumerate() {
+            if c + 1 == row.len() {
+                writeln!(out, "{text}")?;
+            } else {
+                write!(out, "{text}{}  ", " ".repeat(width(c) - text.chars().count()))?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,165 @@
+//! The command line: arguments, progress, exit codes. One file per verb. The only room that prints.
+
+mod convert;
+mod inspect;
+mod list;
+mod progress;
+mod report;
+mod run;
+mod score;
+mod shipped;
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Context, anyhow};
+use clap::{Parser, Subcommand};
+
+use crate::evaluation::EvaluationError;
+use crate::metrics::Options;
+
+/// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
+#[derive(Debug, Parser)]
+#[command(name = "reactsim", version, max_term_width = 98, after_help = AFTER)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER: &str = "\
+Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
+
+With no arguments `reactsim run` runs every baseline on the shipped scenarios.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run simulators on scenarios and print the table of their metrics
+    Run(run::RunArgs),
+    /// Score rollouts that any program produced
+    Score(score::ScoreArgs),
+    /// Convert scenarios of any format to native Parquet
+    Convert(convert::ConvertArgs),
+    /// Print the tables of finished runs
+    Report(report::ReportArgs),
+    /// Print and draw what is in a scenario
+    Inspect(inspect::InspectArgs),
+    /// List models, metrics, formats or weights
+    List(list::ListArgs),
+}
+
+/// How the program ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ExitStatus {
+    /// Everything was done.
+    Done,
+    /// Done, but some scenarios failed.
+    SomeFailed,
+    /// Wrong input or settings: nothing usable.
+    BadInput,
+    /// Interrupted by the user.
+    Interrupted,
+}
+
+impl From<ExitStatus> for ExitCode {
+    fn from(status: ExitStatus) -> Self {
+        Self::from(match status {
+            ExitStatus::Done => 0,
+            ExitStatus::SomeFailed => 1,
+            ExitStatus::BadInput => 2,
+            ExitStatus::Interrupted => 130,
+        })
+    }
+}
+
+/// Runs the program: parses the arguments, carries the verb out, prints what went wrong.
+pub fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Run(args) => run::run(args),
+        Command::Score(args) => score::score(&args),
+        Command::Convert(args) => convert::convert(&args),
+        Command::Report(args) => report::report(&args),
+        Command::Inspect(args) => inspect::inspect(&args),
+        Command::List(args) => list::list(&args),
+    };
+    match result {
+        Ok(status) => status.into(),
+        Err(error) => {
+            let mut err = io::stderr().lock();
+            let mut last = String::new();
+            for (depth, cause) in error.chain().enumerate() {
+                let text = cause.to_string();
+                // Some errors already end with the text of their cause.
+                if depth == 0 || !last.ends_with(&text) {
+                    writeln!(err, "{}: {text}", if depth == 0 { "error" } else { "  cause" }).ok();
+                }
+                last = text;
+            }
+            if let Some(hint) = hint(&error) {
+                writeln!(err, "hint: {hint}").ok();
+            }
+            ExitStatus::BadInput.into()
+        }
+    }
+}
+
+/// What to try next, where the error's own text does not say it.
+fn hint(error: &anyhow::Error) -> Option<String> {
+    match error.downcast_ref::<EvaluationError>()? {
+        EvaluationError::UnknownSimulator { .. } => {
+            Some("`reactsim list models` says what each of them does".to_owned())
+        }
+        EvaluationError::Write { source, .. } => match source.kind() {
+            io::ErrorKind::StorageFull => {
+                Some("finished rows are kept; make room and give --resume to go on".to_owned())
+            }
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Writes a result to a file, or to stdout. A reader of stdout that went away has seen enough: that is no error.
+fn write_result(
+    file: Option<&Path>,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> anyhow::Result<()> {
+    if let Some(path) = file {
+        let name = || format!("could not write {}", path.display());
+        let mut out = BufWriter::new(File::create(path).with_context(name)?);
+        write(&mut out).and_then(|()| out.flush()).with_context(name)?;
+        return Ok(());
+    }
+    let mut out = BufWriter::new(io::stdout().lock());
+    match write(&mut out).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+            // The buffer would be written once more when it is dropped.
+            let _ = out.into_parts();
+            Ok(())
+        }
+        done => done.context("could not write to stdout"),
+    }
+}
+
+/// Says something to the user without touching the result.
+fn say(text: std::fmt::Arguments<'_>) {
+    // Where even stderr is gone there is nobody to tell.
+    writeln!(io::stderr().lock(), "{text}").ok();
+}
+
+/// The variants of the metrics that were asked for.
+fn metric_options(asked: &[String]) -> anyhow::Result<Options> {
+    let mut options = Options::default();
+    for option in asked {
+        let (name, value) = split_option(option)?;
+        options.set(name, value)?;
+    }
+    Ok(options)
+}
+
+/// Name and value of a metric option.
+fn split_option(option: &str) -> anyhow::Result<(&str, &str)> {
+    let wrong = || anyhow!("`{option}` is no metric option: write name=value, such as fault_order=nuplan");
+    option.split_once('=').ok_or_else(wrong)
+}

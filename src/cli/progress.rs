@@ -1,0 +1,55 @@
+//! Progress of a run on stderr.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::say;
+use crate::evaluation::{Failure, RunObserver};
+
+/// Failures that are printed as they happen; the folder holds them all.
+const SHOWN: usize = 20;
+
+/// A spinner with the number of scenarios, hidden where stderr is no terminal; failures are printed in any case.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    failures: AtomicUsize,
+}
+
+impl Progress {
+    pub(super) fn new() -> Self {
+        let bar = ProgressBar::new_spinner();
+        if let Ok(style) =
+            ProgressStyle::with_template("{spinner} {pos} scenarios, {per_sec}, {elapsed}{msg}")
+        {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self { bar, failures: AtomicUsize::new(0) }
+    }
+
+    /// Takes the spinner away and says how many failures were not shown.
+    pub(super) fn end(&self) {
+        self.bar.finish_and_clear();
+        let failures = self.failures.load(Ordering::Relaxed);
+        if failures > SHOWN {
+            say(format_args!("warning: {} more failures were not shown here", failures - SHOWN));
+        }
+    }
+}
+
+impl RunObserver for Progress {
+    fn scenario_done(&self, done: usize) {
+        self.bar.set_position(done as u64);
+    }
+
+    fn failed(&self, failure: &Failure) {
+        let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
+        self.bar.set_message(format!(", {n} failed"));
+        if n <= SHOWN {
+            let simulator = failure.simulator.as_deref().map(|s| format!(" ({s})")).unwrap_or_default();
+            self.bar.suspend(|| say(format_args!("warning: failed{simulator}: {}", failure.error)));
+        }
+    }
+}

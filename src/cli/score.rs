@@ -1,0 +1,155 @@
+//! `reactsim score`: rollouts that any program produced.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+use super::report::formats as table_formats;
+use super::{ExitStatus, metric_options, say, write_result};
+use crate::evaluation::document::score_document;
+use crate::evaluation::{
+    Failure, FileRecord, Place, Provenance, Recorded, SettingsRecord, program_commit, program_version,
+};
+use crate::formats;
+use crate::formats::document::Document;
+use crate::report::{Run, exporter};
+
+/// Arguments of `score`.
+#[derive(Debug, Args)]
+pub(super) struct ScoreArgs {
+    /// A rollout document (JSON), or rollouts in Parquet, which need --scenarios
+    #[arg(required = true, value_name = "ROLLOUTS")]
+    rollouts: Vec<PathBuf>,
+    /// Scenarios of the rollouts; may be repeated
+    #[arg(long, value_name = "PATH")]
+    scenarios: Vec<PathBuf>,
+    /// A variant of the metrics, such as fault_order=nuplan; may be repeated
+    #[arg(long = "metric-option", value_name = "NAME=VALUE")]
+    metric_options: Vec<String>,
+    /// Form of the table (rollouts in Parquet)
+    #[arg(long, default_value = "markdown", value_parser = table_formats())]
+    format: String,
+    /// Write to this file instead of stdout
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
+    let is_parquet = |path: &PathBuf| -> anyhow::Result<bool> {
+        let mut head = [0; 4];
+        let mut file = fs::File::open(path).with_context(|| format!("could not read {}", path.display()))?;
+        Ok(std::io::Read::read_exact(&mut file, &mut head).is_ok() && head == *b"PAR1")
+    };
+    let kinds: Vec<bool> = args.rollouts.iter().map(is_parquet).collect::<Result<_, _>>()?;
+    match (kinds.iter().all(|p| *p), args.rollouts.as_slice()) {
+        (true, paths) => score_parquet(args, paths),
+        (false, [document]) => score_json(args, document),
+        (false, _) => bail!("give one rollout document, or any number of rollout files in Parquet"),
+    }
+}
+
+fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
+    if !args.scenarios.is_empty() {
+        bail!("a rollout document holds its scenarios: leave --scenarios out");
+    }
+    let read = || format!("could not read {}", path.display());
+    let text = fs::read_to_string(path).with_context(read)?;
+    let mut document = Document::from_json(&text).with_context(read)?;
+    // Options of the command line go before those of the document.
+    for option in &args.metric_options {
+        let (name, value) = super::split_option(option)?;
+        document.options.push((name.to_owned(), value.to_owned()));
+    }
+    let result = score_document(&document).with_context(read)?;
+    write_result(args.out.as_deref(), |out| {
+        serde_json::to_writer_pretty(&mut *out, &result)?;
+        out.write_all(b"\n")
+    })?;
+    Ok(ExitStatus::Done)
+}
+
+fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStatus> {
+    if args.scenarios.is_empty() {
+        bail!("rollouts in Parquet need their scenarios: give --scenarios <path>");
+    }
+    let options = metric_options(&args.metric_options)?;
+    let mut inputs = Vec::new();
+    for path in &args.scenarios {
+        inputs.extend(formats::find_inputs(path)?);
+    }
+    let (mut failures, mut records, mut files) = (Vec::new(), Vec::new(), Vec::new());
+    for (input, path) in paths.iter().enumerate() {
+        let file = FileRecord::of(path, "rollouts")?;
+        for (record, rollout) in formats::rollouts::read(path)?.enumerate() {
+            match rollout {
+                Ok(rollout) => records.push(rollout),
+                Err(error) => failures.push(failed(input, record, &file.name, error.scenario.clone(), error)),
+            }
+        }
+        files.push(file);
+    }
+    let mut recorded = Recorded::new(records, options);
+    for (i, scenarios) in inputs.iter().enumerate() {
+        let (input, file) = (paths.len() + i, FileRecord::of(&scenarios.path, scenarios.format.id())?);
+        for (record, scenario) in scenarios.format.open(&scenarios.path)?.enumerate() {
+            match scenario {
+                Ok(scenario) => {
+                    for failure in recorded.score(Place { input, record }, &file.name, &scenario) {
+                        say(format_args!("warning: {}", failure.error));
+                    }
+                }
+                Err(error) => failures.push(failed(input, record, &file.name, error.scenario.clone(), error)),
+            }
+        }
+        files.push(file);
+    }
+    let unmatched: Vec<Failure> = recorded
+        .left()
+        .map(|id| {
+            let error = format!("no scenario `{id}` in --scenarios for its rollouts");
+            failed(0, 0, &files[0].name, Some(id.to_owned()), error)
+        })
+        .collect();
+    failures.extend(unmatched);
+    for failure in &failures {
+        say(format_args!("warning: {}", failure.error));
+    }
+    let provenance = Provenance {
+        version: program_version().to_owned(),
+        commit: program_commit().to_owned(),
+        settings: SettingsRecord {
+            protocol: "recorded".to_owned(),
+            av: "recorded".to_owned(),
+            replan_steps: 0,
+            av_lookahead: false,
+            seed: 0,
+            rollouts: 0,
+        },
+        metric_options: options.named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        simulators: recorded.simulators(),
+        inputs: files,
+        deviations: None,
+        keep_rollouts: None,
+    };
+    let summary = recorded.finish(failures, &provenance);
+    if summary.provenance.scenarios == 0 {
+        bail!("no rollout could be scored: see the warnings above");
+    }
+    if let Some(exporter) = exporter(&args.format) {
+        let run = [Run { name: "", summary: &summary }];
+        write_result(args.out.as_deref(), |out| exporter.export(&run, out))?;
+    }
+    Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
+}
+
+fn failed(
+    input: usize,
+    record: usize,
+    file: &str,
+    scenario: Option<String>,
+    error: impl ToString,
+) -> Failure {
+    Failure { input, record, simulator: None, file: file.to_owned(), scenario, error: error.to_string() }
+}

@@ -1,0 +1,24 @@
+//! The scenarios that ship with the program.
+
+use crate::evaluation::{FileRecord, Source};
+use crate::formats::{decoded, parse_json};
+
+/// Names and texts of the files in `scenarios/mini`, in the order of their names.
+const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shipped.rs"));
+
+/// One source per shipped file.
+pub(super) fn sources() -> Vec<Source> {
+    let source = |&(name, text): &(&'static str, &'static str)| Source {
+        file: FileRecord {
+            name: name.to_owned(),
+            format: "json".to_owned(),
+            bytes: text.len() as u64,
+            blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
+        },
+        open: Box::new(move || {
+            let scenario = parse_json(name.as_ref(), text.as_bytes());
+            Ok(Box::new(std::iter::once(scenario.map(decoded))))
+        }),
+    };
+    FILES.iter().map(source).collect()
+}

@@ -1,0 +1,97 @@
+//! Why a run can not be made, or not be finished.
+
+use std::io;
+use std::path::PathBuf;
+
+use crate::formats::FormatError;
+use crate::models::CardError;
+
+/// Why a run can not be made, or not be finished. What concerns one scenario is a [`super::Failure`] instead.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EvaluationError {
+    /// A file can not be read.
+    #[error("could not read {path}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file can not be written.
+    #[error("could not write {path}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file of a run folder is damaged.
+    #[error("{path} can not be read: {source}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: serde_json::Error,
+    },
+    /// A run folder is not finished.
+    #[error("{path} holds no finished run; finish it by running the same command with --resume")]
+    Unfinished {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder is no run folder.
+    #[error("{path} is no run folder: it has no provenance.json")]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The run folder exists and is not empty.
+    #[error(
+        "{path} exists and is not empty; give --resume to continue the run in it, or choose another folder"
+    )]
+    Exists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The run folder holds a run with other settings.
+    #[error(
+        "can not resume {path}: `{setting}` is {old} there and {new} now; give the same settings or another folder"
+    )]
+    OtherSettings {
+        /// The folder.
+        path: PathBuf,
+        /// Name of the setting.
+        setting: String,
+        /// Its value in the folder.
+        old: String,
+        /// Its value now.
+        new: String,
+    },
+    /// Another run writes to the folder.
+    #[error("another run is writing to {path}")]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// There is no such simulator.
+    #[error("there is no simulator `{id}`; there are: {known}")]
+    UnknownSimulator {
+        /// The id.
+        id: String,
+        /// Ids of all simulators.
+        known: String,
+    },
+    /// A simulator is named twice.
+    #[error("the simulator `{id}` is named twice")]
+    RepeatedSimulator {
+        /// The id.
+        id: String,
+    },
+    /// A simulator can not be made.
+    #[error(transparent)]
+    Card(#[from] CardError),
+    /// A file of scenarios, deviations or rollouts can not be used.
+    #[error("{0}")]
+    Format(#[from] FormatError),
+}

@@ -1,0 +1,361 @@
+//! The run folder: what a run leaves, and how it goes on after a kill.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use serde::Deserialize;
+
+use super::EvaluationError;
+use super::provenance::Provenance;
+use super::row::{Failure, Place, Row};
+use super::summary::Summary;
+use super::tally::Tally;
+
+/// Name of the file with the provenance.
+pub const PROVENANCE: &str = "provenance.json";
+/// Name of the file with one row per scenario, simulator and rollout.
+pub const ROWS: &str = "rows.jsonl";
+/// Name of the file with the counted events.
+pub const EVENTS: &str = "events.jsonl";
+/// Name of the file with what failed.
+pub const FAILURES: &str = "failures.jsonl";
+/// Name of the file with the result.
+pub const SUMMARY: &str = "summary.json";
+/// Name of the file with the result as a table.
+pub const TABLE: &str = "summary.md";
+/// Name of the file with the rollouts.
+pub const ROLLOUTS: &str = "rollouts.parquet";
+/// Name of the folder of rollouts that are not yet put together.
+const PARTS: &str = "parts";
+
+/// A run folder that is being written. Rows and events are appended as they come; [`RunFolder::finish`] puts them in order.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    rows: Mutex<Appender>,
+    events: Mutex<Appender>,
+    failures: Mutex<Appender>,
+    /// Held while the run lasts: two runs must not write to one folder.
+    _lock: File,
+}
+
+impl RunFolder {
+    /// Makes a folder for a new run; it may exist if it is empty.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when the folder is not empty or can not be written.
+    pub fn create(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
+        fs::create_dir_all(path).map_err(cannot_write(path))?;
+        if !is_unbegun(path) {
+            return Err(EvaluationError::Exists { path: path.to_owned() });
+        }
+        let mut text = serde_json::to_string_pretty(provenance).expect("provenance is text and numbers");
+        text.push('\n');
+        replace(&path.join(PROVENANCE), |out| out.write_all(text.as_bytes()))?;
+        Self::open(path)
+    }
+
+    /// Opens the folder of an earlier run with the same settings: drops torn lines and pairs that are not whole, and takes
+    /// the whole ones into the tally.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when the folder holds no run, a run with other settings, or can not be written.
+    pub fn resume(path: &Path, provenance: &Provenance, tally: &mut Tally) -> Result<Self, EvaluationError> {
+        if is_unbegun(path) {
+            return Self::create(path, provenance);
+        }
+        let old = read_provenance(path)?;
+        if let Some((setting, old, new)) = old.difference(provenance) {
+            return Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new });
+        }
+        let folder = Self::open(path)?;
+        folder.keep_whole_pairs(tally, provenance.keep_rollouts == Some(true))?;
+        Ok(folder)
+    }
+
+    fn open(path: &Path) -> Result<Self, EvaluationError> {
+        let at = path.join(PROVENANCE);
+        let lock = File::open(&at).map_err(cannot_read(&at))?;
+        // Where the file system knows no locks there is nothing to be done about it.
+        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+            return Err(EvaluationError::Busy { path: path.to_owned() });
+        }
+        let append = |name| Appender::open(path.join(name)).map(Mutex::new);
+        let (rows, events, failures) = (append(ROWS)?, append(EVENTS)?, append(FAILURES)?);
+        Ok(Self { path: path.to_owned(), rows, events, failures, _lock: lock })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Appends the events and then the rows of one scenario and one simulator, so that whole rows mean whole events.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`]; nothing more is written after it, so that only the last line can be torn.
+    pub fn append(&self, rows: &str, events: &str) -> Result<(), EvaluationError> {
+        write_to(&self.events, events)?;
+        write_to(&self.rows, rows)
+    }
+
+    /// Appends a failure.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`].
+    pub fn append_failure(&self, failure: &Failure) -> Result<(), EvaluationError> {
+        write_to(&self.failures, &line(failure))
+    }
+
+    /// The file for the rollouts of one scenario and one simulator until the run is finished.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`].
+    pub fn part(&self, place: Place, simulator: usize) -> Result<PathBuf, EvaluationError> {
+        let folder = self.path.join(PARTS);
+        fs::create_dir_all(&folder).map_err(cannot_write(&folder))?;
+        Ok(folder.join(format!("{:06}-{:08}-{simulator:03}.parquet", place.input, place.record)))
+    }
+
+    /// Forgets the rollouts that were not yet put together.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`].
+    pub fn remove_parts(&self) -> Result<(), EvaluationError> {
+        let folder = self.path.join(PARTS);
+        match fs::remove_dir_all(&folder) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(cannot_write(&folder)(error)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Puts rows and events of the tally's scenarios into canonical order and writes failures.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when a file can not be read or written; the old one stays then.
+    pub fn finish(&self, tally: &Tally, failures: &[Failure]) -> Result<(), EvaluationError> {
+        for name in [ROWS, EVENTS] {
+            let path = self.path.join(name);
+            let mut lines = index(&path, tally)?;
+            lines.retain(|(key, _, _)| tally.has(key.0, key.1));
+            lines.sort_by_key(|(key, at, _)| (*key, *at));
+            rewrite(&path, &lines)?;
+        }
+        replace(&self.path.join(FAILURES), |out| {
+            failures.iter().try_for_each(|f| out.write_all(line(f).as_bytes()))
+        })
+    }
+
+    /// Writes a file of the folder as a whole.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`]; the old file stays then.
+    pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
+        replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
+    }
+
+    /// Whether an earlier run came to its end without a failure, so that nothing is left to be tried.
+    fn is_finished(&self) -> bool {
+        let there = |name| self.path.join(name).exists();
+        let no_failure = fs::metadata(self.path.join(FAILURES)).is_ok_and(|m| m.len() == 0);
+        there(SUMMARY) && there(ROLLOUTS) && no_failure
+    }
+
+    fn keep_whole_pairs(&self, tally: &mut Tally, with_rollouts: bool) -> Result<(), EvaluationError> {
+        // Rollouts that were already put together can not be added to: then a pair without its part is run again.
+        let with_rollouts = with_rollouts && !self.is_finished();
+        let path = self.path.join(ROWS);
+        let mut pairs: BTreeMap<(Place, String), Vec<Row>> = BTreeMap::new();
+        for_lines(&path, |_, text| {
+            // A line that is no row was torn by a kill or by a full disk.
+            if let Ok(row) = serde_json::from_str::<Row>(text) {
+                pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
+            }
+        })?;
+        for ((place, simulator), rows) in &pairs {
+            let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
+            if tally.is_whole(rows) && !(with_rollouts && !self.part(*place, index)?.exists()) {
+                tally.add(rows);
+            }
+        }
+        for (name, appender) in [(ROWS, &self.rows), (EVENTS, &self.events)] {
+            let path = self.path.join(name);
+            let mut lines = index(&path, tally)?;
+            lines.retain(|(key, _, _)| tally.has(key.0, key.1));
+            rewrite(&path, &lines)?;
+            *appender.lock().unwrap_or_else(PoisonError::into_inner) = Appender::open(path)?;
+        }
+        let failures = self.path.join(FAILURES);
+        // What failed is tried again.
+        replace(&failures, |_| Ok(()))?;
+        *self.failures.lock().unwrap_or_else(PoisonError::into_inner) = Appender::open(failures)?;
+        Ok(())
+    }
+}
+
+/// Whether a folder is absent or empty, or was left by a kill before the run began.
+fn is_unbegun(path: &Path) -> bool {
+    match fs::read_dir(path) {
+        Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| e.file_name() == "provenance.json.tmp")),
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    }
+}
+
+/// The provenance of a run folder.
+///
+/// # Errors
+/// [`EvaluationError`] when there is none or it is damaged.
+pub fn read_provenance(folder: &Path) -> Result<Provenance, EvaluationError> {
+    let path = folder.join(PROVENANCE);
+    let text = match fs::read_to_string(&path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            return Err(EvaluationError::NoRun { path: folder.to_owned() });
+        }
+        other => other.map_err(cannot_read(&path))?,
+    };
+    serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
+}
+
+/// The result in a run folder.
+///
+/// # Errors
+/// [`EvaluationError`] when there is none yet or it is damaged.
+pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
+    let path = folder.join(SUMMARY);
+    let text = match fs::read_to_string(&path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            read_provenance(folder)?;
+            return Err(EvaluationError::Unfinished { path: folder.to_owned() });
+        }
+        other => other.map_err(cannot_read(&path))?,
+    };
+    serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
+}
+
+/// Appends to a file, one call of the system for each text.
+#[derive(Debug)]
+struct Appender {
+    path: PathBuf,
+    file: File,
+    broken: bool,
+}
+
+impl Appender {
+    fn open(path: PathBuf) -> Result<Self, EvaluationError> {
+        let file = OpenOptions::new().append(true).create(true).open(&path).map_err(cannot_write(&path))?;
+        Ok(Self { path, file, broken: false })
+    }
+}
+
+fn write_to(appender: &Mutex<Appender>, text: &str) -> Result<(), EvaluationError> {
+    let mut appender = appender.lock().unwrap_or_else(PoisonError::into_inner);
+    if text.is_empty() {
+        return Ok(());
+    }
+    if appender.broken {
+        let source = io::Error::other("an earlier line could not be written whole");
+        return Err(EvaluationError::Write { path: appender.path.clone(), source });
+    }
+    let done = appender.file.write_all(text.as_bytes());
+    appender.broken = done.is_err();
+    done.map_err(cannot_write(&appender.path))
+}
+
+/// One line of JSON with its end.
+pub(super) fn line<T: serde::Serialize>(value: &T) -> String {
+    let mut text = serde_json::to_string(value).expect("lines hold finite numbers and text only");
+    text.push('\n');
+    text
+}
+
+/// Where a line belongs: scenario, simulator, rollout (all rollouts together last).
+type Key = (Place, usize, u32);
+
+#[derive(Deserialize)]
+struct LineKey {
+    input: usize,
+    record: usize,
+    simulator: String,
+    rollout: Option<u32>,
+}
+
+/// Key, position and length of every whole line.
+fn index(path: &Path, tally: &Tally) -> Result<Vec<(Key, u64, usize)>, EvaluationError> {
+    let mut lines = Vec::new();
+    for_lines(path, |at, text| {
+        let Ok(key) = serde_json::from_str::<LineKey>(text) else { return };
+        let Some(simulator) = tally.simulators.iter().position(|s| *s == key.simulator) else { return };
+        let place = Place { input: key.input, record: key.record };
+        lines.push(((place, simulator, key.rollout.unwrap_or(u32::MAX)), at, text.len()));
+    })?;
+    Ok(lines)
+}
+
+/// Calls `each` with position and text of every line that has its end.
+fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<(), EvaluationError> {
+    let mut reader = BufReader::new(File::open(path).map_err(cannot_read(path))?);
+    let (mut at, mut bytes) = (0, Vec::new());
+    loop {
+        bytes.clear();
+        let n = reader.read_until(b'\n', &mut bytes).map_err(cannot_read(path))?;
+        if n == 0 || bytes.last() != Some(&b'\n') {
+            return Ok(());
+        }
+        if let Ok(text) = std::str::from_utf8(&bytes) {
+            each(at, text);
+        }
+        at += n as u64;
+    }
+}
+
+/// Replaces a file of lines by some of its lines.
+fn rewrite(path: &Path, lines: &[(Key, u64, usize)]) -> Result<(), EvaluationError> {
+    let mut old = File::open(path).map_err(cannot_read(path))?;
+    replace(path, |out| {
+        let (mut buffer, mut position) = (Vec::new(), 0);
+        for (_, at, length) in lines {
+            if *at != position {
+                old.seek(SeekFrom::Start(*at))?;
+            }
+            buffer.resize(*length, 0);
+            old.read_exact(&mut buffer)?;
+            position = at + *length as u64;
+            out.write_all(&buffer)?;
+        }
+        Ok(())
+    })
+}
+
+/// Writes a file beside its place and moves it there, so that it is whole or not there.
+pub(super) fn replace(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), EvaluationError> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".tmp");
+    let beside = path.with_file_name(name);
+    let attempt = || {
+        let mut out = BufWriter::new(File::create(&beside)?);
+        write(&mut out)?;
+        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+        fs::rename(&beside, path)
+    };
+    attempt().map_err(|source| {
+        // The message names the file that was wanted; half a file beside it helps nobody.
+        fs::remove_file(&beside).ok();
+        EvaluationError::Write { path: path.to_owned(), source }
+    })
+}
+
+pub(super) fn cannot_read(path: &Path) -> impl Fn(io::Error) -> EvaluationError + use<> {
+    let path = path.to_owned();
+    move |source| EvaluationError::Read { path: path.clone(), source }
+}
+
+pub(super) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> EvaluationError + use<> {
+    let path = path.to_owned();
+    move |source| EvaluationError::Write { path: path.clone(), source }
+}

@@ -1,0 +1,191 @@
+//! What a run is asked to do, checked before the first scenario.
+
+use std::collections::BTreeMap;
+
+use super::EvaluationError;
+use super::av::AvChoice;
+use super::provenance::{
+    FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
+};
+use super::source::Source;
+use crate::formats::deviations::DeviationRecord;
+use crate::metrics::Options;
+use crate::models::{self, Baseline, Card, MODELS};
+use crate::rollout::{AvError, AvPolicy, Controller, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
+use crate::scene::{AgentState, Deviation, Scenario};
+
+/// What decides the numbers of a run, besides scenarios and simulators.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunSettings {
+    /// Protocol, replan rate, lookahead, seed.
+    pub rollout: Settings,
+    /// Who moves the AV in the reactive protocol.
+    pub av: AvChoice,
+    /// Rollouts per scenario and simulator, at least 1.
+    pub rollouts: u32,
+    /// Variants of the metrics.
+    pub options: Options,
+}
+
+/// A simulator that is ready to run.
+pub struct PlannedSimulator {
+    /// Id.
+    pub id: &'static str,
+    /// Name in tables.
+    pub title: String,
+    /// Text of its card.
+    pub card: &'static str,
+    /// The simulator.
+    pub controller: Controller,
+}
+
+impl PlannedSimulator {
+    /// Makes simulators by their ids; all baselines where `ids` is empty.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names an unknown or repeated id, or a card that can not be read.
+    pub fn by_ids(ids: &[String]) -> Result<Vec<Self>, EvaluationError> {
+        let mut baselines: Vec<&Baseline> = Vec::new();
+        for id in ids {
+            let found = models::find(id).ok_or_else(|| EvaluationError::UnknownSimulator {
+                id: id.clone(),
+                known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
+            })?;
+            if baselines.iter().any(|b| b.id == found.id) {
+                return Err(EvaluationError::RepeatedSimulator { id: id.clone() });
+            }
+            baselines.push(found);
+        }
+        if ids.is_empty() {
+            baselines.extend(MODELS);
+        }
+        let make = |baseline: &Baseline| {
+            let title = Card::read(baseline.id, baseline.card)?.title;
+            let controller = (baseline.make)()?;
+            Ok(Self { id: baseline.id, title, card: baseline.card, controller })
+        };
+        baselines.into_iter().map(make).collect()
+    }
+}
+
+/// Deviated AVs by scenario id, with the file that they came from.
+pub struct Deviations {
+    /// The file.
+    pub file: FileRecord,
+    /// By scenario id.
+    pub tracks: BTreeMap<String, DeviationRecord>,
+}
+
+/// A run: sources × simulators × rollouts.
+pub struct Plan {
+    /// Where scenarios come from.
+    pub sources: Vec<Source>,
+    /// Simulators in the order of the tables.
+    pub simulators: Vec<PlannedSimulator>,
+    /// Deviated AVs from a file; they go before those that scenarios carry.
+    pub deviations: Option<Deviations>,
+    /// Settings.
+    pub settings: RunSettings,
+    /// Whether the run folder keeps the rollouts.
+    pub keep_rollouts: bool,
+}
+
+/// Why a scenario has no AV.
+#[derive(Debug, thiserror::Error)]
+pub enum NoAv {
+    /// The scenario carries no deviated trajectory.
+    #[error("no deviated AV; give --deviations with one for this scenario, or choose another --av")]
+    Missing,
+    /// The trajectory was made for something else.
+    #[error("the deviated AV was made for a scenario with the digest {wanted}, this one has {found}")]
+    OtherScenario {
+        /// Digest that the trajectory names.
+        wanted: String,
+        /// Digest of the scenario.
+        found: String,
+    },
+    /// The trajectory is refused.
+    #[error(transparent)]
+    Refused(#[from] AvError),
+}
+
+impl Plan {
+    /// Where the numbers will come from.
+    pub fn provenance(&self) -> Provenance {
+        let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
+        Provenance {
+            version: program_version().to_owned(),
+            commit: program_commit().to_owned(),
+            settings: SettingsRecord {
+                protocol: protocol.name().to_owned(),
+                av: match protocol {
+                    Protocol::Reactive => self.settings.av.to_string(),
+                    Protocol::Realism => "simulator".to_owned(),
+                },
+                replan_steps: replan.steps(),
+                av_lookahead,
+                seed,
+                rollouts: self.settings.rollouts,
+            },
+            metric_options: {
+                let named = self.settings.options.named();
+                named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+            },
+            simulators: self
+                .simulators
+                .iter()
+                .map(|s| SimulatorRecord {
+                    id: s.id.to_owned(),
+                    title: s.title.clone(),
+                    oracle: s.controller.is_oracle(),
+                    card: blake3::hash(s.card.as_bytes()).to_hex().to_string(),
+                })
+                .collect(),
+            inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
+            deviations: self.deviations.as_ref().map(|d| d.file.clone()),
+            keep_rollouts: Some(self.keep_rollouts),
+        }
+    }
+
+    /// The deviated trajectory of a scenario in its frame, where there is one.
+    fn deviated(&self, scenario: &Scenario) -> Result<(Option<Deviation>, Vec<AgentState>), NoAv> {
+        if let Some(record) = self.deviations.as_ref().and_then(|d| d.tracks.get(&scenario.id)) {
+            if let Some(wanted) = &record.scenario_digest {
+                let found = scenario.digest();
+                if found != *wanted {
+                    return Err(NoAv::OtherScenario { wanted: wanted.clone(), found });
+                }
+            }
+            return Ok((record.category, record.track_in(scenario.origin)));
+        }
+        let own = scenario.deviation.as_ref().ok_or(NoAv::Missing)?;
+        Ok((own.category, own.track.clone()))
+    }
+
+    /// The AV of a scenario and the category of its deviation, where known.
+    ///
+    /// # Errors
+    /// [`NoAv`] where the scenario has none, or one that no AV can drive.
+    pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, Option<Deviation>), NoAv> {
+        if self.settings.rollout.protocol == Protocol::Realism {
+            return Ok((Box::new(MovedBySimulator), None));
+        }
+        Ok(match &self.settings.av {
+            AvChoice::Deviated | AvChoice::File(_) => {
+                let (category, track) = self.deviated(scenario)?;
+                (Box::new(DeviatedAv::new(&scenario.start.now(0), track)?), category)
+            }
+            AvChoice::Log => (Box::new(LogAv::new(scenario)?), None),
+            AvChoice::Scripted(script) => (Box::new(ScriptedAv::new(scenario, *script)?), None),
+        })
+    }
+}
+
+/// Stands where the simulator moves the AV; the engine asks no policy then.
+struct MovedBySimulator;
+
+impl AvPolicy for MovedBySimulator {
+    fn next(&mut self, seen: &crate::rollout::Observation<'_>) -> Result<AgentState, AvError> {
+        Err(AvError::Absent { step: seen.step() + 1 })
+    }
+}

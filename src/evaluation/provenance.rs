@@ -1,0 +1,151 @@
+//! Where numbers come from: program, settings, inputs, models.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::EvaluationError;
+
+/// Everything that decides the numbers of a run. Two runs with equal provenance have equal results.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Version of the program.
+    pub version: String,
+    /// Commit that the program was built from, `unknown` outside a checkout; `+` where files were changed after it.
+    pub commit: String,
+    /// What the run was asked to do.
+    pub settings: SettingsRecord,
+    /// Variants of the metrics.
+    pub metric_options: BTreeMap<String, String>,
+    /// Simulators in the order of the tables.
+    pub simulators: Vec<SimulatorRecord>,
+    /// Scenario files in the order of reading.
+    pub inputs: Vec<FileRecord>,
+    /// The file of deviated AVs, where one was given.
+    pub deviations: Option<FileRecord>,
+    /// Whether rollouts are kept; left out of the result, which does not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_rollouts: Option<bool>,
+}
+
+/// The settings of a run, as files hold them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SettingsRecord {
+    /// `reactive` or `realism`.
+    pub protocol: String,
+    /// AV policy; `simulator` in the realism protocol.
+    pub av: String,
+    /// Steps between two plans.
+    pub replan_steps: usize,
+    /// Whether agents at t+1 see the AV at t+1.
+    pub av_lookahead: bool,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Rollouts per scenario and simulator.
+    pub rollouts: u32,
+}
+
+/// A simulator of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorRecord {
+    /// Id.
+    pub id: String,
+    /// Name in tables.
+    pub title: String,
+    /// Whether it is shown the log's future.
+    pub oracle: bool,
+    /// BLAKE3 digest of its card, which holds its parameters.
+    pub card: String,
+}
+
+/// A file of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileRecord {
+    /// Name without its folder, so that a moved folder is no other input.
+    pub name: String,
+    /// Id of its format.
+    pub format: String,
+    /// Size.
+    pub bytes: u64,
+    /// BLAKE3 digest of its content.
+    pub blake3: String,
+}
+
+impl FileRecord {
+    /// Reads a file to its end for size and digest.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file.
+    pub fn of(path: &Path, format: &str) -> Result<Self, EvaluationError> {
+        let read = |source| EvaluationError::Read { path: path.to_owned(), source };
+        let mut file = File::open(path).map_err(read)?;
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = vec![0; 1 << 18];
+        let mut bytes = 0;
+        loop {
+            let n = file.read(&mut buffer).map_err(read)?;
+            if n == 0 {
+                break;
+            }
+            bytes += n as u64;
+            hasher.update(&buffer[..n]);
+        }
+        let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
+        Ok(Self {
+            name: name.into_owned(),
+            format: format.to_owned(),
+            bytes,
+            blake3: hasher.finalize().to_hex().to_string(),
+        })
+    }
+}
+
+/// The version of this program.
+pub fn program_version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}
+
+/// The commit that this program was built from.
+pub fn program_commit() -> &'static str {
+    option_env!("REACTSIM_COMMIT").unwrap_or("unknown")
+}
+
+impl Provenance {
+    /// The first setting in which two runs differ, with its value in each.
+    pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
+        let flat = |p: &Self| {
+            let mut out = BTreeMap::new();
+            if let Ok(value) = serde_json::to_value(p) {
+                flatten("", &value, &mut out);
+            }
+            out
+        };
+        let (mine, theirs) = (flat(self), flat(other));
+        let absent = || "absent".to_owned();
+        let key = mine.keys().chain(theirs.keys()).find(|k| mine.get(*k) != theirs.get(*k))?;
+        let name = key.trim_start_matches("settings.").to_owned();
+        let value = |of: &BTreeMap<String, String>| of.get(key).cloned().unwrap_or_else(absent);
+        Some((name, value(&mine), value(&theirs)))
+    }
+}
+
+/// Every leaf of a JSON value by its path.
+fn flatten(path: &str, value: &serde_json::Value, out: &mut BTreeMap<String, String>) {
+    let join = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match value {
+        serde_json::Value::Object(map) => map.iter().for_each(|(k, v)| flatten(&join(k), v, out)),
+        serde_json::Value::Array(list) => {
+            list.iter().enumerate().for_each(|(i, v)| flatten(&format!("{path}[{i}]"), v, out));
+        }
+        leaf => {
+            out.insert(path.to_owned(), leaf.to_string());
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Scores of rollouts that any program recorded.
+
+use std::collections::BTreeMap;
+
+use super::judge::judge;
+use super::provenance::{Provenance, SimulatorRecord};
+use super::rollouts::recorded_tracks;
+use super::row::{Failure, Place, Row};
+use super::summary::Summary;
+use super::tally::Tally;
+use crate::formats::rollouts::RolloutRecord;
+use crate::metrics::Options;
+use crate::rollout::Rollout;
+use crate::scene::Scenario;
+
+/// Rollouts that are being scored: scenario by scenario, in the order in which scenarios are read.
+#[derive(Debug)]
+pub struct Recorded {
+    records: BTreeMap<String, Vec<RolloutRecord>>,
+    tally: Tally,
+    failures: Vec<Failure>,
+    options: Options,
+}
+
+impl Recorded {
+    /// Takes recorded rollouts; simulators stand in the order of their first rollout.
+    pub fn new(rollouts: Vec<RolloutRecord>, options: Options) -> Self {
+        let mut simulators: Vec<String> = Vec::new();
+        let mut records: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
+        for record in rollouts {
+            if !simulators.contains(&record.simulator) {
+                simulators.push(record.simulator.clone());
+            }
+            records.entry(record.scenario_id.clone()).or_default().push(record);
+        }
+        Self { records, tally: Tally::new(simulators, 1), failures: Vec::new(), options }
+    }
+
+    /// Scores all rollouts of a scenario; a scenario without one is passed over. Returns what failed.
+    pub fn score(&mut self, place: Place, file: &str, scenario: &Scenario) -> Vec<Failure> {
+        let mut failed = Vec::new();
+        let mut groups: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
+        for record in self.records.remove(&scenario.id).unwrap_or_default() {
+            groups.entry(record.simulator.clone()).or_default().push(record);
+        }
+        for (simulator, mut records) in groups {
+            records.sort_by_key(|r| r.rollout);
+            let repeated = records.windows(2).find(|w| w[0].rollout == w[1].rollout).map(|w| w[0].rollout);
+            let rollouts: Result<Vec<Rollout>, String> = match repeated {
+                Some(index) => Err(format!("rollout {index} occurs twice")),
+                None => records
+                    .iter()
+                    .map(|record| {
+                        let tracks = recorded_tracks(scenario, record);
+                        let tracks = tracks.map_err(|e| format!("rollout {}: {e}", record.rollout))?;
+                        Ok(Rollout { tracks, outcomes: BTreeMap::new() })
+                    })
+                    .collect(),
+            };
+            match rollouts {
+                Ok(rollouts) => self.add(place, scenario, &simulator, &records, &rollouts),
+                Err(error) => failed.push(Failure {
+                    input: place.input,
+                    record: place.record,
+                    simulator: Some(simulator),
+                    file: file.to_owned(),
+                    scenario: Some(scenario.id.clone()),
+                    error: format!("scenario `{}`: {error}", scenario.id),
+                }),
+            }
+        }
+        self.failures.extend(failed.iter().cloned());
+        failed
+    }
+
+    fn add(
+        &mut self,
+        place: Place,
+        scenario: &Scenario,
+        simulator: &str,
+        records: &[RolloutRecord],
+        rollouts: &[Rollout],
+    ) {
+        let empty = Row {
+            input: place.input,
+            record: place.record,
+            scenario: scenario.id.clone(),
+            digest: scenario.digest(),
+            simulator: simulator.to_owned(),
+            rollout: None,
+            category: scenario.deviation.as_ref().and_then(|d| d.category).map(|c| c.name().to_owned()),
+            direction_tracking: None,
+            metrics: BTreeMap::new(),
+            deviation: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
+        };
+        let judged = judge(scenario, rollouts, self.options);
+        let each = records.iter().zip(judged.each).map(|(record, one)| Row {
+            rollout: Some(record.rollout),
+            direction_tracking: Some(one.direction_tracking.to_owned()),
+            metrics: one.metrics,
+            deviation: one.deviation,
+            ..empty.clone()
+        });
+        let mut rows: Vec<Row> = each.collect();
+        rows.push(Row { metrics: judged.together, ..empty });
+        self.tally.add(&rows);
+    }
+
+    /// Ids of the scenarios whose rollouts were not scored yet.
+    pub fn left(&self) -> impl Iterator<Item = &str> {
+        self.records.keys().map(String::as_str)
+    }
+
+    /// The simulators, as provenance holds them; nothing is known of them but their names.
+    pub fn simulators(&self) -> Vec<SimulatorRecord> {
+        let record = |id: &String| SimulatorRecord {
+            id: id.clone(),
+            title: id.clone(),
+            oracle: false,
+            card: String::new(),
+        };
+        self.tally.simulators.iter().map(record).collect()
+    }
+
+    /// Sums the scores up. `failures`: what failed besides, such as scenarios that can not be read.
+    pub fn finish(self, failures: Vec<Failure>, provenance: &Provenance) -> Summary {
+        let mut all = self.failures;
+        all.extend(failures);
+        all.sort();
+        Summary::new(&self.tally, &all, provenance)
+    }
+}

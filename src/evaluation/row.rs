@@ -1,0 +1,181 @@
+//! What one rollout was worth, as one line of a run folder.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::metrics::{Event, Score};
+
+/// Where a record stands: its input and its place in it. Orders everything that a run writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+}
+
+/// One scenario with one simulator and one rollout; or, without a rollout, all rollouts of the pair judged together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+    /// Id of the scenario.
+    pub scenario: String,
+    /// BLAKE3 digest of the scenario.
+    pub digest: String,
+    /// Id of the simulator.
+    pub simulator: String,
+    /// Index of the rollout; `None` for the metrics over all rollouts of the pair.
+    pub rollout: Option<u32>,
+    /// Category of the deviation, where known.
+    pub category: Option<String>,
+    /// How lanes were assigned for the driving direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction_tracking: Option<String>,
+    /// Value per metric; `None` where nothing could be judged.
+    pub metrics: BTreeMap<String, Option<Value>>,
+    /// Deviated against logged AV, by name of the statistic.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub deviation: BTreeMap<String, f64>,
+    /// How parts of plans ended, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub outcomes: BTreeMap<String, u64>,
+}
+
+impl Row {
+    /// Where the scenario stands.
+    pub fn place(&self) -> Place {
+        Place { input: self.input, record: self.record }
+    }
+}
+
+/// A [`Score`] as files hold it: with what it was made of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Value {
+    /// Hits of valid.
+    Rate(u64, u64),
+    /// A count of agents.
+    Count(u64),
+    /// A sum and the number of its terms.
+    Mean(f64, u64),
+    /// A number that is no ratio.
+    Value(f64),
+}
+
+impl From<Score> for Value {
+    fn from(score: Score) -> Self {
+        match score {
+            Score::Rate { hits, valid } => Self::Rate(hits, valid),
+            Score::Count(n) => Self::Count(n),
+            Score::Mean { sum, n } => Self::Mean(sum, n),
+            Score::Value(v) => Self::Value(v),
+        }
+    }
+}
+
+impl From<Value> for Score {
+    fn from(value: Value) -> Self {
+        match value {
+            Value::Rate(hits, valid) => Self::Rate { hits, valid },
+            Value::Count(n) => Self::Count(n),
+            Value::Mean(sum, n) => Self::Mean { sum, n },
+            Value::Value(v) => Self::Value(v),
+        }
+    }
+}
+
+/// A counted event as one line of `events.jsonl`.
+#[derive(Debug, Serialize)]
+pub struct EventLine<'a> {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+    /// Id of the scenario.
+    pub scenario: &'a str,
+    /// Id of the simulator.
+    pub simulator: &'a str,
+    /// Index of the rollout.
+    pub rollout: u32,
+    /// Id of the metric.
+    pub metric: &'a str,
+    /// First step, 1 to 80.
+    pub step: usize,
+    /// Last step.
+    pub last_step: usize,
+    /// Id of the agent.
+    pub agent: &'a str,
+    /// Id of the partner.
+    pub partner: Option<&'a str>,
+    /// Why it counts or not.
+    pub reason: Option<&'a str>,
+    /// Whether it counts in the metric's value.
+    pub counted: bool,
+    /// Named values at the event; those that are not finite are left out.
+    pub values: BTreeMap<&'a str, f64>,
+}
+
+impl<'a> EventLine<'a> {
+    /// The line of an event of a rollout.
+    pub fn new(row: &'a Row, rollout: u32, event: &'a Event) -> Self {
+        Self {
+            input: row.input,
+            record: row.record,
+            scenario: &row.scenario,
+            simulator: &row.simulator,
+            rollout,
+            metric: event.metric,
+            step: event.step,
+            last_step: event.last_step,
+            agent: &event.agent,
+            partner: event.partner.as_deref(),
+            reason: event.reason,
+            counted: event.counted,
+            values: event.values.iter().copied().filter(|(_, v)| v.is_finite()).collect(),
+        }
+    }
+}
+
+/// A scenario, a file or a pair of scenario and simulator that gave no result.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Failure {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+    /// Simulator; `None` where the scenario failed for all of them.
+    pub simulator: Option<String>,
+    /// Name of the input file.
+    pub file: String,
+    /// Id of the scenario, where it could be read.
+    pub scenario: Option<String>,
+    /// What happened.
+    pub error: String,
+}
+
+impl Failure {
+    /// Where the record stands.
+    pub fn place(&self) -> Place {
+        Place { input: self.input, record: self.record }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_keep_what_they_are_made_of() {
+        let text = |s| serde_json::to_string(&Value::from(s)).unwrap();
+        assert_eq!(text(Score::Rate { hits: 1, valid: 0 }), r#"{"rate":[1,0]}"#);
+        assert_eq!(text(Score::Count(2)), r#"{"count":2}"#);
+        assert_eq!(text(Score::Mean { sum: 0.5, n: 3 }), r#"{"mean":[0.5,3]}"#);
+        assert_eq!(text(Score::Value(0.1)), r#"{"value":0.1}"#);
+    }
+}

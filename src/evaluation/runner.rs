@@ -1,0 +1,315 @@
+//! Runs a plan on several threads. Results do not depend on their number, on the size of batches, or on interruptions.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use super::folder::{RunFolder, SUMMARY, line};
+use super::judge::judge;
+use super::plan::Plan;
+use super::row::{EventLine, Failure, Place, Row};
+use super::source::{Item, Supply};
+use super::summary::Summary;
+use super::tally::Tally;
+use super::{EvaluationError, rollouts};
+use crate::rollout::{Request, Rollout, roll_out};
+use crate::scene::{Deviation, Scenario};
+
+/// How a run is carried out; decides no number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Execution {
+    /// Threads.
+    pub jobs: usize,
+    /// Scenarios that a thread steps in lockstep and keeps in memory.
+    pub batch: usize,
+}
+
+/// Is told how a run goes on.
+pub trait RunObserver: Sync {
+    /// A scenario is done, well or not; `done` counts them, those of an earlier, interrupted run among them.
+    fn scenario_done(&self, _done: usize) {}
+    /// A scenario, a file or a pair of scenario and simulator failed.
+    fn failed(&self, _failure: &Failure) {}
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub enum Outcome {
+    /// Every scenario was tried.
+    Finished(Box<Summary>),
+    /// `stop` was set; the folder can be resumed.
+    Interrupted,
+}
+
+/// Runs a plan. With a folder, rows are appended as they finish; `tally` holds what an earlier run had done.
+///
+/// # Errors
+/// [`EvaluationError`] when the folder can not be written; finished rows stay in it.
+pub fn run(
+    plan: &Plan,
+    execution: Execution,
+    folder: Option<&RunFolder>,
+    tally: Tally,
+    observer: &dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<Outcome, EvaluationError> {
+    let runner = Runner {
+        plan,
+        execution,
+        folder,
+        observer,
+        stop,
+        supply: Supply::new(&plan.sources),
+        names: plan.simulators.iter().map(|s| s.id.to_owned()).collect(),
+        done: AtomicUsize::new(0),
+        // What an earlier run had done is read by every thread; what this one does is collected apart.
+        before: tally.clone(),
+        tally: Mutex::new(tally),
+        failures: Mutex::default(),
+        broken: Mutex::default(),
+    };
+    thread::scope(|scope| {
+        for _ in 1..execution.jobs.max(1) {
+            scope.spawn(|| runner.work());
+        }
+        runner.work();
+    });
+    if let Some(error) = runner.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
+    if stop.load(Ordering::Relaxed) {
+        return Ok(Outcome::Interrupted);
+    }
+    let mut tally = runner.tally.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let mut failures = runner.failures.into_inner().unwrap_or_else(PoisonError::into_inner);
+    for failure in refuse_repeated(plan, &mut tally) {
+        observer.failed(&failure);
+        failures.push(failure);
+    }
+    failures.sort();
+    let provenance = plan.provenance();
+    let summary = with_threads(execution.jobs, || Summary::new(&tally, &failures, &provenance));
+    if let Some(folder) = folder {
+        folder.finish(&tally, &failures)?;
+        if plan.keep_rollouts {
+            rollouts::put_together(folder, &tally)?;
+        }
+        folder.put(SUMMARY, &summary.to_json())?;
+        folder.remove_parts()?;
+    }
+    Ok(Outcome::Finished(Box::new(summary)))
+}
+
+/// Does parallel work on so many threads; where they can not be had, on those that there are.
+fn with_threads<T: Send>(jobs: usize, work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(jobs.max(1)).build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
+    }
+}
+
+/// Takes scenarios out whose id an earlier one has. Which of two is the earlier one depends on the inputs' order only.
+fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
+    let repeated = tally.repeated();
+    let refuse = |(place, earlier): (Place, Place)| {
+        let entry = tally.entries.remove(&place)?;
+        let first = &plan.sources[earlier.input].file.name;
+        let error = format!("the id `{}` is taken by record {} of {first}", entry.scenario, earlier.record);
+        Some(failure(plan, place, None, Some(entry.scenario), error))
+    };
+    repeated.into_iter().filter_map(refuse).collect()
+}
+
+fn failure(
+    plan: &Plan,
+    place: Place,
+    simulator: Option<&str>,
+    scenario: Option<String>,
+    error: String,
+) -> Failure {
+    Failure {
+        input: place.input,
+        record: place.record,
+        simulator: simulator.map(str::to_owned),
+        file: plan.sources[place.input].file.name.clone(),
+        scenario,
+        error,
+    }
+}
+
+struct Runner<'a> {
+    plan: &'a Plan,
+    execution: Execution,
+    folder: Option<&'a RunFolder>,
+    observer: &'a dyn RunObserver,
+    stop: &'a AtomicBool,
+    supply: Supply<'a>,
+    names: Vec<String>,
+    done: AtomicUsize,
+    before: Tally,
+    tally: Mutex<Tally>,
+    failures: Mutex<Vec<Failure>>,
+    broken: Mutex<Option<EvaluationError>>,
+}
+
+/// A scenario of a batch that can be run.
+struct Ready {
+    place: Place,
+    scenario: Scenario,
+    digest: String,
+    category: Option<Deviation>,
+}
+
+impl Runner<'_> {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+            || self.broken.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// What one thread does.
+    fn work(&self) {
+        while !self.stopped() {
+            let Some(items) = self.supply.take(self.execution.batch) else { return };
+            let result = self.batch(items);
+            if let Err(error) = result {
+                self.broken.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            }
+        }
+    }
+
+    fn batch(&self, items: Vec<Item>) -> Result<(), EvaluationError> {
+        let records = items.len();
+        let mut ready = Vec::with_capacity(records);
+        for item in items {
+            if (0..self.names.len()).all(|s| self.before.has(item.place, s)) {
+                continue;
+            }
+            match self.prepare(item) {
+                Ok(scenario) => ready.push(scenario),
+                Err(failure) => self.fail(*failure)?,
+            }
+        }
+        for simulator in 0..self.names.len() {
+            if self.stopped() {
+                return Ok(());
+            }
+            let todo: Vec<&Ready> = ready.iter().filter(|r| !self.before.has(r.place, simulator)).collect();
+            self.simulate(&todo, simulator)?;
+        }
+        let done = self.done.fetch_add(records, Ordering::Relaxed) + records;
+        self.observer.scenario_done(done);
+        Ok(())
+    }
+
+    /// Decodes a scenario and makes sure that it has an AV.
+    fn prepare(&self, item: Item) -> Result<Ready, Box<Failure>> {
+        let refuse = |id, error: String| Box::new(failure(self.plan, item.place, None, id, error));
+        let decoded = item.content.and_then(|decode| decode());
+        let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
+        let (_, category) = self.plan.av(&scenario).map_err(|e| {
+            let text = self.named(item.place, &format!("scenario `{}`: {e}", scenario.id));
+            refuse(Some(scenario.id.clone()), text)
+        })?;
+        Ok(Ready { place: item.place, digest: scenario.digest(), category, scenario })
+    }
+
+    fn simulate(&self, todo: &[&Ready], simulator: usize) -> Result<(), EvaluationError> {
+        let planned = &self.plan.simulators[simulator];
+        let mut finished: Vec<Vec<Rollout>> = todo.iter().map(|_| Vec::new()).collect();
+        let mut failed: Vec<Option<String>> = vec![None; todo.len()];
+        for rollout in 0..self.plan.settings.rollouts {
+            let (mut requests, mut asked) = (Vec::new(), Vec::new());
+            for (i, ready) in todo.iter().enumerate() {
+                if failed[i].is_some() {
+                    continue;
+                }
+                match self.plan.av(&ready.scenario) {
+                    Ok((av, _)) => {
+                        requests.push(Request { scenario: &ready.scenario, av, rollout });
+                        asked.push(i);
+                    }
+                    Err(error) => failed[i] = Some(format!("scenario `{}`: {error}", ready.scenario.id)),
+                }
+            }
+            let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
+            for (i, result) in asked.into_iter().zip(results) {
+                match result {
+                    Ok(done) => finished[i].push(done),
+                    Err(error) => failed[i] = Some(error.to_string()),
+                }
+            }
+        }
+        for ((ready, rollouts), error) in todo.iter().zip(finished).zip(failed) {
+            match error {
+                None => self.keep(ready, simulator, rollouts)?,
+                Some(error) => {
+                    let id = Some(ready.scenario.id.clone());
+                    let text = self.named(ready.place, &error);
+                    self.fail(failure(self.plan, ready.place, Some(planned.id), id, text))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Judges the rollouts of one scenario and one simulator, and writes what they are worth.
+    fn keep(&self, ready: &Ready, simulator: usize, rollouts: Vec<Rollout>) -> Result<(), EvaluationError> {
+        let (rows, events) = self.rows(ready, simulator, &rollouts);
+        if let Some(folder) = self.folder {
+            if self.plan.keep_rollouts {
+                let part = folder.part(ready.place, simulator)?;
+                rollouts::write_part(&part, &ready.scenario, &self.names[simulator], &rollouts)?;
+            }
+            folder.append(&rows.iter().map(line).collect::<String>(), &events)?;
+        }
+        self.tally.lock().unwrap_or_else(PoisonError::into_inner).add(&rows);
+        Ok(())
+    }
+
+    fn rows(&self, ready: &Ready, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+        let empty = Row {
+            input: ready.place.input,
+            record: ready.place.record,
+            scenario: ready.scenario.id.clone(),
+            digest: ready.digest.clone(),
+            simulator: self.names[simulator].clone(),
+            rollout: None,
+            category: ready.category.map(|c| c.name().to_owned()),
+            direction_tracking: None,
+            metrics: BTreeMap::new(),
+            deviation: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
+        };
+        let judged = judge(&ready.scenario, rollouts, self.plan.settings.options);
+        let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
+        for ((index, rollout), one) in (0..).zip(rollouts).zip(judged.each) {
+            let row = Row {
+                rollout: Some(index),
+                direction_tracking: Some(one.direction_tracking.to_owned()),
+                metrics: one.metrics,
+                deviation: one.deviation,
+                outcomes: rollout.outcomes.iter().map(|(k, n)| ((*k).to_owned(), *n)).collect(),
+                ..empty.clone()
+            };
+            for event in &one.events {
+                events.push_str(&line(&EventLine::new(&row, index, event)));
+            }
+            rows.push(row);
+        }
+        rows.push(Row { metrics: judged.together, ..empty });
+        (rows, events)
+    }
+
+    /// A text with file and record before it, as errors of files have them.
+    fn named(&self, place: Place, text: &str) -> String {
+        format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
+    }
+
+    fn fail(&self, failure: Failure) -> Result<(), EvaluationError> {
+        self.observer.failed(&failure);
+        let written = self.folder.map_or(Ok(()), |f| f.append_failure(&failure));
+        self.failures.lock().unwrap_or_else(PoisonError::into_inner).push(failure);
+        written
+    }
+}

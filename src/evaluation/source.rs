@@ -1,0 +1,113 @@
+//! Where scenarios come from, and how several threads draw from it.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+
+use super::provenance::FileRecord;
+use super::row::Place;
+use crate::formats::{FormatError, PendingScenarios, Undecoded};
+
+/// Opens a source for reading from its beginning.
+pub type Opener = Box<dyn Fn() -> Result<PendingScenarios, FormatError> + Send + Sync>;
+
+/// A file of scenarios, or scenarios that ship with the program.
+pub struct Source {
+    /// Name, size and digest.
+    pub file: FileRecord,
+    /// Opens it.
+    pub open: Opener,
+}
+
+/// A record that is still to be decoded, with its place.
+pub(super) struct Item {
+    pub(super) place: Place,
+    pub(super) content: Result<Undecoded, FormatError>,
+}
+
+/// Sources in the course of being read. A thread holds the lock of one source while it splits records off, so that decoding
+/// and all other work run side by side.
+pub(super) struct Supply<'a> {
+    readers: Vec<Reader<'a>>,
+}
+
+struct Reader<'a> {
+    source: &'a Source,
+    ended: AtomicBool,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    scenarios: Option<PendingScenarios>,
+    next: usize,
+}
+
+impl<'a> Supply<'a> {
+    pub(super) fn new(sources: &'a [Source]) -> Self {
+        let reader = |source| Reader { source, ended: AtomicBool::new(false), state: Mutex::default() };
+        Self { readers: sources.iter().map(reader).collect() }
+    }
+
+    /// At least one and at most `n` records of one source; `None` when all sources are at their end.
+    pub(super) fn take(&self, n: usize) -> Option<Vec<Item>> {
+        loop {
+            let mut busy = None;
+            for (input, reader) in self.readers.iter().enumerate() {
+                if reader.ended.load(Ordering::Acquire) {
+                    continue;
+                }
+                let state = match reader.state.try_lock() {
+                    Ok(state) => state,
+                    Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+                    Err(TryLockError::WouldBlock) => {
+                        busy = busy.or(Some(input));
+                        continue;
+                    }
+                };
+                let items = reader.take(input, state, n);
+                if !items.is_empty() {
+                    return Some(items);
+                }
+            }
+            let input = busy?;
+            let reader = &self.readers[input];
+            let items = reader.take(input, reader.state.lock().unwrap_or_else(PoisonError::into_inner), n);
+            if !items.is_empty() {
+                return Some(items);
+            }
+        }
+    }
+}
+
+impl Reader<'_> {
+    fn take(&self, input: usize, mut state: MutexGuard<'_, State>, n: usize) -> Vec<Item> {
+        let mut items = Vec::new();
+        if self.ended.load(Ordering::Acquire) {
+            return items;
+        }
+        while items.len() < n.max(1) {
+            let content = match &mut state.scenarios {
+                Some(scenarios) => scenarios.next(),
+                None => match (self.source.open)() {
+                    Ok(scenarios) => {
+                        state.scenarios = Some(scenarios);
+                        continue;
+                    }
+                    Err(error) => Some(Err(error)),
+                },
+            };
+            let unopened = state.scenarios.is_none();
+            if let Some(content) = content {
+                items.push(Item { place: Place { input, record: state.next }, content });
+                state.next += 1;
+                if !unopened {
+                    continue;
+                }
+            }
+            state.scenarios = None;
+            self.ended.store(true, Ordering::Release);
+            break;
+        }
+        items
+    }
+}

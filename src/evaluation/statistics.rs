@@ -1,0 +1,95 @@
+//! Means over scenarios with bootstrap intervals.
+
+use rand_chacha::rand_core::Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::rollout::{Purpose, Stream, stream};
+
+/// Resamples of a bootstrap.
+const RESAMPLES: usize = 2000;
+/// What lies below a 95 % interval, and above it.
+const TAIL: f64 = 0.025;
+
+/// A mean over scenarios with its 95 % percentile bootstrap interval; all `None` where no scenario is defined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Estimate {
+    /// Unweighted mean over the scenarios with a value.
+    pub mean: Option<f64>,
+    /// 2.5 % percentile of the resampled means.
+    pub low: Option<f64>,
+    /// 97.5 % percentile of the resampled means.
+    pub high: Option<f64>,
+    /// Scenarios with a value.
+    pub scenarios: usize,
+}
+
+impl Estimate {
+    /// The estimate from one value per scenario, in a fixed order. The resampling is named by seed and metric.
+    pub fn of(values: &[f64], seed: u64, metric: &str) -> Self {
+        if values.is_empty() {
+            return Self::default();
+        }
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        // Where all scenarios agree every resample agrees too, but for rounding.
+        let (low, high) = if values.iter().all(|v| *v == values[0]) {
+            (mean, mean)
+        } else {
+            let mut names = stream(seed, metric, 0, Purpose::Bootstrap);
+            let mut means: Vec<f64> = (0..RESAMPLES)
+                .map(|_| values.iter().map(|_| values[below(&mut names, values.len())]).sum::<f64>() / n)
+                .collect();
+            means.sort_by(f64::total_cmp);
+            (quantile(&means, TAIL), quantile(&means, 1.0 - TAIL))
+        };
+        Self { mean: Some(mean), low: Some(low), high: Some(high), scenarios: values.len() }
+    }
+}
+
+/// A uniform index below `n`: the high half of a product (the bias is below n / 2^64).
+fn below(names: &mut Stream, n: usize) -> usize {
+    ((u128::from(names.next_u64()) * n as u128) >> 64) as usize
+}
+
+/// A quantile of sorted values, linear between neighbours.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let at = q * (sorted.len() - 1) as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    low + (high - low) * (at - at.floor())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_not_zero() {
+        assert_eq!(Estimate::of(&[], 0, "ade"), Estimate::default());
+    }
+
+    #[test]
+    fn one_scenario_has_no_spread() {
+        let one = Estimate::of(&[0.25], 0, "ade");
+        assert_eq!((one.mean, one.low, one.high, one.scenarios), (Some(0.25), Some(0.25), Some(0.25), 1));
+    }
+
+    #[test]
+    fn interval_matches_the_standard_error() {
+        // A known case: 400 values, half 0 and half 1: the standard error of the mean is 0.025.
+        let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
+        let e = Estimate::of(&values, 0, "ade");
+        assert_eq!(e.mean, Some(0.5));
+        assert!((e.low.unwrap() - (0.5 - 1.96 * 0.025)).abs() < 0.005, "{e:?}");
+        assert!((e.high.unwrap() - (0.5 + 1.96 * 0.025)).abs() < 0.005, "{e:?}");
+        assert_eq!(e, Estimate::of(&values, 0, "ade"));
+        assert_ne!(e, Estimate::of(&values, 1, "ade"));
+        assert_ne!(e, Estimate::of(&values, 0, "offroad"));
+    }
+
+    #[test]
+    fn quantiles_lie_between_neighbours() {
+        assert_eq!(quantile(&[0.0, 1.0, 2.0], 0.25), 0.5);
+        assert_eq!(quantile(&[3.0], 0.9), 3.0);
+    }
+}

@@ -1,0 +1,212 @@
+//! The result of a run: `summary.json`.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::provenance::Provenance;
+use super::row::Failure;
+use super::statistics::Estimate;
+use super::tally::{Cell, Entry, Tally};
+
+/// Id of the simulator that paired differences are taken to.
+pub const REFERENCE: &str = "log-replay";
+
+/// The result of a run. Its bytes depend on inputs, settings and program only: not on time, threads or batches.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Summary {
+    /// Result per simulator, by id.
+    pub simulators: BTreeMap<String, SimulatorSummary>,
+    /// Deviated against logged AV over the scenarios, by name of the statistic; empty without a deviated AV.
+    pub deviation: BTreeMap<String, Estimate>,
+    /// Where the numbers come from.
+    pub provenance: SummaryProvenance,
+}
+
+/// The result of one simulator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorSummary {
+    /// Scenarios with a result.
+    pub scenarios: usize,
+    /// Scenarios without one.
+    pub failed: usize,
+    /// Whether it is shown the log's future (†).
+    pub oracle: bool,
+    /// Estimate per metric, by id.
+    pub metrics: BTreeMap<String, Estimate>,
+    /// The same per category of deviation.
+    pub by_category: BTreeMap<String, CategorySummary>,
+    /// Difference to log replay over the scenarios in which both are defined; empty where log replay did not run.
+    pub paired_to_log_replay: BTreeMap<String, Estimate>,
+    /// Reactive pressure: shares of the scenarios.
+    pub pressure: Pressure,
+    /// How parts of plans ended, by name.
+    pub outcomes: BTreeMap<String, u64>,
+}
+
+/// The result of one simulator in the scenarios of one category.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CategorySummary {
+    /// Scenarios with a result.
+    pub scenarios: usize,
+    /// Estimate per metric, by id.
+    pub metrics: BTreeMap<String, Estimate>,
+}
+
+/// Shares of scenarios (averaged over rollouts) in which something happens at least once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pressure {
+    /// An agent hits the AV and is at fault.
+    pub share_at_fault_collision: Option<f64>,
+    /// A vehicle overlaps the AV, whatever the fault.
+    pub share_any_overlap: Option<f64>,
+    /// An agent comes closer to the AV than 0.5 s.
+    pub share_risky: Option<f64>,
+}
+
+/// Provenance with what the run found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SummaryProvenance {
+    /// Program, settings, inputs, models.
+    #[serde(flatten)]
+    pub run: Provenance,
+    /// Scenarios with at least one result.
+    pub scenarios: usize,
+    /// BLAKE3 digest of their ids and digests, in order.
+    pub scenarios_blake3: String,
+    /// How lanes were assigned for the driving direction: scenarios by the name of the way.
+    pub direction_tracking: BTreeMap<String, usize>,
+    /// What failed.
+    pub failures: Vec<Failure>,
+}
+
+impl Summary {
+    /// Sums a run up. `failures` are in canonical order.
+    pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
+        let seed = provenance.settings.seed;
+        let reference = tally.simulators.iter().position(|s| s == REFERENCE);
+        let simulators = provenance.simulators.iter().enumerate().map(|(i, simulator)| {
+            let done: Vec<(&Entry, &Cell)> =
+                tally.entries.values().filter_map(|e| Some((e, e.cells[i].as_ref()?))).collect();
+            let mut by_category: BTreeMap<String, Vec<(&Entry, &Cell)>> = BTreeMap::new();
+            for (entry, cell) in &done {
+                if let Some(category) = &entry.category {
+                    by_category.entry(category.clone()).or_default().push((*entry, *cell));
+                }
+            }
+            let mut outcomes = BTreeMap::new();
+            for (name, n) in done.iter().flat_map(|(_, c)| &c.outcomes) {
+                *outcomes.entry(name.clone()).or_default() += n;
+            }
+            let summary = SimulatorSummary {
+                scenarios: done.len(),
+                failed: failed(failures, &simulator.id),
+                oracle: simulator.oracle,
+                metrics: estimates(&tally.metrics, &done, seed, |_, cell, m| cell.values[m]),
+                by_category: by_category
+                    .into_iter()
+                    .map(|(name, cells)| {
+                        let metrics = estimates(&tally.metrics, &cells, seed, |_, cell, m| cell.values[m]);
+                        (name, CategorySummary { scenarios: cells.len(), metrics })
+                    })
+                    .collect(),
+                paired_to_log_replay: match reference {
+                    Some(r) if r != i => estimates(&tally.metrics, &done, seed, |entry, cell, m| {
+                        Some(cell.values[m]? - entry.cells[r].as_ref()?.values[m]?)
+                    }),
+                    _ => BTreeMap::new(),
+                },
+                pressure: Pressure::of(tally, &done),
+                outcomes,
+            };
+            (simulator.id.clone(), summary)
+        });
+        let simulators = simulators.collect();
+        let mut tracking = BTreeMap::new();
+        for way in tally.entries.values().filter_map(|e| e.direction_tracking.clone()) {
+            *tracking.entry(way).or_default() += 1;
+        }
+        let mut digest = blake3::Hasher::new();
+        for entry in tally.entries.values() {
+            digest.update(entry.scenario.as_bytes());
+            digest.update(b"\0");
+            digest.update(entry.digest.as_bytes());
+            digest.update(b"\n");
+        }
+        Self {
+            simulators,
+            deviation: deviation(tally, seed),
+            provenance: SummaryProvenance {
+                run: Provenance { keep_rollouts: None, ..provenance.clone() },
+                scenarios: tally.entries.len(),
+                scenarios_blake3: digest.finalize().to_hex().to_string(),
+                direction_tracking: tracking,
+                failures: failures.to_vec(),
+            },
+        }
+    }
+
+    /// The text of `summary.json`.
+    pub fn to_json(&self) -> String {
+        let mut text =
+            serde_json::to_string_pretty(self).expect("a summary holds finite numbers and text only");
+        text.push('\n');
+        text
+    }
+
+    /// Ids of the simulators in the order of the tables.
+    pub fn order(&self) -> impl Iterator<Item = (&str, &str, &SimulatorSummary)> {
+        let records = self.provenance.run.simulators.iter();
+        records.filter_map(|s| Some((s.id.as_str(), s.title.as_str(), self.simulators.get(&s.id)?)))
+    }
+}
+
+/// Records that failed for a simulator.
+fn failed(failures: &[Failure], simulator: &str) -> usize {
+    failures.iter().filter(|f| f.simulator.as_deref().is_none_or(|s| s == simulator)).count()
+}
+
+/// One estimate per metric over the scenarios with a value.
+fn estimates(
+    metrics: &[&'static str],
+    cells: &[(&Entry, &Cell)],
+    seed: u64,
+    value: impl Fn(&Entry, &Cell, usize) -> Option<f64> + Sync,
+) -> BTreeMap<String, Estimate> {
+    let each: Vec<(String, Estimate)> = metrics
+        .par_iter()
+        .enumerate()
+        .map(|(m, id)| {
+            let values: Vec<f64> = cells.iter().filter_map(|(e, c)| value(e, c, m)).collect();
+            ((*id).to_owned(), Estimate::of(&values, seed, id))
+        })
+        .collect();
+    each.into_iter().collect()
+}
+
+fn deviation(tally: &Tally, seed: u64) -> BTreeMap<String, Estimate> {
+    let mut values: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (name, value) in tally.entries.values().flat_map(|e| &e.deviation) {
+        values.entry(name).or_default().push(*value);
+    }
+    values.into_iter().map(|(name, v)| (name.to_owned(), Estimate::of(&v, seed, name))).collect()
+}
+
+impl Pressure {
+    fn of(tally: &Tally, done: &[(&Entry, &Cell)]) -> Self {
+        let share = |id: &str| {
+            let metric = tally.metrics.iter().position(|m| *m == id)?;
+            super::tally::mean(done.iter().filter_map(|(_, c)| c.any[metric]))
+        };
+        Self {
+            share_at_fault_collision: share("aav-collision"),
+            share_any_overlap: share("aav-overlap"),
+            share_risky: share("aav-ttc"),
+        }
+    }
+}

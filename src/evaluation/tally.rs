@@ -1,0 +1,128 @@
+//! The values of a run, small enough to be kept for all scenarios.
+
+use std::collections::BTreeMap;
+
+use super::row::{Place, Row};
+use crate::metrics::Score;
+
+/// What one simulator did in one scenario, averaged over its rollouts.
+#[derive(Clone, Debug, Default)]
+pub struct Cell {
+    /// Value per metric, in the order of the tally's metrics; `None` where no rollout has one.
+    pub values: Vec<Option<f64>>,
+    /// How parts of plans ended, summed over the rollouts.
+    pub outcomes: BTreeMap<String, u64>,
+    /// Share of the rollouts with at least one, for every count metric; in the order of the tally's metrics.
+    pub any: Vec<Option<f64>>,
+}
+
+/// A scenario with a cell per simulator.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Id of the scenario.
+    pub scenario: String,
+    /// Digest of the scenario.
+    pub digest: String,
+    /// Category of the deviation, where known.
+    pub category: Option<String>,
+    /// How lanes were assigned for the driving direction.
+    pub direction_tracking: Option<String>,
+    /// Deviated against logged AV.
+    pub deviation: BTreeMap<String, f64>,
+    /// One per simulator; `None` where it has no result.
+    pub cells: Vec<Option<Cell>>,
+}
+
+/// All values of a run, in canonical order.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    /// Ids of the metrics.
+    pub metrics: Vec<&'static str>,
+    /// Ids of the simulators, in the order of the tables.
+    pub simulators: Vec<String>,
+    /// Rollouts per scenario and simulator.
+    pub rollouts: u32,
+    /// Scenarios by place.
+    pub entries: BTreeMap<Place, Entry>,
+}
+
+impl Tally {
+    /// An empty tally for these simulators.
+    pub fn new(simulators: Vec<String>, rollouts: u32) -> Self {
+        Self { metrics: super::judge::metric_ids(), simulators, rollouts, entries: BTreeMap::new() }
+    }
+
+    /// Whether `rows` are all that one scenario and one simulator give: every rollout, and the rollouts together.
+    pub fn is_whole(&self, rows: &[Row]) -> bool {
+        let mut seen: Vec<Option<u32>> = rows.iter().map(|r| r.rollout).collect();
+        seen.sort();
+        let wanted = std::iter::once(None).chain((0..self.rollouts).map(Some));
+        seen.into_iter().eq(wanted)
+    }
+
+    /// Takes the rows of one scenario and one simulator in. Rows of unknown simulators are left out.
+    pub fn add(&mut self, rows: &[Row]) {
+        let Some(first) = rows.first() else { return };
+        let Some(simulator) = self.simulators.iter().position(|s| *s == first.simulator) else { return };
+        let count = self.simulators.len();
+        let entry = self.entries.entry(first.place()).or_insert_with(|| Entry {
+            scenario: first.scenario.clone(),
+            digest: first.digest.clone(),
+            category: first.category.clone(),
+            direction_tracking: None,
+            deviation: BTreeMap::new(),
+            cells: vec![None; count],
+        });
+        let mut cell = Cell::default();
+        for metric in &self.metrics {
+            let scores: Vec<Score> = rows
+                .iter()
+                .filter_map(|r| r.metrics.get(*metric).copied().flatten())
+                .map(Score::from)
+                .collect();
+            cell.values.push(mean(scores.iter().filter_map(|s| s.value())));
+            cell.any.push(mean(scores.iter().filter_map(|s| match s {
+                Score::Count(n) => Some(if *n > 0 { 1.0 } else { 0.0 }),
+                _ => None,
+            })));
+        }
+        for row in rows {
+            for (name, n) in &row.outcomes {
+                *cell.outcomes.entry(name.clone()).or_default() += n;
+            }
+            if entry.direction_tracking.is_none() {
+                entry.direction_tracking.clone_from(&row.direction_tracking);
+            }
+            if entry.deviation.is_empty() {
+                entry.deviation.clone_from(&row.deviation);
+            }
+        }
+        entry.cells[simulator] = Some(cell);
+    }
+
+    /// Whether the pair has its result.
+    pub fn has(&self, place: Place, simulator: usize) -> bool {
+        self.entries.get(&place).is_some_and(|e| e.cells[simulator].is_some())
+    }
+
+    /// Places of scenarios whose id an earlier scenario has, with that scenario's place.
+    pub fn repeated(&self) -> Vec<(Place, Place)> {
+        let mut first: BTreeMap<&str, Place> = BTreeMap::new();
+        let mut repeated = Vec::new();
+        for (place, entry) in &self.entries {
+            match first.get(entry.scenario.as_str()) {
+                Some(earlier) => repeated.push((*place, *earlier)),
+                None => {
+                    first.insert(&entry.scenario, *place);
+                }
+            }
+        }
+        repeated
+    }
+}
+
+/// The mean of what is there.
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, n) = values.fold((0.0, 0u32), |(sum, n), v| (sum + v, n + 1));
+    (n > 0).then(|| sum / f64::from(n))
+}

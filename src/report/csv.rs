@@ -1,0 +1,61 @@
+//! CSV in the long form (RFC 4180, but with line feeds).
+
+use std::borrow::Cow;
+use std::io::{self, Write};
+
+use super::long::records;
+use super::{Exporter, Run};
+
+/// The form.
+pub(super) struct Csv;
+
+impl Exporter for Csv {
+    fn id(&self) -> &'static str {
+        "csv"
+    }
+
+    fn title(&self) -> &'static str {
+        "one line per run, simulator, category and metric; rates are fractions"
+    }
+
+    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "run,simulator,oracle,kind,category,metric,mean,low,high,scenarios")?;
+        for r in records(runs) {
+            let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
+            writeln!(
+                out,
+                "{},{},{},{},{},{},{},{},{},{}",
+                quote(r.run),
+                quote(r.simulator),
+                r.oracle,
+                r.kind,
+                quote(r.category.unwrap_or_default()),
+                quote(r.metric),
+                number(r.estimate.mean),
+                number(r.estimate.low),
+                number(r.estimate.high),
+                r.estimate.scenarios
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn quote(text: &str) -> Cow<'_, str> {
+    if text.contains(['"', ',', '\n', '\r']) {
+        Cow::Owned(format!("\"{}\"", text.replace('"', "\"\"")))
+    } else {
+        Cow::Borrowed(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quotes_what_needs_it() {
+        assert_eq!(quote("a,\"b\""), "\"a,\"\"b\"\"\"");
+        assert_eq!(quote("idm"), "idm");
+    }
+}

@@ -1,0 +1,28 @@
+//! JSON: `summary.json` as it is.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use super::{Exporter, Run};
+
+/// The form.
+pub(super) struct Json;
+
+impl Exporter for Json {
+    fn id(&self) -> &'static str {
+        "json"
+    }
+
+    fn title(&self) -> &'static str {
+        "summary.json; several runs as {name: summary}"
+    }
+
+    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+        if let [only] = runs {
+            return out.write_all(only.summary.to_json().as_bytes());
+        }
+        let named: BTreeMap<&str, _> = runs.iter().map(|r| (r.name, r.summary)).collect();
+        serde_json::to_writer_pretty(&mut *out, &named)?;
+        out.write_all(b"\n")
+    }
+}

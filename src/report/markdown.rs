@@ -1,0 +1,145 @@
+//! Markdown, aligned so that it is a table in a terminal too.
+
+use std::io::{self, Write};
+
+use super::table::{self, Column, Line};
+use super::{Exporter, Run};
+use crate::evaluation::Estimate;
+
+/// The form.
+pub(super) struct Markdown;
+
+impl Exporter for Markdown {
+    fn id(&self) -> &'static str {
+        "markdown"
+    }
+
+    fn title(&self) -> &'static str {
+        "tables for people, in terminals and documents"
+    }
+
+    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+        let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
+        let columns = Column::used(&summaries);
+        let lines = table::lines(runs);
+        write_table(out, &columns, &lines)?;
+        for category in table::categories(runs) {
+            let several = runs.len() > 1;
+            let lines: Vec<Line<'_>> = runs
+                .iter()
+                .flat_map(|r| r.summary.order().map(move |o| (r.name, o)))
+                .filter_map(|(run, (_, title, s))| {
+                    let part = s.by_category.get(&category)?;
+                    Some(Line {
+                        run: several.then_some(run),
+                        title,
+                        oracle: s.oracle,
+                        scenarios: part.scenarios,
+                        failed: 0,
+                        metrics: &part.metrics,
+                    })
+                })
+                .collect();
+            let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
+            writeln!(
+                out,
+                "\n{} deviations ({}):\n",
+                capital(&escape(&category)),
+                table::count(n, "scenario")
+            )?;
+            write_table(out, &columns, &lines)?;
+        }
+        writeln!(out)?;
+        if lines.iter().any(|l| l.oracle) {
+            writeln!(out, "† is shown the log's future.")?;
+        }
+        writeln!(
+            out,
+            "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
+        )?;
+        for run in runs {
+            let name = if runs.len() > 1 { format!("{}: ", escape(run.name)) } else { String::new() };
+            writeln!(out, "{name}{}.", escape(&table::provenance(run)))?;
+        }
+        Ok(())
+    }
+}
+
+fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> io::Result<()> {
+    let with_run = lines.iter().any(|l| l.run.is_some());
+    let with_failed = lines.iter().any(|l| l.failed > 0);
+    let mut head: Vec<String> = Vec::new();
+    head.extend(with_run.then(|| "Run".to_owned()));
+    head.push("Method".to_owned());
+    head.extend(columns.iter().map(|c| {
+        let arrow = if c.kind().1 { '↓' } else { '↑' };
+        format!("{}{} {arrow}", c.title, c.unit().map(|u| format!(" ({u})")).unwrap_or_default())
+    }));
+    head.extend(with_failed.then(|| "Failed".to_owned()));
+    let texts = 1 + usize::from(with_run);
+    let mut rows = vec![head];
+    for line in lines {
+        let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
+        row.push(format!("{}{}", escape(line.title), if line.oracle { " †" } else { "" }));
+        row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
+        row.extend(with_failed.then(|| line.failed.to_string()));
+        rows.push(row);
+    }
+    let widths: Vec<usize> =
+        (0..rows[0].len()).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
+    for (i, row) in rows.iter().enumerate() {
+        let cells: Vec<String> = row.iter().enumerate().map(|(c, t)| pad(t, widths[c], c >= texts)).collect();
+        writeln!(out, "| {} |", cells.join(" | "))?;
+        if i == 0 {
+            let rule = |(c, w): (usize, &usize)| {
+                if c >= texts { format!("{}:", "-".repeat(w + 1)) } else { "-".repeat(w + 2) }
+            };
+            writeln!(out, "|{}|", widths.iter().enumerate().map(rule).collect::<Vec<_>>().join("|"))?;
+        }
+    }
+    Ok(())
+}
+
+fn pad(text: &str, width: usize, right: bool) -> String {
+    let space = " ".repeat(width - text.chars().count());
+    if right { format!("{space}{text}") } else { format!("{text}{space}") }
+}
+
+/// A mean with half the width of its interval; a dash where nothing could be judged.
+fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
+    match estimate {
+        Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
+            format!("{} ±{}", column.number(*mean), column.number((high - low) / 2.0))
+        }
+        _ => "–".to_owned(),
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
+}
+
+/// Text that Markdown shows as it is.
+fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '\\' | '`' | '*' | '|' | '<' | '>' | '[' | ']' => out.extend(['\\', c]),
+            // Underlines inside words are no emphasis; names of runs and simulators stay readable.
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_can_not_break_the_table() {
+        assert_eq!(escape("a|b\nc*"), "a\\|b c\\*");
+    }
+}

@@ -1,0 +1,163 @@
+//! What all tables share: columns in the paper's order, numbers as people read them.
+
+use std::collections::BTreeMap;
+
+use crate::evaluation::{Estimate, SettingsRecord, Summary};
+use crate::metrics::{self, Unit};
+
+/// A column of the tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Id of the metric.
+    pub metric: &'static str,
+    /// Head of the column.
+    pub title: &'static str,
+}
+
+/// The columns, in the paper's order (ReactSim-Bench, table 1), then what stands beside them.
+pub const COLUMNS: &[Column] = &[
+    Column { metric: "aav-collision", title: "A-AV Coll." },
+    Column { metric: "aav-ttc", title: "A-AV risky" },
+    Column { metric: "aa-collision", title: "A-A Coll." },
+    Column { metric: "offroad", title: "Offroad" },
+    Column { metric: "direction", title: "Dir." },
+    Column { metric: "acceleration", title: "Acc." },
+    Column { metric: "curvature", title: "Steer." },
+    Column { metric: "curvature-velocity", title: "Steer. (vel.)" },
+    Column { metric: "ade", title: "ADE" },
+    Column { metric: "progress", title: "Progress" },
+    Column { metric: "kinematic-likelihood", title: "Kin. Lik." },
+];
+
+impl Column {
+    /// How the column is printed: what it counts, and whether less is better.
+    pub(super) fn kind(&self) -> (Unit, bool) {
+        let spec = metrics::metric(self.metric).map(|m| m.spec());
+        spec.map_or((Unit::Plain, true), |s| (s.unit, s.lower_is_better))
+    }
+
+    /// The unit in the head of the column.
+    pub(super) fn unit(&self) -> Option<&'static str> {
+        match self.kind().0 {
+            Unit::Rate => Some("%"),
+            Unit::Metres => Some("m"),
+            Unit::Count | Unit::Plain => None,
+        }
+    }
+
+    /// A number of this column: per cent for rates, three digits otherwise.
+    pub(super) fn number(&self, value: f64) -> String {
+        match self.kind().0 {
+            Unit::Rate => format!("{:.2}", 100.0 * value),
+            Unit::Metres => format!("{value:.2}"),
+            Unit::Count | Unit::Plain => format!("{value:.3}"),
+        }
+    }
+
+    /// The columns that at least one simulator has a number for.
+    pub(super) fn used(summaries: &[&Summary]) -> Vec<Self> {
+        let realism = summaries.iter().any(|s| s.provenance.run.settings.protocol == "realism");
+        let has = |c: &&Self| {
+            // The likelihood of the log is a measure of realism (the paper's second table).
+            if c.metric == "kinematic-likelihood" && !realism {
+                return false;
+            }
+            let simulators = summaries.iter().flat_map(|s| s.simulators.values());
+            simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())
+        };
+        COLUMNS.iter().filter(has).copied().collect()
+    }
+}
+
+/// A simulator of a table: its name and its numbers.
+pub(super) struct Line<'a> {
+    /// Name of the run where a table has several.
+    pub(super) run: Option<&'a str>,
+    pub(super) title: &'a str,
+    pub(super) oracle: bool,
+    pub(super) scenarios: usize,
+    pub(super) failed: usize,
+    pub(super) metrics: &'a BTreeMap<String, Estimate>,
+}
+
+/// The lines of a table over runs, in the order of their simulators.
+pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
+    let several = runs.len() > 1;
+    let of = move |run: &'a super::Run<'a>| {
+        run.summary.order().map(move |(_, title, s)| Line {
+            run: several.then_some(run.name),
+            title,
+            oracle: s.oracle,
+            scenarios: s.scenarios,
+            failed: s.failed,
+            metrics: &s.metrics,
+        })
+    };
+    runs.iter().flat_map(of).collect()
+}
+
+/// The categories of deviation that runs have, in the order of their names.
+pub(super) fn categories(runs: &[super::Run<'_>]) -> Vec<String> {
+    let mut names: Vec<String> = runs
+        .iter()
+        .flat_map(|r| r.summary.simulators.values())
+        .flat_map(|s| s.by_category.keys().cloned())
+        .collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// What was run, in one line.
+pub(super) fn provenance(run: &super::Run<'_>) -> String {
+    let p = &run.summary.provenance;
+    let s = &p.run.settings;
+    let mut parts = vec![count(p.scenarios, "scenario")];
+    if !p.failures.is_empty() {
+        parts.push(count(p.failures.len(), "failure"));
+    }
+    if s.protocol == "recorded" {
+        parts.push("recorded rollouts".to_owned());
+    } else {
+        protocol(s, &mut parts);
+    }
+    let changed: Vec<String> = metrics::Options::default()
+        .named()
+        .into_iter()
+        .filter_map(|(name, default)| {
+            let value = p.run.metric_options.get(name)?;
+            (*value != default).then(|| format!("{name}={value}"))
+        })
+        .collect();
+    if !changed.is_empty() {
+        parts.push(format!("metric options {}", changed.join(" ")));
+    }
+    let commit = if p.run.commit == "unknown" { "" } else { &p.run.commit };
+    let plus = if commit.ends_with('+') { "+" } else { "" };
+    let short: String = commit.chars().take(9).collect();
+    let version = &p.run.version;
+    parts.push(match short.is_empty() {
+        true => format!("reactsim {version}"),
+        false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
+    });
+    parts.join(", ")
+}
+
+/// What the rollouts were made with.
+fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
+    parts.push(format!("{} protocol", s.protocol));
+    if s.protocol == "reactive" {
+        parts.push(format!("AV {}", s.av));
+        if !s.av_lookahead {
+            parts.push("AV lookahead 0".to_owned());
+        }
+    }
+    parts.push(format!("replan every {}", count(s.replan_steps, "step")));
+    parts.push(count(s.rollouts as usize, "rollout"));
+    parts.push(format!("seed {}", s.seed));
+}
+
+/// A number of things.
+pub(super) fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}

@@ -1,0 +1,337 @@
+//! The program as its user sees it.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::generated::{deviating, scenario, write};
+
+fn program() -> Command {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+}
+
+fn reactsim(arguments: &[&str]) -> Output {
+    program().args(arguments).output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The files of a run that must not depend on how it went.
+fn results(folder: &Path) -> Vec<Vec<u8>> {
+    ["summary.json", "rows.jsonl", "events.jsonl", "failures.jsonl", "summary.md", "provenance.json"]
+        .iter()
+        .map(|name| fs::read(folder.join(name)).unwrap())
+        .collect()
+}
+
+#[test]
+fn help_fits_a_terminal() {
+    let help = stdout(&reactsim(&["--help"]));
+    insta::assert_snapshot!(help, @r"
+    Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
+
+    Usage: reactsim <COMMAND>
+
+    Commands:
+      run      Run simulators on scenarios and print the table of their metrics
+      score    Score rollouts that any program produced
+      convert  Convert scenarios of any format to native Parquet
+      report   Print the tables of finished runs
+      inspect  Print and draw what is in a scenario
+      list     List models, metrics, formats or weights
+      help     Print this message or the help of the given subcommand(s)
+
+    Options:
+      -h, --help     Print help
+      -V, --version  Print version
+
+    Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
+
+    With no arguments `reactsim run` runs every baseline on the shipped scenarios.
+    ");
+    for verb in ["run", "score", "convert", "report", "inspect", "list"] {
+        let help = stdout(&reactsim(&[verb, "--help"]));
+        assert!(help.contains("Usage: reactsim"), "{verb}");
+        let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
+        assert!(widest < 100, "{verb}: {widest} columns");
+    }
+}
+
+#[test]
+fn wrong_input_names_the_mend_and_exits_with_2() {
+    let home = tempfile::tempdir().unwrap();
+    let plain = home.path().join("plain.parquet");
+    write(&plain, (0..2).map(|i| deviating(i, false)));
+    let error = |arguments: &[&str]| {
+        let output = reactsim(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?} printed a result");
+        stderr(&output).replace(text(home.path()), "HOME")
+    };
+    let unknown = error(&["run", "--models", "idmm"]);
+    assert!(unknown.starts_with("error: there is no simulator `idmm`; there are: log-replay, "), "{unknown}");
+    assert!(unknown.contains("\nhint: `reactsim list models`"), "{unknown}");
+    insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios carry no deviated AV: give --deviations <file>, or say with --av who drives: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>");
+    insta::assert_snapshot!(error(&["run", "--metric-option", "fault_order=mine"]), @r"error: metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
+    insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av and --deviations out");
+    insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: --deviations goes with --av deviated only");
+    insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");
+    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is no run folder: it has no provenance.json");
+    assert!(error(&["run", "--av", "brake:9"]).contains("9 is out of range, expected above 0"));
+    assert!(error(&["run", "--replan", "3hz"]).contains("such as `2hz`"));
+    assert!(error(&["run", "--rollouts", "0"]).contains("1..=10000"));
+    assert!(error(&["run", "--resume"]).contains("--out"));
+    assert!(error(&["run", "HOME/absent"]).contains("HOME/absent"));
+    assert!(error(&["run", text(&plain), "--deviations", "absent.json"]).contains("absent.json"));
+    // The folder stands where a file is.
+    let taken = home.path().join("plain.parquet/run");
+    assert!(error(&["run", "--out", text(&taken)]).contains("could not write HOME/plain.parquet/run"));
+}
+
+#[test]
+fn with_no_arguments_the_shipped_scenarios_are_run() {
+    let output = reactsim(&["run"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let table = stdout(&output);
+    for part in [
+        "| Log Replay † ",
+        "| Constant Velocity ",
+        "| Stop ",
+        "A-AV Coll. ↓",
+        "6 scenarios, reactive protocol",
+    ] {
+        assert!(table.contains(part), "{part} is not in\n{table}");
+    }
+    assert!(stderr(&output).is_empty(), "no progress where stderr is no terminal");
+}
+
+#[test]
+fn failed_scenarios_are_listed_and_the_rest_is_in_the_table() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("some.parquet"), home.path().join("run"));
+    write(&input, (0..4).map(|i| deviating(i, i != 2)));
+    let output =
+        reactsim(&["run", text(&input), "--models", "stop", "--av", "deviated", "--out", text(&out)]);
+    assert_eq!(output.status.code(), Some(1));
+    insta::assert_snapshot!(stderr(&output), @r"
+    warning: failed: some.parquet: record 2: scenario `road-002`: no deviated AV; give --deviations with one for this scenario, or choose another --av
+    warning: 1 failed; the others are in the table
+    ");
+    assert!(stdout(&output).contains("3 scenarios, 1 failure"));
+    let failures = fs::read_to_string(out.join("failures.jsonl")).unwrap();
+    assert_eq!(failures.lines().count(), 1);
+    assert!(failures.contains("road-002"), "{failures}");
+    assert!(fs::read_to_string(out.join("summary.md")).unwrap().contains("Failed:"));
+    // Where every scenario fails there is nothing to be shown.
+    write(&input, [deviating(2, false)]);
+    let output = reactsim(&["run", text(&input), "--av", "deviated"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("no scenario could be run"));
+}
+
+#[test]
+fn a_damaged_file_does_not_stop_the_others() {
+    let home = tempfile::tempdir().unwrap();
+    let (good, bad) = (home.path().join("a.parquet"), home.path().join("b.parquet"));
+    write(&good, (0..2).map(scenario));
+    let bytes = fs::read(&good).unwrap();
+    fs::write(&bad, &bytes[..bytes.len() / 2]).unwrap();
+    let output = reactsim(&["run", text(home.path()), "--models", "stop", "--format", "csv"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("b.parquet"), "{}", stderr(&output));
+    assert!(stdout(&output).contains("stop,false,mean,,aav-collision,"));
+}
+
+/// Starts a run that lasts for seconds and waits until it has written rows.
+fn long_run(input: &Path, out: &Path, resume: bool) -> Child {
+    let mut command = program();
+    command.args(["run", text(input), "--models", "log-replay,stop", "--rollouts", "30", "--jobs", "1"]);
+    command.args(["--batch", "1", "--out", text(out)]).args(resume.then_some("--resume"));
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let begun = Instant::now();
+    while fs::metadata(out.join("rows.jsonl")).map_or(0, |m| m.len()) == 0 {
+        assert!(child.try_wait().unwrap().is_none(), "the run ended before it wrote a row");
+        assert!(begun.elapsed() < Duration::from_secs(60), "no row was written");
+        sleep(Duration::from_millis(2));
+    }
+    child
+}
+
+#[cfg(unix)]
+#[test]
+fn killed_and_interrupted_runs_go_on_to_the_same_bytes() {
+    let home = tempfile::tempdir().unwrap();
+    let input = home.path().join("scenarios.parquet");
+    write(&input, (0..24).map(scenario));
+    let folder = |name: &str| home.path().join(name);
+    let whole = folder("whole");
+    assert!(long_run(&input, &whole, false).wait().unwrap().success());
+
+    // kill -9.
+    let killed = folder("killed");
+    let mut child = long_run(&input, &killed, false);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!killed.join("summary.json").exists(), "the run was killed in its course");
+    assert!(long_run(&input, &killed, true).wait().unwrap().success());
+    assert!(results(&killed) == results(&whole));
+
+    // ^C.
+    let stopped = folder("stopped");
+    let child = long_run(&input, &stopped, false);
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    assert!(stderr(&output).contains("--resume"), "{}", stderr(&output));
+    let rows = fs::read_to_string(stopped.join("rows.jsonl")).unwrap();
+    assert!(
+        rows.ends_with('\n') && rows.lines().all(|l| serde_json::from_str::<serde_json::Value>(l).is_ok())
+    );
+    let unfinished = reactsim(&["report", text(&stopped)]);
+    assert!(stderr(&unfinished).contains("holds no finished run"), "{}", stderr(&unfinished));
+    assert!(long_run(&input, &stopped, true).wait().unwrap().success());
+    assert!(results(&stopped) == results(&whole));
+}
+
+#[test]
+fn kept_rollouts_score_to_the_same_numbers() {
+    let home = tempfile::tempdir().unwrap();
+    let input = home.path().join("scenarios.parquet");
+    write(&input, (0..5).map(scenario));
+    let mut kept = Vec::new();
+    for jobs in ["1", "3"] {
+        let out = home.path().join(jobs);
+        let output = reactsim(&[
+            "run",
+            text(&input),
+            "--models",
+            "stop,constant-velocity",
+            "--rollouts",
+            "2",
+            "--jobs",
+            jobs,
+            "--batch",
+            "2",
+            "--out",
+            text(&out),
+            "--keep-rollouts",
+        ]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert!(!out.join("parts").exists());
+        kept.push(out.join("rollouts.parquet"));
+    }
+    assert!(fs::read(&kept[0]).unwrap() == fs::read(&kept[1]).unwrap());
+    let output = reactsim(&["score", text(&kept[0]), "--scenarios", text(&input), "--format", "json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let scored: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let run: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(home.path().join("1/summary.json")).unwrap()).unwrap();
+    for simulator in ["stop", "constant-velocity"] {
+        assert_eq!(scored["simulators"][simulator]["metrics"], run["simulators"][simulator]["metrics"]);
+    }
+    assert_eq!(scored["deviation"], run["deviation"]);
+    let svg = home.path().join("x.svg");
+    let drawn = reactsim(&[
+        "inspect",
+        text(&input),
+        "--id",
+        "road-003",
+        "--rollout",
+        text(&home.path().join("1")),
+        "--simulator",
+        "stop",
+        "--index",
+        "1",
+        "--steps",
+        "0,40,80",
+        "--svg",
+        text(&svg),
+    ]);
+    assert_eq!(drawn.status.code(), Some(0), "{}", stderr(&drawn));
+    assert!(fs::read_to_string(&svg).unwrap().contains("</svg>"));
+    assert!(stdout(&drawn).contains("3 around the AV: 3 vehicles"), "{}", stdout(&drawn));
+    let resumed = reactsim(&[
+        "run",
+        text(&input),
+        "--models",
+        "stop,constant-velocity",
+        "--rollouts",
+        "2",
+        "--out",
+        text(&home.path().join("3")),
+        "--keep-rollouts",
+        "--resume",
+    ]);
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert!(fs::read(&kept[0]).unwrap() == fs::read(&kept[1]).unwrap());
+}
+
+#[test]
+fn results_come_in_every_form() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("x_1"));
+    write(&input, (0..3).map(scenario));
+    let run = reactsim(&["run", text(&input), "--models", "log-replay,stop", "--out", text(&out)]);
+    assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));
+    let report = |format: &str| {
+        let output = reactsim(&["report", text(&out), "--format", format]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        output.stdout
+    };
+    assert!(report("markdown") == run.stdout);
+    assert!(report("json") == fs::read(out.join("summary.json")).unwrap());
+    assert!(report("parquet").starts_with(b"PAR1"));
+    let latex = String::from_utf8(report("latex")).unwrap();
+    assert!(latex.contains("Log Replay$^\\dagger$ & ") && latex.contains("\\bottomrule"));
+    let csv = String::from_utf8(report("csv")).unwrap();
+    assert_eq!(
+        csv.lines().next().unwrap(),
+        "run,simulator,oracle,kind,category,metric,mean,low,high,scenarios"
+    );
+    assert!(csv.contains("x_1,stop,false,difference,,ade,"));
+    // Two runs in one table are told apart by their names.
+    let two = reactsim(&["report", text(&out), text(&out)]);
+    assert!(stdout(&two).contains("| Run "));
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error_but_a_full_disk_is() {
+    let mut child = program().args(["list", "metrics"]).stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    assert!(child.wait().unwrap().success());
+    let Ok(full) = fs::OpenOptions::new().write(true).open("/dev/full") else { return };
+    let output = program().args(["list", "metrics"]).stdout(full).stderr(Stdio::piped()).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("could not write to stdout"));
+}
+
+#[test]
+fn conversion_changes_no_number() {
+    let home = tempfile::tempdir().unwrap();
+    let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+    let native = home.path().join("mini.parquet");
+    let output = reactsim(&["convert", mini, "--out", text(&native)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let metrics = |input: &str| {
+        let output = reactsim(&["run", input, "--models", "stop", "--format", "json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (summary["simulators"].clone(), summary["provenance"]["scenarios_blake3"].clone())
+    };
+    assert_eq!(metrics(mini), metrics(text(&native)));
+    // A result never replaces its own source.
+    let refused = reactsim(&["convert", text(&native), "--out", text(&native)]);
+    assert_eq!(refused.status.code(), Some(2));
+}

@@ -1,0 +1,200 @@
+//! Runs give the same bytes however they are carried out.
+
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use reactsim::evaluation::{
+    self, AvChoice, EVENTS, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, ROWS, RunFolder,
+    RunObserver, RunSettings, SUMMARY, Source, Summary, Tally,
+};
+use reactsim::metrics::Options;
+use reactsim::rollout::Settings;
+
+use crate::generated::source;
+
+struct Quiet;
+
+impl RunObserver for Quiet {}
+
+fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
+    let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
+    Plan {
+        sources,
+        simulators: PlannedSimulator::by_ids(&ids).unwrap(),
+        deviations: None,
+        settings: RunSettings {
+            rollout: Settings::default(),
+            av: AvChoice::Deviated,
+            rollouts,
+            options: Options::default(),
+        },
+        keep_rollouts: false,
+    }
+}
+
+fn plan(rollouts: u32) -> Plan {
+    let sources = vec![source("a", (0..6).collect()), source("b", (6..9).collect())];
+    plan_of(sources, &["log-replay", "constant-velocity", "stop"], rollouts)
+}
+
+fn tally(plan: &Plan) -> Tally {
+    Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), plan.settings.rollouts)
+}
+
+fn run(plan: &Plan, folder: &Path, resume: bool, jobs: usize, batch: usize) -> Summary {
+    let mut tally = tally(plan);
+    let folder = if resume {
+        RunFolder::resume(folder, &plan.provenance(), &mut tally).unwrap()
+    } else {
+        RunFolder::create(folder, &plan.provenance()).unwrap()
+    };
+    let execution = Execution { jobs, batch };
+    let stop = AtomicBool::new(false);
+    match evaluation::run(plan, execution, Some(&folder), tally, &Quiet, &stop).unwrap() {
+        Outcome::Finished(summary) => *summary,
+        Outcome::Interrupted => panic!("nobody interrupted"),
+    }
+}
+
+fn files(folder: &Path) -> [Vec<u8>; 3] {
+    [SUMMARY, ROWS, EVENTS].map(|name| fs::read(folder.join(name)).unwrap())
+}
+
+#[test]
+fn threads_and_batches_change_no_byte() {
+    let home = tempfile::tempdir().unwrap();
+    let mut all = Vec::new();
+    for jobs in [1, 2, 7] {
+        for batch in [1, 3, 64] {
+            let folder = home.path().join(format!("{jobs}-{batch}"));
+            run(&plan(2), &folder, false, jobs, batch);
+            all.push(files(&folder));
+        }
+    }
+    assert!(all[0].iter().all(|f| !f.is_empty()), "the runs have rows and events");
+    assert!(all.windows(2).all(|w| w[0] == w[1]));
+}
+
+#[test]
+fn a_cut_run_goes_on_to_the_same_bytes() {
+    let home = tempfile::tempdir().unwrap();
+    let whole = home.path().join("whole");
+    run(&plan(2), &whole, false, 2, 2);
+    let wanted = files(&whole);
+    let length = wanted[1].len();
+    for (i, cut) in [0, 1, length / 7, length / 2, length / 2 + 1, length - 1, length].into_iter().enumerate()
+    {
+        let folder = home.path().join(format!("cut-{i}"));
+        fs::create_dir(&folder).unwrap();
+        for entry in fs::read_dir(&whole).unwrap() {
+            let path = entry.unwrap().path();
+            fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
+        }
+        fs::remove_file(folder.join(SUMMARY)).unwrap();
+        fs::write(folder.join(ROWS), &wanted[1][..cut]).unwrap();
+        run(&plan(2), &folder, true, 1 + i % 3, 1 + i);
+        assert_eq!(files(&folder), wanted, "cut at {cut} of {length}");
+    }
+}
+
+#[test]
+fn a_finished_run_resumes_to_itself_and_an_absent_one_begins() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("run");
+    run(&plan(1), &folder, true, 2, 2);
+    let wanted = files(&folder);
+    run(&plan(1), &folder, true, 2, 2);
+    assert_eq!(files(&folder), wanted);
+}
+
+#[test]
+fn an_interrupted_run_leaves_a_folder_that_goes_on() {
+    /// Interrupts after the first batch.
+    struct Impatient<'a>(&'a AtomicBool, AtomicUsize);
+    impl RunObserver for Impatient<'_> {
+        fn scenario_done(&self, _: usize) {
+            self.1.fetch_add(1, Ordering::Relaxed);
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+    let home = tempfile::tempdir().unwrap();
+    let (whole, cut) = (home.path().join("whole"), home.path().join("cut"));
+    run(&plan(1), &whole, false, 1, 2);
+    let plan = plan(1);
+    let stop = AtomicBool::new(false);
+    let observer = Impatient(&stop, AtomicUsize::new(0));
+    let folder = RunFolder::create(&cut, &plan.provenance()).unwrap();
+    let execution = Execution { jobs: 1, batch: 2 };
+    let outcome = evaluation::run(&plan, execution, Some(&folder), tally(&plan), &observer, &stop).unwrap();
+    assert!(matches!(outcome, Outcome::Interrupted));
+    assert_eq!(observer.1.load(Ordering::Relaxed), 1);
+    assert!(!cut.join(SUMMARY).exists());
+    drop(folder);
+    run(&plan, &cut, true, 2, 1);
+    assert_eq!(files(&cut), files(&whole));
+}
+
+#[test]
+fn another_setting_is_refused_by_name() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("run");
+    run(&plan(1), &folder, false, 1, 1);
+    let mut other = plan(1);
+    other.settings.rollout.seed = 3;
+    let refused = RunFolder::resume(&folder, &other.provenance(), &mut tally(&other)).unwrap_err();
+    assert!(matches!(&refused, EvaluationError::OtherSettings { setting, old, new, .. }
+        if setting == "seed" && old == "0" && new == "3"));
+    let more = plan_of(vec![source("a", vec![0])], &["stop"], 1);
+    assert!(RunFolder::resume(&folder, &more.provenance(), &mut tally(&more)).is_err());
+    assert!(matches!(RunFolder::create(&folder, &plan(1).provenance()), Err(EvaluationError::Exists { .. })));
+}
+
+#[test]
+fn two_runs_do_not_write_to_one_folder() {
+    let home = tempfile::tempdir().unwrap();
+    let plan = plan(1);
+    let _first = RunFolder::create(home.path(), &plan.provenance()).unwrap();
+    let second = RunFolder::resume(home.path(), &plan.provenance(), &mut tally(&plan));
+    assert!(matches!(second, Err(EvaluationError::Busy { .. })));
+}
+
+#[test]
+fn of_two_scenarios_with_one_id_the_later_fails() {
+    let home = tempfile::tempdir().unwrap();
+    for jobs in [1, 4] {
+        let sources = vec![source("a", vec![1, 2]), source("b", vec![3, 2])];
+        let summary =
+            run(&plan_of(sources, &["stop"], 1), &home.path().join(jobs.to_string()), false, jobs, 1);
+        assert_eq!(summary.simulators["stop"].scenarios, 3);
+        assert_eq!(summary.simulators["stop"].failed, 1);
+        let failure = &summary.provenance.failures[0];
+        assert_eq!((failure.input, failure.record), (1, 1));
+        assert_eq!(failure.error, "the id `road-002` is taken by record 1 of a");
+    }
+}
+
+#[test]
+fn numbers_are_what_the_rows_say() {
+    let home = tempfile::tempdir().unwrap();
+    let summary = run(&plan(2), home.path(), false, 2, 4);
+    let replay = &summary.simulators["log-replay"];
+    assert!(replay.oracle);
+    assert_eq!((replay.scenarios, replay.failed), (9, 0));
+    // The AV brakes to a halt in front of its follower, which replays its log into it.
+    assert_eq!(replay.metrics["aav-collision"].mean, Some(1.0));
+    assert_eq!(replay.pressure.share_at_fault_collision, Some(1.0));
+    assert_eq!(replay.metrics["ade"].mean, Some(0.0));
+    assert_eq!(replay.by_category.len(), 3);
+    assert_eq!(replay.by_category["lateral"].scenarios, 3);
+    assert!(replay.paired_to_log_replay.is_empty());
+    let stop = &summary.simulators["stop"];
+    let (mean, log) = (stop.metrics["ade"].mean.unwrap(), stop.paired_to_log_replay["ade"].mean.unwrap());
+    assert!((mean - log).abs() < 1e-12 && mean > 1.0);
+    assert!(summary.deviation["endpoint_longitudinal"].mean.unwrap() < -10.0);
+    // The kinematic likelihood and minADE judge both rollouts together.
+    assert!(stop.metrics["kinematic-likelihood"].mean.is_some());
+    let text = fs::read_to_string(home.path().join(ROWS)).unwrap();
+    assert_eq!(text.lines().count(), 9 * 3 * (2 + 1));
+    assert_eq!(serde_json::from_str::<Summary>(&summary.to_json()).unwrap(), summary);
+}

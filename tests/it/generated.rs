@@ -1,0 +1,97 @@
+//! Small scenarios made by rule, for tests that need many of them fast.
+
+use reactsim::evaluation::{FileRecord, Source};
+use reactsim::formats::{decoded, native::Writer};
+use reactsim::geometry::Vec2;
+use reactsim::scene::{
+    Agent, AgentKind, AgentState, Deviation, DeviationParts, FRAMES, FUTURE, Frame, HISTORY, LaneArea,
+    LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
+};
+
+/// A vehicle on the x axis: present in all frames, position and speed at the current frame given.
+fn driver(id: &str, x: f64, y: f64, speed: f64) -> LoggedAgent {
+    let state =
+        |f: usize| AgentState { x: x + speed * 0.1 * (f as f64 - 10.0), y, heading: 0.0, vx: speed, vy: 0.0 };
+    LoggedAgent {
+        agent: Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.5, width: 2.0 },
+        track: (0..FRAMES).map(|f| Some(state(f))).collect(),
+    }
+}
+
+/// Scenario `i` of a family: a straight road, an AV with a follower, a leader and a neighbour; the deviated AV brakes.
+pub(crate) fn scenario(i: usize) -> Scenario {
+    deviating(i, true)
+}
+
+/// The same, with or without a deviated AV.
+pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
+    let speed = 6.0 + (i % 7) as f64;
+    let gap = 9.0 + (i % 5) as f64;
+    let road = |y: f64, right: bool| {
+        let (from, to) = if right { (-300.0, 300.0) } else { (300.0, -300.0) };
+        RoadEdge { kind: RoadEdgeKind::Boundary, points: vec![Vec2::new(from, y), Vec2::new(to, y)] }
+    };
+    let lane = |id: &str, y: f64| LaneParts {
+        id: id.to_owned(),
+        kind: LaneKind::Lane,
+        class: LaneClass::SurfaceStreet,
+        speed_limit: Some(13.4),
+        points: (-30..=30).map(|k| Vec2::new(10.0 * f64::from(k), y)).collect(),
+        area: LaneArea::Corridor { half_width: 1.75 },
+        successors: Vec::new(),
+        predecessors: Vec::new(),
+        left: Vec::new(),
+        right: Vec::new(),
+    };
+    let braking: Vec<Frame> = (1..=FUTURE)
+        .map(|k| {
+            let t = (k as f64 * 0.1).min(speed / 4.0);
+            let (x, v) = (speed * t - 2.0 * t * t, speed - 4.0 * t);
+            Some(AgentState { x, y: 0.0, heading: 0.0, vx: v, vy: 0.0 })
+        })
+        .collect();
+    assert_eq!(HISTORY + braking.len(), FRAMES);
+    let parts = ScenarioParts {
+        id: format!("road-{i:03}"),
+        source: "generated".to_owned(),
+        agents: vec![
+            driver("av", 0.0, 0.0, speed),
+            driver("behind", -gap, 0.0, speed),
+            driver("ahead", 3.0 * gap, 0.0, speed),
+            driver("beside", -2.0, 3.5, speed + 1.0),
+        ],
+        map: MapParts {
+            lanes: vec![lane("right", 0.0), lane("left", 3.5)],
+            road_edges: vec![road(-1.75, true), road(5.25, false)],
+            ..MapParts::default()
+        },
+        deviation: deviated.then(|| DeviationParts { category: Some(Deviation::ALL[i % 3]), track: braking }),
+        ..ScenarioParts::default()
+    };
+    Scenario::assemble(parts).unwrap()
+}
+
+/// A source that makes its scenarios anew each time it is opened.
+pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
+    Source {
+        file: FileRecord {
+            name: name.to_owned(),
+            format: "generated".into(),
+            bytes: 0,
+            blake3: String::new(),
+        },
+        open: Box::new(move || {
+            let scenarios = scenarios.clone();
+            Ok(Box::new(scenarios.into_iter().map(|i| Ok(decoded(scenario(i))))))
+        }),
+    }
+}
+
+/// Writes scenarios to a native file.
+pub(crate) fn write(path: &std::path::Path, scenarios: impl IntoIterator<Item = Scenario>) {
+    let mut writer = Writer::create(path).unwrap();
+    for scenario in scenarios {
+        writer.write(&scenario).unwrap();
+    }
+    writer.finish().unwrap();
+}
