@@ -24,6 +24,14 @@ const AV_DOUBT_ALONG: f64 = 0.8;
 const AV_DOUBT_ASIDE: f64 = 0.1;
 /// Contacts later than this may resolve themselves, s.
 const SOON: f64 = 3.9;
+/// Time in which the price of a contact falls by e, s.
+const PATIENCE: f64 = 2.5;
+/// Share of the worst way, against the mean of all, in what the AV threatens.
+const DOUBT: f64 = 0.6;
+/// What effort costs: a swerve at all, each metre beside the own course, each m/s² of change.
+const SWERVE_PRICE: f64 = 1.0;
+const OFFSET_PRICE: f64 = 1.0;
+const CHANGE_PRICE: f64 = 1.5;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
 
@@ -45,16 +53,42 @@ pub(super) struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// When the AV is met on a path at a constant acceleration, if soon.
-    pub(super) fn meets_av(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> Option<f64> {
-        self.first_contact(own, path, s, a, true, AV_ROOM)
+    fn is_av(&self, forecast: &Forecast) -> bool {
+        self.actors[forecast.actor].is_av
     }
 
-    fn first_contact(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64, av: bool, room: f64) -> Option<f64> {
+    /// Whether the AV may be met on a path at a constant acceleration, as far as can be seen.
+    pub(super) fn meets_av(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> bool {
+        self.first_contact(own, path, s, a, |f| self.is_av(f), AV_ROOM).is_some()
+    }
+
+    /// What the AV threatens on a path: the mean price of a contact over the ways that it may go.
+    fn threat(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> f64 {
         let reach = self.reach(own);
-        let relevant = self.forecasts.iter().filter(|f| {
-            f.actor != self.index && self.actors[f.actor].is_av == av && f.bounds.intersects(&reach)
-        });
+        let (mut sum, mut worst, mut ways) = (0.0, 0.0_f64, 0);
+        for forecast in self.forecasts.iter().filter(|f| self.is_av(f)) {
+            ways += 1;
+            if forecast.bounds.intersects(&reach) {
+                let here = price(self.first_contact(own, path, s, a, |f| std::ptr::eq(f, forecast), AV_ROOM));
+                sum += here;
+                worst = worst.max(here);
+            }
+        }
+        if ways == 0 { 0.0 } else { DOUBT * worst + (1.0 - DOUBT) * sum / f64::from(ways) }
+    }
+
+    fn first_contact(
+        &self,
+        own: &Actor,
+        path: &DrivenPath,
+        s: f64,
+        a: f64,
+        counts: impl Fn(&Forecast) -> bool,
+        room: f64,
+    ) -> Option<f64> {
+        let reach = self.reach(own);
+        let relevant =
+            self.forecasts.iter().filter(|f| f.actor != self.index && counts(f) && f.bounds.intersects(&reach));
         let relevant: Vec<&Forecast> = relevant
             // Who is touched already cannot be avoided any more.
             .filter(|f| self.actors[f.actor].footprint().separation(&own.footprint()) > 0.0)
@@ -73,7 +107,7 @@ impl Surroundings<'_> {
                 let other = &self.actors[forecast.actor];
                 let sample = forecast.samples[k.min(forecast.samples.len() - 1)];
                 // What the AV will do is less sure the later it is.
-                let doubt = if av { (AV_DOUBT_ALONG * t, AV_DOUBT_ASIDE * t) } else { (0.0, 0.0) };
+                let doubt = if other.is_av { (AV_DOUBT_ALONG * t, AV_DOUBT_ASIDE * t) } else { (0.0, 0.0) };
                 let theirs = OrientedBox {
                     center: sample.center,
                     axis: sample.axis,
@@ -94,10 +128,12 @@ impl Surroundings<'_> {
 
     /// Looks for a way out of a contact with the AV that is foreseen at the acceleration `a`.
     pub(super) fn escape(&self, own: &Actor, driver: &OnPath, class: &Class, a: f64) -> Option<Escape> {
-        let foreseen = self.meets_av(own, &driver.path, driver.s, a)?;
-        let price = |contact: Option<f64>, weight: f64| contact.map_or(0.0, |t| weight * (1.0 - 0.15 * t));
+        let foreseen = self.threat(own, &driver.path, driver.s, a);
+        if foreseen == 0.0 {
+            return None;
+        }
         let here = driver.home.project(own.pose.position).offset;
-        let mut best = (price(Some(foreseen), 100.0), a, None);
+        let mut best = (foreseen, a, None);
         for offset in OFFSETS {
             let target = here + offset;
             let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target));
@@ -105,17 +141,17 @@ impl Surroundings<'_> {
                 continue;
             }
             let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
-            let leaves = if swerve.is_some() { self.leaves_road(own, path) } else { 0.0 };
+            let swerving = if swerve.is_some() { SWERVE_PRICE + self.leaves_road(own, path) } else { 0.0 };
             for acceleration in std::iter::once(a).chain(ACCELERATIONS) {
-                let effort = 2.0 * target.abs() + 0.6 * (acceleration - a).abs() + leaves;
+                let effort = OFFSET_PRICE * target.abs() + CHANGE_PRICE * (acceleration - a).abs() + swerving;
                 if effort >= best.0 {
                     continue;
                 }
-                let cost = effort + price(self.meets_av(own, path, s, acceleration), 100.0);
+                let cost = effort + self.threat(own, path, s, acceleration);
                 if cost >= best.0 {
                     continue;
                 }
-                let cost = cost + price(self.first_contact(own, path, s, acceleration, false, ROOM), 80.0);
+                let cost = cost + price(self.first_contact(own, path, s, acceleration, |f| !self.is_av(f), ROOM));
                 if cost < best.0 {
                     best = (cost, acceleration, swerve.as_ref().map(|p| (target, p.clone())));
                 }
@@ -155,6 +191,11 @@ impl Surroundings<'_> {
         }
         price
     }
+}
+
+/// What a contact after so many seconds costs: the later, the likelier it is to resolve itself.
+fn price(contact: Option<f64>) -> f64 {
+    contact.map_or(0.0, |t| 100.0 * (-t / PATIENCE).exp())
 }
 
 /// Way and speed after `t` seconds at a constant acceleration; nobody rolls back.

@@ -217,7 +217,7 @@ impl Traffic {
             driver.aside = Some((offset, quiet + 1));
             if quiet >= QUIET {
                 let back = around.course(&own, driver, class, 0.0);
-                if around.meets_av(&own, &back, 0.0, 0.0).is_none() {
+                if !around.meets_av(&own, &back, 0.0, 0.0) {
                     driver.take(back, class);
                     driver.aside = None;
                 }

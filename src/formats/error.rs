@@ -16,7 +16,7 @@ pub struct FormatError {
     /// Id of the scenario, where known.
     pub scenario: Option<String>,
     /// What is wrong.
-    pub cause: Cause,
+    pub cause: Box<Cause>,
     ends_file: bool,
 }
 
@@ -123,12 +123,18 @@ impl Cause {
 impl FormatError {
     /// An error after which nothing more of the file can be read.
     pub(super) fn file(path: &Path, cause: Cause) -> Self {
-        Self { path: path.to_owned(), record: None, scenario: None, cause, ends_file: true }
+        Self { path: path.to_owned(), record: None, scenario: None, cause: Box::new(cause), ends_file: true }
     }
 
     /// An error of one record; reading goes on with the next.
     pub(super) fn record(path: &Path, record: u64, scenario: Option<String>, cause: Cause) -> Self {
-        Self { path: path.to_owned(), record: Some(record), scenario, cause, ends_file: false }
+        Self {
+            path: path.to_owned(),
+            record: Some(record),
+            scenario,
+            cause: Box::new(cause),
+            ends_file: false,
+        }
     }
 
     /// The same error, at a record.
@@ -163,6 +169,6 @@ impl fmt::Display for FormatError {
 
 impl std::error::Error for FormatError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        std::error::Error::source(&self.cause)
+        std::error::Error::source(self.cause.as_ref())
     }
 }

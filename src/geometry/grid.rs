@@ -59,10 +59,19 @@ impl Bounds {
 pub struct Grid {
     origin: Vec2,
     cell: f64,
+    /// Cells per metre.
+    per_cell: f64,
     columns: i64,
     rows: i64,
     starts: Vec<u32>,
     items: Vec<u32>,
+}
+
+/// The largest whole number up to `v`. Spares the call that `f64::floor` is on processors without a rounding instruction.
+#[inline]
+fn floor(v: f64) -> i64 {
+    let whole = v as i64;
+    if (whole as f64) > v { whole - 1 } else { whole }
 }
 
 /// More cells than this are never made: the cells grow instead.
@@ -76,6 +85,7 @@ impl Grid {
             return Self {
                 origin: Vec2::zeros(),
                 cell,
+                per_cell: 1.0 / cell,
                 columns: 0,
                 rows: 0,
                 starts: vec![0],
@@ -87,9 +97,12 @@ impl Grid {
         while (extent.x / cell + 1.0).floor() * (extent.y / cell + 1.0).floor() > MAX_CELLS {
             cell *= 1.5;
         }
-        let columns = (extent.x / cell) as i64 + 1;
-        let rows = (extent.y / cell) as i64 + 1;
-        let mut grid = Self { origin: whole.min, cell, columns, rows, starts: Vec::new(), items: Vec::new() };
+        // As `column` counts, so that the last bounds end in the last cell.
+        let per_cell = 1.0 / cell;
+        let columns = floor(extent.x * per_cell) + 1;
+        let rows = floor(extent.y * per_cell) + 1;
+        let mut grid =
+            Self { origin: whole.min, cell, per_cell, columns, rows, starts: Vec::new(), items: Vec::new() };
         let mut starts = vec![0_u32; (columns * rows) as usize + 1];
         for b in bounds {
             grid.for_cells(b, |c| starts[c + 1] += 1);
@@ -111,11 +124,11 @@ impl Grid {
     }
 
     fn column(&self, x: f64) -> i64 {
-        ((x - self.origin.x) / self.cell).floor() as i64
+        floor((x - self.origin.x) * self.per_cell)
     }
 
     fn row(&self, y: f64) -> i64 {
-        ((y - self.origin.y) / self.cell).floor() as i64
+        floor((y - self.origin.y) * self.per_cell)
     }
 
     fn for_cells(&self, b: &Bounds, mut visit: impl FnMut(usize)) {

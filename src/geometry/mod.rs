@@ -20,6 +20,7 @@ pub use polyline::{Polyline, PolylineError, Projection};
 pub type Vec2 = nalgebra::Vector2<f64>;
 
 /// Distance from point `p` to the segment `a`-`b`, squared, and the parameter of the nearest point, clamped to [0, 1].
+#[inline]
 pub fn point_segment(p: Vec2, a: Vec2, b: Vec2) -> (f64, f64) {
     let ab = b - a;
     let length2 = ab.norm_squared();

@@ -102,8 +102,11 @@ impl OrientedBox {
         if separation <= 0.0 {
             return separation;
         }
-        let from_other = other.corners().into_iter().map(|c| self.distance_to(c));
-        let from_self = self.corners().into_iter().map(|c| other.distance_to(c));
+        // Relative to this box: far from the origin of the map, corners would lose the digits that decide a touch.
+        let (near, far) =
+            (Self { center: Vec2::zeros(), ..*self }, Self { center: other.center - self.center, ..*other });
+        let from_other = far.corners().into_iter().map(|c| near.distance_to(c));
+        let from_self = near.corners().into_iter().map(|c| far.distance_to(c));
         from_other.chain(from_self).fold(f64::INFINITY, f64::min)
     }
 }

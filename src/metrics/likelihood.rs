@@ -44,6 +44,7 @@ struct Bins {
 }
 
 /// Speed, acceleration, yaw rate, yaw acceleration.
+#[expect(clippy::approx_constant, reason = "the challenge's bound is 3.14, not pi")]
 const FEATURES: [Bins; 4] = [
     Bins { min: 0.0, max: 25.0, bins: 10 },
     Bins { min: -12.0, max: 12.0, bins: 11 },

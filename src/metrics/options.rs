@@ -237,8 +237,10 @@ impl Options {
             "aa_include_av" => flag(value).map(|v| self.aa_include_av = v),
             "aa_include_other" => flag(value).map(|v| self.aa_include_other = v),
             "dir_window_extra" => match value {
-                "0" => Ok(self.dir_window_extra = false),
-                "1" => Ok(self.dir_window_extra = true),
+                "0" | "1" => {
+                    self.dir_window_extra = value == "1";
+                    Ok(())
+                }
                 _ => Err("`0` or `1`".to_owned()),
             },
             "dir_connector" => {

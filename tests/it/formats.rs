@@ -1,5 +1,11 @@
 //! Formats: round trips, agreement of compressions, damage, odd input.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "tests stop at what they did not expect, and say what they skip"
+)]
+
 mod damage;
 mod odd;
 mod proto;

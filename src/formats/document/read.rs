@@ -140,7 +140,7 @@ pub(super) fn document(text: &str) -> Result<Document, DocumentError> {
     if raw.format != FORMAT {
         return Err(DocumentError::Format { found: raw.format });
     }
-    if !((raw.dt - DT).abs() < 1e-9) {
+    if (raw.dt - DT).abs() >= 1e-9 {
         return Err(DocumentError::Rate { found: raw.dt });
     }
     let text_of = |value: Value| match value {

@@ -1,3 +1,5 @@
+#![allow(clippy::unwrap_used, reason = "tests stop at what they did not expect")]
+
 use super::motion;
 use super::raw::{RawMotion, RawPast, RawPath, RawPiece};
 use crate::geometry::Vec2;

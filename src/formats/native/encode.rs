@@ -2,7 +2,7 @@
 
 use crate::formats::table::{Column, Leaf, TableWriter, Value};
 use crate::geometry::Vec2;
-use crate::scene::{Agent, Frame, LaneArea, LaneNeighbor, Scenario};
+use crate::scene::{Agent, Frame, Lane, LaneArea, LaneNeighbor, Scenario};
 
 use Leaf::{Flag, Number, Text, Whole};
 
@@ -163,8 +163,7 @@ fn lanes(t: &mut TableWriter, scenario: &Scenario) {
     let id = |i: &usize| Value::Text(&lanes[*i].id);
     t.column("lane_successors").lists(lanes.iter().map(|l| l.successors.iter().map(id)));
     t.column("lane_predecessors").lists(lanes.iter().map(|l| l.predecessors.iter().map(id)));
-    let sides: [(&[&str; 5], fn(&crate::scene::Lane) -> &[LaneNeighbor]); 2] =
-        [(&LEFT, |l| &l.left), (&RIGHT, |l| &l.right)];
+    let sides: [Side; 2] = [(LEFT, |l| &l.left), (RIGHT, |l| &l.right)];
     for ([other, self_start, self_end, other_start, other_end], side) in sides {
         t.column(other).lists(lanes.iter().map(|l| side(l).iter().map(|n| id(&n.lane))));
         let mut each = |column: &str, value: fn(&LaneNeighbor) -> u32| {
@@ -176,6 +175,9 @@ fn lanes(t: &mut TableWriter, scenario: &Scenario) {
         each(other_end, |n| n.other_end);
     }
 }
+
+/// The columns of one side, and the lanes on it.
+type Side = ([&'static str; 5], fn(&Lane) -> &[LaneNeighbor]);
 
 /// Columns of the lanes on the left: id, then the four indices.
 pub(super) const LEFT: [&str; 5] = [

@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use arrow_array::builder::{BooleanBufferBuilder, StringBuilder};
 use arrow_array::cast::AsArray;
-use arrow_array::types::{Float32Type, Float64Type, Int32Type, Int64Type, UInt32Type};
-use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, ListArray, RecordBatch, UInt32Array};
+use arrow_array::types::{Float32Type, Int32Type, Int64Type, UInt32Type};
+use arrow_array::{
+    Array, ArrayRef, BooleanArray, Float64Array, ListArray, RecordBatch, StringArray, UInt32Array,
+};
 use arrow_buffer::{NullBuffer, OffsetBuffer};
 use arrow_schema::{DataType, Field};
 
@@ -170,7 +172,7 @@ impl Column {
             Leaf::Flag => Arc::new(BooleanArray::new(self.flags.finish(), nulls)),
             Leaf::Text => {
                 let (offsets, data, _) = self.texts.finish().into_parts();
-                Arc::new(arrow_array::StringArray::new(offsets, data, nulls))
+                Arc::new(StringArray::new(offsets, data, nulls))
             }
         };
         for depth in (0..self.ends.len()).rev() {
@@ -186,7 +188,15 @@ impl Column {
 pub(crate) struct View {
     name: &'static str,
     offsets: Vec<OffsetBuffer<i32>>,
-    leaf: ArrayRef,
+    cells: Cells,
+}
+
+/// The innermost cells of a column.
+enum Cells {
+    Number(Float64Array),
+    Whole(UInt32Array),
+    Text(StringArray),
+    Flag(BooleanArray),
 }
 
 impl View {
@@ -214,35 +224,32 @@ impl View {
             offsets.push(list.offsets().clone());
             array = list.values().clone();
         }
-        array = match (leaf, array.data_type()) {
-            (Leaf::Number, DataType::Float64)
-            | (Leaf::Whole, DataType::UInt32)
-            | (Leaf::Text, DataType::Utf8)
-            | (Leaf::Flag, DataType::Boolean) => array,
+        let cells = match (leaf, array.data_type()) {
+            (Leaf::Number, DataType::Float64) => Cells::Number(array.as_primitive().clone()),
+            (Leaf::Whole, DataType::UInt32) => Cells::Whole(array.as_primitive().clone()),
+            (Leaf::Text, DataType::Utf8) => Cells::Text(array.as_string().clone()),
+            (Leaf::Flag, DataType::Boolean) => Cells::Flag(array.as_boolean().clone()),
             // Other programs write narrower numbers and signed counts.
             (Leaf::Number, DataType::Float32) => {
-                let wide = array.as_primitive::<Float32Type>().unary::<_, Float64Type>(f64::from);
-                Arc::new(wide)
+                Cells::Number(array.as_primitive::<Float32Type>().unary(f64::from))
             }
             (Leaf::Number, DataType::Int64) => {
-                Arc::new(array.as_primitive::<Int64Type>().unary::<_, Float64Type>(|v| v as f64))
+                Cells::Number(array.as_primitive::<Int64Type>().unary(|v| v as f64))
             }
             (Leaf::Number, DataType::Int32) => {
-                Arc::new(array.as_primitive::<Int32Type>().unary::<_, Float64Type>(f64::from))
+                Cells::Number(array.as_primitive::<Int32Type>().unary(f64::from))
             }
             (Leaf::Whole, DataType::Int64) => {
                 let whole = array.as_primitive::<Int64Type>();
-                let kept = whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?;
-                Arc::new(kept)
+                Cells::Whole(whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?)
             }
             (Leaf::Whole, DataType::Int32) => {
                 let whole = array.as_primitive::<Int32Type>();
-                let kept = whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?;
-                Arc::new(kept)
+                Cells::Whole(whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?)
             }
             _ => return Err(refuse()),
         };
-        Ok(Some(Self { name, offsets, leaf: array }))
+        Ok(Some(Self { name, offsets, cells }))
     }
 
     /// As [`View::find`], for a column that must be there.
@@ -267,28 +274,33 @@ impl View {
 
     /// The number in a cell; `None` where it is null.
     pub(crate) fn number(&self, cell: usize) -> Option<f64> {
-        let array = self.leaf.as_primitive::<Float64Type>();
+        let Cells::Number(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 
     /// All numbers of the column, and whether none of them is null.
     pub(crate) fn numbers(&self) -> (&[f64], bool) {
-        let array = self.leaf.as_primitive::<Float64Type>();
-        (array.values(), array.null_count() == 0)
+        match &self.cells {
+            Cells::Number(array) => (array.values(), array.null_count() == 0),
+            _ => (&[], false),
+        }
     }
 
+    /// The count in a cell.
     pub(crate) fn whole(&self, cell: usize) -> Option<u32> {
-        let array = self.leaf.as_primitive::<UInt32Type>();
+        let Cells::Whole(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 
+    /// The truth in a cell.
     pub(crate) fn flag(&self, cell: usize) -> Option<bool> {
-        let array = self.leaf.as_boolean();
+        let Cells::Flag(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 
+    /// The text in a cell.
     pub(crate) fn text(&self, cell: usize) -> Option<&str> {
-        let array = self.leaf.as_string::<i32>();
+        let Cells::Text(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 

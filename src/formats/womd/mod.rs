@@ -28,10 +28,7 @@ impl ScenarioFormat for Womd {
 
     fn recognises(&self, path: &Path) -> bool {
         let other = matches!(head(path, 4).as_deref(), Ok(b"PAR1"));
-        !other
-            && (Records::starts(path)
-                || [".tfrecord", ".tfrecord.gz", ".tfrecord.zst"].iter().any(|e| named(path, e))
-                || path.file_name().is_some_and(|n| n.to_string_lossy().contains(".tfrecord-")))
+        !other && (Records::starts(path) || by_name(path))
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
@@ -41,6 +38,16 @@ impl ScenarioFormat for Womd {
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         Ok(Box::new(Reader::open(path)?))
     }
+}
+
+/// Whether a file is called as TFRecords are: `x.tfrecord`, `x.tfrecord.gz`, `x.tfrecord.zst`, `x.tfrecord-00003-of-01000`.
+fn by_name(path: &Path) -> bool {
+    let shard = |name: &str| {
+        let number = name.split_once(".tfrecord-").map(|(_, number)| number);
+        number.is_some_and(|n| n.chars().all(|c| c.is_ascii_digit() || "-of".contains(c)))
+    };
+    [".tfrecord", ".tfrecord.gz", ".tfrecord.zst"].iter().any(|end| named(path, end))
+        || path.file_name().is_some_and(|n| shard(&n.to_string_lossy()))
 }
 
 struct Reader {

@@ -58,10 +58,12 @@ fn odd_input_with_a_stated_meaning() {
     assert_eq!((s.unselected[0].agent.length, s.start.agents.len()), (0.0, 2));
 }
 
+type Change = Box<dyn FnOnce(&mut Proto)>;
+
 #[test]
 fn odd_input_is_refused_by_name() {
     let nan = f64::NAN;
-    let cases: Vec<(Box<dyn FnOnce(&mut Proto)>, &str)> = vec![
+    let cases: Vec<(Change, &str)> = vec![
         (Box::new(move |p| p.tracks[0].2 = nan), "agents[0].track[0].x is NaN, expected a finite coordinate"),
         (
             Box::new(|p| p.tracks[0].2 = f64::INFINITY),
@@ -128,6 +130,21 @@ fn a_bad_record_does_not_end_a_file() {
     let error = all[1].as_ref().unwrap_err();
     assert!(error.to_string().contains("f.tfrecord: record 1: can not be decoded: "), "{error}");
     assert_eq!(all[2].as_ref().unwrap().id, "third");
+}
+
+#[test]
+fn a_damaged_payload_costs_one_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("train.tfrecord-00003-of-01000");
+    let two = Proto { id: "two".into(), ..Proto::default() };
+    let mut data = proto::records(&[Proto::default(), two]);
+    data[500] ^= 4;
+    fs::write(&path, data).unwrap();
+    let all: Vec<_> = reactsim::formats::open(&path).unwrap().collect();
+    assert_eq!(all.len(), 2);
+    let error = all[0].as_ref().unwrap_err().to_string();
+    assert!(error.contains("of-01000: record 0: is damaged: the checksum of the record is"), "{error}");
+    assert_eq!(all[1].as_ref().unwrap().id, "two");
 }
 
 #[test]

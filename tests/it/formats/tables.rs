@@ -6,6 +6,8 @@ use std::sync::Arc;
 use arrow_array::builder::{Float64Builder, ListBuilder};
 use arrow_array::{ArrayRef, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
 use reactsim::formats::{deviations, rollouts};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentState, Deviation};
@@ -125,6 +127,47 @@ fn rollouts_survive_bit_for_bit() {
     );
     let error = super::refusal(&path);
     assert!(error.contains("a Parquet file of another kind"), "{error}");
+}
+
+#[test]
+fn other_schemas_and_versions_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.parquet");
+    let write = |keys: &[(&str, &str)]| {
+        let batch = RecordBatch::try_from_iter([
+            ("scenario_id", Arc::new(StringArray::from(vec!["a"])) as ArrayRef),
+            ("x", Arc::new(StringArray::from(vec!["1"]))),
+        ])
+        .unwrap();
+        let keys = keys.iter().map(|(k, v)| KeyValue::new((*k).to_owned(), (*v).to_owned())).collect();
+        let properties = WriterProperties::builder().set_key_value_metadata(Some(keys)).build();
+        let file = fs::File::create(&path).unwrap();
+        let mut writer = ArrowWriter::try_new(file, batch.schema(), Some(properties)).unwrap();
+        writer.write(&batch).unwrap();
+        writer.close().unwrap();
+    };
+    let scenarios = ("reactsim.format", "reactsim-scenarios");
+    write(&[scenarios, ("reactsim.version", "2")]);
+    let error = super::refusal(&path);
+    assert!(error.contains("`reactsim.version` in the file's metadata is `2`, expected `1`"), "{error}");
+    write(&[scenarios, ("reactsim.version", "1")]);
+    let error = super::refusal(&path);
+    assert!(
+        error.contains("`reactsim.row_groups` in the file's metadata is missing, expected present"),
+        "{error}"
+    );
+    write(&[scenarios, ("reactsim.version", "1"), ("reactsim.row_groups", "4:9:7:00000000")]);
+    let error = super::refusal(&path);
+    assert!(error.contains("checksums and row groups differ"), "{error}");
+    write(&[]);
+    let error = super::refusal(&path);
+    assert!(error.contains("is a Parquet file of another kind, not a scenario file"), "{error}");
+    let error = deviations::read(&path).unwrap_err().to_string();
+    assert!(error.contains("s.parquet: column `x` is Utf8, expected list of float64"), "{error}");
+    let mut all = rollouts::read(&path).unwrap();
+    let error = all.next().unwrap().unwrap_err().to_string();
+    assert!(error.contains("column `simulator` is missing, expected present"), "{error}");
+    assert!(all.next().is_none());
 }
 
 #[test]

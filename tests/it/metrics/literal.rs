@@ -286,3 +286,53 @@ fn the_slow_reading_agrees_on_random_scenes() {
         "{violations} {candidates} {closing} {off}"
     );
 }
+
+/// Corridors through the index: the same lanes and projections as by looking at every segment of every lane.
+#[test]
+fn corridors_are_found_as_without_an_index() {
+    let mut found = 0;
+    for seed in 0..60 {
+        let mut dice = scenes::Dice::new(seed);
+        let mut map = scenes::random(seed).map;
+        map.drivable_area = None;
+        for lane in &mut map.lanes {
+            let mut p = Vec2::new(dice.within(-30.0, 30.0), dice.within(-30.0, 30.0));
+            let mut heading = dice.within(0.0, TAU);
+            let mut points = vec![p];
+            for _ in 0..40 {
+                heading += dice.within(-0.4, 0.4);
+                p += reactsim::geometry::direction(heading) * dice.within(0.2, 1.5);
+                points.push(p);
+            }
+            lane.baseline = reactsim::geometry::Polyline::new(&points).unwrap();
+            lane.area = LaneArea::Corridor { half_width: 1.75 };
+        }
+        let index = reactsim::scene::MapIndex::new(&map);
+        let road = reactsim::scene::Road::new(&map, &index);
+        let mut hits = Vec::new();
+        for _ in 0..300 {
+            let p = Vec2::new(dice.within(-60.0, 60.0), dice.within(-60.0, 60.0));
+            road.lanes_at(p, &mut hits);
+            let within = |lane: &Lane| {
+                let points = lane.baseline.points();
+                let last = points.len() - 2;
+                points.windows(2).enumerate().any(|(i, w)| {
+                    let t = (p - w[0]).dot(&(w[1] - w[0])) / (w[1] - w[0]).norm_squared();
+                    let beyond = (i == 0 && t <= 0.0) || (i == last && t >= 1.0);
+                    !beyond && segment_distance(p, w[0], w[1]) < 1.75
+                })
+            };
+            let expected: Vec<usize> = (0..map.lanes.len()).filter(|&l| within(&map.lanes[l])).collect();
+            assert_eq!(hits.iter().map(|h| h.lane).collect::<Vec<_>>(), expected, "seed {seed} at {p:?}");
+            for hit in &hits {
+                assert_eq!(hit.projection, map.lanes[hit.lane].baseline.project(p), "seed {seed} at {p:?}");
+            }
+            for lane in 0..map.lanes.len() {
+                let hit = hits.iter().find(|h| h.lane == lane).map(|h| h.projection);
+                assert_eq!(road.lane_at(p, lane), hit);
+            }
+            found += hits.len();
+        }
+    }
+    assert!(found > 500, "{found}");
+}
