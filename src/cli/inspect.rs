@@ -238,5 +238,8 @@ fn travel(scenario: &Scenario) -> String {
     let gaps = if steps < FUTURE { format!(", present at {steps} of {FUTURE} steps") } else { String::new() };
     let speed =
         if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
-    format!("`{}`, {:.2} m x {:.2} m, {speed}, drives {metres:.1} m{gaps}", agent.id, agent.length, agent.width)
+    format!(
+        "`{}`, {:.2} m x {:.2} m, {speed}, drives {metres:.1} m{gaps}",
+        agent.id, agent.length, agent.width
+    )
 }
