@@ -379,3 +379,53 @@ fn rollout_documents_are_scored() {
     write(&rows, [crate::generated::scenario(0)]);
     assert!(stderr(&reactsim(&["score", text(&rows)])).contains("give --scenarios"));
 }
+
+#[test]
+fn deviations_from_a_file_are_those_that_scenarios_carry() {
+    let home = tempfile::tempdir().unwrap();
+    let (carried, plain) = (home.path().join("carried.parquet"), home.path().join("plain.parquet"));
+    write(&carried, (0..3).map(scenario));
+    write(&plain, (0..3).map(|i| deviating(i, false)));
+    let record = |i: usize| {
+        let deviation = scenario(i).deviation.unwrap();
+        let each = |of: fn(&reactsim::scene::AgentState) -> f64| -> Vec<f64> {
+            deviation.track.iter().map(of).collect()
+        };
+        serde_json::json!({
+            "scenario_id": format!("road-{i:03}"), "category": deviation.category.map(|c| c.name()),
+            "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+        })
+    };
+    let file = home.path().join("deviations.json");
+    let put = |records: Vec<serde_json::Value>| {
+        let all = serde_json::json!({
+            "format": "reactsim-deviations-v1", "frame": "world", "deviations": records
+        });
+        fs::write(&file, all.to_string()).unwrap();
+    };
+    let simulators = |output: &Output| {
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        summary["simulators"].clone()
+    };
+    let common = ["--models", "log-replay,stop", "--format", "json"];
+    let wanted = reactsim(&[&["run", text(&carried)], &common[..]].concat());
+    assert_eq!(wanted.status.code(), Some(0), "{}", stderr(&wanted));
+    put((0..3).map(record).collect());
+    let named = format!("file:{}", text(&file));
+    for choice in [["--deviations", text(&file)], ["--av", &named]] {
+        let output = reactsim(&[&["run", text(&plain)], &common[..], &choice].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert_eq!(simulators(&output), simulators(&wanted));
+    }
+    // One scenario without a trajectory, one with a trajectory that was made for another version of it.
+    let mut foreign = record(1);
+    foreign["scenario_digest"] = "0".repeat(64).into();
+    put(vec![record(0), foreign]);
+    let output = reactsim(&[&["run", text(&plain), "--deviations", text(&file)], &common[..]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("`road-001`: the deviated AV was made for a scenario with the digest 000")
+    );
+    assert!(stderr(&output).contains("`road-002`: no deviated AV"));
+    assert_eq!(simulators(&output)["stop"]["scenarios"], 1);
+}
