@@ -42,9 +42,9 @@ const PATIENCE: f64 = 2.5;
 /// Share of the worst way, against the mean of all, in what the AV threatens.
 const DOUBT: f64 = 0.5;
 /// What effort costs: a swerve at all, each metre beside the own course, each m/s² of change.
-const SWERVE_PRICE: f64 = 2.0;
+const SWERVE_PRICE: f64 = 4.0;
 const OFFSET_PRICE: f64 = 2.0;
-const CHANGE_PRICE: f64 = 0.3;
+const CHANGE_PRICE: f64 = 0.6;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
 
