@@ -133,9 +133,13 @@ impl Surroundings<'_> {
         let last = (SOON / self.settings.sample).round() as usize;
         for k in 1..=last {
             let t = k as f64 * self.settings.sample;
-            let pose = path.at(s + profile.way(own.speed, t));
-            let ours =
-                OrientedBox::new(pose.position, pose.heading, 2.0 * own.half_length, 2.0 * own.half_width);
+            let point = path.point_at(s + profile.way(own.speed, t));
+            let ours = OrientedBox {
+                center: point.pose.position,
+                axis: point.axis,
+                half_length: own.half_length,
+                half_width: own.half_width,
+            };
             for forecast in &relevant {
                 let other = &self.actors[forecast.actor];
                 let known = forecast.samples.len();
@@ -178,32 +182,47 @@ impl Surroundings<'_> {
         let mut best = (foreseen, a, None);
         for offset in OFFSETS {
             let target = here + offset;
-            let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target));
-            if offset != 0.0 && swerve.is_none() {
+            let aside = OFFSET_PRICE * target.abs() + if offset == 0.0 { 0.0 } else { SWERVE_PRICE };
+            if aside >= best.0 {
                 continue;
             }
+            let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target, self.stretch(own)));
             let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
-            let swerving = if swerve.is_some() { SWERVE_PRICE + self.leaves_road(own, path) } else { 0.0 };
+            let mut leaves = None;
             for profile in std::iter::once(present).chain(PROFILES) {
-                let effort = OFFSET_PRICE * target.abs() + CHANGE_PRICE * (profile.now - a).abs() + swerving;
-                if effort >= best.0 {
-                    continue;
-                }
-                let cost = effort + self.threat(own, path, s, profile);
-                if cost >= best.0 {
-                    continue;
-                }
-                let cost = cost + price(self.first_contact(own, path, s, profile, |f| !self.is_av(f), ROOM));
+                let mut cost = aside + CHANGE_PRICE * (profile.now - a).abs();
                 if cost < best.0 {
-                    best = (cost, profile.now, swerve.as_ref().map(|p| (target, p.clone())));
+                    cost += self.threat(own, path, s, profile);
+                }
+                if cost < best.0 {
+                    cost += price(self.first_contact(own, path, s, profile, |f| !self.is_av(f), ROOM));
+                }
+                if cost < best.0 && swerve.is_some() {
+                    cost += *leaves.get_or_insert_with(|| self.leaves_road(own, path));
+                }
+                if cost < best.0 {
+                    best = (cost, profile.now, (offset != 0.0).then_some(target));
                 }
             }
         }
-        Some(Escape { acceleration: best.1, course: best.2 })
+        let course = best.2.map(|target| (target, self.course(own, driver, class, target, f64::INFINITY)));
+        Some(Escape { acceleration: best.1, course })
     }
 
-    /// The path onto the home line moved aside by `target` metres.
-    pub(super) fn course(&self, own: &Actor, driver: &OnPath, class: &Class, target: f64) -> DrivenPath {
+    /// As far as a vehicle comes while a swerve is judged, metres.
+    fn stretch(&self, own: &Actor) -> f64 {
+        (own.speed + 2.0) * SOON + 10.0
+    }
+
+    /// The path onto the home line moved aside by `target` metres, `longest` metres long at most.
+    pub(super) fn course(
+        &self,
+        own: &Actor,
+        driver: &OnPath,
+        class: &Class,
+        target: f64,
+        longest: f64,
+    ) -> DrivenPath {
         let fast = own.speed.max(3.0);
         let limit = class.max_curvature.min(SWERVE / (fast * fast));
         let pursuit = Pursuit {
@@ -213,7 +232,7 @@ impl Surroundings<'_> {
             max_curvature_rate: class.curvature_rate.min(12.0 / (fast * fast)).max(0.01),
         };
         let line = aside(&driver.home, target);
-        let left = (driver.path.length() - driver.s).max(20.0);
+        let left = (driver.path.length() - driver.s).max(20.0).min(longest);
         let curvature = driver.path.points()[driver.path.index(driver.s)].curvature;
         DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
     }

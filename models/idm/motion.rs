@@ -217,7 +217,7 @@ impl Traffic {
             // Back to the own lane when nothing has been in the way for a while, and nothing will be on the way back.
             driver.aside = Some((offset, quiet + 1));
             if quiet >= QUIET {
-                let back = around.course(&own, driver, class, 0.0);
+                let back = around.course(&own, driver, class, 0.0, f64::INFINITY);
                 if !around.meets_av(&own, &back, 0.0, 0.0) {
                     driver.take(back, class);
                     driver.aside = None;
