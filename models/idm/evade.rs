@@ -45,6 +45,11 @@ const DOUBT: f64 = 0.5;
 const SWERVE_PRICE: f64 = 4.0;
 const OFFSET_PRICE: f64 = 2.0;
 const CHANGE_PRICE: f64 = 0.6;
+/// What it costs to have crossed a line at which one must stop, after so many seconds.
+const RED_PRICE: f64 = 25.0;
+const CROSSED: f64 = 3.0;
+/// Slower vehicles stand, m/s.
+const STANDING: f64 = 0.5;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
 
@@ -147,12 +152,11 @@ impl Surroundings<'_> {
                     continue;
                 }
                 let sample = forecast.samples[k.min(known - 1)];
-                // What the AV will do is less sure the later it is.
-                let doubt = if other.is_av {
-                    (AV_DOUBT_ALONG * t.min(DOUBT_GROWS), AV_DOUBT_ASIDE * t.min(DOUBT_GROWS))
-                } else {
-                    (0.0, 0.0)
-                };
+                // What the AV will do is less sure the later it is. Who stands reckons with that only towards the rear: others
+                // pass by in front of queues all the time.
+                let wary = other.is_av && (own.speed > STANDING || sample.axis.dot(&ours.axis) > 0.5);
+                let lasting = if wary { t.min(DOUBT_GROWS) } else { 0.0 };
+                let doubt = (AV_DOUBT_ALONG * lasting, AV_DOUBT_ASIDE * lasting);
                 let theirs = OrientedBox {
                     center: sample.center,
                     axis: sample.axis,
@@ -172,7 +176,14 @@ impl Surroundings<'_> {
     }
 
     /// Looks for a way out of a contact with the AV that is foreseen at the acceleration `a`.
-    pub(super) fn escape(&self, own: &Actor, driver: &OnPath, class: &Class, a: f64) -> Option<Escape> {
+    pub(super) fn escape(
+        &self,
+        own: &Actor,
+        driver: &OnPath,
+        class: &Class,
+        a: f64,
+        stop: Option<f64>,
+    ) -> Option<Escape> {
         let present = Profile::steady(a);
         let foreseen = self.threat(own, &driver.path, driver.s, present);
         if foreseen == 0.0 {
@@ -191,6 +202,10 @@ impl Surroundings<'_> {
             let mut leaves = None;
             for profile in std::iter::once(present).chain(PROFILES) {
                 let mut cost = aside + CHANGE_PRICE * (profile.now - a).abs();
+                let way = profile.way(own.speed, CROSSED);
+                if stop.is_some_and(|stop| driver.s + own.half_length + way > stop) {
+                    cost += RED_PRICE;
+                }
                 if cost < best.0 {
                     cost += self.threat(own, path, s, profile);
                 }

@@ -233,7 +233,7 @@ impl Traffic {
             decide(i, &own, driver, &intent.corridor, wanted, &self.actors, &self.drivers, parameters);
         intent.hurries = intent.chosen.is_some_and(|a| a > wanted);
         let a = intent.chosen.unwrap_or(wanted).max(-parameters.limits.emergency_deceleration);
-        let Some(escape) = around.escape(&own, driver, class, a) else { return intent };
+        let Some(escape) = around.escape(&own, driver, class, a, intent.stop) else { return intent };
         intent.chosen = Some(escape.acceleration);
         intent.escaping = true;
         let Driver::OnPath(driver) = &mut self.drivers[i] else { return intent };
