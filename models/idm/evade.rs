@@ -4,8 +4,8 @@
 //! forecasts; what stays clear of the AV, of the others and of the road edge at the least effort is done.
 
 use reactsim::dynamics::{DrivenPath, Pursuit};
-use reactsim::geometry::{Bounds, OrientedBox, Polyline, Vec2};
-use reactsim::scene::Road;
+use reactsim::geometry::{Bounds, OrientedBox, Polyline, Vec2, direction};
+use reactsim::scene::{LaneHit, Road};
 
 use super::actor::Actor;
 use super::driver::OnPath;
@@ -45,6 +45,10 @@ const DOUBT: f64 = 0.5;
 const SWERVE_PRICE: f64 = 4.0;
 const OFFSET_PRICE: f64 = 2.0;
 const CHANGE_PRICE: f64 = 0.6;
+/// What it costs to leave the drivable ground with a wheel or with the middle of the car, and to drive in a lane against its direction.
+const WHEEL_PRICE: f64 = 10.0;
+const OFFROAD_PRICE: f64 = 60.0;
+const AGAINST_PRICE: f64 = 12.0;
 /// What it costs to have crossed a line at which one must stop, after so many seconds.
 const RED_PRICE: f64 = 25.0;
 const CROSSED: f64 = 3.0;
@@ -199,7 +203,7 @@ impl Surroundings<'_> {
             }
             let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target, self.stretch(own)));
             let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
-            let mut leaves = None;
+            let mut astray = None;
             for profile in std::iter::once(present).chain(PROFILES) {
                 let mut cost = aside + CHANGE_PRICE * (profile.now - a).abs();
                 let way = profile.way(own.speed, CROSSED);
@@ -213,7 +217,7 @@ impl Surroundings<'_> {
                     cost += price(self.first_contact(own, path, s, profile, |f| !self.is_av(f), ROOM));
                 }
                 if cost < best.0 && swerve.is_some() {
-                    cost += *leaves.get_or_insert_with(|| self.leaves_road(own, path));
+                    cost += *astray.get_or_insert_with(|| self.leads_astray(own, path));
                 }
                 if cost < best.0 {
                     best = (cost, profile.now, (offset != 0.0).then_some(target));
@@ -252,17 +256,28 @@ impl Surroundings<'_> {
         DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
     }
 
-    /// The price of leaving the drivable ground within the next seconds: little for a wheel, much for the middle of the car.
-    fn leaves_road(&self, own: &Actor, path: &DrivenPath) -> f64 {
+    /// The price of where a swerve leads within the next seconds: off the drivable ground (little for a wheel, much for the middle of
+    /// the car) or against the traffic.
+    fn leads_astray(&self, own: &Actor, path: &DrivenPath) -> f64 {
         let mut hint = None;
         let mut price = 0.0_f64;
+        let mut lanes = Vec::new();
         for k in 1..=4 {
-            let pose = path.at(0.75 * f64::from(k) * own.speed.max(3.0));
-            let left = Vec2::new(-pose.heading.sin(), pose.heading.cos()) * own.half_width;
-            for (side, here) in [(left, 10.0), (-left, 10.0), (Vec2::zeros(), 60.0)] {
-                if self.road.drivable(pose.position + side, &mut hint) == Some(false) {
+            let point = path.point_at(0.75 * f64::from(k) * own.speed.max(3.0));
+            let center = point.pose.position;
+            let left = Vec2::new(-point.axis.y, point.axis.x) * own.half_width;
+            for (side, here) in [(left, WHEEL_PRICE), (-left, WHEEL_PRICE), (Vec2::zeros(), OFFROAD_PRICE)] {
+                if self.road.drivable(center + side, &mut hint) == Some(false) {
                     price = price.max(here);
                 }
+            }
+            self.road.lanes_at(center, &mut lanes);
+            let against = |hit: &LaneHit| {
+                let lane = self.road.lane(hit.lane).baseline.heading(hit.projection.segment);
+                direction(lane).dot(&point.axis) < -0.5
+            };
+            if !lanes.is_empty() && lanes.iter().all(against) {
+                price = price.max(AGAINST_PRICE);
             }
         }
         price

@@ -97,7 +97,14 @@ impl DrivenPath {
         for _ in 0..count {
             let near = reference.project_between(here.pose.position, segment, segment + 12);
             segment = near.segment;
-            let goal_s = near.s + pursuit.look_ahead;
+            // Beyond its end the reference goes on straight, and the vehicle with it.
+            let beyond = if near.segment + 1 == reference.segments() && near.t >= 1.0 {
+                let (a, b) = reference.segment(near.segment);
+                (here.pose.position - b).dot(&(b - a)) / (b - a).norm()
+            } else {
+                0.0
+            };
+            let goal_s = near.s + beyond + pursuit.look_ahead;
             aim = reference.segment_from(goal_s, aim);
             let goal = reference.on_segment(goal_s, aim) - here.pose.position;
             let distance = goal.norm();
@@ -226,6 +233,15 @@ mod tests {
             assert!(w[1].curvature.abs() <= 0.19);
             assert!((w[1].curvature - w[0].curvature).abs() <= 0.05 + 1e-12);
         }
+    }
+
+    #[test]
+    fn goes_on_straight_beyond_the_end_of_the_line() {
+        let short = Polyline::new(&[Vec2::new(0.0, 0.0), Vec2::new(10.0, 0.0)]).unwrap();
+        let start = Pose { position: Vec2::new(0.0, 0.5), heading: 0.0 };
+        let path = DrivenPath::pursue(start, 0.0, &short, 80.0, &PURSUIT);
+        let end = path.at(80.0);
+        assert!(end.position.x > 79.0 && end.position.y.abs() < 0.1 && end.heading.abs() < 0.01, "{end:?}");
     }
 
     #[test]
