@@ -155,7 +155,7 @@ fn mean_velocity(start: &Start, agent: usize) -> Vec2 {
     let seen = start.history[agent].iter().enumerate().filter_map(|(f, s)| Some((f, (*s)?)));
     let mut ends = seen.map(|(f, s)| (f, s.position()));
     let Some(first) = ends.next() else { return Vec2::zeros() };
-    match ends.last() {
+    match ends.next_back() {
         Some(last) => (last.1 - first.1) / (DT * (last.0 - first.0) as f64),
         None => start.now(agent).velocity().unwrap_or_default(),
     }

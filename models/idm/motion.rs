@@ -7,7 +7,7 @@ use reactsim::scene::{Agent, AgentKind, AgentState, DT, Start};
 
 use super::actor::Actor;
 use super::corridor::{self, Corridor};
-use super::decide::decide;
+use super::decide::{Situation, decide};
 use super::driver::{Driver, OnPath};
 use super::evade::Surroundings;
 use super::forecast::{Forecast, forecast_all};
@@ -229,8 +229,16 @@ impl Traffic {
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
         let wanted = following(driver, &own, &intent, 0.0);
-        intent.chosen =
-            decide(i, &own, driver, &intent.corridor, wanted, &self.actors, &self.drivers, parameters);
+        let situation = Situation {
+            index: i,
+            own: &own,
+            driver,
+            corridor: &intent.corridor,
+            actors: &self.actors,
+            drivers: &self.drivers,
+            parameters,
+        };
+        intent.chosen = decide(&situation, wanted);
         intent.hurries = intent.chosen.is_some_and(|a| a > wanted);
         let a = intent.chosen.unwrap_or(wanted).max(-parameters.limits.emergency_deceleration);
         let Some(escape) = around.escape(&own, driver, class, a, intent.stop) else { return intent };
