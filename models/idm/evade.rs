@@ -87,8 +87,10 @@ impl Surroundings<'_> {
         room: f64,
     ) -> Option<f64> {
         let reach = self.reach(own);
-        let relevant =
-            self.forecasts.iter().filter(|f| f.actor != self.index && counts(f) && f.bounds.intersects(&reach));
+        let relevant = self
+            .forecasts
+            .iter()
+            .filter(|f| f.actor != self.index && counts(f) && f.bounds.intersects(&reach));
         let relevant: Vec<&Forecast> = relevant
             // Who is touched already cannot be avoided any more.
             .filter(|f| self.actors[f.actor].footprint().separation(&own.footprint()) > 0.0)
@@ -151,7 +153,8 @@ impl Surroundings<'_> {
                 if cost >= best.0 {
                     continue;
                 }
-                let cost = cost + price(self.first_contact(own, path, s, acceleration, |f| !self.is_av(f), ROOM));
+                let cost =
+                    cost + price(self.first_contact(own, path, s, acceleration, |f| !self.is_av(f), ROOM));
                 if cost < best.0 {
                     best = (cost, acceleration, swerve.as_ref().map(|p| (target, p.clone())));
                 }

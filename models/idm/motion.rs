@@ -186,7 +186,8 @@ impl Traffic {
         walks: &mut [bool],
     ) {
         let settings = &parameters.conflict;
-        let forecasts = forecast_all(&self.actors, &self.drivers, self.av_curvature, &self.av_rails, settings);
+        let forecasts =
+            forecast_all(&self.actors, &self.drivers, self.av_curvature, &self.av_rails, settings);
         for i in 0..self.drivers.len() {
             match &mut self.drivers[i] {
                 Driver::OnPath(_) => intents[i] = self.decide_one(i, seen, &forecasts, parameters),

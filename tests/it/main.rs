@@ -8,6 +8,8 @@ mod generated;
 mod layers;
 mod metrics;
 mod mini_scenarios;
+mod protocol;
+mod scenes;
 mod scripted_av;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise.

@@ -104,11 +104,7 @@ fn future(field: &str, now: Mover, pieces: &[RawPiece]) -> Result<Vec<AgentState
         let field = format!("{field}.pieces[{i}]");
         finite(
             &field,
-            &[
-                ("acceleration", piece.acceleration),
-                ("curvature", piece.curvature),
-                ("shift", piece.shift),
-            ],
+            &[("acceleration", piece.acceleration), ("curvature", piece.curvature), ("shift", piece.shift)],
         )?;
         let steps = steps(&format!("{field}.seconds"), piece.seconds)?;
         if states.len() + steps > FUTURE {

@@ -105,7 +105,8 @@ fn frames(field: &str, raw: &RawTrack, expected: usize) -> Result<Vec<Frame>, Ca
             return Err(Cause::value(format!("{field}.{name}"), found, format!("{expected} entries")));
         }
     }
-    let speed = |list: &Option<Vec<Option<f64>>>, f: usize| list.as_ref().and_then(|l| l[f]).unwrap_or(f64::NAN);
+    let speed =
+        |list: &Option<Vec<Option<f64>>>, f: usize| list.as_ref().and_then(|l| l[f]).unwrap_or(f64::NAN);
     let mut track = Vec::with_capacity(expected);
     for f in 0..expected {
         track.push(match (raw.x[f], raw.y[f], raw.heading[f]) {
@@ -220,7 +221,8 @@ fn lanes(raw: &[RawLane]) -> Result<Vec<LaneParts>, Cause> {
     for (i, lane) in raw.iter().enumerate() {
         let field = format!("map.lanes[{i}]");
         let classes = "surface_street, freeway, bike or undefined";
-        let before = || raw.iter().filter(|l| l.successors.contains(&lane.id)).map(|l| l.id.clone()).collect();
+        let before =
+            || raw.iter().filter(|l| l.successors.contains(&lane.id)).map(|l| l.id.clone()).collect();
         lanes.push(LaneParts {
             id: lane.id.clone(),
             kind: named(format!("{field}.kind"), &lane.kind, LaneKind::from_name, "lane or connector")?,

@@ -167,7 +167,11 @@ impl Rows {
         let crosswalks = self.lines(["crosswalk_x", "crosswalk_y"], row, None)?;
         Ok(MapParts {
             lanes: self.lanes(row)?,
-            road_edges: edge_kinds.into_iter().zip(edges).map(|(kind, points)| RoadEdge { kind, points }).collect(),
+            road_edges: edge_kinds
+                .into_iter()
+                .zip(edges)
+                .map(|(kind, points)| RoadEdge { kind, points })
+                .collect(),
             road_lines: paint_cells
                 .zip(painted)
                 .map(|(i, points)| RoadLine { paint: paint(i), points })
@@ -204,8 +208,10 @@ impl Rows {
         let count = ids.len();
         let kinds = self.names("lane_kind", row, count, LaneKind::from_name)?;
         let classes = self.names("lane_class", row, count, LaneClass::from_name)?;
-        let (limits, limit) = (self.view("lane_speed_limit"), self.cells("lane_speed_limit", row, count)?.start);
-        let (widths, width) = (self.view("lane_half_width"), self.cells("lane_half_width", row, count)?.start);
+        let (limits, limit) =
+            (self.view("lane_speed_limit"), self.cells("lane_speed_limit", row, count)?.start);
+        let (widths, width) =
+            (self.view("lane_half_width"), self.cells("lane_half_width", row, count)?.start);
         let mut baselines = self.lines(["lane_x", "lane_y"], row, Some(count))?;
         let mut polygons = self.lines(["lane_polygon_x", "lane_polygon_y"], row, Some(count))?;
         let links = |column| -> Result<Vec<Vec<String>>, Cause> {
@@ -277,7 +283,8 @@ impl Rows {
             return Ok(Vec::new());
         }
         let lanes = &scenario.start.map.lanes;
-        let index: BTreeMap<&str, usize> = lanes.iter().enumerate().map(|(i, l)| (l.id.as_str(), i)).collect();
+        let index: BTreeMap<&str, usize> =
+            lanes.iter().enumerate().map(|(i, l)| (l.id.as_str(), i)).collect();
         let kinds = self.names("stop_line_kind", row, range.len(), StopKind::from_name)?;
         let along = self.view("stop_line_s");
         let first = self.cells("stop_line_s", row, range.len())?.start;
@@ -332,8 +339,7 @@ impl Rows {
     }
 
     fn deviation(&self, row: usize) -> Result<Option<DeviationParts>, Cause> {
-        let fields =
-            ["deviation_x", "deviation_y", "deviation_heading", "deviation_vx", "deviation_vy"];
+        let fields = ["deviation_x", "deviation_y", "deviation_heading", "deviation_vx", "deviation_vy"];
         let views = fields.map(|c| self.view(c));
         if views[0].range(0, row).is_empty() {
             return Ok(None);
@@ -355,7 +361,9 @@ fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<
     }
     let ((all_x, whole_x), (all_y, whole_y)) = (xs.numbers(), ys.numbers());
     match (all_x.get(x.clone()), all_y.get(y.clone())) {
-        (Some(x), Some(y)) if whole_x && whole_y => Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect()),
+        (Some(x), Some(y)) if whole_x && whole_y => {
+            Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect())
+        }
         _ => Err(wrong(xs.name(), "null", "a coordinate")),
     }
 }
@@ -364,7 +372,11 @@ fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<
 fn track(views: [&View; 5], ranges: [Range<usize>; 5]) -> Result<Vec<Frame>, Cause> {
     let frames = ranges[0].len();
     if let Some(k) = (0..5).find(|k| ranges[*k].len() != frames) {
-        return Err(wrong(views[k].name(), format!("{} frames", ranges[k].len()), &format!("{frames} frames")));
+        return Err(wrong(
+            views[k].name(),
+            format!("{} frames", ranges[k].len()),
+            &format!("{frames} frames"),
+        ));
     }
     let mut track = Vec::with_capacity(frames);
     for f in 0..frames {

@@ -127,7 +127,8 @@ fn agents(t: &mut TableWriter, scenario: &Scenario) {
     each("agent_width", |a| Value::Number(a.width));
     let none: &[Frame] = &[];
     let tracks = || {
-        let chosen = slots.clone().map(|i| (start.history[i].as_slice(), scenario.log_future.tracks[i].as_slice()));
+        let chosen =
+            slots.clone().map(|i| (start.history[i].as_slice(), scenario.log_future.tracks[i].as_slice()));
         chosen.chain(scenario.unselected.iter().map(move |a| (a.track.as_slice(), none)))
     };
     let mut each = |column: &str, value: fn(&Frame) -> Option<f64>| {
@@ -212,9 +213,10 @@ fn surroundings(t: &mut TableWriter, scenario: &Scenario) {
     lines(t, "intersection_x", "intersection_y", map.intersections.iter().map(Vec::as_slice));
     t.column("has_drivable_area").push(Value::Flag(map.drivable_area.is_some()));
     let rings = || {
-        map.drivable_area.iter().flatten().map(|p| {
-            std::iter::once(p.exterior.as_slice()).chain(p.holes.iter().map(Vec::as_slice))
-        })
+        map.drivable_area
+            .iter()
+            .flatten()
+            .map(|p| std::iter::once(p.exterior.as_slice()).chain(p.holes.iter().map(Vec::as_slice)))
     };
     t.column("drivable_area_x").nested(rings().map(|p| p.map(|r| r.iter().map(|v| Value::Number(v.x)))));
     t.column("drivable_area_y").nested(rings().map(|p| p.map(|r| r.iter().map(|v| Value::Number(v.y)))));

@@ -68,8 +68,11 @@ impl TableReader {
                 Some(found) if found == expected => {}
                 found => {
                     let found = found.map_or("missing".to_owned(), |f| format!("`{f}`"));
-                    let cause =
-                        Cause::schema(format!("`{key}` in the file's metadata"), found, format!("`{expected}`"));
+                    let cause = Cause::schema(
+                        format!("`{key}` in the file's metadata"),
+                        found,
+                        format!("`{expected}`"),
+                    );
                     return Err(FormatError::file(&self.path, cause));
                 }
             }
@@ -189,7 +192,8 @@ fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<Group>, Cause> 
                 return Err(wrong("a column lies in another file"));
             }
             let begin = column.dictionary_page_offset().unwrap_or(i64::MAX).min(column.data_page_offset());
-            let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size())) else {
+            let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size()))
+            else {
                 return Err(wrong("a column has a negative place"));
             };
             if column.num_values() < 0 || column.data_page_offset() < 0 {

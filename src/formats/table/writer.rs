@@ -51,7 +51,10 @@ impl TableWriter {
             .set_offset_index_disabled(true)
             .set_dictionary_enabled(false)
             .set_created_by(format!("reactsim {}", env!("CARGO_PKG_VERSION")))
-            .set_key_value_metadata(Some(vec![key(KIND, kind.to_owned()), key(VERSION, version.to_string())]));
+            .set_key_value_metadata(Some(vec![
+                key(KIND, kind.to_owned()),
+                key(VERSION, version.to_string()),
+            ]));
         for column in &columns {
             let path = ColumnPath::from(column.path().split('.').map(str::to_owned).collect::<Vec<_>>());
             properties = match column.leaf() {
