@@ -5,6 +5,7 @@ mod cli;
 mod evaluation;
 mod formats;
 mod generated;
+mod idm;
 mod layers;
 mod metrics;
 mod mini_scenarios;
