@@ -1,8 +1,6 @@
 //! Notes the commit that the program is built from, for the provenance of its numbers, and lists the scenarios that ship
 //! with it. Needs no network, and no git either.
 
-#![expect(clippy::print_stdout, reason = "this is how a build script speaks to cargo")]
-
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -47,8 +45,8 @@ fn list_scenarios(here: &Path) -> io::Result<()> {
 
 fn note_commit(here: &Path) {
     // A package that lies unpacked inside some other checkout must not take that one's commit for its own.
-    let top = git(&["rev-parse", "--show-toplevel"]);
-    if !top.is_some_and(|top| Path::new(&top).canonicalize().ok() == here.canonicalize().ok()) {
+    let top = git(&["rev-parse", "--show-toplevel"]).and_then(|top| Path::new(&top).canonicalize().ok());
+    if top.is_none() || top != here.canonicalize().ok() {
         return;
     }
     for file in ["HEAD", "logs/HEAD"] {

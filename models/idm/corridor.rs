@@ -99,7 +99,12 @@ pub(super) fn look(
         let mut covered: Vec<Covered> = Vec::new();
         let mut near = None;
         let mut from_behind = false;
-        for (k, sample) in forecast.samples.iter().enumerate() {
+        for (k, sample) in forecast
+            .samples
+            .iter()
+            .take(1 + (settings.horizon / settings.sample).round() as usize)
+            .enumerate()
+        {
             let at = path.project(sample.center, first, last, near);
             near = Some(at.index);
             let axis = path.points()[at.index].axis;

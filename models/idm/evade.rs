@@ -14,26 +14,58 @@ use super::parameters::{Class, Conflict};
 
 /// Offsets from the present course that are tried, metres.
 const OFFSETS: [f64; 9] = [0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, 3.4, -3.4];
-/// Accelerations that are tried besides the present one, m/s².
-const ACCELERATIONS: [f64; 5] = [3.5, 1.5, 0.0, -2.5, -5.5];
+/// Accelerations that are tried besides the present one.
+const PROFILES: [Profile; 8] = [
+    Profile::steady(3.5),
+    Profile::steady(1.5),
+    Profile::steady(0.0),
+    Profile { now: 1.5, then: -3.0 },
+    Profile { now: 0.0, then: -4.0 },
+    Profile { now: -2.0, then: -4.0 },
+    Profile::steady(-2.5),
+    Profile::steady(-5.5),
+];
+/// Time until a profile changes, s: aside first, where there is room to, then brake.
+const SWITCH: f64 = 1.2;
 /// Room that must stay to the AV and to others, metres.
 const AV_ROOM: f64 = 0.3;
 const ROOM: f64 = 0.15;
 /// By how much the AV's box grows in thought per second, along and aside, m/s.
 const AV_DOUBT_ALONG: f64 = 0.8;
 const AV_DOUBT_ASIDE: f64 = 0.1;
+/// For how long it grows, s.
+const DOUBT_GROWS: f64 = 4.0;
 /// Contacts later than this may resolve themselves, s.
-const SOON: f64 = 3.9;
+const SOON: f64 = 6.0;
 /// Time in which the price of a contact falls by e, s.
 const PATIENCE: f64 = 2.5;
 /// Share of the worst way, against the mean of all, in what the AV threatens.
-const DOUBT: f64 = 0.6;
+const DOUBT: f64 = 0.5;
 /// What effort costs: a swerve at all, each metre beside the own course, each m/s² of change.
-const SWERVE_PRICE: f64 = 1.0;
-const OFFSET_PRICE: f64 = 1.0;
-const CHANGE_PRICE: f64 = 1.5;
+const SWERVE_PRICE: f64 = 4.0;
+const OFFSET_PRICE: f64 = 2.0;
+const CHANGE_PRICE: f64 = 0.6;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
+
+/// An acceleration now and another one after a while, m/s². Only the first part is done before it is thought about again.
+#[derive(Clone, Copy, Debug)]
+struct Profile {
+    now: f64,
+    then: f64,
+}
+
+impl Profile {
+    const fn steady(a: f64) -> Self {
+        Self { now: a, then: a }
+    }
+
+    /// Way after `t` seconds from `speed`.
+    fn way(&self, speed: f64, t: f64) -> f64 {
+        let (first, between) = rolled(speed, self.now, t.min(SWITCH));
+        if t <= SWITCH { first } else { first + rolled(between, self.then, t - SWITCH).0 }
+    }
+}
 
 /// What to do.
 pub(super) struct Escape {
@@ -59,11 +91,11 @@ impl Surroundings<'_> {
 
     /// Whether the AV may be met on a path at a constant acceleration, as far as can be seen.
     pub(super) fn meets_av(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> bool {
-        self.first_contact(own, path, s, a, |f| self.is_av(f), AV_ROOM).is_some()
+        self.first_contact(own, path, s, Profile::steady(a), |f| self.is_av(f), AV_ROOM).is_some()
     }
 
     /// What the AV threatens on a path: the mean price of a contact over the ways that it may go.
-    fn threat(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> f64 {
+    fn threat(&self, own: &Actor, path: &DrivenPath, s: f64, a: Profile) -> f64 {
         let reach = self.reach(own);
         let (mut sum, mut worst, mut ways) = (0.0, 0.0_f64, 0);
         for forecast in self.forecasts.iter().filter(|f| self.is_av(f)) {
@@ -82,7 +114,7 @@ impl Surroundings<'_> {
         own: &Actor,
         path: &DrivenPath,
         s: f64,
-        a: f64,
+        profile: Profile,
         counts: impl Fn(&Forecast) -> bool,
         room: f64,
     ) -> Option<f64> {
@@ -101,15 +133,22 @@ impl Surroundings<'_> {
         let last = (SOON / self.settings.sample).round() as usize;
         for k in 1..=last {
             let t = k as f64 * self.settings.sample;
-            let (way, _) = rolled(own.speed, a, t);
-            let pose = path.at(s + way);
+            let pose = path.at(s + profile.way(own.speed, t));
             let ours =
                 OrientedBox::new(pose.position, pose.heading, 2.0 * own.half_length, 2.0 * own.half_width);
             for forecast in &relevant {
                 let other = &self.actors[forecast.actor];
-                let sample = forecast.samples[k.min(forecast.samples.len() - 1)];
+                let known = forecast.samples.len();
+                if k >= known && known > 1 {
+                    continue;
+                }
+                let sample = forecast.samples[k.min(known - 1)];
                 // What the AV will do is less sure the later it is.
-                let doubt = if other.is_av { (AV_DOUBT_ALONG * t, AV_DOUBT_ASIDE * t) } else { (0.0, 0.0) };
+                let doubt = if other.is_av {
+                    (AV_DOUBT_ALONG * t.min(DOUBT_GROWS), AV_DOUBT_ASIDE * t.min(DOUBT_GROWS))
+                } else {
+                    (0.0, 0.0)
+                };
                 let theirs = OrientedBox {
                     center: sample.center,
                     axis: sample.axis,
@@ -130,7 +169,8 @@ impl Surroundings<'_> {
 
     /// Looks for a way out of a contact with the AV that is foreseen at the acceleration `a`.
     pub(super) fn escape(&self, own: &Actor, driver: &OnPath, class: &Class, a: f64) -> Option<Escape> {
-        let foreseen = self.threat(own, &driver.path, driver.s, a);
+        let present = Profile::steady(a);
+        let foreseen = self.threat(own, &driver.path, driver.s, present);
         if foreseen == 0.0 {
             return None;
         }
@@ -144,19 +184,18 @@ impl Surroundings<'_> {
             }
             let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
             let swerving = if swerve.is_some() { SWERVE_PRICE + self.leaves_road(own, path) } else { 0.0 };
-            for acceleration in std::iter::once(a).chain(ACCELERATIONS) {
-                let effort = OFFSET_PRICE * target.abs() + CHANGE_PRICE * (acceleration - a).abs() + swerving;
+            for profile in std::iter::once(present).chain(PROFILES) {
+                let effort = OFFSET_PRICE * target.abs() + CHANGE_PRICE * (profile.now - a).abs() + swerving;
                 if effort >= best.0 {
                     continue;
                 }
-                let cost = effort + self.threat(own, path, s, acceleration);
+                let cost = effort + self.threat(own, path, s, profile);
                 if cost >= best.0 {
                     continue;
                 }
-                let cost =
-                    cost + price(self.first_contact(own, path, s, acceleration, |f| !self.is_av(f), ROOM));
+                let cost = cost + price(self.first_contact(own, path, s, profile, |f| !self.is_av(f), ROOM));
                 if cost < best.0 {
-                    best = (cost, acceleration, swerve.as_ref().map(|p| (target, p.clone())));
+                    best = (cost, profile.now, swerve.as_ref().map(|p| (target, p.clone())));
                 }
             }
         }

@@ -70,7 +70,8 @@ impl Forecast {
             let bounds = Bounds::around(now.center, radius);
             return Self { actor: index, samples: vec![now], bounds };
         }
-        let count = (settings.horizon / settings.sample).round() as usize;
+        let horizon = if actor.is_av { settings.av_horizon } else { settings.horizon };
+        let count = (horizon / settings.sample).round() as usize;
         let mut samples = Vec::with_capacity(count + 1);
         samples.push(now);
         let mut bounds = Bounds::around(now.center, radius);

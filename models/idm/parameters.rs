@@ -69,6 +69,8 @@ pub(super) struct Limits {
 pub(super) struct Conflict {
     /// How far others are predicted, s, and at which times.
     pub(super) horizon: f64,
+    /// How far the AV is predicted for those who may have to get out of its way, s.
+    pub(super) av_horizon: f64,
     pub(super) sample: f64,
     /// Room along the path to the AV and to others, m.
     pub(super) av_margin: f64,

@@ -174,7 +174,7 @@ fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
         ("scenario", scenario.id.clone()),
         ("source", scenario.source.clone()),
         ("digest", scenario.digest()),
-        ("origin", format!("({}, {}) m in the world", scenario.origin.x, scenario.origin.y)),
+        ("origin", format!("({:.3}, {:.3}) m in the world", scenario.origin.x, scenario.origin.y)),
         (
             "agents",
             format!("{world} around the AV: {}", kinds(&mut start.agents[1..].iter().map(|a| a.kind))),
@@ -238,5 +238,8 @@ fn travel(scenario: &Scenario) -> String {
     let gaps = if steps < FUTURE { format!(", present at {steps} of {FUTURE} steps") } else { String::new() };
     let speed =
         if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
-    format!("`{}`, {} m x {} m, {speed}, drives {metres:.1} m{gaps}", agent.id, agent.length, agent.width)
+    format!(
+        "`{}`, {:.2} m x {:.2} m, {speed}, drives {metres:.1} m{gaps}",
+        agent.id, agent.length, agent.width
+    )
 }

@@ -177,7 +177,7 @@ impl RunFolder {
         })?;
         for ((place, simulator), rows) in &pairs {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
-            if tally.is_whole(rows) && !(with_rollouts && !self.part(*place, index)?.exists()) {
+            if tally.is_whole(rows) && (!with_rollouts || self.part(*place, index)?.exists()) {
                 tally.add(rows);
             }
         }

@@ -39,20 +39,25 @@ pub(super) fn judge(scenario: &Scenario, rollouts: &[Rollout], options: Options)
         all.likelihood.as_ref().and_then(metrics::KinematicLikelihood::kinematic),
     ];
     let together = TOGETHER.iter().zip(over_all).map(|(id, value)| {
-        let value = value.filter(|v| v.is_finite()).map(|v| Value::from(Score::Value(v)));
+        let value = value.and_then(|v| finite(Score::Value(v)));
         ((*id).to_owned(), value)
     });
     let each = rollouts.iter().map(|rollout| {
         let scores = metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), options));
         let own = scores.values.iter().filter(|(spec, _)| !TOGETHER.contains(&spec.id));
         JudgedRollout {
-            metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.map(Value::from))).collect(),
+            metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),
             deviation: scores.deviation.map(|d| deviation(&d)).unwrap_or_default(),
             direction_tracking: scores.dir_tracking.name(),
             events: scores.events,
         }
     });
     Judged { each: each.collect(), together: together.collect() }
+}
+
+/// A score as files hold it. A number that is none judges nothing: files have no form for it.
+fn finite(score: Score) -> Option<Value> {
+    score.value().is_none_or(f64::is_finite).then(|| Value::from(score))
 }
 
 /// The statistics that are defined, by name.

@@ -2,6 +2,21 @@
 //!
 //! Knows simulators, metrics and files of scenarios; never how results are shown. The only room beside `formats` and `cli`
 //! that opens files: a run folder is part of what a run is.
+//!
+//! A run folder holds
+//!
+//! | file | what |
+//! |---|---|
+//! | `provenance.json` | program, settings, inputs with their digests, simulators: what a resumed run must agree with |
+//! | `rows.jsonl` | one row per scenario, simulator and rollout: metrics with what they are made of, outcomes, digest; after the rollouts of a pair one row without a rollout, for the metrics over all of them |
+//! | `events.jsonl` | every counted event: scenario, simulator, rollout, agents, steps, values |
+//! | `failures.jsonl` | scenarios and files without a result, and why |
+//! | `summary.json`, `summary.md` | the result, written last |
+//! | `rollouts.parquet` | the rollouts, where they were asked for; `parts/` while the run lasts |
+//!
+//! Rows and events are appended as they come, events first; a pair whose rows are not whole is dropped and run again when a
+//! run is resumed. At the end both files are put into the order of inputs, simulators and rollouts, so that no byte depends
+//! on threads, batches or interruptions.
 
 mod av;
 pub mod document;

@@ -25,6 +25,7 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "curvature", title: "Steer." },
     Column { metric: "curvature-velocity", title: "Steer. (vel.)" },
     Column { metric: "ade", title: "ADE" },
+    Column { metric: "min-ade", title: "minADE" },
     Column { metric: "progress", title: "Progress" },
     Column { metric: "kinematic-likelihood", title: "Kin. Lik." },
 ];
@@ -56,11 +57,14 @@ impl Column {
 
     /// The columns that at least one simulator has a number for.
     pub(super) fn used(summaries: &[&Summary]) -> Vec<Self> {
-        let realism = summaries.iter().any(|s| s.provenance.run.settings.protocol == "realism");
+        let any =
+            |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
         let has = |c: &&Self| {
-            // The likelihood of the log is a measure of realism (the paper's second table).
-            if c.metric == "kinematic-likelihood" && !realism {
-                return false;
+            match c.metric {
+                // The likelihood of the log is a measure of realism (the paper's second table).
+                "kinematic-likelihood" if !any(|s| s.protocol != "reactive") => return false,
+                "min-ade" if !any(|s| s.rollouts != 1) => return false,
+                _ => {}
             }
             let simulators = summaries.iter().flat_map(|s| s.simulators.values());
             simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())

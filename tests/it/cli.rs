@@ -169,6 +169,21 @@ fn long_run(input: &Path, out: &Path, resume: bool) -> Child {
     child
 }
 
+/// Sends a signal to a run in its course; where the run was faster than the test, tries again.
+#[cfg(unix)]
+fn signalled(input: &Path, out: &Path, signal: &str) -> Output {
+    for _ in 0..20 {
+        let child = long_run(input, out, false);
+        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        let output = child.wait_with_output().unwrap();
+        if !out.join("summary.json").exists() {
+            return output;
+        }
+        fs::remove_dir_all(out).unwrap();
+    }
+    panic!("no run lasted long enough for {signal}");
+}
+
 #[cfg(unix)]
 #[test]
 fn killed_and_interrupted_runs_go_on_to_the_same_bytes() {
@@ -179,20 +194,14 @@ fn killed_and_interrupted_runs_go_on_to_the_same_bytes() {
     let whole = folder("whole");
     assert!(long_run(&input, &whole, false).wait().unwrap().success());
 
-    // kill -9.
     let killed = folder("killed");
-    let mut child = long_run(&input, &killed, false);
-    child.kill().unwrap();
-    child.wait().unwrap();
-    assert!(!killed.join("summary.json").exists(), "the run was killed in its course");
+    signalled(&input, &killed, "-KILL");
     assert!(long_run(&input, &killed, true).wait().unwrap().success());
     assert!(results(&killed) == results(&whole));
 
     // ^C.
     let stopped = folder("stopped");
-    let child = long_run(&input, &stopped, false);
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let output = child.wait_with_output().unwrap();
+    let output = signalled(&input, &stopped, "-INT");
     assert_eq!(output.status.code(), Some(130));
     assert!(stderr(&output).contains("--resume"), "{}", stderr(&output));
     let rows = fs::read_to_string(stopped.join("rows.jsonl")).unwrap();
@@ -334,4 +343,89 @@ fn conversion_changes_no_number() {
     // A result never replaces its own source.
     let refused = reactsim(&["convert", text(&native), "--out", text(&native)]);
     assert_eq!(refused.status.code(), Some(2));
+}
+
+#[test]
+fn rollout_documents_are_scored() {
+    let home = tempfile::tempdir().unwrap();
+    let document = home.path().join("document.json");
+    let steady = |x: f64| (0..91).map(|f| x + 0.5 * f64::from(f)).collect::<Vec<_>>();
+    let agent = |id: &str, x: f64| {
+        serde_json::json!({
+            "id": id, "type": "vehicle", "length": 4.5, "width": 2.0, "x": steady(x), "y": vec![0.0; 91],
+            "heading": vec![0.0; 91], "vx": null, "vy": null, "valid": vec![true; 91]
+        })
+    };
+    // The agent drives half a metre behind the AV's bumper into nothing, and is risky to nobody at the same speed.
+    let scenario = serde_json::json!({
+        "id": "pair", "current_index": 10, "num_future": 80, "av_index": 0, "map": {},
+        "agents": [agent("av", 5.0), agent("follower", 0.0)]
+    });
+    let text_of = |format: &str| {
+        serde_json::json!({ "format": format, "dt": 0.1, "scenarios": [scenario] }).to_string()
+    };
+    fs::write(&document, text_of("reactsim-rollouts-v1")).unwrap();
+    let output = reactsim(&["score", text(&document)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["aggregate"]["a_av_collision_count"], 0.0);
+    assert_eq!(result["aggregate"]["a_a_collision_rate"], 0.0);
+    assert!(result["aggregate"]["offroad_rate"].is_null(), "no drivable area, nothing judged");
+    fs::write(&document, text_of("reactsim-rollouts-v9")).unwrap();
+    let output = reactsim(&["score", text(&document)]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("reactsim-rollouts-v9"), "{}", stderr(&output));
+    let rows = home.path().join("rows.parquet");
+    write(&rows, [crate::generated::scenario(0)]);
+    assert!(stderr(&reactsim(&["score", text(&rows)])).contains("give --scenarios"));
+}
+
+#[test]
+fn deviations_from_a_file_are_those_that_scenarios_carry() {
+    let home = tempfile::tempdir().unwrap();
+    let (carried, plain) = (home.path().join("carried.parquet"), home.path().join("plain.parquet"));
+    write(&carried, (0..3).map(scenario));
+    write(&plain, (0..3).map(|i| deviating(i, false)));
+    let record = |i: usize| {
+        let deviation = scenario(i).deviation.unwrap();
+        let each = |of: fn(&reactsim::scene::AgentState) -> f64| -> Vec<f64> {
+            deviation.track.iter().map(of).collect()
+        };
+        serde_json::json!({
+            "scenario_id": format!("road-{i:03}"), "category": deviation.category.map(|c| c.name()),
+            "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+        })
+    };
+    let file = home.path().join("deviations.json");
+    let put = |records: Vec<serde_json::Value>| {
+        let all = serde_json::json!({
+            "format": "reactsim-deviations-v1", "frame": "world", "deviations": records
+        });
+        fs::write(&file, all.to_string()).unwrap();
+    };
+    let simulators = |output: &Output| {
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        summary["simulators"].clone()
+    };
+    let common = ["--models", "log-replay,stop", "--format", "json"];
+    let wanted = reactsim(&[&["run", text(&carried)], &common[..]].concat());
+    assert_eq!(wanted.status.code(), Some(0), "{}", stderr(&wanted));
+    put((0..3).map(record).collect());
+    let named = format!("file:{}", text(&file));
+    for choice in [["--deviations", text(&file)], ["--av", &named]] {
+        let output = reactsim(&[&["run", text(&plain)], &common[..], &choice].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert_eq!(simulators(&output), simulators(&wanted));
+    }
+    // One scenario without a trajectory, one with a trajectory that was made for another version of it.
+    let mut foreign = record(1);
+    foreign["scenario_digest"] = "0".repeat(64).into();
+    put(vec![record(0), foreign]);
+    let output = reactsim(&[&["run", text(&plain), "--deviations", text(&file)], &common[..]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("`road-001`: the deviated AV was made for a scenario with the digest 000")
+    );
+    assert!(stderr(&output).contains("`road-002`: no deviated AV"));
+    assert_eq!(simulators(&output)["stop"]["scenarios"], 1);
 }
