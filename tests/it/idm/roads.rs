@@ -158,6 +158,7 @@ fn where_the_road_ends_nothing_breaks() {
     for speed in [0.0, 5.0, 12.0, 25.0] {
         let scenario = scene("stub", vec![bystander(), car("own", 0.0, 0.0, 0.0, speed)], map.clone());
         let track = future(&scenario, &idm(&scenario), "own");
-        assert!(track.iter().all(|s| s.y.abs() < 1.0), "leaves its course");
+        let aside = track.iter().map(|s| s.y.abs()).fold(0.0, f64::max);
+        assert!(aside < 1.0, "{speed} m/s: {aside:.1} m off its course, {:?}", track[FUTURE]);
     }
 }

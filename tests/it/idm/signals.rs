@@ -92,7 +92,7 @@ fn green_and_flashing_yellow_are_passed() {
 
 #[test]
 fn stops_at_a_stop_sign_and_goes() {
-    for (ahead, speed) in [(30.0, 10.0), (15.0, 6.0), (8.0, 3.0)] {
+    for (ahead, speed) in [(24.0, 9.0), (15.0, 6.0), (8.0, 3.0)] {
         for (kind, shows) in [(StopKind::Sign, None), (StopKind::Light, Some(LightState::FlashingStop))] {
             let shows = shows.map(|s| move |_: usize| s);
             let id = format!("{kind:?} {ahead} m ahead");
