@@ -4,8 +4,8 @@
 //! forecasts; what stays clear of the AV, of the others and of the road edge at the least effort is done.
 
 use reactsim::dynamics::{DrivenPath, Pursuit};
-use reactsim::geometry::{Bounds, OrientedBox, Polyline, Vec2};
-use reactsim::scene::Road;
+use reactsim::geometry::{Bounds, OrientedBox, Polyline, Vec2, direction};
+use reactsim::scene::{LaneHit, Road};
 
 use super::actor::Actor;
 use super::driver::OnPath;
@@ -45,6 +45,15 @@ const DOUBT: f64 = 0.5;
 const SWERVE_PRICE: f64 = 4.0;
 const OFFSET_PRICE: f64 = 2.0;
 const CHANGE_PRICE: f64 = 0.6;
+/// What it costs to leave the drivable ground with a wheel or with the middle of the car, and to drive in a lane against its direction.
+const WHEEL_PRICE: f64 = 10.0;
+const OFFROAD_PRICE: f64 = 60.0;
+const AGAINST_PRICE: f64 = 12.0;
+/// What it costs to have crossed a line at which one must stop, after so many seconds.
+const RED_PRICE: f64 = 25.0;
+const CROSSED: f64 = 3.0;
+/// Slower vehicles stand, m/s.
+const STANDING: f64 = 0.5;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE: f64 = 4.0;
 
@@ -133,9 +142,13 @@ impl Surroundings<'_> {
         let last = (SOON / self.settings.sample).round() as usize;
         for k in 1..=last {
             let t = k as f64 * self.settings.sample;
-            let pose = path.at(s + profile.way(own.speed, t));
-            let ours =
-                OrientedBox::new(pose.position, pose.heading, 2.0 * own.half_length, 2.0 * own.half_width);
+            let point = path.point_at(s + profile.way(own.speed, t));
+            let ours = OrientedBox {
+                center: point.pose.position,
+                axis: point.axis,
+                half_length: own.half_length,
+                half_width: own.half_width,
+            };
             for forecast in &relevant {
                 let other = &self.actors[forecast.actor];
                 let known = forecast.samples.len();
@@ -143,12 +156,11 @@ impl Surroundings<'_> {
                     continue;
                 }
                 let sample = forecast.samples[k.min(known - 1)];
-                // What the AV will do is less sure the later it is.
-                let doubt = if other.is_av {
-                    (AV_DOUBT_ALONG * t.min(DOUBT_GROWS), AV_DOUBT_ASIDE * t.min(DOUBT_GROWS))
-                } else {
-                    (0.0, 0.0)
-                };
+                // What the AV will do is less sure the later it is. Who stands reckons with that only towards the rear: others
+                // pass by in front of queues all the time.
+                let wary = other.is_av && (own.speed > STANDING || sample.axis.dot(&ours.axis) > 0.5);
+                let lasting = if wary { t.min(DOUBT_GROWS) } else { 0.0 };
+                let doubt = (AV_DOUBT_ALONG * lasting, AV_DOUBT_ASIDE * lasting);
                 let theirs = OrientedBox {
                     center: sample.center,
                     axis: sample.axis,
@@ -168,7 +180,14 @@ impl Surroundings<'_> {
     }
 
     /// Looks for a way out of a contact with the AV that is foreseen at the acceleration `a`.
-    pub(super) fn escape(&self, own: &Actor, driver: &OnPath, class: &Class, a: f64) -> Option<Escape> {
+    pub(super) fn escape(
+        &self,
+        own: &Actor,
+        driver: &OnPath,
+        class: &Class,
+        a: f64,
+        stop: Option<f64>,
+    ) -> Option<Escape> {
         let present = Profile::steady(a);
         let foreseen = self.threat(own, &driver.path, driver.s, present);
         if foreseen == 0.0 {
@@ -178,32 +197,51 @@ impl Surroundings<'_> {
         let mut best = (foreseen, a, None);
         for offset in OFFSETS {
             let target = here + offset;
-            let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target));
-            if offset != 0.0 && swerve.is_none() {
+            let aside = OFFSET_PRICE * target.abs() + if offset == 0.0 { 0.0 } else { SWERVE_PRICE };
+            if aside >= best.0 {
                 continue;
             }
+            let swerve = (offset != 0.0).then(|| self.course(own, driver, class, target, self.stretch(own)));
             let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
-            let swerving = if swerve.is_some() { SWERVE_PRICE + self.leaves_road(own, path) } else { 0.0 };
+            let mut astray = None;
             for profile in std::iter::once(present).chain(PROFILES) {
-                let effort = OFFSET_PRICE * target.abs() + CHANGE_PRICE * (profile.now - a).abs() + swerving;
-                if effort >= best.0 {
-                    continue;
+                let mut cost = aside + CHANGE_PRICE * (profile.now - a).abs();
+                let way = profile.way(own.speed, CROSSED);
+                if stop.is_some_and(|stop| driver.s + own.half_length + way > stop) {
+                    cost += RED_PRICE;
                 }
-                let cost = effort + self.threat(own, path, s, profile);
-                if cost >= best.0 {
-                    continue;
-                }
-                let cost = cost + price(self.first_contact(own, path, s, profile, |f| !self.is_av(f), ROOM));
                 if cost < best.0 {
-                    best = (cost, profile.now, swerve.as_ref().map(|p| (target, p.clone())));
+                    cost += self.threat(own, path, s, profile);
+                }
+                if cost < best.0 {
+                    cost += price(self.first_contact(own, path, s, profile, |f| !self.is_av(f), ROOM));
+                }
+                if cost < best.0 && swerve.is_some() {
+                    cost += *astray.get_or_insert_with(|| self.leads_astray(own, path));
+                }
+                if cost < best.0 {
+                    best = (cost, profile.now, (offset != 0.0).then_some(target));
                 }
             }
         }
-        Some(Escape { acceleration: best.1, course: best.2 })
+        let course = best.2.map(|target| (target, self.course(own, driver, class, target, f64::INFINITY)));
+        Some(Escape { acceleration: best.1, course })
     }
 
-    /// The path onto the home line moved aside by `target` metres.
-    pub(super) fn course(&self, own: &Actor, driver: &OnPath, class: &Class, target: f64) -> DrivenPath {
+    /// As far as a vehicle comes while a swerve is judged, metres.
+    fn stretch(&self, own: &Actor) -> f64 {
+        (own.speed + 2.0) * SOON + 10.0
+    }
+
+    /// The path onto the home line moved aside by `target` metres, `longest` metres long at most.
+    pub(super) fn course(
+        &self,
+        own: &Actor,
+        driver: &OnPath,
+        class: &Class,
+        target: f64,
+        longest: f64,
+    ) -> DrivenPath {
         let fast = own.speed.max(3.0);
         let limit = class.max_curvature.min(SWERVE / (fast * fast));
         let pursuit = Pursuit {
@@ -213,22 +251,33 @@ impl Surroundings<'_> {
             max_curvature_rate: class.curvature_rate.min(12.0 / (fast * fast)).max(0.01),
         };
         let line = aside(&driver.home, target);
-        let left = (driver.path.length() - driver.s).max(20.0);
+        let left = (driver.path.length() - driver.s).max(20.0).min(longest);
         let curvature = driver.path.points()[driver.path.index(driver.s)].curvature;
         DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
     }
 
-    /// The price of leaving the drivable ground within the next seconds: little for a wheel, much for the middle of the car.
-    fn leaves_road(&self, own: &Actor, path: &DrivenPath) -> f64 {
+    /// The price of where a swerve leads within the next seconds: off the drivable ground (little for a wheel, much for the middle of
+    /// the car) or against the traffic.
+    fn leads_astray(&self, own: &Actor, path: &DrivenPath) -> f64 {
         let mut hint = None;
         let mut price = 0.0_f64;
+        let mut lanes = Vec::new();
         for k in 1..=4 {
-            let pose = path.at(0.75 * f64::from(k) * own.speed.max(3.0));
-            let left = Vec2::new(-pose.heading.sin(), pose.heading.cos()) * own.half_width;
-            for (side, here) in [(left, 10.0), (-left, 10.0), (Vec2::zeros(), 60.0)] {
-                if self.road.drivable(pose.position + side, &mut hint) == Some(false) {
+            let point = path.point_at(0.75 * f64::from(k) * own.speed.max(3.0));
+            let center = point.pose.position;
+            let left = Vec2::new(-point.axis.y, point.axis.x) * own.half_width;
+            for (side, here) in [(left, WHEEL_PRICE), (-left, WHEEL_PRICE), (Vec2::zeros(), OFFROAD_PRICE)] {
+                if self.road.drivable(center + side, &mut hint) == Some(false) {
                     price = price.max(here);
                 }
+            }
+            self.road.lanes_at(center, &mut lanes);
+            let against = |hit: &LaneHit| {
+                let lane = self.road.lane(hit.lane).baseline.heading(hit.projection.segment);
+                direction(lane).dot(&point.axis) < -0.5
+            };
+            if !lanes.is_empty() && lanes.iter().all(against) {
+                price = price.max(AGAINST_PRICE);
             }
         }
         price

@@ -1,6 +1,6 @@
 //! Where everybody will be in the next four seconds, as far as anybody can tell.
 
-use reactsim::dynamics::{DrivenPath, Pose};
+use reactsim::dynamics::DrivenPath;
 use reactsim::geometry::{Bounds, Vec2, direction};
 
 use super::actor::Actor;
@@ -36,7 +36,10 @@ const STANDING: f64 = 0.1;
 impl Forecast {
     /// Along a path from arc length `s`.
     pub(super) fn along(index: usize, actor: &Actor, path: &DrivenPath, s: f64, settings: &Conflict) -> Self {
-        Self::of(index, actor, settings, |way| path.at(s + way))
+        Self::of(index, actor, settings, |way| {
+            let point = path.point_at(s + way);
+            (point.pose.position, point.axis)
+        })
     }
 
     /// At constant curvature, which fades over 10 m.
@@ -46,7 +49,7 @@ impl Forecast {
             let middle = 0.5 * (gone + way);
             pose = pose.advance(way - gone, curvature * (-middle / 10.0).exp());
             gone = way;
-            pose
+            (pose.position, direction(pose.heading))
         })
     }
 
@@ -55,13 +58,11 @@ impl Forecast {
         let speed = velocity.norm();
         let unit = if speed > 0.0 { velocity / speed } else { Vec2::zeros() };
         let moving = Actor { speed, ..*actor };
-        Self::of(index, &moving, settings, |way| Pose {
-            position: actor.pose.position + unit * way,
-            ..actor.pose
-        })
+        let axis = direction(actor.pose.heading);
+        Self::of(index, &moving, settings, |way| (actor.pose.position + unit * way, axis))
     }
 
-    fn of(index: usize, actor: &Actor, settings: &Conflict, mut at: impl FnMut(f64) -> Pose) -> Self {
+    fn of(index: usize, actor: &Actor, settings: &Conflict, mut at: impl FnMut(f64) -> (Vec2, Vec2)) -> Self {
         let now =
             Sample { center: actor.pose.position, axis: direction(actor.pose.heading), speed: actor.speed };
         let radius = actor.half_length.hypot(actor.half_width);
@@ -78,9 +79,9 @@ impl Forecast {
         for k in 1..=count {
             let t = k as f64 * settings.sample;
             let (way, speed) = travel(actor.speed, actor.acceleration.clamp(-6.0, 1.5), t);
-            let pose = at(way);
-            samples.push(Sample { center: pose.position, axis: direction(pose.heading), speed });
-            bounds = bounds.union(&Bounds::around(pose.position, radius + 0.5 * settings.sample * speed));
+            let (center, axis) = at(way);
+            samples.push(Sample { center, axis, speed });
+            bounds = bounds.union(&Bounds::around(center, radius + 0.5 * settings.sample * speed));
         }
         Self { actor: index, samples, bounds }
     }

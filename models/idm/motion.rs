@@ -217,7 +217,7 @@ impl Traffic {
             // Back to the own lane when nothing has been in the way for a while, and nothing will be on the way back.
             driver.aside = Some((offset, quiet + 1));
             if quiet >= QUIET {
-                let back = around.course(&own, driver, class, 0.0);
+                let back = around.course(&own, driver, class, 0.0, f64::INFINITY);
                 if !around.meets_av(&own, &back, 0.0, 0.0) {
                     driver.take(back, class);
                     driver.aside = None;
@@ -233,7 +233,7 @@ impl Traffic {
             decide(i, &own, driver, &intent.corridor, wanted, &self.actors, &self.drivers, parameters);
         intent.hurries = intent.chosen.is_some_and(|a| a > wanted);
         let a = intent.chosen.unwrap_or(wanted).max(-parameters.limits.emergency_deceleration);
-        let Some(escape) = around.escape(&own, driver, class, a) else { return intent };
+        let Some(escape) = around.escape(&own, driver, class, a, intent.stop) else { return intent };
         intent.chosen = Some(escape.acceleration);
         intent.escaping = true;
         let Driver::OnPath(driver) = &mut self.drivers[i] else { return intent };

@@ -1,7 +1,7 @@
 //! Paths that a vehicle can drive: chains of short arcs of bounded, slowly changing curvature.
 
 use super::Pose;
-use crate::geometry::{Bounds, Polyline, Vec2, direction, signed_angle_between};
+use crate::geometry::{Bounds, Polyline, Vec2, direction, wrap};
 
 /// A path of arcs of equal length. Between two points the curvature is that of the first.
 #[derive(Clone, Debug)]
@@ -19,6 +19,39 @@ pub struct PathPoint {
     pub axis: Vec2,
     /// Curvature of the arc that begins here, 1/m.
     pub curvature: f64,
+}
+
+impl PathPoint {
+    fn new(pose: Pose, curvature: f64) -> Self {
+        Self { pose, axis: direction(pose.heading), curvature }
+    }
+
+    /// The point after `distance` metres of the arc that begins here, with the same curvature: [`Pose::advance`], with the axis
+    /// turned along instead of made anew.
+    fn next(&self, distance: f64) -> Self {
+        let half = 0.5 * self.curvature * distance;
+        // The series are exact to the last digit for the small turns of one step.
+        let h2 = half * half;
+        let (sin, cos) = if half.abs() < 0.15 {
+            let sinc = 1.0 - h2 / 6.0 * (1.0 - h2 / 20.0 * (1.0 - h2 / 42.0 * (1.0 - h2 / 72.0)));
+            let cos = 1.0
+                - h2 / 2.0 * (1.0 - h2 / 12.0 * (1.0 - h2 / 30.0 * (1.0 - h2 / 56.0 * (1.0 - h2 / 90.0))));
+            (half * sinc, cos)
+        } else {
+            half.sin_cos()
+        };
+        let turn = |v: Vec2| Vec2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos);
+        let middle = turn(self.axis);
+        let chord = if half.abs() < 1e-9 { distance } else { distance * sin / half };
+        Self {
+            pose: Pose {
+                position: self.pose.position + middle * chord,
+                heading: wrap(self.pose.heading + 2.0 * half),
+            },
+            axis: turn(middle),
+            curvature: self.curvature,
+        }
+    }
 }
 
 /// Where something lies relative to a path.
@@ -56,22 +89,34 @@ impl DrivenPath {
     pub fn pursue(start: Pose, curvature: f64, reference: &Polyline, length: f64, pursuit: &Pursuit) -> Self {
         let count = (length / Self::STEP).ceil().max(1.0) as usize + 1;
         let limit = pursuit.max_curvature;
+        let change = pursuit.max_curvature_rate * Self::STEP;
         let mut points = Vec::with_capacity(count);
-        let mut pose = start;
-        let mut curvature = curvature.clamp(-limit, limit);
-        let mut segment = reference.project(pose.position).segment;
+        let mut here = PathPoint::new(start, curvature.clamp(-limit, limit));
+        let mut segment = reference.project(here.pose.position).segment;
+        let mut aim = segment;
         for _ in 0..count {
-            let near = reference.project_between(pose.position, segment, segment + 12);
+            let near = reference.project_between(here.pose.position, segment, segment + 12);
             segment = near.segment;
-            let goal = reference.at(near.s + pursuit.look_ahead) - pose.position;
-            let angle = signed_angle_between(direction(pose.heading), goal);
-            let wanted = (2.0 * angle.sin() / goal.norm().max(1.0)).clamp(-limit, limit);
-            // A goal behind the vehicle asks for the tightest turn towards it.
-            let wanted = if angle.abs() > 1.6 { limit.copysign(angle) } else { wanted };
-            let change = pursuit.max_curvature_rate * Self::STEP;
-            curvature += (wanted - curvature).clamp(-change, change);
-            points.push(PathPoint { pose, axis: direction(pose.heading), curvature });
-            pose = pose.advance(Self::STEP, curvature);
+            // Beyond its end the reference goes on straight, and the vehicle with it.
+            let beyond = if near.segment + 1 == reference.segments() && near.t >= 1.0 {
+                let (a, b) = reference.segment(near.segment);
+                (here.pose.position - b).dot(&(b - a)) / (b - a).norm()
+            } else {
+                0.0
+            };
+            let goal_s = near.s + beyond + pursuit.look_ahead;
+            aim = reference.segment_from(goal_s, aim);
+            let goal = reference.on_segment(goal_s, aim) - here.pose.position;
+            let distance = goal.norm();
+            let wanted = if here.axis.dot(&goal) < 0.0 {
+                // A goal behind the vehicle asks for the tightest turn towards it.
+                limit.copysign(here.axis.perp(&goal))
+            } else {
+                (2.0 * here.axis.perp(&goal) / (distance * distance.max(1.0)).max(1e-9)).clamp(-limit, limit)
+            };
+            here.curvature += (wanted - here.curvature).clamp(-change, change);
+            points.push(here);
+            here = here.next(Self::STEP);
         }
         Self::of(points)
     }
@@ -80,11 +125,11 @@ impl DrivenPath {
     pub fn fade(start: Pose, curvature: f64, fade: f64, length: f64) -> Self {
         let count = (length / Self::STEP).ceil().max(1.0) as usize + 1;
         let mut points = Vec::with_capacity(count);
-        let mut pose = start;
+        let mut here = PathPoint::new(start, curvature);
         for k in 0..count {
-            let curvature = curvature * (-(k as f64) * Self::STEP / fade).exp();
-            points.push(PathPoint { pose, axis: direction(pose.heading), curvature });
-            pose = pose.advance(Self::STEP, curvature);
+            here.curvature = curvature * (-(k as f64) * Self::STEP / fade).exp();
+            points.push(here);
+            here = here.next(Self::STEP);
         }
         Self::of(points)
     }
@@ -115,11 +160,16 @@ impl DrivenPath {
 
     /// The pose at arc length `s`; before the start and beyond the end the path is straight.
     pub fn at(&self, s: f64) -> Pose {
+        self.point_at(s).pose
+    }
+
+    /// As [`Self::at`], with the unit vector along the heading.
+    pub fn point_at(&self, s: f64) -> PathPoint {
         let i = self.index(s);
-        let point = &self.points[i];
         let along = s - i as f64 * Self::STEP;
         let straight = along < 0.0 || i + 1 == self.points.len();
-        point.pose.advance(along, if straight { 0.0 } else { point.curvature })
+        let point = self.points[i];
+        PathPoint { curvature: if straight { 0.0 } else { point.curvature }, ..point }.next(along)
     }
 
     /// Bounds of the centre line between two arc lengths (in steps of some metres, so a little too large).
@@ -183,6 +233,15 @@ mod tests {
             assert!(w[1].curvature.abs() <= 0.19);
             assert!((w[1].curvature - w[0].curvature).abs() <= 0.05 + 1e-12);
         }
+    }
+
+    #[test]
+    fn goes_on_straight_beyond_the_end_of_the_line() {
+        let short = Polyline::new(&[Vec2::new(0.0, 0.0), Vec2::new(10.0, 0.0)]).unwrap();
+        let start = Pose { position: Vec2::new(0.0, 0.5), heading: 0.0 };
+        let path = DrivenPath::pursue(start, 0.0, &short, 80.0, &PURSUIT);
+        let end = path.at(80.0);
+        assert!(end.position.x > 79.0 && end.position.y.abs() < 0.1 && end.heading.abs() < 0.01, "{end:?}");
     }
 
     #[test]

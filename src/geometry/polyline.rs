@@ -98,11 +98,28 @@ impl Polyline {
         self.arc.partition_point(|&a| a <= s).clamp(1, self.segments()) - 1
     }
 
-    /// The point at arc length `s`; beyond the ends the end segments go on straight.
-    pub fn at(&self, s: f64) -> Vec2 {
-        let i = self.segment_at(s);
+    /// As [`Self::segment_at`], by walking from segment `near`: quicker for an `s` close to it.
+    pub fn segment_from(&self, s: f64, near: usize) -> usize {
+        let last = self.segments() - 1;
+        let mut i = near.min(last);
+        while i < last && self.arc[i + 1] <= s {
+            i += 1;
+        }
+        while i > 0 && s < self.arc[i] {
+            i -= 1;
+        }
+        i
+    }
+
+    /// The point at arc length `s`, which lies on segment `i` or beyond an end of the polyline.
+    pub fn on_segment(&self, s: f64, i: usize) -> Vec2 {
         let (a, b) = self.segment(i);
         a + (b - a) * ((s - self.arc[i]) / (self.arc[i + 1] - self.arc[i]))
+    }
+
+    /// The point at arc length `s`; beyond the ends the end segments go on straight.
+    pub fn at(&self, s: f64) -> Vec2 {
+        self.on_segment(s, self.segment_at(s))
     }
 
     /// Direction at arc length `s`, radians: that of the segment.
