@@ -73,7 +73,9 @@ fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> 
     };
     let low = (first..=last).find(touches)?;
     let high = (low..=last).rev().find(touches)?;
-    Some((low as f64 * DrivenPath::STEP + own.half_length, high as f64 * DrivenPath::STEP - own.half_length))
+    // Half a step before the first point that touches, and half a step after the last, the box is known to be clear.
+    let (low, high) = (low as f64 - 0.5, high as f64 + 0.5);
+    Some((low * DrivenPath::STEP + own.half_length, high * DrivenPath::STEP - own.half_length))
 }
 
 /// Looks along the corridor of the vehicle `own` (index `index`).

@@ -14,6 +14,8 @@ const CHOICES: [f64; 9] = [1.0, 0.0, -0.8, -1.6, -2.5, -3.5, -4.5, -5.5, 2.5];
 const IMMINENT: f64 = 1.3;
 /// Who comes earlier by more than this goes first; otherwise the order of the agents decides, s.
 const CLEARLY: f64 = 0.5;
+/// How far two drivers may be apart in what they make of the same two times of arrival, s.
+const UNSURE: f64 = 0.4;
 /// Curvature of a path that turns, 1/m, and how far ahead it counts, in points of the path.
 const TURNING: f64 = 0.05;
 const TURN_AHEAD: usize = 25;
@@ -67,8 +69,12 @@ pub(super) fn decide(at: &Situation<'_>, following: f64) -> Option<f64> {
     if stay == 0.0 {
         return None;
     }
+    // Who has to yield brakes: to speed up and slip through is for the AV, which may not yield, and for what can no longer be
+    // braked for. Two drivers who both speed up meet in the middle.
+    let soon = |c: &Crossing| c.covered.first().is_some_and(|f| f.t < IMMINENT);
+    let hurry = weights.iter().any(|(_, c)| at.actors[c.actor].is_av || soon(c));
     let mut best = (stay, following);
-    for a in CHOICES {
+    for a in CHOICES.into_iter().filter(|&a| a <= following || hurry) {
         let c = cost(a);
         if c < best.0 {
             best = (c, a);
@@ -120,8 +126,9 @@ impl Situation<'_> {
             Driver::OnPath(driver) => first.t + self.handicap(driver),
             _ => first.t,
         };
-        let we_yield =
-            if (ours - theirs).abs() > CLEARLY { theirs < ours } else { crossing.actor < self.index };
+        // Both sides judge from samples. Where they may not agree who comes first both yield, never neither.
+        let earlier = crossing.actor < self.index;
+        let we_yield = if earlier { ours > theirs - CLEARLY - UNSURE } else { ours > theirs + CLEARLY };
         we_yield.then_some(0.9)
     }
 

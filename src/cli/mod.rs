@@ -25,13 +25,13 @@ use crate::metrics::Options;
 #[command(name = "reactsim", version, max_term_width = 98, after_help = AFTER)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 const AFTER: &str = "\
 Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
 
-With no arguments `reactsim run` runs every baseline on the shipped scenarios.";
+With no arguments at all it runs every baseline on the shipped scenarios.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -75,7 +75,12 @@ impl From<ExitStatus> for ExitCode {
 
 /// Runs the program: parses the arguments, carries the verb out, prints what went wrong.
 pub fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    // Called bare, it does its main job.
+    let command = Cli::parse().command.unwrap_or_else(|| {
+        let bare = Cli::parse_from(["reactsim", "run"]).command;
+        bare.expect("`run` needs no arguments")
+    });
+    let result = match command {
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::score(&args),
         Command::Convert(args) => convert::convert(&args),

@@ -25,6 +25,11 @@ pub(crate) fn scenario(i: usize) -> Scenario {
 
 /// The same, with or without a deviated AV.
 pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
+    Scenario::assemble(parts(i, deviated)).unwrap()
+}
+
+/// The same in parts, before it is put together.
+pub(crate) fn parts(i: usize, deviated: bool) -> ScenarioParts {
     let speed = 6.0 + (i % 7) as f64;
     let gap = 9.0 + (i % 5) as f64;
     let road = |y: f64, right: bool| {
@@ -51,7 +56,7 @@ pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
         })
         .collect();
     assert_eq!(HISTORY + braking.len(), FRAMES);
-    let parts = ScenarioParts {
+    ScenarioParts {
         id: format!("road-{i:03}"),
         source: "generated".to_owned(),
         agents: vec![
@@ -67,8 +72,7 @@ pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
         },
         deviation: deviated.then(|| DeviationParts { category: Some(Deviation::ALL[i % 3]), track: braking }),
         ..ScenarioParts::default()
-    };
-    Scenario::assemble(parts).unwrap()
+    }
 }
 
 /// A source that makes its scenarios anew each time it is opened.

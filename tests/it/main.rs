@@ -5,9 +5,12 @@ mod cli;
 mod evaluation;
 mod formats;
 mod generated;
+mod idm;
 mod layers;
 mod metrics;
 mod mini_scenarios;
+mod protocol;
+mod scenes;
 mod scripted_av;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise.

@@ -1,0 +1,35 @@
+//! The protocol as properties that every baseline must have, those that are yet to come included: the list is the test's input.
+
+mod conformance;
+mod failures;
+mod sight;
+
+use reactsim::models::{Baseline, MODELS};
+use reactsim::rollout::{Controller, Replan, Rollout, Settings, roll_out};
+use reactsim::scene::{AgentState, Scenario};
+
+use crate::generated;
+use crate::scenes::{mini, real, request};
+
+/// Replan intervals: every step, the default, one that divides nothing, and a plan for the whole horizon.
+const INTERVALS: [usize; 4] = [1, 5, 7, 80];
+
+/// Made by rule, made by hand, and recorded where recordings are at hand.
+fn scenarios(recorded: usize) -> Vec<Scenario> {
+    let mut all: Vec<Scenario> = (0..2).map(generated::scenario).collect();
+    all.extend(mini());
+    all.extend(real(recorded));
+    all
+}
+
+fn settings(replan: usize, av_lookahead: bool) -> Settings {
+    Settings { replan: Replan::every(replan).unwrap(), av_lookahead, ..Settings::default() }
+}
+
+fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
+    MODELS.iter().map(|m| (m, (m.make)().unwrap()))
+}
+
+fn roll(scenario: &Scenario, av: Vec<AgentState>, controller: &Controller, settings: &Settings) -> Rollout {
+    roll_out(vec![request(scenario, av, 0)], controller, settings).remove(0).unwrap()
+}

@@ -1,0 +1,201 @@
+//! What every rollout of every baseline is like, whatever the scenario.
+
+use std::path::Path;
+
+use reactsim::models::{Card, MODELS};
+use reactsim::rollout::{AvError, AvPolicy, Observation, Protocol, Request, Rollout, Settings, roll_out};
+use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, FRAMES, HISTORY, LoggedAgent, MapParts, Scenario};
+
+use super::{INTERVALS, every_baseline, scenarios, settings};
+use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
+
+/// An AV policy that must not be asked.
+struct Unasked;
+
+impl AvPolicy for Unasked {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        panic!("the AV policy was asked at step {}", seen.step())
+    }
+}
+
+fn realism(scenario: &Scenario) -> Request<'_> {
+    Request { scenario, av: Box::new(Unasked), rollout: 0 }
+}
+
+/// What holds of a rollout of any simulator.
+fn check(scenario: &Scenario, rollout: &Rollout, fair: bool, what: &str) {
+    let what = format!("{what}: {}", scenario.id);
+    assert_eq!(rollout.tracks.len(), scenario.start.agents.len(), "{what}");
+    for (i, track) in rollout.tracks.iter().enumerate() {
+        assert_eq!(track.len(), FRAMES, "{what}: agent {i}");
+        let history = bits(&[track[..HISTORY].to_vec(), scenario.start.history[i].clone()]);
+        assert_eq!(history[0], history[1], "{what}: the history of agent {i} changed");
+        for f in CURRENT..FRAMES - 1 {
+            if let (Some(a), Some(b)) = (track[f], track[f + 1]) {
+                let v = [(b.x - a.x) / DT, (b.y - a.y) / DT];
+                let exact = [b.vx, b.vy].map(f64::to_bits) == v.map(f64::to_bits);
+                assert!(exact, "{what}: agent {i}: velocity and positions disagree after frame {f}");
+                assert!(b.is_finite(), "{what}: agent {i}");
+            }
+            assert!(!fair || track[f + 1].is_some(), "{what}: agent {i} vanishes at frame {}", f + 1);
+        }
+    }
+}
+
+#[test]
+fn rollouts_are_whole_and_agree_with_themselves() {
+    for (model, controller) in every_baseline() {
+        for scenario in &scenarios(3) {
+            for replan in INTERVALS {
+                let settings = settings(replan, true);
+                let av = coasting(scenario);
+                let done = roll_out(vec![request(scenario, av.clone(), 0)], &controller, &settings).remove(0);
+                let done = done.unwrap();
+                check(scenario, &done, !model.oracle, model.id);
+                for (track, given) in done.tracks[0][HISTORY..].iter().zip(&av) {
+                    let s = track.unwrap();
+                    assert_eq!(
+                        (s.x, s.y, s.heading),
+                        (given.x, given.y, given.heading),
+                        "the AV is not as given"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn batches_orders_and_repetitions_change_no_bit() {
+    let all = scenarios(3);
+    for (model, controller) in every_baseline() {
+        let settings = Settings::default();
+        let run = |order: &[usize]| {
+            let batch = order.iter().map(|&i| request(&all[i], coasting(&all[i]), 3)).collect();
+            let done = roll_out(batch, &controller, &settings).into_iter();
+            let mut done: Vec<_> = order.iter().copied().zip(done.map(|r| r.unwrap())).collect();
+            done.sort_by_key(|d| d.0);
+            done
+        };
+        let forwards: Vec<usize> = (0..all.len()).collect();
+        let backwards: Vec<usize> = forwards.iter().rev().copied().collect();
+        let whole = run(&forwards);
+        let (again, reversed) = (run(&forwards), run(&backwards));
+        for (k, (i, rollout)) in whole.iter().enumerate() {
+            let alone = run(&[*i]).remove(0).1;
+            for (other, how) in [(&again[k].1, "again"), (&reversed[k].1, "reversed"), (&alone, "alone")] {
+                let same = bits(&rollout.tracks) == bits(&other.tracks) && rollout.outcomes == other.outcomes;
+                assert!(same, "{}: {}: {how} gives another rollout", model.id, all[*i].id);
+            }
+        }
+    }
+}
+
+#[test]
+fn in_the_realism_protocol_the_simulator_moves_the_av() {
+    for (model, controller) in every_baseline() {
+        for scenario in &scenarios(2) {
+            let settings = Settings { protocol: Protocol::Realism, ..Settings::default() };
+            let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0).unwrap();
+            check(scenario, &done, !model.oracle, model.id);
+            let (now, then) = (scenario.start.now(0), done.tracks[0][FRAMES - 1].unwrap());
+            match model.id {
+                "log-replay" => {
+                    let logged = scenario.log_future.tracks[0][79].unwrap();
+                    assert_eq!((then.x, then.y), (logged.x, logged.y), "{}", scenario.id);
+                }
+                "stop" => assert!(then.speed() < 1e-9 || now.speed() > 8.0 * 3.4, "{}", scenario.id),
+                _ if now.speed() > 3.0 => {
+                    assert!((then.position() - now.position()).norm() > 0.5, "{}: {}", model.id, scenario.id);
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// A car that is there in some frames only.
+fn at_times(id: &str, x: f64, there: impl Fn(usize) -> bool) -> LoggedAgent {
+    let mut logged = car(id, x, 0.0, 0.0, 8.0);
+    for (f, state) in logged.track.iter_mut().enumerate() {
+        *state = state.filter(|_| there(f));
+    }
+    logged
+}
+
+/// Scenes with something missing.
+fn bare() -> Vec<Scenario> {
+    let av = || car("av", 0.0, 0.0, 0.0, 9.0);
+    let one = || vec![av(), car("one", -20.0, 0.0, 0.0, 10.0)];
+    let kinds = || {
+        let mut agents = vec![car("av", 0.0, 0.0, 0.0, 0.0)];
+        agents.push(car("behind", -30.0, 0.0, 0.0, 10.0));
+        agents.push(agent("walker", AgentKind::Pedestrian, state(10.0, -4.0, 1.5, 1.3)));
+        agents.push(agent("rider", AgentKind::Cyclist, state(-12.0, -1.0, 0.0, 4.0)));
+        agents.push(agent("cone", AgentKind::Other, state(25.0, 0.0, 0.0, 0.0)));
+        agents
+    };
+    let mut blind = kinds();
+    for state in blind.iter_mut().flat_map(|a| a.track.iter_mut().flatten()) {
+        (state.vx, state.vy) = (f64::NAN, f64::NAN);
+    }
+    vec![
+        scene("no agents", vec![av()], straight()),
+        scene("no agents, no map", vec![av()], MapParts::default()),
+        scene("one agent", one(), straight()),
+        scene("one agent, no map", one(), MapParts::default()),
+        scene("vanishing", vec![av(), at_times("gone", -20.0, |f| f <= CURRENT)], straight()),
+        scene("a moment", vec![av(), at_times("moment", -20.0, |f| f == CURRENT)], straight()),
+        scene("flicker", vec![av(), at_times("flicker", -20.0, |f| f % 3 == 1)], straight()),
+        scene("coming", vec![av(), at_times("new", -20.0, |f| f >= CURRENT)], MapParts::default()),
+        scene("all kinds, standing AV", kinds(), straight()),
+        scene("all kinds, no map", kinds(), MapParts::default()),
+        scene("velocities unknown", blind, straight()),
+    ]
+}
+
+#[test]
+fn bare_scenes_are_lawful() {
+    for (model, controller) in every_baseline() {
+        for scenario in &bare() {
+            for (replan, lookahead) in INTERVALS.into_iter().flat_map(|r| [(r, true), (r, false)]) {
+                let settings = settings(replan, lookahead);
+                let mut av = coasting(scenario);
+                av.iter_mut().filter(|s| !s.is_finite()).for_each(|s| *s = scenario.start.now(0));
+                for state in roll_out(vec![request(scenario, av, 0)], &controller, &settings) {
+                    let what = format!("{} every {replan}", model.id);
+                    check(scenario, &state.unwrap_or_else(|e| panic!("{what}: {e}")), !model.oracle, &what);
+                }
+                let settings = Settings { protocol: Protocol::Realism, ..settings };
+                let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0);
+                let what = format!("{} every {replan}, realism", model.id);
+                check(scenario, &done.unwrap_or_else(|e| panic!("{what}: {e}")), !model.oracle, &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn cards_are_read_and_ids_are_those_of_the_folders() {
+    let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
+    let mut folders: Vec<String> = std::fs::read_dir(&home)
+        .unwrap()
+        .map(|entry| entry.unwrap())
+        .filter(|entry| entry.path().join("card.toml").exists())
+        .map(|entry| entry.file_name().to_string_lossy().replace('_', "-"))
+        .collect();
+    folders.sort();
+    let mut ids: Vec<String> = MODELS.iter().map(|m| m.id.to_owned()).collect();
+    ids.sort();
+    assert_eq!(ids, folders, "ids are unique, and each is the name of its folder");
+    for model in MODELS {
+        let text = std::fs::read_to_string(home.join(model.id.replace('-', "_")).join("card.toml")).unwrap();
+        assert_eq!(text, model.card, "{}", model.id);
+        let card = Card::read(model.id, model.card).unwrap();
+        for text in [&card.title, &card.summary, &card.controls] {
+            assert!(!text.trim().is_empty(), "{}: {card:?}", model.id);
+        }
+        assert!(!card.sources.is_empty(), "{}: no sources", model.id);
+        assert_eq!((model.make)().unwrap().is_oracle(), model.oracle, "{}", model.id);
+    }
+}

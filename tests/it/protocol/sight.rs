@@ -1,0 +1,148 @@
+//! Who sees what: nothing that happens later changes what happened before.
+
+use reactsim::rollout::Settings;
+use reactsim::scene::{
+    AgentState, CURRENT, FUTURE, Frame, HISTORY, LightState, Scenario, StopKind, StopLineParts,
+};
+
+use super::{INTERVALS, every_baseline, roll, scenarios, settings};
+use crate::generated;
+use crate::scenes::{self, bits, bystander, car, coasting, light, real, scene, straight};
+
+/// The AV of `base` up to step `t`; then it stands where it is, turned aside.
+fn halting(base: &[AgentState], now: AgentState, t: usize) -> Vec<AgentState> {
+    let last = if t == 0 { now } else { base[t - 1] };
+    let halted = AgentState { heading: last.heading + 0.4, vx: 0.0, vy: 0.0, ..last };
+    base[..t].iter().copied().chain(std::iter::repeat_n(halted, FUTURE - t)).collect()
+}
+
+/// The frames of the world agents up to a step.
+fn agents_until(tracks: &[Vec<Frame>], step: usize) -> Vec<Vec<Option<[u64; 5]>>> {
+    bits(&tracks[1..]).into_iter().map(|t| t[..=CURRENT + step].to_vec()).collect()
+}
+
+#[test]
+fn nothing_depends_on_what_the_av_does_later() {
+    let all = scenarios(2);
+    let mut reactions = 0;
+    for (model, controller) in every_baseline() {
+        for (n, scenario) in all.iter().enumerate() {
+            let (now, base) = (scenario.start.now(0), coasting(scenario));
+            for (replan, lookahead) in INTERVALS.into_iter().flat_map(|r| [(r, true), (r, false)]) {
+                let settings = settings(replan, lookahead);
+                let straight = roll(scenario, base.clone(), &controller, &settings);
+                for t in [[0, 6, 35], [1, 20, 79], [4, 5, 50]][n % 3] {
+                    let other = roll(scenario, halting(&base, now, t), &controller, &settings);
+                    // Agents at t + 1 may see the AV at t + 1, or with lookahead 0 up to t only.
+                    let same = if lookahead { t } else { t + 1 };
+                    let (a, b) = (agents_until(&straight.tracks, same), agents_until(&other.tracks, same));
+                    assert!(
+                        a == b,
+                        "{}: {}: the AV after step {t} changes agents up to step {same} (replan {replan})",
+                        model.id,
+                        scenario.id
+                    );
+                    reactions += usize::from(
+                        agents_until(&straight.tracks, FUTURE) != agents_until(&other.tracks, FUTURE),
+                    );
+                }
+            }
+        }
+    }
+    assert!(reactions > 20, "hardly anything reacted at all ({reactions}): the test would show nothing");
+}
+
+#[test]
+fn the_lookahead_is_one_step_and_no_more() {
+    // A simulator that reacts to the AV: with lookahead its first step may differ, without it may not.
+    let scenario =
+        scene("near", vec![car("av", 14.0, 0.0, 0.0, 10.0), car("a", 0.0, 0.0, 0.0, 10.0)], straight());
+    let base = coasting(&scenario);
+    let (_, controller) = every_baseline().find(|m| m.0.id == "idm").unwrap();
+    let first = |av: &[AgentState], lookahead: bool| {
+        let rollout = roll(&scenario, av.to_vec(), &controller, &settings(1, lookahead));
+        bits(&rollout.tracks[1..])[0][HISTORY]
+    };
+    let other = halting(&base, scenario.start.now(0), 0);
+    assert_ne!(first(&base, true), first(&other, true));
+    assert_eq!(first(&base, false), first(&other, false));
+}
+
+/// Ways to write another future.
+fn rewrite(tracks: &mut [Vec<Frame>], how: usize) {
+    for track in tracks {
+        match how {
+            0 => track.fill(None),
+            1 => track.iter_mut().flatten().for_each(|s| {
+                (s.x, s.y, s.heading) = (s.x + 3.0, s.y - 2.0, s.heading + 1.0);
+            }),
+            _ => track.reverse(),
+        }
+    }
+}
+
+#[test]
+fn fair_simulators_do_not_see_the_log() {
+    let assembled = |how: Option<usize>| {
+        (0..2).map(move |i| {
+            let mut parts = generated::parts(i, true);
+            if let Some(how) = how {
+                for agent in &mut parts.agents {
+                    let mut future = [agent.track.split_off(HISTORY)];
+                    rewrite(&mut future, how);
+                    agent.track.append(&mut future[0]);
+                }
+            }
+            Scenario::assemble(parts).unwrap()
+        })
+    };
+    let read = || scenes::mini().into_iter().chain(real(2));
+    let before: Vec<Scenario> = assembled(None).chain(read()).collect();
+    for how in 0..3 {
+        let mut after: Vec<Scenario> = assembled(Some(how)).collect();
+        let mut loaded: Vec<Scenario> = read().collect();
+        for scenario in &mut loaded {
+            rewrite(&mut scenario.log_future.tracks, how);
+            for unselected in &mut scenario.unselected {
+                unselected.track.truncate(HISTORY);
+                unselected.track.resize(HISTORY + FUTURE, None);
+            }
+        }
+        after.append(&mut loaded);
+        for (model, controller) in every_baseline() {
+            for (a, b) in before.iter().zip(&after) {
+                let settings = Settings::default();
+                let (av, id) = (coasting(a), &a.id);
+                let a = roll(a, av.clone(), &controller, &settings);
+                let b = roll(b, av, &controller, &settings);
+                let same = bits(&a.tracks) == bits(&b.tracks);
+                assert_eq!(same, !model.oracle, "{}: {id}: the log's future was rewritten ({how})", model.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_depends_on_what_lights_show_later() {
+    let at_the_line = |green_from: usize| {
+        let mut map = straight();
+        let at = reactsim::geometry::Vec2::new(40.0, 0.0);
+        map.stop_lines.push(StopLineParts { kind: StopKind::Light, lane: "main".into(), at });
+        let mut parts = scenes::parts("light", vec![bystander(), car("a", 0.0, 0.0, 0.0, 10.0)], map);
+        let shows = move |f| if f < green_from { LightState::Stop } else { LightState::Go };
+        parts.lights.push(light("main", (40.0, 0.0), shows));
+        Scenario::assemble(parts).unwrap()
+    };
+    for (model, controller) in every_baseline() {
+        for t in [0, 5, 13, 30] {
+            for replan in INTERVALS {
+                let settings = settings(replan, true);
+                let [a, b] = [200, CURRENT + t + 1]
+                    .map(at_the_line)
+                    .map(|s| roll(&s, coasting(&s), &controller, &settings).tracks);
+                // A light that is seen at step t + 1 changes states after it.
+                assert!(agents_until(&a, t + 1) == agents_until(&b, t + 1), "{}: light after {t}", model.id);
+            }
+        }
+    }
+}
