@@ -299,6 +299,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
             av: AV.parse::<AvChoice>()?,
             rollouts: 1,
             options: Options::default(),
+            limit: None,
         },
         keep_rollouts: false,
     };

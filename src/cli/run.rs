@@ -16,7 +16,7 @@ use crate::evaluation::{
     self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator,
     RunFolder, RunSettings, Source, Summary, TABLE, Tally,
 };
-use crate::formats;
+use crate::formats::{self, FormatError, PendingScenarios};
 use crate::report::{Run, exporter};
 use crate::rollout::{Protocol, Replan, Settings};
 
@@ -51,6 +51,9 @@ pub(super) struct RunArgs {
     /// Rollouts per scenario and simulator
     #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     rollouts: u32,
+    /// Only the first N scenarios of every file [default: all]
+    #[arg(long, value_name = "N")]
+    limit: Option<NonZeroUsize>,
     /// A variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
@@ -169,7 +172,7 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
         (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(read_deviations(path)?),
         (None, _) => None,
     };
-    let sources = sources(&args.scenarios)?;
+    let sources = sources(&args.scenarios, args.limit)?;
     let av = match (&args.av, protocol) {
         (Some(av), _) => av.clone(),
         (None, Protocol::Realism) => AvChoice::Log,
@@ -193,20 +196,24 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
         av,
         rollouts: args.rollouts,
         options,
+        limit: args.limit.map(NonZeroUsize::get),
     };
     Ok(Plan { sources, simulators, deviations, settings, keep_rollouts: args.keep_rollouts })
 }
 
 /// The files of scenarios, each found and recognised; the shipped scenarios where none is named.
-fn sources(paths: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
+fn sources(paths: &[PathBuf], limit: Option<NonZeroUsize>) -> anyhow::Result<Vec<Source>> {
     if paths.is_empty() {
         return Ok(shipped::sources());
     }
+    let most = limit.map_or(usize::MAX, NonZeroUsize::get);
     let mut sources = Vec::new();
     for path in paths {
         for input in formats::find_inputs(path)? {
             let file = FileRecord::of(&input.path, input.format.id())?;
-            let open = Box::new(move || input.format.open_undecoded(&input.path));
+            let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
+                Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
+            });
             sources.push(Source { file, open });
         }
     }

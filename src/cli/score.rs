@@ -126,6 +126,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
             av_lookahead: false,
             seed: 0,
             rollouts: 0,
+            limit: None,
         },
         metric_options: options.named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         simulators: recorded.simulators(),

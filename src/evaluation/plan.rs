@@ -25,6 +25,8 @@ pub struct RunSettings {
     pub rollouts: u32,
     /// Variants of the metrics.
     pub options: Options,
+    /// How many scenarios the sources were opened to give at most, each; for the record.
+    pub limit: Option<usize>,
 }
 
 /// A simulator that is ready to run.
@@ -126,6 +128,7 @@ impl Plan {
                 av_lookahead,
                 seed,
                 rollouts: self.settings.rollouts,
+                limit: self.settings.limit,
             },
             metric_options: {
                 let named = self.settings.options.named();

@@ -48,6 +48,9 @@ pub struct SettingsRecord {
     pub seed: u64,
     /// Rollouts per scenario and simulator.
     pub rollouts: u32,
+    /// How many scenarios of every file were asked for; left out where all were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<usize>,
 }
 
 /// A simulator of a run.

@@ -37,12 +37,19 @@ fn results(folder: &Path) -> Vec<Vec<u8>> {
 }
 
 #[test]
+fn called_bare_it_runs_the_benchmark() {
+    let bare = reactsim(&[]);
+    assert_eq!(stdout(&bare), stdout(&reactsim(&["run"])));
+    assert!(stdout(&bare).contains("| Log Replay †"));
+}
+
+#[test]
 fn help_fits_a_terminal() {
     let help = stdout(&reactsim(&["--help"]));
     insta::assert_snapshot!(help, @r"
     Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
 
-    Usage: reactsim <COMMAND>
+    Usage: reactsim [COMMAND]
 
     Commands:
       run      Run simulators on scenarios and print the table of their metrics
@@ -59,7 +66,7 @@ fn help_fits_a_terminal() {
 
     Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
 
-    With no arguments `reactsim run` runs every baseline on the shipped scenarios.
+    With no arguments at all it runs every baseline on the shipped scenarios.
     ");
     for verb in ["run", "score", "convert", "report", "inspect", "list"] {
         let help = stdout(&reactsim(&[verb, "--help"]));

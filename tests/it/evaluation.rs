@@ -28,6 +28,7 @@ fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
             av: AvChoice::Deviated,
             rollouts,
             options: Options::default(),
+            limit: None,
         },
         keep_rollouts: false,
     }

@@ -214,7 +214,8 @@ impl<'c> Tracker<'c> {
             if self.begins_with(&next, LaneKind::Lane) {
                 let incoming = &self.road.map.lanes[self.members[next.start]].predecessors;
                 let start = self.members.len();
-                for k in list.clone() {
+                // The members that the forward pass stored, even where the list has just become the next one.
+                for k in self.lists[q].clone() {
                     let lane = self.members[k];
                     if incoming.contains(&lane) {
                         self.members.push(lane);
