@@ -44,6 +44,14 @@ fn called_bare_it_runs_the_benchmark() {
 }
 
 #[test]
+fn the_readme_shows_what_the_program_prints() {
+    let printed = stdout(&reactsim(&[]));
+    let table = printed.split("\n\n").next().unwrap();
+    let readme = include_str!("../../README.md");
+    assert!(readme.contains(table), "put this table into README.md:\n{table}");
+}
+
+#[test]
 fn help_fits_a_terminal() {
     let help = stdout(&reactsim(&["--help"]));
     insta::assert_snapshot!(help, @r"
