@@ -158,7 +158,8 @@ fn pedestrians_walk_on_and_are_not_driven() {
 fn pedestrians_wait_for_a_vehicle_they_would_walk_into() {
     for start in [5.2, 5.8, 6.4] {
         // Both would be at x = 40 at the same time.
-        let walker = agent("walker", AgentKind::Pedestrian, state(40.0, -start, 1.5708, 1.4));
+        let walker =
+            agent("walker", AgentKind::Pedestrian, state(40.0, -start, std::f64::consts::FRAC_PI_2, 1.4));
         let scenario = scene(
             &format!("walker {start} m aside"),
             vec![car("av", 0.0, 0.0, 0.0, 10.0), walker],
