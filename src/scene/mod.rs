@@ -1,6 +1,7 @@
 //! The vocabulary: agents, tracks, maps, lights and scenarios. Pure data; knows geometry and nothing else.
 
 mod agent;
+mod assemble;
 mod digest;
 mod error;
 mod lights;

@@ -1,0 +1,437 @@
+//! From what a file holds to a scenario: checks, choice of agents, coordinates, links.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::OnceLock;
+
+use super::parts::{LaneParts, NeighborParts, ScenarioParts};
+use super::{
+    AgentKind, AgentState, CURRENT, Crosswalk, DT, DeviatedTrack, FRAMES, FUTURE, Frame, HISTORY, Lane,
+    LaneArea, LaneNeighbor, LogFuture, LoggedAgent, MAX_AGENTS, RoadEdge, RoadLine, RoadMap, Scenario,
+    SceneError, Start, StopLine, Surface, TrafficLight,
+};
+use crate::geometry::{Polygon, Polyline, Vec2};
+
+/// Coordinates farther than this from the AV are taken for damage.
+const FARTHEST: f64 = 100_000.0;
+
+impl Scenario {
+    /// Checks parts and makes a scenario of them: shifts coordinates to the AV, chooses and orders agents, resolves links.
+    ///
+    /// Stated meanings of odd input: a box of size zero stands for an absent agent (it is never chosen); links, lights and
+    /// stop lines of missing lanes are dropped and counted; headings need not be wrapped; NaN velocities are unknown.
+    ///
+    /// # Errors
+    /// [`SceneError`] names the field and the value: wrong number of frames or rate, no AV, coordinates that are not finite
+    /// or farther than 100 km from the AV, negative sizes, repeated ids.
+    pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
+        let mut builder = Builder { id: parts.id.clone(), shift: Vec2::zeros(), repairs: BTreeMap::new() };
+        builder.check_time(&parts.timestamps)?;
+        builder.check_agents(&parts)?;
+        let av_now = match parts.agents[parts.av].track[CURRENT] {
+            Some(state) => state,
+            None => {
+                let field = format!("agents[{}].track[{CURRENT}]", parts.av);
+                return Err(builder.error(field, "absent", "the AV present at the current frame"));
+            }
+        };
+        let origin = parts.origin.unwrap_or_else(|| av_now.position());
+        builder.finite("origin", origin)?;
+        builder.shift = if parts.origin.is_some() { Vec2::zeros() } else { origin };
+
+        let mut agents = parts.agents;
+        for (i, agent) in agents.iter_mut().enumerate() {
+            builder.shift_track(&mut agent.track, &format!("agents[{i}].track"))?;
+        }
+        let lanes = builder.lanes(parts.map.lanes)?;
+        let names: BTreeMap<&str, usize> =
+            lanes.iter().enumerate().map(|(i, l)| (l.id.as_str(), i)).collect();
+
+        let (mut lights, mut light_history, mut light_future) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, light) in parts.lights.into_iter().enumerate() {
+            if light.states.len() != FRAMES {
+                let field = format!("lights[{i}].states");
+                return Err(builder.error(field, format!("{} frames", light.states.len()), "91 frames"));
+            }
+            let Some(&lane) = names.get(light.lane.as_str()) else {
+                builder.repaired("lights on missing lanes");
+                continue;
+            };
+            let stop_point = builder.point(&format!("lights[{i}].stop_point"), light.stop_point)?;
+            lights.push(TrafficLight { lane, stop_point });
+            light_history.push(light.states[..HISTORY].to_vec());
+            light_future.push(light.states[HISTORY..].to_vec());
+        }
+
+        let mut stop_lines = Vec::new();
+        for (i, line) in parts.map.stop_lines.into_iter().enumerate() {
+            let Some(&lane) = names.get(line.lane.as_str()) else {
+                builder.repaired("stop lines on missing lanes");
+                continue;
+            };
+            let at = builder.point(&format!("map.stop_lines[{i}].at"), line.at)?;
+            let baseline = &lanes[lane].baseline;
+            let s = baseline.project(at).s;
+            let half = match lanes[lane].area {
+                LaneArea::Corridor { half_width } => half_width,
+                LaneArea::Polygon(_) => 1.75,
+            };
+            let (on, heading) = (baseline.at(s), baseline.heading_at(s));
+            let left = Vec2::new(-heading.sin(), heading.cos()) * half;
+            stop_lines.push(StopLine { kind: line.kind, lane, s, ends: [on + left, on - left] });
+        }
+
+        let map = RoadMap {
+            road_edges: builder.each(parts.map.road_edges, "road_edges", |b, e, f| {
+                Ok(RoadEdge { kind: e.kind, points: b.points(f, &e.points)? })
+            })?,
+            road_lines: builder.each(parts.map.road_lines, "road_lines", |b, l, f| {
+                Ok(RoadLine { paint: l.paint, points: b.points(f, &l.points)? })
+            })?,
+            crosswalks: builder.each(parts.map.crosswalks, "crosswalks", |b, c, f| {
+                Ok(Crosswalk { outline: b.points(f, &c.outline)? })
+            })?,
+            speed_bumps: builder.each(parts.map.speed_bumps, "speed_bumps", |b, c, f| {
+                Ok(Surface { outline: b.points(f, &c.outline)? })
+            })?,
+            driveways: builder.each(parts.map.driveways, "driveways", |b, c, f| {
+                Ok(Surface { outline: b.points(f, &c.outline)? })
+            })?,
+            intersections: builder
+                .each(parts.map.intersections, "intersections", |b, ring, f| b.points(f, &ring))?,
+            drivable_area: match parts.map.drivable_area {
+                None => None,
+                Some(area) => Some(builder.each(area, "drivable_area", |b, polygon, f| {
+                    let holes = polygon.holes.iter().map(|h| b.points(f, h)).collect::<Result<_, _>>()?;
+                    Ok(Polygon { exterior: b.points(f, &polygon.exterior)?, holes })
+                })?),
+            },
+            stop_lines,
+            lanes,
+        };
+
+        let deviation = match parts.deviation {
+            None => None,
+            Some(mut deviation) => {
+                builder.shift_track(&mut deviation.track, "deviation.track")?;
+                let track: Vec<AgentState> = deviation.track.iter().flatten().copied().collect();
+                if track.len() != FUTURE || deviation.track.len() != FUTURE {
+                    let value = format!("{} states in {} frames", track.len(), deviation.track.len());
+                    return Err(builder.error("deviation.track".into(), value, "80 states without gaps"));
+                }
+                Some(DeviatedTrack { category: deviation.category, track })
+            }
+        };
+
+        let (chosen, unselected) = choose(agents, parts.av, &mut builder);
+        let obstacles = unselected
+            .iter()
+            .filter(|a| a.agent.kind == AgentKind::Other && a.agent.length > 0.0 && a.agent.width > 0.0)
+            .filter_map(|a| Some(a.track[CURRENT]?.footprint(&a.agent)))
+            .collect();
+        let mut start = Start {
+            agents: Vec::with_capacity(chosen.len()),
+            history: Vec::with_capacity(chosen.len()),
+            obstacles,
+            map,
+            lights,
+            light_history,
+            index: OnceLock::new(),
+        };
+        let mut tracks = Vec::with_capacity(chosen.len());
+        for mut logged in chosen {
+            tracks.push(logged.track.split_off(HISTORY));
+            start.agents.push(logged.agent);
+            start.history.push(logged.track);
+        }
+        Ok(Self {
+            id: parts.id,
+            source: parts.source,
+            origin,
+            timestamps: parts.timestamps,
+            tracks_to_predict: parts.tracks_to_predict,
+            objects_of_interest: parts.objects_of_interest,
+            start,
+            log_future: LogFuture { tracks, lights: light_future },
+            unselected,
+            deviation,
+            repairs: builder.repairs,
+        })
+    }
+}
+
+/// The AV, then the dynamic agents present now by distance to it (stable in file order), at most [`MAX_AGENTS`]; and the rest.
+fn choose(
+    agents: Vec<LoggedAgent>,
+    av: usize,
+    builder: &mut Builder,
+) -> (Vec<LoggedAgent>, Vec<LoggedAgent>) {
+    let av_now = agents[av].track[CURRENT].map(|s| s.position()).unwrap_or_default();
+    let mut candidates: Vec<(f64, usize)> = Vec::new();
+    for (i, a) in agents.iter().enumerate() {
+        let Some(now) = a.track[CURRENT] else { continue };
+        if i == av || a.agent.kind == AgentKind::Other {
+            continue;
+        }
+        if a.agent.length > 0.0 && a.agent.width > 0.0 {
+            candidates.push(((now.position() - av_now).norm(), i));
+        } else {
+            builder.repaired("agents with a box of size zero");
+        }
+    }
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    candidates.truncate(MAX_AGENTS - 1);
+    let mut slots: Vec<Option<LoggedAgent>> = agents.into_iter().map(Some).collect();
+    let order = std::iter::once(av).chain(candidates.into_iter().map(|c| c.1));
+    let chosen = order.filter_map(|i| slots[i].take()).collect();
+    (chosen, slots.into_iter().flatten().collect())
+}
+
+/// Checks and shifts; every refusal names the field.
+struct Builder {
+    id: String,
+    shift: Vec2,
+    repairs: BTreeMap<String, u32>,
+}
+
+impl Builder {
+    fn error(&self, field: String, value: impl ToString, expected: &str) -> SceneError {
+        SceneError { scenario: self.id.clone(), field, value: value.to_string(), expected: expected.into() }
+    }
+
+    fn repaired(&mut self, what: &str) {
+        *self.repairs.entry(what.to_owned()).or_default() += 1;
+    }
+
+    fn check_time(&self, timestamps: &[f64]) -> Result<(), SceneError> {
+        if timestamps.is_empty() {
+            return Ok(());
+        }
+        if timestamps.len() != FRAMES {
+            return Err(self.error(
+                "timestamps".into(),
+                format!("{} entries", timestamps.len()),
+                "91 entries",
+            ));
+        }
+        let mut steps: Vec<f64> = timestamps.windows(2).map(|w| w[1] - w[0]).collect();
+        if let Some(i) = steps.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
+            let field = format!("timestamps[{}]", i + 1);
+            return Err(self.error(field, timestamps[i + 1], "finite times that grow"));
+        }
+        steps.sort_by(f64::total_cmp);
+        let median = steps[steps.len() / 2];
+        if (median - DT).abs() > 0.1 * DT {
+            return Err(self.error(
+                "timestamps".into(),
+                format!("a step of {median} s"),
+                "steps of 0.1 s (10 Hz)",
+            ));
+        }
+        Ok(())
+    }
+
+    fn check_agents(&self, parts: &ScenarioParts) -> Result<(), SceneError> {
+        if parts.av >= parts.agents.len() {
+            let value = format!("{} of {} agents", parts.av, parts.agents.len());
+            return Err(self.error("av".into(), value, "the index of an agent"));
+        }
+        let mut seen = BTreeSet::new();
+        for (i, LoggedAgent { agent, track }) in parts.agents.iter().enumerate() {
+            if track.len() != FRAMES {
+                let field = format!("agents[{i}].track");
+                return Err(self.error(field, format!("{} frames", track.len()), "91 frames"));
+            }
+            for (name, size) in [("length", agent.length), ("width", agent.width)] {
+                if !(size.is_finite() && (0.0..1000.0).contains(&size)) {
+                    let field = format!("agents[{i}].{name}");
+                    return Err(self.error(field, size, "a finite size of at least 0 m"));
+                }
+            }
+            if !seen.insert(agent.id.as_str()) {
+                return Err(self.error(
+                    format!("agents[{i}].id"),
+                    &agent.id,
+                    "an id that no other agent has",
+                ));
+            }
+        }
+        let av = &parts.agents[parts.av].agent;
+        if !(av.length > 0.0 && av.width > 0.0) {
+            let value = format!("{} m x {} m", av.length, av.width);
+            return Err(self.error(format!("agents[{}]", parts.av), value, "a box for the AV"));
+        }
+        Ok(())
+    }
+
+    fn finite(&self, field: &str, p: Vec2) -> Result<(), SceneError> {
+        for (axis, v) in [("x", p.x), ("y", p.y)] {
+            if !v.is_finite() {
+                return Err(self.error(format!("{field}.{axis}"), v, "a finite coordinate"));
+            }
+        }
+        Ok(())
+    }
+
+    fn point(&self, field: &str, p: Vec2) -> Result<Vec2, SceneError> {
+        let q = p - self.shift;
+        // One test for NaN, infinity and distance on the hot path; the message is made only when it fails.
+        if q.x.abs() < FARTHEST && q.y.abs() < FARTHEST {
+            return Ok(q);
+        }
+        self.finite(field, p)?;
+        Err(self.error(field.to_owned(), format!("({}, {})", p.x, p.y), "a point within 100 km of the AV"))
+    }
+
+    fn points(&self, field: &str, points: &[Vec2]) -> Result<Vec<Vec2>, SceneError> {
+        points.iter().map(|&p| self.point(field, p)).collect()
+    }
+
+    fn each<T, U>(
+        &self,
+        items: Vec<T>,
+        field: &str,
+        make: impl Fn(&Self, T, &str) -> Result<U, SceneError>,
+    ) -> Result<Vec<U>, SceneError> {
+        items
+            .into_iter()
+            .enumerate()
+            .map(|(i, item)| make(self, item, &format!("map.{field}[{i}]")))
+            .collect()
+    }
+
+    fn shift_track(&self, track: &mut [Frame], field: &str) -> Result<(), SceneError> {
+        for (f, state) in track.iter_mut().enumerate() {
+            let Some(state) = state else { continue };
+            let p = self.point(&format_args_field(field, f, state, self.shift), state.position())?;
+            (state.x, state.y) = (p.x, p.y);
+            // A turn of a thousand circles is damage, not a heading.
+            if !(state.heading.abs() < 6300.0) {
+                return Err(self.error(format!("{field}[{f}].heading"), state.heading, "a finite heading"));
+            }
+            for (name, v) in [("vx", state.vx), ("vy", state.vy)] {
+                if !v.is_nan() && !(v.abs() < 1000.0) {
+                    let expected = "a velocity in m/s, or NaN where unknown";
+                    return Err(self.error(format!("{field}[{f}].{name}"), v, expected));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn lanes(&mut self, mut parts: Vec<LaneParts>) -> Result<Vec<Lane>, SceneError> {
+        let mut seen = BTreeSet::new();
+        for (i, lane) in parts.iter().enumerate() {
+            if !seen.insert(lane.id.clone()) {
+                return Err(self.error(
+                    format!("map.lanes[{i}].id"),
+                    &lane.id,
+                    "an id that no other lane has",
+                ));
+            }
+        }
+        let mut baselines = BTreeMap::new();
+        for (i, lane) in parts.iter().enumerate() {
+            let points = self.points(&format!("map.lanes[{i}].points"), &lane.points)?;
+            if let Ok(line) = Polyline::new(&points) {
+                baselines.insert(lane.id.clone(), line);
+            }
+        }
+        self.splice(&mut parts, |id| baselines.contains_key(id));
+        let index: BTreeMap<String, usize> =
+            parts.iter().enumerate().map(|(i, l)| (l.id.clone(), i)).collect();
+        let mut lanes = Vec::with_capacity(parts.len());
+        for (i, lane) in parts.into_iter().enumerate() {
+            let mut resolve = |ids: &[String]| -> Vec<usize> {
+                let found: Vec<usize> = ids.iter().filter_map(|id| index.get(id).copied()).collect();
+                for _ in found.len()..ids.len() {
+                    self.repaired("links to missing lanes");
+                }
+                found
+            };
+            let (successors, predecessors) = (resolve(&lane.successors), resolve(&lane.predecessors));
+            let mut beside = |neighbors: &[NeighborParts]| -> Vec<LaneNeighbor> {
+                let of = |n: &NeighborParts| {
+                    Some(LaneNeighbor {
+                        lane: *index.get(&n.lane)?,
+                        self_start: n.self_start,
+                        self_end: n.self_end,
+                        other_start: n.other_start,
+                        other_end: n.other_end,
+                    })
+                };
+                let found: Vec<LaneNeighbor> = neighbors.iter().filter_map(of).collect();
+                for _ in found.len()..neighbors.len() {
+                    self.repaired("links to missing lanes");
+                }
+                found
+            };
+            let (left, right) = (beside(&lane.left), beside(&lane.right));
+            let area = match lane.area {
+                LaneArea::Polygon(ring) => {
+                    LaneArea::Polygon(self.points(&format!("map.lanes[{i}].polygon"), &ring)?)
+                }
+                LaneArea::Corridor { half_width } if half_width.is_finite() && half_width > 0.0 => {
+                    LaneArea::Corridor { half_width }
+                }
+                LaneArea::Corridor { half_width } => {
+                    let field = format!("map.lanes[{i}].half_width");
+                    return Err(self.error(field, half_width, "a finite positive width"));
+                }
+            };
+            if let Some(limit) = lane.speed_limit.filter(|v| !(v.is_finite() && *v > 0.0)) {
+                return Err(self.error(
+                    format!("map.lanes[{i}].speed_limit"),
+                    limit,
+                    "a positive speed or none",
+                ));
+            }
+            let baseline = baselines.remove(&lane.id).expect("lanes without a baseline were taken out");
+            lanes.push(Lane {
+                id: lane.id,
+                kind: lane.kind,
+                class: lane.class,
+                speed_limit: lane.speed_limit,
+                baseline,
+                area,
+                successors,
+                predecessors,
+                left,
+                right,
+            });
+        }
+        Ok(lanes)
+    }
+
+    /// Takes lanes without extent out and joins what they linked, so that the graph stays connected through them.
+    fn splice(&mut self, lanes: &mut Vec<LaneParts>, keep: impl Fn(&str) -> bool) {
+        while let Some(i) = lanes.iter().position(|l| !keep(&l.id)) {
+            let gone = lanes.remove(i);
+            self.repaired("lanes without extent");
+            for lane in lanes.iter_mut() {
+                join(&mut lane.successors, &gone.id, &gone.successors, &lane.id);
+                join(&mut lane.predecessors, &gone.id, &gone.predecessors, &lane.id);
+                lane.left.retain(|n| n.lane != gone.id);
+                lane.right.retain(|n| n.lane != gone.id);
+            }
+        }
+    }
+}
+
+/// Replaces the link `gone` by `instead`, without repeats and without a link to `own` itself.
+fn join(links: &mut Vec<String>, gone: &str, instead: &[String], own: &str) {
+    if !links.iter().any(|l| l == gone) {
+        return;
+    }
+    links.retain(|l| l != gone);
+    for link in instead {
+        if link != own && link != gone && !links.contains(link) {
+            links.push(link.clone());
+        }
+    }
+}
+
+/// The path of a state, made only when its position will be refused (this runs for every recorded state).
+fn format_args_field(field: &str, frame: usize, state: &AgentState, shift: Vec2) -> String {
+    let q = state.position() - shift;
+    if q.x.abs() < FARTHEST && q.y.abs() < FARTHEST { String::new() } else { format!("{field}[{frame}]") }
+}
