@@ -76,6 +76,23 @@ pub struct Pursuit {
     pub max_curvature_rate: f64,
 }
 
+impl Pursuit {
+    /// A pursuer cuts a bend of `turn` radians over its look-ahead by about an eighth of their product: in sharp bends it looks
+    /// less far.
+    fn look_ahead_in_bend(&self, turn: f64) -> f64 {
+        let cut = self.look_ahead * turn / 8.0;
+        if cut <= Self::LARGEST_CUT {
+            return self.look_ahead;
+        }
+        (self.look_ahead * (Self::LARGEST_CUT / cut).sqrt()).max(Self::SHORTEST.min(self.look_ahead))
+    }
+
+    /// How far a bend may be cut, metres.
+    const LARGEST_CUT: f64 = 0.4;
+    /// The shortest look-ahead, metres: below it a pursuer swings about the line.
+    const SHORTEST: f64 = 3.5;
+}
+
 impl DrivenPath {
     /// Length of every arc, metres.
     pub const STEP: f64 = 1.0;
@@ -104,8 +121,13 @@ impl DrivenPath {
             } else {
                 0.0
             };
-            let goal_s = near.s + beyond + pursuit.look_ahead;
-            aim = reference.segment_from(goal_s, aim);
+            let from = near.s + beyond;
+            aim = reference.segment_from(from + pursuit.look_ahead, aim);
+            let look_ahead = pursuit.look_ahead_in_bend(reference.turn_between(segment, aim));
+            let goal_s = from + look_ahead;
+            if look_ahead < pursuit.look_ahead {
+                aim = reference.segment_from(goal_s, aim);
+            }
             let goal = reference.on_segment(goal_s, aim) - here.pose.position;
             let distance = goal.norm();
             let wanted = if here.axis.dot(&goal) < 0.0 {

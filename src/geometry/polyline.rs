@@ -98,6 +98,15 @@ impl Polyline {
         self.arc.partition_point(|&a| a <= s).clamp(1, self.segments()) - 1
     }
 
+    /// Angle between the directions of two segments, radians, 0 to about 2 (taken from the chord of the unit circle).
+    pub fn turn_between(&self, i: usize, j: usize) -> f64 {
+        let unit = |k: usize| {
+            let (a, b) = self.segment(k);
+            (b - a) / (self.arc[k + 1] - self.arc[k])
+        };
+        (unit(j) - unit(i)).norm()
+    }
+
     /// As [`Self::segment_at`], by walking from segment `near`: quicker for an `s` close to it.
     pub fn segment_from(&self, s: f64, near: usize) -> usize {
         let last = self.segments() - 1;

@@ -45,9 +45,7 @@ fn curves_are_taken_at_a_speed_that_people_bear() {
                 hits.fold(f64::INFINITY, f64::min)
             };
             let worst = track.iter().map(off).fold(0.0, f64::max);
-            // Who comes fast cuts a tight corner, within the lane.
-            let room = if radius < 20.0 && speed > 12.0 { 1.75 } else { 1.0 };
-            assert!(worst < room, "{id}: {worst:.2} m off the lane");
+            assert!(worst < 1.0, "{id}: {worst:.2} m off the lane");
             if radius < 20.0 && speed > 12.0 {
                 let slowest = track.iter().map(AgentState::speed).fold(f64::INFINITY, f64::min);
                 assert!(slowest < 8.5, "{id}: never slower than {slowest:.1} m/s");
