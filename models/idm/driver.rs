@@ -47,6 +47,8 @@ pub(super) struct OnPath {
     pub(super) ground_ends: Option<f64>,
     /// Arc length now, metres.
     pub(super) s: f64,
+    /// Whether the vehicle stands with a free way ahead: it only waits for others, and may set off at any time.
+    pub(super) waits: bool,
 }
 
 /// A stop line on a path.
@@ -213,7 +215,18 @@ impl OnPath {
         let wanted = wanted_speeds(&road, &path, &starts, motion.speed, class, &style);
         let ceiling = ceiling(&path, &wanted, class);
         let stops = stops(start, &route, &starts, start.agents[agent].length);
-        Self { path, home: line, aside: None, wanted, ceiling, stops, style, ground_ends: None, s: 0.0 }
+        Self {
+            path,
+            home: line,
+            aside: None,
+            wanted,
+            ceiling,
+            stops,
+            style,
+            ground_ends: None,
+            s: 0.0,
+            waits: false,
+        }
     }
 
     /// A vehicle on no lane: it goes on as it turns now, slowly, and stops before it leaves the drivable ground.
@@ -232,7 +245,18 @@ impl OnPath {
                 .map(|i| i as f64 * DrivenPath::STEP),
             _ => None,
         };
-        Self { path, home, aside: None, wanted, ceiling, stops: Vec::new(), style, ground_ends, s: 0.0 }
+        Self {
+            path,
+            home,
+            aside: None,
+            wanted,
+            ceiling,
+            stops: Vec::new(),
+            style,
+            ground_ends,
+            s: 0.0,
+            waits: false,
+        }
     }
 
     /// Takes a new path that begins where the vehicle is now.

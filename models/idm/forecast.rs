@@ -30,6 +30,11 @@ pub(super) struct Forecast {
 
 /// How long an acceleration is taken to last, s.
 const ACCELERATION_LASTS: f64 = 1.0;
+/// Who speeds up from less than this is setting off, m/s, and goes on with it for so long, s.
+const STARTING: f64 = 3.0;
+const START_LASTS: f64 = 3.0;
+/// Acceleration that is expected of who may set off at any time, m/s².
+const SETTING_OFF: f64 = 1.0;
 /// Slower actors stand, m/s.
 const STANDING: f64 = 0.1;
 
@@ -89,7 +94,8 @@ impl Forecast {
 
 /// Way and speed after `t` seconds of an acceleration that lasts a while; nobody rolls back.
 fn travel(speed: f64, acceleration: f64, t: f64) -> (f64, f64) {
-    let mut lasting = t.min(ACCELERATION_LASTS);
+    let starting = acceleration > 0.0 && speed < STARTING;
+    let mut lasting = t.min(if starting { START_LASTS } else { ACCELERATION_LASTS });
     if speed + acceleration * lasting < 0.0 {
         lasting = -speed / acceleration;
         return (speed * lasting + 0.5 * acceleration * lasting * lasting, 0.0);
@@ -110,6 +116,10 @@ pub(super) fn forecast_all(
     let mut all = Vec::with_capacity(actors.len() + 1);
     for (i, actor) in actors.iter().enumerate() {
         match drivers.get(i) {
+            Some(Driver::OnPath(driver)) if driver.waits => {
+                let setting_off = Actor { acceleration: SETTING_OFF, ..*actor };
+                all.push(Forecast::along(i, &setting_off, &driver.path, driver.s, settings));
+            }
             Some(Driver::OnPath(driver)) => {
                 all.push(Forecast::along(i, actor, &driver.path, driver.s, settings))
             }

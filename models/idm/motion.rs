@@ -18,6 +18,8 @@ use super::signals;
 /// Steps between two decisions; plans of fewer steps decide at every plan.
 const DECIDE_EVERY: usize = 5;
 
+/// Slower drivers wait, m/s.
+const WAITING: f64 = 0.3;
 /// Decisions without danger after which a driver who has kept aside goes back to the lane.
 const QUIET: usize = 3;
 /// At most so many ways are kept for the AV, those that cost at most so much more than the likeliest; for so many plans.
@@ -227,8 +229,9 @@ impl Traffic {
         let stop = signals::next_stop(seen, &own, driver);
         let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
-        let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
         let wanted = following(driver, &own, &intent, 0.0);
+        driver.waits = own.speed < WAITING && wanted > 0.3;
+        let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
         let situation = Situation {
             index: i,
             own: &own,
