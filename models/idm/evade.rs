@@ -4,7 +4,7 @@
 //! forecasts; what stays clear of the AV, of the others and of the road edge at the least effort is done.
 
 use reactsim::dynamics::{DrivenPath, Pursuit};
-use reactsim::geometry::{Bounds, OrientedBox, Polyline, Vec2, direction};
+use reactsim::geometry::{Bounds, OrientedBox, Vec2, direction};
 use reactsim::scene::{LaneHit, Road};
 
 use super::actor::Actor;
@@ -250,7 +250,7 @@ impl Surroundings<'_> {
             max_curvature: limit.max(driver.sharpest_ahead()).min(class.max_curvature),
             max_curvature_rate: class.curvature_rate.min(12.0 / (fast * fast)).max(0.01),
         };
-        let line = aside(&driver.home, target);
+        let line = driver.home.aside(target);
         let left = (driver.path.length() - driver.s).max(20.0).min(longest);
         let curvature = driver.path.points()[driver.path.index(driver.s)].curvature;
         DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
@@ -293,13 +293,4 @@ fn price(contact: Option<f64>) -> f64 {
 pub(super) fn rolled(speed: f64, a: f64, t: f64) -> (f64, f64) {
     let lasting = if a < 0.0 { t.min(speed / -a) } else { t };
     (speed * lasting + 0.5 * a * lasting * lasting, (speed + a * lasting).max(0.0))
-}
-
-/// A line moved sideways by `offset` metres, left positive.
-fn aside(line: &Polyline, offset: f64) -> Polyline {
-    let moved = line.points().iter().enumerate().map(|(i, &p)| {
-        let heading = line.heading(i.min(line.segments() - 1));
-        p + Vec2::new(-heading.sin(), heading.cos()) * offset
-    });
-    Polyline::new(&moved.collect::<Vec<_>>()).unwrap_or_else(|_| line.clone())
 }

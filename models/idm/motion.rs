@@ -18,6 +18,8 @@ use super::signals;
 /// Steps between two decisions; plans of fewer steps decide at every plan.
 const DECIDE_EVERY: usize = 5;
 
+/// Farther from the middle of its lane the AV may mean to be, metres.
+const BESIDE: f64 = 0.5;
 /// Slower drivers wait, m/s.
 const WAITING: f64 = 0.3;
 /// Decisions without danger after which a driver who has kept aside goes back to the lane.
@@ -176,7 +178,13 @@ impl Traffic {
                 max_curvature: class.max_curvature,
                 max_curvature_rate: class.curvature_rate,
             };
+            let offset = line.project(av.pose.position).offset;
             self.av_rails.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
+            // An AV beside the middle of its lane may come back to it, or mean to stay there.
+            if offset.abs() > BESIDE {
+                let beside = line.aside(offset);
+                self.av_rails.push(DrivenPath::pursue(av.pose, self.av_curvature, &beside, length, &pursuit));
+            }
         }
     }
 

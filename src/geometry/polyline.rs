@@ -136,6 +136,16 @@ impl Polyline {
         self.heading(self.segment_at(s))
     }
 
+    /// The line moved sideways by `offset` metres, left positive: every point along the normal of its segment.
+    pub fn aside(&self, offset: f64) -> Self {
+        let moved = self.points.iter().enumerate().map(|(i, &p)| {
+            let (a, b) = self.segment(i.min(self.segments() - 1));
+            let along = (b - a) / (b - a).norm();
+            p + Vec2::new(-along.y, along.x) * offset
+        });
+        Self::new(&moved.collect::<Vec<_>>()).unwrap_or_else(|_| self.clone())
+    }
+
     /// The nearest point over all segments.
     pub fn project(&self, p: Vec2) -> Projection {
         self.project_between(p, 0, self.segments())
