@@ -20,6 +20,9 @@ const DECIDE_EVERY: usize = 5;
 
 /// Farther from the middle of its lane the AV may mean to be, metres.
 const BESIDE: f64 = 0.5;
+/// An AV at a larger angle comes head on, rad, if its curvature is less than this, 1/m.
+const HEAD_ON: f64 = 2.3;
+const TURNS: f64 = 0.03;
 /// Slower drivers wait, m/s.
 const WAITING: f64 = 0.3;
 /// Decisions without danger after which a driver who has kept aside goes back to the lane.
@@ -251,7 +254,13 @@ impl Traffic {
         };
         intent.chosen = decide(&situation, wanted);
         intent.hurries = intent.chosen.is_some_and(|a| a > wanted);
-        let a = intent.chosen.unwrap_or(wanted).max(-parameters.limits.emergency_deceleration);
+        // Who would brake for an AV head on would stand in its way: first it is seen whether there is room to pass. Not so for one
+        // that turns across.
+        let av = self.actors.first().filter(|av| av.is_av && self.av_curvature.abs() < TURNS);
+        let head_on = av.is_some_and(|av| wrap(av.pose.heading - own.pose.heading).abs() > HEAD_ON)
+            && intent.corridor.crossings.iter().any(|c| c.actor == 0 && !c.from_behind);
+        let planned = if head_on { wanted } else { intent.chosen.unwrap_or(wanted) };
+        let a = planned.max(-parameters.limits.emergency_deceleration);
         let Some(escape) = around.escape(&own, driver, class, a, intent.stop) else { return intent };
         intent.chosen = Some(escape.acceleration);
         intent.escaping = true;
