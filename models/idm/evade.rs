@@ -11,6 +11,7 @@ use super::actor::Actor;
 use super::driver::OnPath;
 use super::forecast::Forecast;
 use super::parameters::{Class, Conflict};
+use super::signals::MustStop;
 
 /// Offsets from the present course that are tried, metres.
 const OFFSETS: [f64; 9] = [0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, 3.4, -3.4];
@@ -49,8 +50,9 @@ const CHANGE_PRICE: f64 = 0.6;
 const WHEEL_PRICE: f64 = 10.0;
 const OFFROAD_PRICE: f64 = 60.0;
 const AGAINST_PRICE: f64 = 12.0;
-/// What it costs to have crossed a line at which one must stop, after so many seconds.
+/// What it costs to have crossed a line at which one must stop (a red light, a stop sign), after so many seconds.
 const RED_PRICE: f64 = 25.0;
+const SIGN_PRICE: f64 = 5.0;
 const CROSSED: f64 = 3.0;
 /// Slower vehicles stand, m/s.
 const STANDING: f64 = 0.5;
@@ -186,7 +188,7 @@ impl Surroundings<'_> {
         driver: &OnPath,
         class: &Class,
         a: f64,
-        stop: Option<f64>,
+        stop: Option<MustStop>,
     ) -> Option<Escape> {
         let present = Profile::steady(a);
         let foreseen = self.threat(own, &driver.path, driver.s, present);
@@ -207,8 +209,8 @@ impl Surroundings<'_> {
             for profile in std::iter::once(present).chain(PROFILES) {
                 let mut cost = aside + CHANGE_PRICE * (profile.now - a).abs();
                 let way = profile.way(own.speed, CROSSED);
-                if stop.is_some_and(|stop| driver.s + own.half_length + way > stop) {
-                    cost += RED_PRICE;
+                if let Some(stop) = stop.filter(|stop| driver.s + own.half_length + way > stop.s) {
+                    cost += if stop.strict { RED_PRICE } else { SIGN_PRICE };
                 }
                 if cost < best.0 {
                     cost += self.threat(own, path, s, profile);

@@ -13,7 +13,7 @@ use super::evade::Surroundings;
 use super::forecast::{Forecast, forecast_all};
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
-use super::signals;
+use super::signals::{self, MustStop};
 
 /// Steps between two decisions; plans of fewer steps decide at every plan.
 const DECIDE_EVERY: usize = 5;
@@ -47,7 +47,7 @@ pub struct Traffic {
 #[derive(Clone, Debug, Default)]
 struct Intent {
     corridor: Corridor,
-    stop: Option<f64>,
+    stop: Option<MustStop>,
     chosen: Option<f64>,
     /// Whether `chosen` is a way out that has been checked against everybody.
     escaping: bool,
@@ -395,7 +395,7 @@ fn following(driver: &OnPath, own: &Actor, intent: &Intent, since: f64) -> f64 {
         a = a.min(style.behind(v, rear - front, speed, leader.acceleration));
     }
     if let Some(stop) = intent.stop {
-        a = a.min(style.stop_in(v, stop - front));
+        a = a.min(style.stop_in(v, stop.s - front));
     }
     a
 }

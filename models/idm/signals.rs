@@ -19,11 +19,20 @@ fn shown(seen: &Observation<'_>, lane: usize) -> Option<LightState> {
     seen.light(light).iter().rev().flatten().find(|s| **s != LightState::Unknown).copied()
 }
 
-/// Arc length of the front's next obligation to stop, if there is one; notes obeyed stop signs.
-pub(super) fn next_stop(seen: &Observation<'_>, own: &Actor, driver: &mut OnPath) -> Option<f64> {
+/// Where the front must stop, and how strictly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MustStop {
+    /// Arc length, metres.
+    pub(super) s: f64,
+    /// A stop sign may be passed to get out of the AV's way; a red light, or the end of the ground, hardly.
+    pub(super) strict: bool,
+}
+
+/// The next obligation to stop, if there is one; notes obeyed stop signs.
+pub(super) fn next_stop(seen: &Observation<'_>, own: &Actor, driver: &mut OnPath) -> Option<MustStop> {
     let front = driver.s + own.half_length;
     let reach = 20.0 + 6.0 * own.speed;
-    let mut next = driver.ground_ends.map(|s| s - own.half_length);
+    let mut next = driver.ground_ends.map(|s| MustStop { s: s - own.half_length, strict: true });
     for stop in &mut driver.stops {
         let gap = stop.s - front;
         if gap < -0.5 || gap > reach {
@@ -43,8 +52,8 @@ pub(super) fn next_stop(seen: &Observation<'_>, own: &Actor, driver: &mut OnPath
         if own.speed < STOPPED && gap < AT_LINE {
             stop.done = true;
         }
-        if obliged && next.is_none_or(|s| stop.s < s) {
-            next = Some(stop.s);
+        if obliged && next.is_none_or(|n| stop.s < n.s) {
+            next = Some(MustStop { s: stop.s, strict: stop.kind == StopKind::Light });
         }
     }
     next
