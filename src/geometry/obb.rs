@@ -1,6 +1,6 @@
 //! Oriented boxes: corners, containment, sharp and rounded overlap.
 
-use super::{Vec2, direction};
+use super::{Vec2, direction, left};
 
 /// A rectangle in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ impl OrientedBox {
 
     /// The unit vector to the left of the box.
     pub fn left(&self) -> Vec2 {
-        Vec2::new(-self.axis.y, self.axis.x)
+        left(self.axis)
     }
 
     /// Corners: front left, front right, rear right, rear left.
