@@ -66,7 +66,7 @@ pub fn score_document(document: &Document) -> Result<Value, OptionError> {
 }
 
 /// The case of one scenario of a document.
-pub fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
+fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
     let objects =
         scenario.agents.iter().map(|a| Object { agent: &a.agent, track: a.track.clone() }).collect();
     let frames = scenario.current + 1 + scenario.future;
