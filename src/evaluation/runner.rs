@@ -15,10 +15,13 @@ use super::{EvaluationError, rollouts};
 use crate::rollout::{Request, Rollout, roll_out};
 use crate::scene::{Deviation, Scenario};
 
+/// More threads than this are never started: they would only wait for each other.
+const MOST_JOBS: usize = 512;
+
 /// How a run is carried out; decides no number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Execution {
-    /// Threads.
+    /// Threads, at most 512.
     pub jobs: usize,
     /// Scenarios that a thread steps in lockstep and keeps in memory.
     pub batch: usize,
@@ -69,8 +72,11 @@ pub fn run(
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
-        for _ in 1..execution.jobs.max(1) {
-            scope.spawn(|| runner.work());
+        for _ in 1..execution.jobs.min(MOST_JOBS) {
+            // Where the system grants no more threads, those that there are do the work.
+            if thread::Builder::new().spawn_scoped(scope, || runner.work()).is_err() {
+                break;
+            }
         }
         runner.work();
     });
@@ -102,7 +108,7 @@ pub fn run(
 
 /// Does parallel work on so many threads; where they can not be had, on those that there are.
 fn with_threads<T: Send>(jobs: usize, work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(jobs.max(1)).build() {
+    match rayon::ThreadPoolBuilder::new().num_threads(jobs.clamp(1, MOST_JOBS)).build() {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
     }
