@@ -67,10 +67,9 @@ fn climbs(text: &str, depth: usize) -> Vec<String> {
             (rest, climbed) = (next, climbed + 1);
         }
         if climbed >= depth {
-            // Rooms may stand in braces; what is no room is no concern.
+            // As if it were written from the root; what is no room is no concern.
             let item = rest.split(';').next().unwrap_or_default();
-            let names = item.split(|c: char| !(c.is_alphanumeric() || c == '_'));
-            found.extend(names.filter(|n| floor(n).is_some()).map(str::to_owned));
+            found.extend(imports(&format!("crate::{item}")).into_iter().filter(|n| floor(n).is_some()));
         }
     }
     found
