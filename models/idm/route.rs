@@ -38,6 +38,12 @@ const TEMPERATURE: f64 = 0.35;
 const STRAIGHT: f64 = 0.35;
 /// Lateral distance after 30 m by which it is e times less likely than the branch that leads least aside, metres.
 const ASIDE: f64 = 1.5;
+/// Weight that every branch has, however sharply it turns.
+const LEAST_WEIGHT: f64 = 1e-6;
+/// How far beyond its beginning a branch tells where it leads, metres.
+const TELLING: f64 = 30.0;
+/// No route has more lanes than this.
+const MAX_LANES: usize = 64;
 
 /// Whether vehicles (or cyclists) may drive on a lane.
 fn usable(road: &Road<'_>, lane: usize, cyclist: bool) -> bool {
@@ -137,22 +143,26 @@ fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
 /// Draws one of the alternatives, likelier the less it costs.
 pub(super) fn choose(alternatives: Vec<(f64, Route)>, stream: &mut Stream) -> Option<Route> {
     let least = alternatives.iter().map(|a| a.0).fold(f64::INFINITY, f64::min);
-    let weight = |cost: f64| (-(cost - least) / TEMPERATURE).exp();
-    let total: f64 = alternatives.iter().map(|a| weight(a.0)).sum();
-    let mut draw = stream.random::<f64>() * total;
-    for (cost, route) in alternatives {
-        draw -= weight(cost);
-        if draw <= 0.0 {
-            return Some(route);
-        }
-    }
-    None
+    let weights = alternatives.iter().map(|a| (-(a.0 - least) / TEMPERATURE).exp());
+    let chosen = draw(&weights.collect::<Vec<f64>>(), stream)?;
+    alternatives.into_iter().nth(chosen).map(|(_, route)| route)
+}
+
+/// Draws an index with a probability in proportion to its weight; `None` where there is no weight. Draws one number in any case.
+fn draw(weights: &[f64], stream: &mut Stream) -> Option<usize> {
+    let mut rest = stream.random::<f64>() * weights.iter().sum::<f64>();
+    let reached = weights.iter().position(|weight| {
+        rest -= weight;
+        rest <= 0.0
+    });
+    // Rounding may leave a trace of the sum beyond the last.
+    reached.or(weights.len().checked_sub(1))
 }
 
 /// Extends a route until it is `length` metres long from where it is entered, straight on more often than round a corner.
 pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: bool, stream: &mut Stream) {
     let mut ahead: f64 = route.lanes.iter().map(|&l| road.lane(l).baseline.length()).sum::<f64>() - route.s0;
-    while ahead < length && route.lanes.len() < 64 {
+    while ahead < length && route.lanes.len() < MAX_LANES {
         let last = road.lane(route.lanes[route.lanes.len() - 1]);
         let end = last.baseline.heading(last.baseline.segments() - 1);
         let next: Vec<usize> =
@@ -161,25 +171,16 @@ pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: b
         let (origin, ahead_axis) = (last.baseline.at(last.baseline.length()), direction(end));
         let leads = |l: usize| {
             let line = &road.lane(l).baseline;
-            let s = line.length().min(30.0);
+            let s = line.length().min(TELLING);
             (wrap(line.heading_at(s) - end).abs(), ahead_axis.perp(&(line.at(s) - origin)))
         };
         let least = next.iter().map(|&l| leads(l).1.abs()).fold(f64::INFINITY, f64::min);
-        let weight = |l: usize| {
+        let weight = |&l: &usize| {
             let (turn, aside) = leads(l);
-            (-turn / STRAIGHT - (aside.abs() - least) / ASIDE).exp() + 1e-6
+            (-turn / STRAIGHT - (aside.abs() - least) / ASIDE).exp() + LEAST_WEIGHT
         };
-        let total: f64 = next.iter().map(|&l| weight(l)).sum();
-        let mut draw = stream.random::<f64>() * total;
-        let mut chosen = None;
-        for &l in &next {
-            chosen = Some(l);
-            draw -= weight(l);
-            if draw <= 0.0 {
-                break;
-            }
-        }
-        let Some(lane) = chosen else { return };
+        let weights: Vec<f64> = next.iter().map(weight).collect();
+        let Some(lane) = draw(&weights, stream).map(|k| next[k]) else { return };
         route.lanes.push(lane);
         ahead += road.lane(lane).baseline.length();
     }

@@ -37,10 +37,8 @@ pub(super) struct ScoreArgs {
 }
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
-    let is_parquet = |path: &PathBuf| -> anyhow::Result<bool> {
-        let mut head = [0; 4];
-        let mut file = fs::File::open(path).with_context(|| format!("could not read {}", path.display()))?;
-        Ok(std::io::Read::read_exact(&mut file, &mut head).is_ok() && head == *b"PAR1")
+    let is_parquet = |path: &PathBuf| {
+        formats::is_parquet(path).with_context(|| format!("could not read {}", path.display()))
     };
     let kinds: Vec<bool> = args.rollouts.iter().map(is_parquet).collect::<Result<_, _>>()?;
     match (kinds.iter().all(|p| *p), args.rollouts.as_slice()) {

@@ -9,12 +9,7 @@ const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shipped.rs"))
 /// One source per shipped file.
 pub(super) fn sources() -> Vec<Source> {
     let source = |&(name, text): &(&'static str, &'static str)| Source {
-        file: FileRecord {
-            name: name.to_owned(),
-            format: "json".to_owned(),
-            bytes: text.len() as u64,
-            blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
-        },
+        file: FileRecord::of_text(name, "json", text),
         open: Box::new(move || {
             let scenario = parse_json(name.as_ref(), text.as_bytes());
             Ok(Box::new(std::iter::once(scenario.map(decoded))))

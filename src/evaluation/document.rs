@@ -2,7 +2,8 @@
 
 use serde_json::{Map, Value, json};
 
-use crate::formats::document::{Document, DocumentScenario};
+use super::statistics::mean;
+use crate::formats::document::{Document, DocumentLog, DocumentScenario};
 use crate::metrics::{
     Case, DirTracking, Displacement, KinematicLikelihood, LoggedTrack, Object, OptionError, Options, Score,
     Scores, score_case,
@@ -24,6 +25,8 @@ const RATES: [(&str, &str, &str); 6] = [
     ("steer_rate", "curvature", "steer"),
     ("steer_velocity_rate", "curvature-velocity", "steer_velocity"),
 ];
+/// Number of features of the kinematic likelihood.
+const FEATURES: usize = 4;
 /// Shares of scenarios in which a count is at least 1 (reactive pressure): name in the result and metric id.
 const SHARES: [(&str, &str); 3] = [
     ("share_at_fault_collision", "aav-collision"),
@@ -63,14 +66,14 @@ pub fn score_document(document: &Document) -> Result<Value, OptionError> {
 }
 
 /// The case of one scenario of a document.
-pub fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
+fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
     let objects =
         scenario.agents.iter().map(|a| Object { agent: &a.agent, track: a.track.clone() }).collect();
     let frames = scenario.current + 1 + scenario.future;
     let road = Road::new(&scenario.map, index);
     let mut case = Case::with_current(road, objects, scenario.av, scenario.current, frames, options);
     if let Some(log) = &scenario.log {
-        let split = |l: &'a crate::formats::document::DocumentLog| {
+        let split = |l: &'a DocumentLog| {
             let (history, future) = l.track.split_at(scenario.current + 1);
             LoggedTrack { history, future, recorded_history: Some(&l.recorded_history) }
         };
@@ -184,10 +187,8 @@ fn aggregate(all: &[Scores]) -> (Map<String, Value>, Map<String, Value>) {
     let (mut means, mut valid) = (Map::new(), Map::new());
     let mut put = |name: &str, values: &mut dyn Iterator<Item = Option<f64>>| {
         let defined: Vec<f64> = values.flatten().collect();
-        let mean = (!defined.is_empty()).then(|| defined.iter().sum::<f64>() / defined.len() as f64);
-        means.insert(name.into(), number(mean));
+        means.insert(name.into(), number(mean(defined.iter().copied())));
         valid.insert(name.into(), defined.len().into());
-        mean
     };
     for (name, id) in COUNTS {
         put(name, &mut all.iter().map(|s| Some(count(s.score(id)) as f64)));
@@ -205,19 +206,18 @@ fn aggregate(all: &[Scores]) -> (Map<String, Value>, Map<String, Value>) {
         let likelihood = all.iter().map(|s| s.likelihood.as_ref().and_then(KinematicLikelihood::kinematic));
         put("kinematic_likelihood", &mut likelihood.clone());
         let mut features = Map::new();
-        let (mut sum, mut defined) = (0.0, 0_u32);
-        for k in 0..4 {
+        let mut means_of_features = Vec::new();
+        for k in 0..FEATURES {
             let values = all.iter().filter_map(|s| Some(s.likelihood.as_ref()?.features()[k].1));
-            let values: Vec<f64> = values.flatten().collect();
-            let mean = (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
+            let mean = mean(values.flatten());
             if let Some(name) = all.iter().find_map(|s| Some(s.likelihood.as_ref()?.features()[k].0)) {
                 features.insert(name.into(), number(mean));
             }
-            if let Some(mean) = mean {
-                (sum, defined) = (sum + mean, defined + 1);
-            }
+            means_of_features.extend(mean);
         }
-        features.insert("kinematic".into(), number((defined == 4).then(|| sum / 4.0)));
+        let whole = means_of_features.len() == FEATURES;
+        let kinematic = mean(means_of_features.into_iter()).filter(|_| whole);
+        features.insert("kinematic".into(), number(kinematic));
         means.insert("kinematic_likelihood".into(), features.into());
     }
     (means, valid)

@@ -72,7 +72,7 @@ impl RunFolder {
             return Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new });
         }
         let folder = Self::open(path)?;
-        folder.keep_whole_pairs(tally, provenance.keep_rollouts == Some(true))?;
+        folder.keep_whole_pairs(tally, provenance)?;
         Ok(folder)
     }
 
@@ -164,14 +164,16 @@ impl RunFolder {
         there(SUMMARY) && there(ROLLOUTS) && no_failure
     }
 
-    fn keep_whole_pairs(&self, tally: &mut Tally, with_rollouts: bool) -> Result<(), EvaluationError> {
+    fn keep_whole_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
         // Rollouts that were already put together can not be added to: then a pair without its part is run again.
-        let with_rollouts = with_rollouts && !self.is_finished();
+        let with_rollouts = provenance.keep_rollouts == Some(true) && !self.is_finished();
         let path = self.path.join(ROWS);
         let mut pairs: BTreeMap<(Place, String), Vec<Row>> = BTreeMap::new();
         for_lines(&path, |_, text| {
-            // A line that is no row was torn by a kill or by a full disk.
-            if let Ok(row) = serde_json::from_str::<Row>(text) {
+            // A line that is no row was torn by a kill or by a full disk; one of an input that is not there was damaged.
+            if let Ok(row) = serde_json::from_str::<Row>(text)
+                && row.input < provenance.inputs.len()
+            {
                 pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
             }
         })?;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::row::Value;
+use super::row::{Row, Value};
 use crate::metrics::{self, Case, DeviationStats, Event, METRICS, Options, Score};
 use crate::rollout::Rollout;
 use crate::scene::Scenario;
@@ -31,6 +31,33 @@ pub(super) struct JudgedRollout {
     pub(super) direction_tracking: &'static str,
 }
 
+impl Judged {
+    /// A row per rollout, each with its events, and at the end one for all of them; `about` says what they are rows of.
+    /// `indices` are those of the rollouts.
+    pub(super) fn rows(
+        self,
+        about: Row,
+        indices: impl IntoIterator<Item = u32>,
+        rollouts: &[Rollout],
+    ) -> Vec<(Row, Vec<Event>)> {
+        let mut rows = Vec::with_capacity(rollouts.len() + 1);
+        for ((index, rollout), one) in indices.into_iter().zip(rollouts).zip(self.each) {
+            let row = Row {
+                rollout: Some(index),
+                direction_tracking: Some(one.direction_tracking.to_owned()),
+                metrics: one.metrics,
+                deviation: one.deviation,
+                outcomes: rollout.outcomes.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect(),
+                ..about.clone()
+            };
+            rows.push((row, one.events));
+        }
+        rows.push((Row { metrics: self.together, ..about }, Vec::new()));
+        rows
+    }
+}
+
+/// Judges the rollouts of one scenario and one simulator.
 pub(super) fn judge(scenario: &Scenario, rollouts: &[Rollout], options: Options) -> Judged {
     let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
     let all = metrics::score_rollouts(scenario, &tracks, options);

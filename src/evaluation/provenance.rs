@@ -101,12 +101,14 @@ impl FileRecord {
             hasher.update(&buffer[..n]);
         }
         let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
-        Ok(Self {
-            name: name.into_owned(),
-            format: format.to_owned(),
-            bytes,
-            blake3: hasher.finalize().to_hex().to_string(),
-        })
+        let blake3 = hasher.finalize().to_hex().to_string();
+        Ok(Self { name: name.into_owned(), format: format.to_owned(), bytes, blake3 })
+    }
+
+    /// The record of a file whose content is part of the program.
+    pub fn of_text(name: &str, format: &str, text: &str) -> Self {
+        let blake3 = blake3::hash(text.as_bytes()).to_hex().to_string();
+        Self { name: name.to_owned(), format: format.to_owned(), bytes: text.len() as u64, blake3 }
     }
 }
 

@@ -81,29 +81,11 @@ impl Recorded {
         records: &[RolloutRecord],
         rollouts: &[Rollout],
     ) {
-        let empty = Row {
-            input: place.input,
-            record: place.record,
-            scenario: scenario.id.clone(),
-            digest: scenario.digest(),
-            simulator: simulator.to_owned(),
-            rollout: None,
-            category: scenario.deviation.as_ref().and_then(|d| d.category).map(|c| c.name().to_owned()),
-            direction_tracking: None,
-            metrics: BTreeMap::new(),
-            deviation: BTreeMap::new(),
-            outcomes: BTreeMap::new(),
-        };
-        let judged = judge(scenario, rollouts, self.options);
-        let each = records.iter().zip(judged.each).map(|(record, one)| Row {
-            rollout: Some(record.rollout),
-            direction_tracking: Some(one.direction_tracking.to_owned()),
-            metrics: one.metrics,
-            deviation: one.deviation,
-            ..empty.clone()
-        });
-        let mut rows: Vec<Row> = each.collect();
-        rows.push(Row { metrics: judged.together, ..empty });
+        let category = scenario.deviation.as_ref().and_then(|d| d.category).map(|c| c.name().to_owned());
+        let about = Row { category, ..Row::about(place, scenario, scenario.digest(), simulator) };
+        let indices = records.iter().map(|r| r.rollout);
+        let rows = judge(scenario, rollouts, self.options).rows(about, indices, rollouts);
+        let rows: Vec<Row> = rows.into_iter().map(|(row, _)| row).collect();
         self.tally.add(&rows);
     }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::{Event, Score};
+use crate::scene::Scenario;
 
 /// Where a record stands: its input and its place in it. Orders everything that a run writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -47,6 +48,23 @@ pub struct Row {
 }
 
 impl Row {
+    /// The row of a scenario and a simulator over all rollouts, still without values.
+    pub(super) fn about(place: Place, scenario: &Scenario, digest: String, simulator: &str) -> Self {
+        Self {
+            input: place.input,
+            record: place.record,
+            scenario: scenario.id.clone(),
+            digest,
+            simulator: simulator.to_owned(),
+            rollout: None,
+            category: None,
+            direction_tracking: None,
+            metrics: BTreeMap::new(),
+            deviation: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
+        }
+    }
+
     /// Where the scenario stands.
     pub fn place(&self) -> Place {
         Place { input: self.input, record: self.record }

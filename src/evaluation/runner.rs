@@ -1,6 +1,5 @@
 //! Runs a plan on several threads. Results do not depend on their number, on the size of batches, or on interruptions.
 
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -16,10 +15,13 @@ use super::{EvaluationError, rollouts};
 use crate::rollout::{Request, Rollout, roll_out};
 use crate::scene::{Deviation, Scenario};
 
+/// More threads than this are never started: they would only wait for each other.
+const MOST_JOBS: usize = 512;
+
 /// How a run is carried out; decides no number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Execution {
-    /// Threads.
+    /// Threads, at most 512.
     pub jobs: usize,
     /// Scenarios that a thread steps in lockstep and keeps in memory.
     pub batch: usize,
@@ -70,8 +72,11 @@ pub fn run(
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
-        for _ in 1..execution.jobs.max(1) {
-            scope.spawn(|| runner.work());
+        for _ in 1..execution.jobs.min(MOST_JOBS) {
+            // Where the system grants no more threads, those that there are do the work.
+            if thread::Builder::new().spawn_scoped(scope, || runner.work()).is_err() {
+                break;
+            }
         }
         runner.work();
     });
@@ -103,7 +108,7 @@ pub fn run(
 
 /// Does parallel work on so many threads; where they can not be had, on those that there are.
 fn with_threads<T: Send>(jobs: usize, work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(jobs.max(1)).build() {
+    match rayon::ThreadPoolBuilder::new().num_threads(jobs.clamp(1, MOST_JOBS)).build() {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
     }
@@ -268,36 +273,17 @@ impl Runner<'_> {
     }
 
     fn rows(&self, ready: &Ready, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
-        let empty = Row {
-            input: ready.place.input,
-            record: ready.place.record,
-            scenario: ready.scenario.id.clone(),
-            digest: ready.digest.clone(),
-            simulator: self.names[simulator].clone(),
-            rollout: None,
+        let about = Row {
             category: ready.category.map(|c| c.name().to_owned()),
-            direction_tracking: None,
-            metrics: BTreeMap::new(),
-            deviation: BTreeMap::new(),
-            outcomes: BTreeMap::new(),
+            ..Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
         };
         let judged = judge(&ready.scenario, rollouts, self.plan.settings.options);
         let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
-        for ((index, rollout), one) in (0..).zip(rollouts).zip(judged.each) {
-            let row = Row {
-                rollout: Some(index),
-                direction_tracking: Some(one.direction_tracking.to_owned()),
-                metrics: one.metrics,
-                deviation: one.deviation,
-                outcomes: rollout.outcomes.iter().map(|(k, n)| ((*k).to_owned(), *n)).collect(),
-                ..empty.clone()
-            };
-            for event in &one.events {
-                events.push_str(&line(&EventLine::new(&row, index, event)));
-            }
+        for (row, counted) in judged.rows(about, 0.., rollouts) {
+            let index = row.rollout.unwrap_or_default();
+            counted.iter().for_each(|event| events.push_str(&line(&EventLine::new(&row, index, event))));
             rows.push(row);
         }
-        rows.push(Row { metrics: judged.together, ..empty });
         (rows, events)
     }
 

@@ -47,6 +47,12 @@ impl Estimate {
     }
 }
 
+/// The mean of values; `None` where there is none.
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, n) = values.fold((0.0, 0_u32), |(sum, n), v| (sum + v, n + 1));
+    (n > 0).then(|| sum / f64::from(n))
+}
+
 /// A uniform index below `n`: the high half of a product (the bias is below n / 2^64).
 fn below(names: &mut Stream, n: usize) -> usize {
     ((u128::from(names.next_u64()) * n as u128) >> 64) as usize

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::provenance::Provenance;
 use super::row::Failure;
-use super::statistics::Estimate;
+use super::statistics::{Estimate, mean};
 use super::tally::{Cell, Entry, Tally};
 
 /// Id of the simulator that paired differences are taken to.
@@ -201,7 +201,7 @@ impl Pressure {
     fn of(tally: &Tally, done: &[(&Entry, &Cell)]) -> Self {
         let share = |id: &str| {
             let metric = tally.metrics.iter().position(|m| *m == id)?;
-            super::tally::mean(done.iter().filter_map(|(_, c)| c.any[metric]))
+            mean(done.iter().filter_map(|(_, c)| c.any[metric]))
         };
         Self {
             share_at_fault_collision: share("aav-collision"),

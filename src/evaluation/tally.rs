@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::row::{Place, Row};
+use super::statistics::mean;
 use crate::metrics::Score;
 
 /// What one simulator did in one scenario, averaged over its rollouts.
@@ -119,10 +120,4 @@ impl Tally {
         }
         repeated
     }
-}
-
-/// The mean of what is there.
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, n) = values.fold((0.0, 0u32), |(sum, n), v| (sum + v, n + 1));
-    (n > 0).then(|| sum / f64::from(n))
 }

@@ -2,15 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use arrow_array::RecordBatch;
 use serde::Deserialize;
 
 use super::error::{Cause, FormatError};
-use super::format::head;
+use super::format::{is_parquet, read_whole};
 use super::states::{self, States};
 use super::table::{Leaf, TableReader, View};
 use crate::geometry::Vec2;
@@ -50,9 +48,8 @@ impl DeviationRecord {
 /// occurs twice, an unknown category, missing columns.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let path = path.as_ref();
-    let head = head(path, 4).map_err(|e| FormatError::file(path, Cause::read(e)))?;
     let mut all = Records { path, records: BTreeMap::new(), next: 0 };
-    if head == b"PAR1" {
+    if is_parquet(path).map_err(|e| FormatError::file(path, Cause::read(e)))? {
         all.read_parquet()?
     } else {
         all.read_json()?
@@ -135,9 +132,7 @@ impl Records<'_> {
 
     fn read_json(&mut self) -> Result<(), FormatError> {
         let file = |cause| FormatError::file(self.path, cause);
-        let mut text = Vec::new();
-        let source = File::open(self.path).map_err(|e| file(Cause::read(e)))?;
-        source.take(LONGEST).read_to_end(&mut text).map_err(|e| file(Cause::read(e)))?;
+        let text = read_whole(self.path, LONGEST, "at most 1 GiB; write longer ones as Parquet")?;
         let raw: RawFile =
             serde_json::from_slice(&text).map_err(|e| file(Cause::Undecodable(e.to_string())))?;
         if raw.format != JSON {

@@ -130,6 +130,31 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
     Ok(())
 }
 
+/// The first bytes of Parquet, gzip and zstd files.
+const PARQUET: &[u8] = b"PAR1";
+pub(super) const GZIP: &[u8] = &[0x1f, 0x8b];
+pub(super) const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+
+/// Whether a file begins as Parquet files do.
+///
+/// # Errors
+/// When the file can not be read.
+pub fn is_parquet(path: &Path) -> std::io::Result<bool> {
+    Ok(head(path, PARQUET.len() as u64)? == PARQUET)
+}
+
+/// The whole content of a file that holds `what`; one longer than `longest` bytes is refused.
+pub(super) fn read_whole(path: &Path, longest: u64, what: &str) -> Result<Vec<u8>, FormatError> {
+    let refuse = |e| FormatError::file(path, Cause::read(e));
+    let mut content = Vec::new();
+    File::open(path).map_err(refuse)?.take(longest + 1).read_to_end(&mut content).map_err(refuse)?;
+    if content.len() as u64 > longest {
+        let found = format!("more than {} MiB", longest >> 20);
+        return Err(FormatError::file(path, Cause::value("the length of the file", found, what)));
+    }
+    Ok(content)
+}
+
 /// The first bytes of a file, fewer where it is shorter.
 pub(super) fn head(path: &Path, bytes: u64) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
@@ -147,9 +172,9 @@ fn kind_of(path: &Path) -> std::io::Result<&'static str> {
     let text = head.trim_ascii_start();
     Ok(match &head[..] {
         [] => "empty",
-        [b'P', b'A', b'R', b'1', ..] => "a Parquet file of another kind",
-        [0x1f, 0x8b, ..] => "a gzip file without TFRecords",
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => "a zstd file without TFRecords",
+        h if h.starts_with(PARQUET) => "a Parquet file of another kind",
+        h if h.starts_with(GZIP) => "a gzip file without TFRecords",
+        h if h.starts_with(ZSTD) => "a zstd file without TFRecords",
         [0x80, 0x02..=0x05, ..] => "a Python pickle",
         _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
         _ if text.starts_with(b"<") => "an XML file",

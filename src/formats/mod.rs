@@ -17,6 +17,7 @@ pub mod rollouts;
 
 pub use error::{Cause, FormatError};
 pub use format::{
-    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Undecoded, decoded, find_inputs, open,
+    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Undecoded, decoded, find_inputs, is_parquet,
+    open,
 };
 pub use json::parse as parse_json;

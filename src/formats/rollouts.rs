@@ -43,7 +43,6 @@ impl RolloutRecord {
 /// Writes rollouts. The file gets its name when it is finished; a writer that is dropped leaves nothing.
 pub struct Writer {
     table: TableWriter,
-    waiting: usize,
 }
 
 impl Writer {
@@ -65,7 +64,7 @@ impl Writer {
             Column::new("vx", Leaf::Number, 2, true),
             Column::new("vy", Leaf::Number, 2, true),
         ];
-        Ok(Self { table: TableWriter::create(path.as_ref(), KIND, VERSION, columns)?, waiting: 0 })
+        Ok(Self { table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP, columns)? })
     }
 
     /// Adds a rollout.
@@ -89,12 +88,7 @@ impl Writer {
         each("heading", |f| f.map(|s| s.heading));
         each("vx", |f| f.map(|s| s.vx));
         each("vy", |f| f.map(|s| s.vy));
-        self.waiting += 1;
-        if self.waiting == GROUP {
-            self.waiting = 0;
-            self.table.flush()?;
-        }
-        Ok(())
+        self.table.end_row()
     }
 
     /// Completes the file and gives it its name.

@@ -15,6 +15,11 @@ pub fn direction(heading: f64) -> Vec2 {
     Vec2::new(cos, sin)
 }
 
+/// `v` turned left by a quarter of a circle.
+pub fn left(v: Vec2) -> Vec2 {
+    Vec2::new(-v.y, v.x)
+}
+
 /// The signed angle from `a` to `b`, in (-pi, pi]; positive is counter-clockwise. Zero vectors give 0.
 pub fn signed_angle_between(a: Vec2, b: Vec2) -> f64 {
     a.perp(&b).atan2(a.dot(&b))

@@ -9,7 +9,7 @@ mod obb;
 mod polygon;
 mod polyline;
 
-pub use angle::{direction, signed_angle_between, wrap};
+pub use angle::{direction, left, signed_angle_between, wrap};
 pub use edges::{NearestEdge, OrientedEdges};
 pub use grid::{Bounds, Grid};
 pub use obb::{OrientedBox, rounded_distance};
@@ -18,6 +18,12 @@ pub use polyline::{Polyline, PolylineError, Projection};
 
 /// A point or a vector in the plane, in metres (or metres per second for velocities).
 pub type Vec2 = nalgebra::Vector2<f64>;
+
+/// The fifth-order step from 0 to 1 over `u` in [0, 1], with flat ends and no curvature there.
+pub fn smooth_step(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    u * u * u * (10.0 + u * (6.0 * u - 15.0))
+}
 
 /// Distance from point `p` to the segment `a`-`b`, squared, and the parameter of the nearest point, clamped to [0, 1].
 #[inline]

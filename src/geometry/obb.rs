@@ -1,6 +1,6 @@
 //! Oriented boxes: corners, containment, sharp and rounded overlap.
 
-use super::{Vec2, direction};
+use super::{Vec2, direction, left};
 
 /// A rectangle in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ impl OrientedBox {
 
     /// The unit vector to the left of the box.
     pub fn left(&self) -> Vec2 {
-        Vec2::new(-self.axis.y, self.axis.x)
+        left(self.axis)
     }
 
     /// Corners: front left, front right, rear right, rear left.
@@ -51,7 +51,7 @@ impl OrientedBox {
     }
 
     /// Distance from `point` to the box; 0 inside.
-    pub fn distance_to(&self, point: Vec2) -> f64 {
+    fn distance_to(&self, point: Vec2) -> f64 {
         let local = self.to_local(point);
         let x = (local.x.abs() - self.half_length).max(0.0);
         let y = (local.y.abs() - self.half_width).max(0.0);
@@ -75,11 +75,6 @@ impl OrientedBox {
             }
         }
         enter <= leave
-    }
-
-    /// This box grown by `margin` metres on every side.
-    pub fn inflated(&self, margin: f64) -> Self {
-        Self { half_length: self.half_length + margin, half_width: self.half_width + margin, ..*self }
     }
 
     /// Largest separation along the four edge normals: negative is the penetration depth of overlapping boxes, positive

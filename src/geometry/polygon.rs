@@ -22,14 +22,6 @@ impl Polygon {
     pub fn bounds(&self) -> Bounds {
         Bounds::of(self.exterior.iter().copied())
     }
-
-    /// Distance from `p` to the polygon, metres; 0 inside.
-    pub fn distance(&self, p: Vec2) -> f64 {
-        if self.contains(p) {
-            return 0.0;
-        }
-        self.holes.iter().map(|hole| ring_distance(p, hole)).fold(ring_distance(p, &self.exterior), f64::min)
-    }
 }
 
 /// Whether `p` lies inside the ring (even-odd rule); `None` on the boundary. The ring may be open or closed.
@@ -79,8 +71,8 @@ mod tests {
         for outside in [(0.0, 5.0), (10.0, 10.0), (5.0, 10.0), (5.0, 5.0), (4.0, 5.0), (11.0, 5.0)] {
             assert!(!p.contains(Vec2::new(outside.0, outside.1)), "{outside:?}");
         }
-        assert_eq!(p.distance(Vec2::new(13.0, 14.0)), 5.0);
-        assert_eq!(p.distance(Vec2::new(5.0, 5.0)), 1.0);
+        assert_eq!(ring_distance(Vec2::new(13.0, 14.0), &p.exterior), 5.0);
+        assert_eq!(ring_distance(Vec2::new(5.0, 5.0), &p.holes[0]), 1.0);
     }
 
     #[test]

@@ -3,13 +3,10 @@
 
 use super::options::CurvatureYaw;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use crate::geometry::wrap;
 use crate::scene::DT;
 
-/// Largest feasible acceleration, m/s².
-const MAX_ACCELERATION: f64 = 6.0;
-/// Largest feasible curvature, 1/m.
-const MAX_CURVATURE: f64 = 0.3;
 /// Tolerance of both bounds.
 const TOLERANCE: f64 = 1e-3;
 /// Below this speed at either end the curvature is taken for 0, m/s.

@@ -232,7 +232,7 @@ impl Metric for Likelihood {
     fn spec(&self) -> &'static MetricSpec {
         &MetricSpec {
             id: "kinematic-likelihood",
-            title: "Kin. Likelihood",
+            title: "Kin. Lik.",
             unit: Unit::Plain,
             lower_is_better: false,
             source: "Waymo sim-agents challenge 2025: the kinematic features, equal weights",

@@ -58,7 +58,7 @@ impl Metric for OffRoad {
     fn spec(&self) -> &'static MetricSpec {
         &MetricSpec {
             id: "offroad",
-            title: "Off-Road",
+            title: "Offroad",
             unit: Unit::Rate,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: off-road rate",

@@ -108,7 +108,7 @@ impl Metric for Risky {
     fn spec(&self) -> &'static MetricSpec {
         &MetricSpec {
             id: "aav-ttc",
-            title: "A-AV TTC",
+            title: "A-AV risky",
             unit: Unit::Count,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: agent-AV risky TTC count",

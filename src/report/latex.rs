@@ -53,7 +53,7 @@ impl Exporter for Latex {
 fn head(column: &Column) -> String {
     let arrow = if column.kind().1 { "$\\downarrow$" } else { "$\\uparrow$" };
     let unit = column.unit().map(|u| format!(" ({})", escape(u))).unwrap_or_default();
-    format!("{} {arrow}{unit}", escape(column.title))
+    format!("{} {arrow}{unit}", escape(column.title()))
 }
 
 fn row(columns: &[Column], line: &Line<'_>) -> String {

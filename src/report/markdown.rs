@@ -73,7 +73,7 @@ fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> i
     head.push("Method".to_owned());
     head.extend(columns.iter().map(|c| {
         let arrow = if c.kind().1 { '↓' } else { '↑' };
-        format!("{}{} {arrow}", c.title, c.unit().map(|u| format!(" ({u})")).unwrap_or_default())
+        format!("{}{} {arrow}", c.title(), c.unit().map(|u| format!(" ({u})")).unwrap_or_default())
     }));
     head.extend(with_failed.then(|| "Failed".to_owned()));
     let texts = 1 + usize::from(with_run);

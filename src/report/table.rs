@@ -10,27 +10,30 @@ use crate::metrics::{self, Unit};
 pub struct Column {
     /// Id of the metric.
     pub metric: &'static str,
-    /// Head of the column.
-    pub title: &'static str,
 }
 
 /// The columns, in the paper's order (ReactSim-Bench, table 1), then what stands beside them.
 pub const COLUMNS: &[Column] = &[
-    Column { metric: "aav-collision", title: "A-AV Coll." },
-    Column { metric: "aav-ttc", title: "A-AV risky" },
-    Column { metric: "aa-collision", title: "A-A Coll." },
-    Column { metric: "offroad", title: "Offroad" },
-    Column { metric: "direction", title: "Dir." },
-    Column { metric: "acceleration", title: "Acc." },
-    Column { metric: "curvature", title: "Steer." },
-    Column { metric: "curvature-velocity", title: "Steer. (vel.)" },
-    Column { metric: "ade", title: "ADE" },
-    Column { metric: "min-ade", title: "minADE" },
-    Column { metric: "progress", title: "Progress" },
-    Column { metric: "kinematic-likelihood", title: "Kin. Lik." },
+    Column { metric: "aav-collision" },
+    Column { metric: "aav-ttc" },
+    Column { metric: "aa-collision" },
+    Column { metric: "offroad" },
+    Column { metric: "direction" },
+    Column { metric: "acceleration" },
+    Column { metric: "curvature" },
+    Column { metric: "curvature-velocity" },
+    Column { metric: "ade" },
+    Column { metric: "min-ade" },
+    Column { metric: "progress" },
+    Column { metric: "kinematic-likelihood" },
 ];
 
 impl Column {
+    /// Head of the column.
+    pub(super) fn title(&self) -> &'static str {
+        metrics::metric(self.metric).map_or(self.metric, |m| m.spec().title)
+    }
+
     /// How the column is printed: what it counts, and whether less is better.
     pub(super) fn kind(&self) -> (Unit, bool) {
         let spec = metrics::metric(self.metric).map(|m| m.spec());

@@ -74,19 +74,25 @@ impl DeviatedAv {
         if track.len() != FUTURE {
             return Err(AvError::Length { found: track.len() });
         }
-        let mut before = *now;
-        for (i, state) in track.iter().enumerate() {
-            if !state.is_finite() {
-                return Err(AvError::NotFinite { step: i + 1 });
-            }
-            let metres = (state.position() - before.position()).norm();
-            if metres > LONGEST_STEP {
-                return Err(AvError::Jump { step: i + 1, before: i, metres, limit: LONGEST_STEP });
-            }
-            before = *state;
-        }
+        check_steps(now, &track)?;
         Ok(Self { track })
     }
+}
+
+/// Refuses a trajectory that goes on from `now` with a state that is not finite or too far from the one before.
+fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
+    let mut before = now;
+    for (i, state) in track.iter().enumerate() {
+        if !state.is_finite() {
+            return Err(AvError::NotFinite { step: i + 1 });
+        }
+        let metres = (state.position() - before.position()).norm();
+        if metres > LONGEST_STEP {
+            return Err(AvError::Jump { step: i + 1, before: i, metres, limit: LONGEST_STEP });
+        }
+        before = state;
+    }
+    Ok(())
 }
 
 impl AvPolicy for DeviatedAv {

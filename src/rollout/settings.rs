@@ -32,9 +32,7 @@ pub struct Replan {
 
 /// Why a text is no replan rate.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is no replan rate: expected a rate that divides 10 Hz, such as `2hz`, or 1 to 80 steps, such as `5steps`"
-)]
+#[error("`{0}` is no replan rate: expected 1 to 80 steps, such as `5steps`, or as a rate, such as `2hz`")]
 pub struct ParseReplanError(String);
 
 impl Replan {

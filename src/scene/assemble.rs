@@ -5,14 +5,22 @@ use std::sync::OnceLock;
 
 use super::parts::{LaneParts, NeighborParts, ScenarioParts};
 use super::{
-    AgentKind, AgentState, CURRENT, Crosswalk, DT, DeviatedTrack, FRAMES, FUTURE, Frame, HISTORY, Lane,
-    LaneArea, LaneNeighbor, LogFuture, LoggedAgent, MAX_AGENTS, RoadEdge, RoadLine, RoadMap, Scenario,
-    SceneError, Start, StopLine, Surface, TrafficLight,
+    AgentKind, AgentState, CURRENT, Crosswalk, DT, DeviatedTrack, FRAMES, FUTURE, Frame, HISTORY,
+    LANE_HALF_WIDTH, Lane, LaneArea, LaneNeighbor, LogFuture, LoggedAgent, MAX_AGENTS, RoadEdge, RoadLine,
+    RoadMap, Scenario, SceneError, Start, StopLine, Surface, TrafficLight,
 };
-use crate::geometry::{Polygon, Polyline, Vec2};
+use crate::geometry::{Polygon, Polyline, Vec2, direction, left};
 
 /// Coordinates farther than this from the AV are taken for damage.
 const FARTHEST: f64 = 100_000.0;
+/// Boxes from this size on are taken for damage, metres.
+const LARGEST: f64 = 1000.0;
+/// Velocities from this magnitude on are taken for damage, m/s.
+const FASTEST: f64 = 1000.0;
+/// Headings from this magnitude on are taken for damage, radians: about a thousand circles.
+const MOST_TURNED: f64 = 6300.0;
+/// By how much the median step of the timestamps may miss 0.1 s, as a share of it.
+const STEP_TOLERANCE: f64 = 0.1;
 
 impl Scenario {
     /// Checks parts and makes a scenario of them: shifts coordinates to the AV, chooses and orders agents, resolves links.
@@ -73,11 +81,10 @@ impl Scenario {
             let s = baseline.project(at).s;
             let half = match lanes[lane].area {
                 LaneArea::Corridor { half_width } => half_width,
-                LaneArea::Polygon(_) => 1.75,
+                LaneArea::Polygon(_) => LANE_HALF_WIDTH,
             };
-            let (on, heading) = (baseline.at(s), baseline.heading_at(s));
-            let left = Vec2::new(-heading.sin(), heading.cos()) * half;
-            stop_lines.push(StopLine { kind: line.kind, lane, s, ends: [on + left, on - left] });
+            let (on, aside) = (baseline.at(s), left(direction(baseline.heading_at(s))) * half);
+            stop_lines.push(StopLine { kind: line.kind, lane, s, ends: [on + aside, on - aside] });
         }
 
         let map = RoadMap {
@@ -220,7 +227,7 @@ impl Builder {
         }
         steps.sort_by(f64::total_cmp);
         let median = steps[steps.len() / 2];
-        if (median - DT).abs() > 0.1 * DT {
+        if (median - DT).abs() > STEP_TOLERANCE * DT {
             return Err(self.error(
                 "timestamps".into(),
                 format!("a step of {median} s"),
@@ -242,9 +249,9 @@ impl Builder {
                 return Err(self.error(field, format!("{} frames", track.len()), "91 frames"));
             }
             for (name, size) in [("length", agent.length), ("width", agent.width)] {
-                if !(size.is_finite() && (0.0..1000.0).contains(&size)) {
+                if !(size.is_finite() && (0.0..LARGEST).contains(&size)) {
                     let field = format!("agents[{i}].{name}");
-                    return Err(self.error(field, size, "a finite size of at least 0 m"));
+                    return Err(self.error(field, size, "a size of at least 0 and less than 1000 m"));
                 }
             }
             if !seen.insert(agent.id.as_str()) {
@@ -304,13 +311,12 @@ impl Builder {
             let Some(state) = state else { continue };
             let p = self.point(&format_args_field(field, f, state, self.shift), state.position())?;
             (state.x, state.y) = (p.x, p.y);
-            // A turn of a thousand circles is damage, not a heading.
-            if !(state.heading.abs() < 6300.0) {
+            if !(state.heading.abs() < MOST_TURNED) {
                 return Err(self.error(format!("{field}[{f}].heading"), state.heading, "a finite heading"));
             }
             for (name, v) in [("vx", state.vx), ("vy", state.vy)] {
-                if !v.is_nan() && !(v.abs() < 1000.0) {
-                    let expected = "a velocity in m/s, or NaN where unknown";
+                if !v.is_nan() && !(v.abs() < FASTEST) {
+                    let expected = "a velocity below 1000 m/s, or NaN where unknown";
                     return Err(self.error(format!("{field}[{f}].{name}"), v, expected));
                 }
             }

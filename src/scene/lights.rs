@@ -64,11 +64,6 @@ impl LightState {
         self as u8
     }
 
-    /// The state with this code.
-    pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(code)).copied()
-    }
-
     /// Red or red arrow (steady).
     pub const fn is_red(self) -> bool {
         matches!(self, Self::Stop | Self::ArrowStop)

@@ -87,6 +87,9 @@ impl LaneClass {
     }
 }
 
+/// Half of the width of a lane whose width is not recorded, metres.
+pub const LANE_HALF_WIDTH: f64 = 1.75;
+
 /// The ground that a lane covers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LaneArea {

@@ -190,7 +190,7 @@ impl<'a> Road<'a> {
     }
 
     /// The nearest road edge; `start` is the segment found for a point close by. `None` without edges.
-    pub fn nearest_edge(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
+    fn nearest_edge(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
         self.index.edges.nearest(p, start)
     }
 

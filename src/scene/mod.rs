@@ -15,8 +15,8 @@ pub use agent::{Agent, AgentKind, AgentState, Frame, LoggedAgent};
 pub use error::SceneError;
 pub use lights::{LightState, TrafficLight};
 pub use map::{
-    Crosswalk, Lane, LaneArea, LaneClass, LaneKind, LaneNeighbor, RoadEdge, RoadEdgeKind, RoadLine, RoadMap,
-    StopKind, StopLine, Surface,
+    Crosswalk, LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, LaneKind, LaneNeighbor, RoadEdge, RoadEdgeKind,
+    RoadLine, RoadMap, StopKind, StopLine, Surface,
 };
 pub use map_index::{LaneHit, MapIndex, Road};
 pub use parts::{

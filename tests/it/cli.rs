@@ -235,7 +235,7 @@ fn kept_rollouts_score_to_the_same_numbers() {
     let input = home.path().join("scenarios.parquet");
     write(&input, (0..5).map(scenario));
     let mut kept = Vec::new();
-    for jobs in ["1", "3"] {
+    for jobs in ["1", "3", "1000000"] {
         let out = home.path().join(jobs);
         let output = reactsim(&[
             "run",
@@ -256,7 +256,10 @@ fn kept_rollouts_score_to_the_same_numbers() {
         assert!(!out.join("parts").exists());
         kept.push(out.join("rollouts.parquet"));
     }
-    assert!(fs::read(&kept[0]).unwrap() == fs::read(&kept[1]).unwrap());
+    // More threads than any system grants are no more than can be had.
+    for other in &kept[1..] {
+        assert!(fs::read(&kept[0]).unwrap() == fs::read(other).unwrap());
+    }
     let output = reactsim(&["score", text(&kept[0]), "--scenarios", text(&input), "--format", "json"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let scored: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -299,7 +302,10 @@ fn kept_rollouts_score_to_the_same_numbers() {
         "--resume",
     ]);
     assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
-    assert!(fs::read(&kept[0]).unwrap() == fs::read(&kept[1]).unwrap());
+    // More threads than any system grants are no more than can be had.
+    for other in &kept[1..] {
+        assert!(fs::read(&kept[0]).unwrap() == fs::read(other).unwrap());
+    }
 }
 
 #[test]

@@ -4,13 +4,11 @@ mod motion;
 mod parts;
 mod raw;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use self::raw::RawScenario;
 use super::error::{Cause, FormatError};
-use super::format::{ScenarioFormat, Scenarios, head};
+use super::format::{ScenarioFormat, Scenarios, head, read_whole};
 use crate::scene::Scenario;
 
 /// Longest file that is read: a scenario with full tracks is a few megabytes.
@@ -42,14 +40,7 @@ impl ScenarioFormat for Json {
 }
 
 fn read(path: &Path) -> Result<Scenario, FormatError> {
-    let mut text = Vec::new();
-    let file = File::open(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
-    let bytes = file.take(LONGEST + 1).read_to_end(&mut text);
-    if bytes.map_err(|e| FormatError::file(path, Cause::read(e)))? as u64 > LONGEST {
-        let cause = Cause::value("the length of the file", "more than 256 MiB", "one scenario");
-        return Err(FormatError::file(path, cause));
-    }
-    parse(path, &text)
+    parse(path, &read_whole(path, LONGEST, "one scenario")?)
 }
 
 /// Reads a hand-written scenario from memory; `path` is the name that errors give it.

@@ -2,7 +2,7 @@
 
 use super::raw::{RawArc, RawMotion, RawPast, RawPath, RawPiece};
 use crate::formats::error::Cause;
-use crate::geometry::{Vec2, direction};
+use crate::geometry::{Vec2, direction, left, smooth_step};
 use crate::scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, HISTORY};
 
 /// Distance between two points of a path, metres.
@@ -114,9 +114,8 @@ fn future(field: &str, now: Mover, pieces: &[RawPiece]) -> Result<Vec<AgentState
             mover.step(piece.acceleration, piece.curvature);
             // A quintic: it begins and ends without sideways speed and acceleration.
             let u = k as f64 / steps as f64;
-            let smooth = u * u * u * (10.0 + u * (6.0 * u - 15.0));
             let rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / (steps as f64 * DT);
-            states.push(shifted(&mover, aside + piece.shift * smooth, piece.shift * rate));
+            states.push(shifted(&mover, aside + piece.shift * smooth_step(u), piece.shift * rate));
         }
         aside += piece.shift;
     }
@@ -130,7 +129,7 @@ fn future(field: &str, now: Mover, pieces: &[RawPiece]) -> Result<Vec<AgentState
 /// The state beside a point: so far to the left, moving left at this rate. An agent that stands does not turn.
 fn shifted(mover: &Mover, aside: f64, rate: f64) -> AgentState {
     let ahead = direction(mover.heading);
-    let left = Vec2::new(-ahead.y, ahead.x);
+    let left = left(ahead);
     let turn = if mover.speed > 0.0 { rate.atan2(mover.speed) } else { 0.0 };
     let at = mover.at + left * aside;
     let v = ahead * mover.speed + left * rate;

@@ -8,12 +8,9 @@ use crate::formats::error::Cause;
 use crate::geometry::{Polygon, Vec2};
 use crate::scene::{
     Agent, AgentKind, AgentState, CURRENT, Crosswalk, Deviation, DeviationParts, FRAMES, FUTURE, Frame,
-    LaneArea, LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts,
-    RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts,
+    NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
-
-/// Half of the width of a lane whose width is not given, metres.
-const HALF_WIDTH: f64 = 1.75;
 
 /// The parts of a file.
 pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
@@ -231,7 +228,7 @@ fn lanes(raw: &[RawLane]) -> Result<Vec<LaneParts>, Cause> {
             points: baselines[i].clone(),
             area: match (&lane.polygon, lane.half_width) {
                 (Some(ring), None) => LaneArea::Polygon(points(ring)),
-                (None, width) => LaneArea::Corridor { half_width: width.unwrap_or(HALF_WIDTH) },
+                (None, width) => LaneArea::Corridor { half_width: width.unwrap_or(LANE_HALF_WIDTH) },
                 (Some(_), Some(_)) => return Err(either(&field, "polygon", "half_width", true)),
             },
             successors: lane.successors.clone(),

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use arrow_array::RecordBatch;
 
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
 use super::table::{self, TableReader, TableWriter};
 use crate::scene::Scenario;
 
@@ -33,10 +33,10 @@ impl ScenarioFormat for Native {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        match head(path, 4).as_deref() {
-            Ok(b"PAR1") => table::kind(path).map_or(named(path, ".parquet"), |k| k.as_deref() == Some(KIND)),
-            // Too damaged to tell by content.
-            Ok(_) => named(path, ".parquet"),
+        // By name where the file is too damaged to tell by its content.
+        match is_parquet(path) {
+            Ok(true) => table::kind(path).map_or(named(path, ".parquet"), |k| k.as_deref() == Some(KIND)),
+            Ok(false) => named(path, ".parquet"),
             Err(_) => false,
         }
     }
@@ -100,7 +100,6 @@ impl Iterator for Reader {
 /// Writes scenarios to a native file. The file gets its name when it is finished; a writer that is dropped leaves nothing.
 pub struct Writer {
     table: TableWriter,
-    waiting: usize,
 }
 
 impl Writer {
@@ -109,8 +108,7 @@ impl Writer {
     /// # Errors
     /// [`FormatError`] when the file can not be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
-        let table = TableWriter::create(path.as_ref(), KIND, VERSION, encode::columns())?;
-        Ok(Self { table, waiting: 0 })
+        Ok(Self { table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP, encode::columns())? })
     }
 
     /// Adds a scenario.
@@ -119,12 +117,7 @@ impl Writer {
     /// [`FormatError`] when the file can not be written.
     pub fn write(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
         encode::scenario(&mut self.table, scenario);
-        self.waiting += 1;
-        if self.waiting == GROUP {
-            self.waiting = 0;
-            self.table.flush()?;
-        }
-        Ok(())
+        self.table.end_row()
     }
 
     /// Completes the file and gives it its name.

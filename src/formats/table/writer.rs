@@ -27,13 +27,17 @@ pub(crate) struct TableWriter {
     schema: Arc<Schema>,
     writer: Option<ArrowWriter<Summed>>,
     sums: Vec<String>,
+    group: usize,
+    /// Rows that are not written yet.
+    waiting: usize,
 }
 
 impl TableWriter {
+    /// Begins a file of a kind and version, in row groups of `group` rows.
     pub(crate) fn create(
         path: &Path,
-        kind: &str,
-        version: u32,
+        (kind, version): (&str, u32),
+        group: usize,
         columns: Vec<Column>,
     ) -> Result<Self, FormatError> {
         let refuse = |e| FormatError::file(path, Cause::Io { doing: "create", source: e });
@@ -69,7 +73,16 @@ impl TableWriter {
             ArrowWriterOptions::new().with_properties(properties.build()).with_skip_arrow_metadata(true);
         let writer = ArrowWriter::try_new_with_options(sink, schema.clone(), options)
             .map_err(|e| FormatError::file(path, cause(e)))?;
-        Ok(Self { path: path.to_owned(), partial, columns, schema, writer: Some(writer), sums: Vec::new() })
+        Ok(Self {
+            path: path.to_owned(),
+            partial,
+            columns,
+            schema,
+            writer: Some(writer),
+            sums: Vec::new(),
+            group,
+            waiting: 0,
+        })
     }
 
     /// The column of this name, to be filled.
@@ -80,8 +93,15 @@ impl TableWriter {
         self.columns.iter_mut().find(|c| c.name() == name).expect("columns are named as in the schema")
     }
 
+    /// Ends a row, of which every column has been given its part.
+    pub(crate) fn end_row(&mut self) -> Result<(), FormatError> {
+        self.waiting += 1;
+        if self.waiting < self.group { Ok(()) } else { self.flush() }
+    }
+
     /// Writes what the columns hold as one row group.
-    pub(crate) fn flush(&mut self) -> Result<(), FormatError> {
+    fn flush(&mut self) -> Result<(), FormatError> {
+        self.waiting = 0;
         let arrays = self.columns.iter_mut().map(Column::take).collect();
         let refuse = |e| FormatError::file(&self.path, cause(e));
         let Some(writer) = &mut self.writer else { return Ok(()) };

@@ -11,7 +11,7 @@ use prost::Message;
 use self::message::Scenario as Proto;
 use self::record::Records;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
 use crate::scene::Scenario;
 
 /// The format.
@@ -27,8 +27,7 @@ impl ScenarioFormat for Womd {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        let other = matches!(head(path, 4).as_deref(), Ok(b"PAR1"));
-        !other && (Records::starts(path) || by_name(path))
+        !is_parquet(path).unwrap_or(false) && (Records::starts(path) || by_name(path))
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {

@@ -4,13 +4,11 @@ use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoin
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts,
-    LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine,
-    ScenarioParts, StopKind, StopLineParts, Surface,
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, FRAMES, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
+    LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
+    RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
-/// Half of the width of every lane (Waymo records none), metres.
-const HALF_WIDTH: f64 = 1.75;
 /// Metres per second in a mile per hour.
 const MPH: f64 = 0.44704;
 
@@ -138,7 +136,8 @@ fn map(features: Vec<MapFeature>) -> MapParts {
                 class: coded(&LaneClass::ALL, lane.kind),
                 speed_limit: Some(lane.speed_limit_mph * MPH).filter(|v| *v != 0.0),
                 points: points(&lane.polyline),
-                area: LaneArea::Corridor { half_width: HALF_WIDTH },
+                // Waymo records no widths.
+                area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
                 successors: names(&lane.exit_lanes),
                 predecessors: names(&lane.entry_lanes),
                 left: neighbors(&lane.left_neighbors),

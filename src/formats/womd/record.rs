@@ -7,11 +7,14 @@ use std::path::{Path, PathBuf};
 use flate2::read::MultiGzDecoder;
 
 use crate::formats::error::{Cause, FormatError};
+use crate::formats::format::{GZIP, ZSTD, head};
 
 /// Longest record that is believed: a scenario is a few megabytes.
 const LONGEST: u64 = 1 << 30;
 /// Window that zstd files of long records are written with.
 const WINDOW_LOG: u32 = 27;
+/// Bytes that are read from a file at a time.
+const BUFFER: usize = 1 << 16;
 /// Bytes of length and its checksum.
 const HEADER: usize = 12;
 
@@ -93,19 +96,16 @@ impl Records {
 
 /// Opens a file through the decompressor that its first bytes ask for.
 fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
-    let mut magic = Vec::new();
-    File::open(path)?.take(4).read_to_end(&mut magic)?;
+    let first = head(path, ZSTD.len() as u64)?;
     let file = File::open(path)?;
-    Ok(match magic[..] {
-        [0x28, 0xb5, 0x2f, 0xfd] => {
-            let mut decoder = zstd::stream::read::Decoder::new(file)?;
-            decoder.window_log_max(WINDOW_LOG)?;
-            Box::new(decoder)
-        }
-        [0x1f, 0x8b, ..] => {
-            Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(BufReader::new(file))))
-        }
-        _ => Box::new(BufReader::with_capacity(1 << 16, file)),
+    Ok(if first.starts_with(ZSTD) {
+        let mut decoder = zstd::stream::read::Decoder::new(file)?;
+        decoder.window_log_max(WINDOW_LOG)?;
+        Box::new(decoder)
+    } else if first.starts_with(GZIP) {
+        Box::new(BufReader::with_capacity(BUFFER, MultiGzDecoder::new(BufReader::new(file))))
+    } else {
+        Box::new(BufReader::with_capacity(BUFFER, file))
     })
 }
 

@@ -200,7 +200,7 @@ impl<'c> Tracker<'c> {
         fresh
     }
 
-    /// From the last pose but one back to the first: ambiguous lists are narrowed by what came next.
+    /// Backwards over the poses: a list of several lanes is narrowed by the list that comes after it.
     fn prune(&mut self) {
         for q in (0..self.lists.len().saturating_sub(1)).rev() {
             let (mut list, next) = (self.lists[q].clone(), self.lists[q + 1].clone());

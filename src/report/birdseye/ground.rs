@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::canvas::{Canvas, PathData};
 use super::{clip, palette};
-use crate::geometry::{Vec2, direction};
+use crate::geometry::{Vec2, direction, left};
 use crate::scene::{LaneArea, LaneClass, RoadEdgeKind, RoadMap, Scenario, StopKind};
 
 /// Distance between two arrows on a lane, metres.
@@ -102,7 +102,7 @@ fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
             continue;
         };
         let along = along.normalize();
-        let across = Vec2::new(-along.y, along.x);
+        let across = left(along);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for p in ring {
             (low, high) = (low.min(p.dot(&along)), high.max(p.dot(&along)));
@@ -155,7 +155,7 @@ fn center_lines(canvas: &mut Canvas, map: &RoadMap) {
             let s = (k as f64 + 0.5) * lane.baseline.length() / count;
             let tip = lane.baseline.at(s);
             let ahead = direction(lane.baseline.heading_at(s));
-            let aside = Vec2::new(-ahead.y, ahead.x);
+            let aside = left(ahead);
             if window.bounds().contains(tip) {
                 arrows.line(&[tip - ahead * 0.9 + aside * 0.55, tip, tip - ahead * 0.9 - aside * 0.55]);
             }

@@ -11,7 +11,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use self::path::Path;
-use super::{AvError, AvPolicy};
+use super::{AvError, AvPolicy, LONGEST_STEP, check_steps};
 use crate::geometry::{direction, wrap};
 use crate::rollout::Observation;
 use crate::scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
@@ -111,7 +111,7 @@ impl ScriptedAv {
     /// Plans the script for a scenario: 80 states that obey the kinematic limits.
     ///
     /// # Errors
-    /// [`AvError::Absent`] when the script follows the log and the logged AV is absent at a step.
+    /// [`AvError`] when the script follows the log and the logged AV is absent at a step, or jumps.
     pub fn new(scenario: &Scenario, script: Script) -> Result<Self, AvError> {
         let now = scenario.start.now(0);
         let track = if script == Script::ConstantVelocity {
@@ -161,6 +161,8 @@ impl Log {
         for (i, frame) in future.iter().enumerate() {
             states.push(frame.ok_or(AvError::Absent { step: i + 1 })?);
         }
+        // A jump would be taken for a speed, and the path made as long as that asks for.
+        check_steps(&states[0], &states[1..])?;
         let gear = gear(&states, velocity_now(scenario));
         let speeds = speeds(scenario, &states, gear);
         Ok(Self { states, gear, speeds })
@@ -176,7 +178,9 @@ fn velocity_now(scenario: &Scenario) -> f64 {
         return if forward.abs() > 0.5 * speed { speed.copysign(forward) } else { forward };
     }
     let before: Frame = scenario.start.history[0][CURRENT - 1];
-    before.map_or(0.0, |b| (now.position() - b.position()).dot(&direction(now.heading)) / DT)
+    let way = before.map_or(0.0, |b| (now.position() - b.position()).dot(&direction(now.heading)));
+    // A jump is no speed.
+    if way.abs() > LONGEST_STEP { 0.0 } else { way / DT }
 }
 
 /// Whether the AV drives forwards (1) or backwards (-1): by its speed or, where it stands, by how it sets off.

@@ -84,7 +84,7 @@ fn odd_input_is_refused_by_name() {
         (Box::new(|p| p.lanes[1].0 = 100), "map.lanes[1].id is 100, expected an id that no other lane has"),
         (
             Box::new(|p| p.tracks[0].4 = f32::NAN),
-            "agents[0].length is NaN, expected a finite size of at least 0 m",
+            "agents[0].length is NaN, expected a size of at least 0 and less than 1000 m",
         ),
         (
             Box::new(|p| p.tracks[0].3 = f32::INFINITY),

@@ -1,4 +1,4 @@
-//! What stands or drives ahead (waymax issues 42, 52 and 71: IDM drives into stopped cars, and drives pedestrians).
+//! What stands or drives ahead (waymax #42, #52 and #71: IDM drives into stopped cars, and drives pedestrians).
 
 use reactsim::rollout::Settings;
 use reactsim::scene::{AgentKind, AgentState, DT, FUTURE, LoggedAgent};

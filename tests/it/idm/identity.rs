@@ -1,4 +1,4 @@
-//! Nobody is moved to a lane, dropped, confused or invented (nuplan-devkit issues 268 and 421, and what was met while measuring peers).
+//! Nobody is moved to a lane, dropped, confused or invented (nuplan-devkit #268 and #421, and what other simulators do).
 
 use reactsim::geometry::{Vec2, wrap};
 use reactsim::scene::{

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::Log;
-use crate::geometry::{OrientedBox, Polyline, Vec2, direction, wrap};
+use crate::geometry::{OrientedBox, Polyline, Vec2, direction, left, smooth_step, wrap};
 use crate::scene::{DT, LaneHit, Road, Scenario};
 
 /// Recorded points closer than this are dropped, metres: they tell noise, not direction.
@@ -190,7 +190,7 @@ fn guide(scenario: &Scenario, log: &Log, rear: f64, offset: f64, reach: f64) -> 
         // A straight guide has too few points to bend.
         (points, normals, arc) = refine(&points, &normals, &arc, reach);
         for ((p, normal), s) in points.iter_mut().zip(&normals).zip(&arc) {
-            *p += normal * (offset * smooth(s / way));
+            *p += normal * (offset * smooth_step(s / way));
         }
     }
     let guide = Polyline::new(&points).unwrap_or_else(|_| {
@@ -218,16 +218,6 @@ fn refine(points: &[Vec2], normals: &[Vec2], arc: &[f64], reach: f64) -> (Vec<Ve
     (p, n, a)
 }
 
-/// The fifth-order step from 0 to 1, with flat ends and no curvature there.
-fn smooth(u: f64) -> f64 {
-    let u = u.clamp(0.0, 1.0);
-    u * u * u * (10.0 + u * (6.0 * u - 15.0))
-}
-
-fn left(v: Vec2) -> Vec2 {
-    Vec2::new(-v.y, v.x)
-}
-
 /// Points (with directions) of the lane that goes on from the end of the log, or none where the AV is on no lane or reverses.
 /// They leave the logged direction smoothly and keep the distance from the centre line: there may be parked cars beside the AV.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
@@ -253,7 +243,7 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
             let turn = line.heading_at(s);
             let on_lane = line.at(s.min(line.length())) + left(direction(turn)) * hit.projection.offset;
             let straight = at + ahead * way;
-            points.push((straight + (on_lane - straight) * smooth(way / join), turn));
+            points.push((straight + (on_lane - straight) * smooth_step(way / join), turn));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),

@@ -43,6 +43,16 @@ fn plan(scenario: &Scenario, script: &str) -> Vec<AgentState> {
     ScriptedAv::new(scenario, script.parse().unwrap()).unwrap().track
 }
 
+#[test]
+fn a_log_that_jumps_is_refused() {
+    let mut track = drive(&[10.0; FRAMES], &[0.0; FRAMES], &[]);
+    for state in track[40..].iter_mut().flatten() {
+        state.x += 50_000.0;
+    }
+    let refused = ScriptedAv::new(&alone(track, Vec::new()), Script::Retime(3.0)).unwrap_err();
+    assert!(matches!(refused, AvError::Jump { step: 30, before: 29, .. }), "{refused}");
+}
+
 /// Sections 7 and 8 of the metrics, at every transition from the current frame on.
 fn obeys(now: &AgentState, track: &[AgentState]) -> Result<(), String> {
     let (mut before, mut v0) = (*now, now.speed());
