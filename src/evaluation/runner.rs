@@ -71,7 +71,10 @@ pub fn run(
     };
     thread::scope(|scope| {
         for _ in 1..execution.jobs.max(1) {
-            scope.spawn(|| runner.work());
+            // Where the system gives no more threads, those that there are do the work.
+            if thread::Builder::new().spawn_scoped(scope, || runner.work()).is_err() {
+                break;
+            }
         }
         runner.work();
     });
@@ -115,7 +118,10 @@ fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     let refuse = |(place, earlier): (Place, Place)| {
         let entry = tally.entries.remove(&place)?;
         let first = &plan.sources[earlier.input].file.name;
-        let error = format!("the id `{}` is taken by record {} of {first}", entry.scenario, earlier.record);
+        let error = format!(
+            "{}: record {}: scenario `{}`: the id is taken by record {} of {first}; give each scenario once",
+            plan.sources[place.input].file.name, place.record, entry.scenario, earlier.record
+        );
         Some(failure(plan, place, None, Some(entry.scenario), error))
     };
     repeated.into_iter().filter_map(refuse).collect()
