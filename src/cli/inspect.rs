@@ -24,7 +24,7 @@ pub(super) struct InspectArgs {
     #[arg(long)]
     id: Option<String>,
     /// Draw a rollout of this run folder (made with --keep-rollouts)
-    #[arg(long, value_name = "RUN", requires = "simulator")]
+    #[arg(long, value_name = "RUN", requires_all = ["simulator", "svg"])]
     rollout: Option<PathBuf>,
     /// Simulator of the rollout
     #[arg(long, value_name = "ID", requires = "rollout")]

@@ -67,8 +67,8 @@ pub(super) struct RunArgs {
     #[arg(long, requires = "out")]
     keep_rollouts: bool,
     /// Threads [default: one per core]
-    #[arg(long, value_name = "N")]
-    jobs: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
     /// Scenarios that a thread steps together; more need more memory
     #[arg(long, default_value = "4", value_name = "N")]
     batch: NonZeroUsize,
@@ -96,7 +96,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     };
     let stop = stop_on_interrupt(args.out.as_deref())?;
     let jobs =
-        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), Into::into);
+        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
     let execution = Execution { jobs, batch: args.batch.get() };
     let progress = Progress::new();
     let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, &stop);

@@ -31,6 +31,9 @@ pub const ROLLOUTS: &str = "rollouts.parquet";
 /// Name of the folder of rollouts that are not yet put together.
 const PARTS: &str = "parts";
 
+/// The files that are written beside their place first.
+const FILES: [&str; 6] = [PROVENANCE, ROWS, EVENTS, FAILURES, SUMMARY, TABLE];
+
 /// A run folder that is being written. Rows and events are appended as they come; [`RunFolder::finish`] puts them in order.
 #[derive(Debug)]
 pub struct RunFolder {
@@ -72,6 +75,7 @@ impl RunFolder {
             return Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new });
         }
         let folder = Self::open(path)?;
+        folder.remove_halves()?;
         folder.keep_whole_pairs(tally, provenance)?;
         Ok(folder)
     }
@@ -155,6 +159,21 @@ impl RunFolder {
     /// [`EvaluationError::Write`]; the old file stays then.
     pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
         replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
+    }
+
+    /// Removes what a kill left half written beside the folder's files. Nobody else writes here: the lock is held.
+    fn remove_halves(&self) -> Result<(), EvaluationError> {
+        for entry in fs::read_dir(&self.path).map_err(cannot_read(&self.path))? {
+            let entry = entry.map_err(cannot_read(&self.path))?;
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            let half = name.strip_suffix(".tmp").is_some_and(|n| FILES.contains(&n))
+                || (name.starts_with(&format!(".{ROLLOUTS}.")) && name.ends_with(".partial"));
+            if half {
+                fs::remove_file(entry.path()).map_err(cannot_write(&entry.path()))?;
+            }
+        }
+        Ok(())
     }
 
     /// Whether an earlier run came to its end without a failure, so that nothing is left to be tried.

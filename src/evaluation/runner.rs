@@ -120,7 +120,10 @@ fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     let refuse = |(place, earlier): (Place, Place)| {
         let entry = tally.entries.remove(&place)?;
         let first = &plan.sources[earlier.input].file.name;
-        let error = format!("the id `{}` is taken by record {} of {first}", entry.scenario, earlier.record);
+        let error = format!(
+            "{}: record {}: scenario `{}`: the id is taken by record {} of {first}; give each scenario once",
+            plan.sources[place.input].file.name, place.record, entry.scenario, earlier.record
+        );
         Some(failure(plan, place, None, Some(entry.scenario), error))
     };
     repeated.into_iter().filter_map(refuse).collect()

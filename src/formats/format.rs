@@ -68,7 +68,7 @@ pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
     let about = fs::metadata(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
     let mut files = Vec::new();
     if about.is_dir() {
-        collect(path, &mut files)?;
+        collect(path, &mut Vec::new(), &mut files)?;
     } else {
         files.push(path.to_owned());
     }
@@ -111,9 +111,14 @@ pub fn open(path: &Path) -> Result<Scenarios, FormatError> {
     })))
 }
 
-/// The files below a folder, in the order of their names. A link to a folder above itself ends at the system's depth limit.
-fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
+/// The files below a folder, in the order of their names. A link to one of the folders `above` it is not followed.
+fn collect(folder: &Path, above: &mut Vec<PathBuf>, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
     let refuse = |e| FormatError::file(folder, Cause::read(e));
+    let real = folder.canonicalize().map_err(refuse)?;
+    if above.contains(&real) {
+        return Ok(());
+    }
+    above.push(real);
     let mut entries = Vec::new();
     for entry in fs::read_dir(folder).map_err(refuse)? {
         entries.push(entry.map_err(refuse)?.path());
@@ -122,11 +127,12 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
     for path in entries {
         let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
         if path.is_dir() {
-            collect(&path, files)?;
+            collect(&path, above, files)?;
         } else if !hidden {
             files.push(path);
         }
     }
+    above.pop();
     Ok(())
 }
 

@@ -108,6 +108,12 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     assert!(error(&["run", "--replan", "3hz"]).contains("such as `2hz`"));
     assert!(error(&["run", "--rollouts", "0"]).contains("1..=10000"));
     assert!(error(&["run", "--resume"]).contains("--out"));
+    assert!(error(&["run", "--jobs", "100000"]).contains("1..=1024"));
+    assert!(
+        error(&["inspect", text(&plain), "--rollout", "HOME", "--simulator", "idm"]).contains("--svg <FILE>")
+    );
+    #[cfg(unix)]
+    assert!(error(&["convert", text(&plain), "--out", "/dev/null"]).contains("is no regular file"));
     assert!(error(&["run", "HOME/absent"]).contains("HOME/absent"));
     assert!(error(&["run", text(&plain), "--deviations", "absent.json"]).contains("absent.json"));
     // The folder stands where a file is.

@@ -105,8 +105,12 @@ fn a_finished_run_resumes_to_itself_and_an_absent_one_begins() {
     let folder = home.path().join("run");
     run(&plan(1), &folder, true, 2, 2);
     let wanted = files(&folder);
+    // Halves of files that a kill left behind go away.
+    let halves = ["summary.json.tmp", ".rollouts.parquet.1.partial"].map(|n| folder.join(n));
+    halves.iter().for_each(|half| fs::write(half, "half").unwrap());
     run(&plan(1), &folder, true, 2, 2);
     assert_eq!(files(&folder), wanted);
+    assert!(!halves.iter().any(|half| half.exists()));
 }
 
 #[test]
@@ -171,7 +175,9 @@ fn of_two_scenarios_with_one_id_the_later_fails() {
         assert_eq!(summary.simulators["stop"].failed, 1);
         let failure = &summary.provenance.failures[0];
         assert_eq!((failure.input, failure.record), (1, 1));
-        assert_eq!(failure.error, "the id `road-002` is taken by record 1 of a");
+        let wanted =
+            "b: record 1: scenario `road-002`: the id is taken by record 1 of a; give each scenario once";
+        assert_eq!(failure.error, wanted);
     }
 }
 

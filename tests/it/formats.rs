@@ -125,6 +125,12 @@ fn compressions_agree_and_are_told_by_content() {
     }
     assert!(seen.iter().all(|d| *d == seen[0]));
     assert_eq!(find_inputs(folder.path()).unwrap().len(), 3);
+    // Links back to the folder are not followed: two of them would double the work with every level.
+    #[cfg(unix)]
+    for name in ["back", "again"] {
+        std::os::unix::fs::symlink(folder.path(), folder.path().join(name)).unwrap();
+    }
+    assert_eq!(find_inputs(folder.path()).unwrap().len(), 3);
 }
 
 #[test]

@@ -45,6 +45,9 @@ impl TableWriter {
         if path.is_dir() {
             return Err(refuse(io::Error::from(io::ErrorKind::IsADirectory)));
         }
+        if path.exists() && !path.is_file() {
+            return Err(refuse(io::Error::other("is no regular file, and its place would be taken")));
+        }
         let partial = path.with_file_name(format!(".{}.{}.partial", name.display(), std::process::id()));
         let file = File::create(&partial).map_err(refuse)?;
         let schema = Arc::new(Schema::new(columns.iter().map(Column::field).collect::<Vec<_>>()));
