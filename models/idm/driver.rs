@@ -1,8 +1,8 @@
 //! Who an agent is to the model: parked, on a path, on foot.
 
 use rand::RngExt;
-use reactsim::dynamics::{DrivenPath, Pose, Pursuit};
-use reactsim::geometry::{OrientedBox, Polyline, Vec2};
+use reactsim::dynamics::{DrivenPath, Pose};
+use reactsim::geometry::{OrientedBox, Polyline, Vec2, direction, left};
 use reactsim::rollout::Stream;
 use reactsim::scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind};
 
@@ -204,11 +204,7 @@ impl OnPath {
         };
         let half_width = 0.5 * start.agents[agent].width;
         let line = beside_obstacles(start, agent, &line, half_width, motion.speed);
-        let pursuit = Pursuit {
-            look_ahead: (0.9 * motion.speed).clamp(5.0, 18.0),
-            max_curvature: class.max_curvature,
-            max_curvature_rate: class.curvature_rate,
-        };
+        let pursuit = class.pursuit(motion.speed);
         let path = DrivenPath::pursue(pose, motion.curvature, &line, length, &pursuit);
         let offset = line.project(motion.position).s;
         let starts: Vec<(f64, usize)> = starts.into_iter().map(|(s, l)| (s - offset, l)).collect();
@@ -362,7 +358,7 @@ fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
         }
         let middle = 0.5 * (from + to);
         let heading = line.heading_at(middle);
-        let left = Vec2::new(-heading.sin(), heading.cos());
+        let left = left(direction(heading));
         let edge = line.at(middle) + left * (shift + half_width.copysign(shift));
         if road.drivable(edge, &mut None) == Some(false) {
             continue;
@@ -391,7 +387,7 @@ fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
                 }
             }
             let heading = line.heading(i.min(line.segments() - 1));
-            p + Vec2::new(-heading.sin(), heading.cos()) * shift
+            p + left(direction(heading)) * shift
         })
         .collect();
     Polyline::new(&moved).unwrap_or_else(|_| line.clone())

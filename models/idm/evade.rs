@@ -4,7 +4,7 @@
 //! forecasts; what stays clear of the AV, of the others and of the road edge at the least effort is done.
 
 use reactsim::dynamics::{DrivenPath, Pursuit};
-use reactsim::geometry::{Bounds, OrientedBox, Vec2, direction};
+use reactsim::geometry::{Bounds, OrientedBox, Vec2, direction, left};
 use reactsim::scene::{LaneHit, Road};
 
 use super::actor::Actor;
@@ -267,7 +267,7 @@ impl Surroundings<'_> {
         for k in 1..=4 {
             let point = path.point_at(0.75 * f64::from(k) * own.speed.max(3.0));
             let center = point.pose.position;
-            let left = Vec2::new(-point.axis.y, point.axis.x) * own.half_width;
+            let left = left(point.axis) * own.half_width;
             for (side, here) in [(left, WHEEL_PRICE), (-left, WHEEL_PRICE), (Vec2::zeros(), OFFROAD_PRICE)] {
                 if self.road.drivable(center + side, &mut hint) == Some(false) {
                     price = price.max(here);

@@ -1,6 +1,6 @@
 //! The traffic of one episode: decisions at every planning interval, motion at every step.
 
-use reactsim::dynamics::{DrivenPath, Pose, Pursuit};
+use reactsim::dynamics::{DrivenPath, Pose};
 use reactsim::geometry::{OrientedBox, Vec2, direction, wrap};
 use reactsim::rollout::{Observation, Planning, Stream};
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Start};
@@ -23,14 +23,17 @@ const BESIDE: f64 = 0.5;
 /// An AV at a larger angle comes head on, rad, if its curvature is less than this, 1/m.
 const HEAD_ON: f64 = 2.3;
 const TURNS: f64 = 0.03;
-/// Slower drivers wait, m/s.
+/// Slower drivers wait, m/s, if they would speed up by more than this, m/s².
 const WAITING: f64 = 0.3;
+const WILLING: f64 = 0.3;
 /// Decisions without danger after which a driver who has kept aside goes back to the lane.
 const QUIET: usize = 3;
 /// At most so many ways are kept for the AV, those that cost at most so much more than the likeliest; for so many plans.
 const RAILS: usize = 3;
 const RAIL_DOUBT: f64 = 1.2;
 const RAILS_LAST: usize = 3;
+/// The AV keeps to a way when it is this close to it (metres, radians) and has this long to go on it (seconds).
+const KEEPS: (f64, f64, f64) = (0.4, 0.1, 4.5);
 
 /// What the model keeps of an episode.
 #[derive(Debug)]
@@ -149,9 +152,9 @@ impl Traffic {
             let keeps = self.av_rails.iter().any(|rail| {
                 let at = rail.project(av.pose.position, 0, usize::MAX, None);
                 let heading = rail.points()[at.index].pose.heading;
-                at.offset.abs() < 0.4
-                    && wrap(heading - av.pose.heading).abs() < 0.1
-                    && rail.length() - at.s > 4.5 * av.speed
+                at.offset.abs() < KEEPS.0
+                    && wrap(heading - av.pose.heading).abs() < KEEPS.1
+                    && rail.length() - at.s > KEEPS.2 * av.speed
             });
             if keeps {
                 self.rails_age += 1;
@@ -175,12 +178,7 @@ impl Traffic {
         for (_, route) in ways {
             let length = 8.0 * av.speed + 20.0;
             let Some((line, _)) = route::center_line(&road, &route, length) else { continue };
-            let class = &parameters.vehicle;
-            let pursuit = Pursuit {
-                look_ahead: (0.9 * av.speed).clamp(5.0, 18.0),
-                max_curvature: class.max_curvature,
-                max_curvature_rate: class.curvature_rate,
-            };
+            let pursuit = parameters.vehicle.pursuit(av.speed);
             let offset = line.project(av.pose.position).offset;
             self.av_rails.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
             // An AV beside the middle of its lane may come back to it, or mean to stay there.
@@ -241,7 +239,7 @@ impl Traffic {
         let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let wanted = following(driver, &own, &intent, 0.0);
-        driver.waits = own.speed < WAITING && wanted > 0.3;
+        driver.waits = own.speed < WAITING && wanted > WILLING;
         let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
         let situation = Situation {
             index: i,

@@ -1,5 +1,6 @@
 //! Parameters, read from the card.
 
+use reactsim::dynamics::Pursuit;
 use serde::Deserialize;
 
 /// Everything that the card sets.
@@ -38,6 +39,17 @@ pub(super) struct Class {
     pub(super) speed_freeway: f64,
     /// Relative spread of the desired speed over drivers.
     pub(super) speed_spread: f64,
+}
+
+impl Class {
+    /// How a path is steered onto a lane at this speed, m/s.
+    pub(super) fn pursuit(&self, speed: f64) -> Pursuit {
+        Pursuit {
+            look_ahead: (0.9 * speed).clamp(5.0, 18.0),
+            max_curvature: self.max_curvature,
+            max_curvature_rate: self.curvature_rate,
+        }
+    }
 }
 
 /// How pedestrians walk.

@@ -1,6 +1,6 @@
 //! Polylines with arc length.
 
-use super::{Vec2, point_segment};
+use super::{Vec2, left, point_segment};
 
 /// A polyline of at least two distinct points, with the arc length at each point.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,7 +141,7 @@ impl Polyline {
         let moved = self.points.iter().enumerate().map(|(i, &p)| {
             let (a, b) = self.segment(i.min(self.segments() - 1));
             let along = (b - a) / (b - a).norm();
-            p + Vec2::new(-along.y, along.x) * offset
+            p + left(along) * offset
         });
         Self::new(&moved.collect::<Vec<_>>()).unwrap_or_else(|_| self.clone())
     }
