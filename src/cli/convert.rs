@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 
-use super::{ExitStatus, say};
+use super::{ExitStatus, say, say_passed_over};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -24,6 +24,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // All inputs are found before the first is read, and before the output is touched.
     let mut inputs = Vec::new();
     for path in &args.inputs {
+        say_passed_over(path)?;
         inputs.extend(formats::find_inputs(path)?);
     }
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {

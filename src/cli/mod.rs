@@ -18,6 +18,7 @@ use anyhow::{Context, anyhow};
 use clap::{Parser, Subcommand};
 
 use crate::evaluation::EvaluationError;
+use crate::formats;
 use crate::metrics::Options;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
@@ -151,6 +152,14 @@ fn write_result(
 fn say(text: std::fmt::Arguments<'_>) {
     // Where even stderr is gone there is nobody to tell.
     writeln!(io::stderr().lock(), "{text}").ok();
+}
+
+/// Names the files of a folder that look like scenarios by their names only.
+fn say_passed_over(path: &Path) -> anyhow::Result<()> {
+    for file in formats::passed_over(path)? {
+        say(format_args!("warning: {} is passed over: it is no scenario file", file.display()));
+    }
+    Ok(())
 }
 
 /// The variants of the metrics that were asked for.

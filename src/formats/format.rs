@@ -65,14 +65,7 @@ pub struct Input {
 /// # Errors
 /// [`FormatError`] when the path can not be read, a file is of no known format, or a folder holds no scenario file.
 pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
-    let about = fs::metadata(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
-    let mut files = Vec::new();
-    if about.is_dir() {
-        collect(path, &mut Vec::new(), &mut files)?;
-    } else {
-        files.push(path.to_owned());
-    }
-    let inputs: Vec<Input> = files
+    let inputs: Vec<Input> = files_at(path)?
         .into_iter()
         .filter_map(|path| {
             let format = FORMATS.iter().copied().find(|f| f.recognises(&path))?;
@@ -86,13 +79,41 @@ pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
     let known = known.join(", ");
     Err(FormatError::file(
         path,
-        if about.is_dir() {
+        if path.is_dir() {
             Cause::NoInput { known }
         } else {
             let found = kind_of(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
             Cause::Unrecognised { found, known }
         },
     ))
+}
+
+/// The files in a folder that are named like scenarios but are of no known kind: [`find_inputs`] passes them over, and whoever
+/// tells people what was read should say so. Empty for a single file.
+///
+/// # Errors
+/// [`FormatError`] when the folder can not be read.
+pub fn passed_over(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
+    if !path.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut files = files_at(path)?;
+    files.retain(|file| {
+        let scenario_like = [".json", ".parquet"].iter().any(|ending| named(file, ending));
+        scenario_like && !FORMATS.iter().any(|f| f.recognises(file))
+    });
+    Ok(files)
+}
+
+/// The file at a path, or the files below a folder.
+fn files_at(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
+    let about = fs::metadata(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+    if !about.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let mut files = Vec::new();
+    collect(path, &mut Vec::new(), &mut files)?;
+    Ok(files)
 }
 
 /// Reads all scenarios at a path: a file or a folder. A file of a folder that can not be read is reported once, and the next

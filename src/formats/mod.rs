@@ -18,6 +18,6 @@ pub mod rollouts;
 pub use error::{Cause, FormatError};
 pub use format::{
     FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Undecoded, decoded, find_inputs, is_parquet,
-    open,
+    open, passed_over,
 };
 pub use json::parse as parse_json;

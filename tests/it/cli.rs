@@ -163,6 +163,19 @@ fn failed_scenarios_are_listed_and_the_rest_is_in_the_table() {
 }
 
 #[test]
+fn files_that_only_look_like_scenarios_are_named() {
+    let home = tempfile::tempdir().unwrap();
+    write(&home.path().join("a.parquet"), [deviating(0, true)]);
+    fs::write(home.path().join("b.json"), "{").unwrap();
+    fs::write(home.path().join("notes.txt"), "no scenario, and not named like one").unwrap();
+    let output = reactsim(&["run", text(home.path()), "--models", "stop"]);
+    assert_eq!(output.status.code(), Some(0));
+    let said = stderr(&output);
+    assert!(said.contains("b.json is passed over: it is no scenario file"), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+}
+
+#[test]
 fn a_damaged_file_does_not_stop_the_others() {
     let home = tempfile::tempdir().unwrap();
     let (good, bad) = (home.path().join("a.parquet"), home.path().join("b.parquet"));
