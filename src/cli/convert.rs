@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 
-use super::{ExitStatus, say, say_passed_over};
+use super::{ExitStatus, find_inputs, say};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -22,11 +22,7 @@ pub(super) struct ConvertArgs {
 
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // All inputs are found before the first is read, and before the output is touched.
-    let mut inputs = Vec::new();
-    for path in &args.inputs {
-        say_passed_over(path)?;
-        inputs.extend(formats::find_inputs(path)?);
-    }
+    let inputs = find_inputs(&args.inputs)?;
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }

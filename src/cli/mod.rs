@@ -11,14 +11,14 @@ mod shipped;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, anyhow};
 use clap::{Parser, Subcommand};
 
 use crate::evaluation::EvaluationError;
-use crate::formats;
+use crate::formats::{self, Input};
 use crate::metrics::Options;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
@@ -154,12 +154,17 @@ fn say(text: std::fmt::Arguments<'_>) {
     writeln!(io::stderr().lock(), "{text}").ok();
 }
 
-/// Names the files of a folder that look like scenarios by their names only.
-fn say_passed_over(path: &Path) -> anyhow::Result<()> {
-    for file in formats::passed_over(path)? {
-        say(format_args!("warning: {} is passed over: it is no scenario file", file.display()));
+/// The scenario files at all paths, each found and recognised. Files that are only named like scenarios are named on stderr.
+fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
+    let mut inputs = Vec::new();
+    for path in paths {
+        let found = formats::survey(path)?;
+        for file in found.passed_over {
+            say(format_args!("warning: {} is passed over: it is no scenario file", file.display()));
+        }
+        inputs.extend(found.inputs);
     }
-    Ok(())
+    Ok(inputs)
 }
 
 /// The variants of the metrics that were asked for.

@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 
 use super::progress::Progress;
 use super::report::formats as table_formats;
-use super::{ExitStatus, metric_options, say, say_passed_over, shipped, write_result};
+use super::{ExitStatus, find_inputs, metric_options, say, shipped, write_result};
 use crate::evaluation::{
     self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator,
     RunFolder, RunSettings, Source, Summary, TABLE, Tally,
@@ -208,15 +208,12 @@ fn sources(paths: &[PathBuf], limit: Option<NonZeroUsize>) -> anyhow::Result<Vec
     }
     let most = limit.map_or(usize::MAX, NonZeroUsize::get);
     let mut sources = Vec::new();
-    for path in paths {
-        say_passed_over(path)?;
-        for input in formats::find_inputs(path)? {
-            let file = FileRecord::of(&input.path, input.format.id())?;
-            let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
-                Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
-            });
-            sources.push(Source { file, open });
-        }
+    for input in find_inputs(paths)? {
+        let file = FileRecord::of(&input.path, input.format.id())?;
+        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
+            Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
+        });
+        sources.push(Source { file, open });
     }
     Ok(sources)
 }

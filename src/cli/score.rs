@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::report::formats as table_formats;
-use super::{ExitStatus, metric_options, say, say_passed_over, write_result};
+use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
 use crate::evaluation::{
     Failure, FileRecord, Place, Provenance, Recorded, SettingsRecord, program_commit, program_version,
@@ -73,11 +73,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         bail!("rollouts in Parquet need their scenarios: give --scenarios <path>");
     }
     let options = metric_options(&args.metric_options)?;
-    let mut inputs = Vec::new();
-    for path in &args.scenarios {
-        say_passed_over(path)?;
-        inputs.extend(formats::find_inputs(path)?);
-    }
+    let inputs = find_inputs(&args.scenarios)?;
     let (mut failures, mut records, mut files) = (Vec::new(), Vec::new(), Vec::new());
     for (input, path) in paths.iter().enumerate() {
         let file = FileRecord::of(path, "rollouts")?;

@@ -59,21 +59,32 @@ pub struct Input {
     pub format: &'static dyn ScenarioFormat,
 }
 
-/// The scenario files at a path: the file itself, or those in the folder and its subfolders, sorted by name. Files of other
-/// kinds in a folder are passed over.
+/// What lies at a path.
+#[derive(Clone)]
+pub struct Survey {
+    /// The scenario files, sorted by name; at least one.
+    pub inputs: Vec<Input>,
+    /// Files of a folder that are named like scenarios but are of no known kind: whoever tells people what was read should say
+    /// so.
+    pub passed_over: Vec<PathBuf>,
+}
+
+/// The scenario files at a path: the file itself, or those in the folder and its subfolders. Files of other kinds in a folder are
+/// passed over.
 ///
 /// # Errors
 /// [`FormatError`] when the path can not be read, a file is of no known format, or a folder holds no scenario file.
-pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
-    let inputs: Vec<Input> = files_at(path)?
-        .into_iter()
-        .filter_map(|path| {
-            let format = FORMATS.iter().copied().find(|f| f.recognises(&path))?;
-            Some(Input { path, format })
-        })
-        .collect();
+pub fn survey(path: &Path) -> Result<Survey, FormatError> {
+    let (mut inputs, mut passed_over) = (Vec::new(), Vec::new());
+    for path in files_at(path)? {
+        if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
+            inputs.push(Input { path, format });
+        } else if [".json", ".parquet"].iter().any(|ending| named(&path, ending)) {
+            passed_over.push(path);
+        }
+    }
     if !inputs.is_empty() {
-        return Ok(inputs);
+        return Ok(Survey { inputs, passed_over });
     }
     let known: Vec<String> = FORMATS.iter().map(|f| format!("{} ({})", f.id(), f.title())).collect();
     let known = known.join(", ");
@@ -88,21 +99,12 @@ pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
     ))
 }
 
-/// The files in a folder that are named like scenarios but are of no known kind: [`find_inputs`] passes them over, and whoever
-/// tells people what was read should say so. Empty for a single file.
+/// The scenario files of a [`survey`].
 ///
 /// # Errors
-/// [`FormatError`] when the folder can not be read.
-pub fn passed_over(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
-    if !path.is_dir() {
-        return Ok(Vec::new());
-    }
-    let mut files = files_at(path)?;
-    files.retain(|file| {
-        let scenario_like = [".json", ".parquet"].iter().any(|ending| named(file, ending));
-        scenario_like && !FORMATS.iter().any(|f| f.recognises(file))
-    });
-    Ok(files)
+/// As [`survey`].
+pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
+    survey(path).map(|found| found.inputs)
 }
 
 /// The file at a path, or the files below a folder.

@@ -17,7 +17,7 @@ pub mod rollouts;
 
 pub use error::{Cause, FormatError};
 pub use format::{
-    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Undecoded, decoded, find_inputs, is_parquet,
-    open, passed_over,
+    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, Undecoded, decoded, find_inputs,
+    is_parquet, open, survey,
 };
 pub use json::parse as parse_json;
