@@ -6,11 +6,13 @@ pub mod geometry;
 pub mod scene;
 
 pub mod dynamics;
+
 pub mod formats;
 pub mod rollout;
 
 pub mod metrics;
 
+pub mod curation;
 pub mod evaluation;
 
 pub mod report;

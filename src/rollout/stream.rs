@@ -15,6 +15,8 @@ pub enum Purpose {
     Plan,
     /// Resampling of scenarios for confidence intervals.
     Bootstrap,
+    /// What a source of deviated AVs draws; the number of the candidate stands in the place of the rollout.
+    Candidate,
 }
 
 /// The stream named by seed, scenario, rollout and purpose: ChaCha8 keyed by the BLAKE3 digest of the name.

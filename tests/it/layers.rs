@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 const FLOORS: &[&[&str]] = &[
     &["geometry"],
     &["scene"],
-    &["rollout", "training", "formats", "dynamics"],
+    &["dynamics"],
+    &["rollout", "training", "formats"],
     &["models", "metrics", "generation"],
     &["evaluation", "curation"],
     &["report"],

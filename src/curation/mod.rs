@@ -1,0 +1,12 @@
+//! Deviated AVs: the four steps of the paper that make a set of them from any logs (ReactSim-Bench, "Data Collection Pipeline"), the
+//! taxonomy, and the certificates.
+
+mod candidate;
+mod certificate;
+mod record;
+
+pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
+pub use certificate::{Certificate, Response};
+pub use record::{
+    CandidateRecord, CurationProvenance, Figure, Funnel, InputFile, ReviewMark, ScenarioRecord, Taxonomy,
+};

@@ -1,0 +1,141 @@
+//! What is kept of a curation: one record per candidate, by scenario.
+
+use super::{Candidate, Certificate};
+use crate::geometry::Vec2;
+use crate::scene::Deviation;
+
+/// What became of one scenario that passed step 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScenarioRecord {
+    /// Id.
+    pub scenario_id: String,
+    /// Digest of the scenario.
+    pub scenario_digest: String,
+    /// The point of the world that coordinates are relative to.
+    pub origin: Vec2,
+    /// The candidates in the order of their streams.
+    pub candidates: Vec<CandidateRecord>,
+    /// What the review page draws (JSON); `None` where it was left out.
+    pub scene: Option<String>,
+}
+
+impl ScenarioRecord {
+    /// The chosen candidate, where there is one.
+    pub fn chosen(&self) -> Option<&CandidateRecord> {
+        self.candidates.iter().find(|c| c.chosen)
+    }
+}
+
+/// One candidate with all that was found out about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CandidateRecord {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// Seed of the curation.
+    pub seed: u64,
+    /// The category and what it was read from.
+    pub taxonomy: Taxonomy,
+    /// What every filter said, in the order in which they were asked.
+    pub figures: Vec<Figure>,
+    /// Id of the first filter that rejected it; `None` for survivors.
+    pub rejected_by: Option<String>,
+    /// Why, in words; empty for survivors.
+    pub reason: String,
+    /// How good it is among the survivors of its scenario; NaN for those that did not survive.
+    pub score: f64,
+    /// Whether it is in the set.
+    pub chosen: bool,
+    /// Who decided by hand, and when (RFC 3339, UTC), where anybody did.
+    pub review: Option<ReviewMark>,
+    /// How the agents can avoid the conflict, where they can and it was asked.
+    pub certificate: Option<Certificate>,
+}
+
+/// What one filter said about one candidate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// Id of the filter.
+    pub filter: String,
+    /// The figure that decided, in the filter's unit; `None` where there is none.
+    pub value: Option<f64>,
+    /// Whether the candidate passed; `None` where the filter was not asked, because another had rejected the candidate before.
+    pub passed: Option<bool>,
+}
+
+/// Who decided by hand.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ReviewMark {
+    /// Name of the reviewer.
+    pub reviewer: String,
+    /// When, RFC 3339, UTC.
+    pub at: String,
+    /// `pick`, `reject` or `flag`.
+    pub decision: String,
+}
+
+/// The category of a deviation, with the cues that it was read from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Taxonomy {
+    /// The category.
+    pub category: Deviation,
+    /// Difference of the last headings, degrees, 0 to 180.
+    pub heading_change: f64,
+    /// Whether the way over the lane graph is another one: another successor at a split.
+    pub other_branch: bool,
+    /// Largest distance from the logged path, metres, left positive.
+    pub lateral_offset: f64,
+    /// Largest distance along the logged path between where the AV is and where it was in the log, metres, ahead positive.
+    pub longitudinal_offset: f64,
+    /// Step of the first conflict under log replay, 1 to 80, where there is one: the cue that is there at that step decides among
+    /// several.
+    pub conflict_step: Option<u32>,
+}
+
+/// How many fell where.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Funnel {
+    /// Scenarios that were read.
+    pub scenarios: u64,
+    /// Scenarios that fell in step 1, by rule.
+    pub preselection: std::collections::BTreeMap<String, u64>,
+    /// Scenarios that passed step 1.
+    pub preselected: u64,
+    /// Candidates that were proposed.
+    pub candidates: u64,
+    /// Streams for which a source had nothing to propose, by reason.
+    pub unproposed: std::collections::BTreeMap<String, u64>,
+    /// Candidates by the filter that rejected them first.
+    pub rejected: std::collections::BTreeMap<String, u64>,
+    /// Candidates that survived all filters.
+    pub survivors: u64,
+    /// Scenarios with a chosen candidate.
+    pub chosen: u64,
+}
+
+/// Where a file of candidates comes from; stands in its metadata.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct CurationProvenance {
+    /// Version of the program.
+    pub version: String,
+    /// Its commit.
+    pub commit: String,
+    /// All settings, by name.
+    pub settings: std::collections::BTreeMap<String, String>,
+    /// Files with their digests.
+    pub inputs: Vec<InputFile>,
+    /// How many fell where.
+    pub funnel: Funnel,
+    /// Scenarios that could not be read, as texts.
+    pub failures: Vec<String>,
+    /// Whether the curation was interrupted: the file holds what was finished until then.
+    pub interrupted: bool,
+}
+
+/// An input of a curation.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct InputFile {
+    /// Name without folders.
+    pub name: String,
+    /// BLAKE3 of the content.
+    pub digest: String,
+}
