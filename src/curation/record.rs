@@ -35,6 +35,10 @@ pub struct CandidateRecord {
     pub seed: u64,
     /// The category and what it was read from.
     pub taxonomy: Taxonomy,
+    /// What it does to others under log replay.
+    pub pressure: Pressure,
+    /// How far it leaves the log.
+    pub offsets: Offsets,
     /// What every filter said, in the order in which they were asked.
     pub figures: Vec<Figure>,
     /// Id of the first filter that rejected it; `None` for survivors.
@@ -49,6 +53,30 @@ pub struct CandidateRecord {
     pub review: Option<ReviewMark>,
     /// How the agents can avoid the conflict, where they can and it was asked.
     pub certificate: Option<Certificate>,
+}
+
+/// What a candidate does to the vehicles around it while these replay their log (metrics `aav-collision`, `aav-overlap`, `aav-ttc`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pressure {
+    /// Vehicles that collide with the AV by their own fault.
+    pub at_fault: u32,
+    /// Vehicles that overlap the AV, whosever fault it is.
+    pub overlaps: u32,
+    /// Vehicles with a time to collision below 0.5 s.
+    pub risky: u32,
+}
+
+/// How far a candidate leaves the logged AV over the steps 1 to 80 (ReactSim-Bench, "Data Analysis").
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Offsets {
+    /// Offset of the last position along the AV's current heading, metres.
+    pub endpoint_longitudinal: f64,
+    /// Offset of the last position to the left of the AV's current heading, metres.
+    pub endpoint_lateral: f64,
+    /// Mean distance, metres.
+    pub ade: f64,
+    /// Mean speed of the candidate minus that of the log, m/s.
+    pub mean_speed_difference: f64,
 }
 
 /// What one filter said about one candidate.

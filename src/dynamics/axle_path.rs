@@ -37,6 +37,8 @@ pub struct AxlePath {
     curvatures: Vec<f64>,
     /// Where the vehicle must have stopped, if anywhere, metres.
     end: Option<f64>,
+    /// Largest lateral acceleration, m/s².
+    lateral: f64,
 }
 
 /// Where a vehicle sets out, and how.
@@ -68,6 +70,7 @@ impl AxlePath {
             arc: vec![0.0],
             curvatures: Vec::with_capacity(count),
             end: None,
+            lateral: LATERAL,
         };
         let (mut curvature, mut segment) = (from.curvature, 0);
         for _ in 0..count {
@@ -106,9 +109,22 @@ impl AxlePath {
         (Pose { position: self.centers[index], heading: self.headings[index] }, self.arc[index])
     }
 
+    /// The way of the box centre as a line with a point every half metre.
+    pub fn centre_line(&self) -> Polyline {
+        let points: Vec<Vec2> = self.centers.iter().step_by(5).copied().collect();
+        let ahead = self.centers[0] + direction(self.headings[0]);
+        Polyline::new(&points)
+            .unwrap_or_else(|_| Polyline::new(&[self.centers[0], ahead]).expect("two points a metre apart"))
+    }
+
     /// The pose that the rear axle reaches after so many metres of its own way.
     pub fn index_of_axle(&self, way: f64) -> usize {
         ((way / STEP) as usize).min(self.arc.len() - 1)
+    }
+
+    /// Sets the largest lateral acceleration, m/s² (3.8 otherwise).
+    pub fn limit_lateral(&mut self, acceleration: f64) {
+        self.lateral = acceleration;
     }
 
     /// Makes the path end with a halt after `s` metres.
@@ -152,7 +168,7 @@ impl AxlePath {
         for (i, &s) in self.arc.iter().enumerate() {
             let curvature = self.curvatures[i.min(self.curvatures.len() - 1)];
             let over = self.end.is_some_and(|end| s >= end);
-            speeds.push(if over { 0.0 } else { (LATERAL / curvature.max(1e-6)).sqrt() });
+            speeds.push(if over { 0.0 } else { (self.lateral / curvature.max(1e-6)).sqrt() });
         }
         for i in (0..speeds.len() - 1).rev() {
             let way = self.arc[i + 1] - self.arc[i];

@@ -15,9 +15,9 @@ const BRAKE_RAMP: f64 = 0.5;
 /// Peak deceleration that a ramp may lead to, m/s².
 const BRAKE_PEAK: f64 = 5.9;
 /// Speeding up is kept below this, m/s².
-const ACCELERATION: f64 = 4.0;
+pub const ACCELERATION: f64 = 4.0;
 /// Slowing down is kept below this, m/s².
-const DECELERATION: f64 = 5.0;
+pub const DECELERATION: f64 = 5.0;
 /// Share of the acceleration that changing the time scale may use, m/s².
 const RAMP: f64 = 2.5;
 /// Slower than this is a halt, m/s.
@@ -72,7 +72,7 @@ pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
         times.push(time);
     }
     let mut speeds: Vec<f64> = times.windows(2).map(|t| (travelled(t[1]) - travelled(t[0])) / DT).collect();
-    bound(log[0], &mut speeds);
+    bound(log[0], &mut speeds, ACCELERATION, DECELERATION);
     soften(log[0], &mut speeds);
     speeds
 }
@@ -88,14 +88,21 @@ pub fn halted(speed: f64) -> f64 {
     if speed < HALT { 0.0 } else { speed }
 }
 
-/// Lowers speeds until they can be driven from `now` on: braking begins earlier, speeding up takes longer.
-pub fn bound(now: f64, speeds: &mut [f64]) {
+/// Lowers speeds until they can be driven from `now` on with these bounds of the acceleration (m/s²): braking begins earlier, speeding
+/// up takes longer.
+pub fn bound(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64) {
     for k in (0..speeds.len() - 1).rev() {
-        speeds[k] = speeds[k].min(speeds[k + 1] + DECELERATION * DT);
+        speeds[k] = speeds[k].min(speeds[k + 1] + deceleration * DT);
     }
+    bound_ahead(now, speeds, acceleration, deceleration);
+}
+
+/// Changes speeds until they can be driven from `now` on with these bounds of the acceleration (m/s²), as by somebody who does not look
+/// ahead: braking begins when it is asked for, and ends later.
+pub fn bound_ahead(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64) {
     let mut before = now;
     for speed in speeds {
-        *speed = speed.clamp((before - DECELERATION * DT).max(0.0), before + ACCELERATION * DT);
+        *speed = speed.clamp((before - deceleration * DT).max(0.0), before + acceleration * DT);
         before = *speed;
     }
 }

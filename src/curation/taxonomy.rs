@@ -1,0 +1,134 @@
+//! The category of a deviation, read from the trajectories and the lane graph (ReactSim-Bench, "Deviation Taxonomy"; metrics' definition
+//! 10.3). Which source made a candidate does not matter.
+
+use super::Taxonomy;
+use crate::geometry::{Polyline, Projection, Vec2, direction, wrap};
+use crate::scene::{AgentState, Deviation, LaneHit, Road};
+
+/// Another direction: heading against the logged way, degrees.
+const DIRECTIONAL: f64 = 30.0;
+/// Beside the logged way, metres.
+const LATERAL: f64 = 1.0;
+/// Still on the logged way at the conflict: no more turned than this, degrees.
+const ALONG: f64 = 15.0;
+/// Somewhere else along the logged way than in the log, metres.
+const LONGITUDINAL: f64 = 1.0;
+/// Two successors of a lane lead elsewhere where their directions after so many metres differ by so many radians.
+const FORK: (f64, f64) = (15.0, 0.17);
+
+/// Reads the category of a trajectory. `way`: the logged way of the box centre, gone on with beyond the log's end; `log` and `track`:
+/// 81 states each; `conflict`: step of the first conflict under log replay.
+///
+/// Headings and offsets are taken against the nearest point of the logged way, so that an AV that stops in the middle of the logged turn
+/// has not taken another direction. Where several cues are there, the one that is there at the conflict decides.
+pub fn classify(
+    road: &Road<'_>,
+    way: &Polyline,
+    log: &[AgentState],
+    track: &[AgentState],
+    conflict: Option<usize>,
+) -> Taxonomy {
+    let places: Vec<Place> = track.iter().map(|s| Place::of(way, s)).collect();
+    let along = |k: usize| places[k].s - Place::of(way, &log[k]).s;
+    let largest = |values: &mut dyn Iterator<Item = f64>| {
+        values.fold(0.0_f64, |a, v| if v.abs() > a.abs() { v } else { a })
+    };
+    let lateral_offset = largest(&mut places.iter().map(|p| p.offset));
+    let longitudinal_offset = largest(&mut (0..track.len()).map(along));
+    let heading_change = places.last().map_or(0.0, |p| p.turned);
+    let other_branch = lateral_offset.abs() > LATERAL && forks(road, &chain(road, log), &chain(road, track));
+    let directional = heading_change > DIRECTIONAL || other_branch;
+    let lateral = lateral_offset.abs() > LATERAL;
+    let on_the_way = conflict.is_some_and(|k| {
+        places[k].offset.abs() <= LATERAL && places[k].turned <= ALONG && along(k).abs() > LONGITUDINAL
+    });
+    let category = if !directional && !lateral || on_the_way {
+        Deviation::Longitudinal
+    } else if directional {
+        Deviation::Directional
+    } else {
+        Deviation::Lateral
+    };
+    Taxonomy {
+        category,
+        heading_change,
+        other_branch,
+        lateral_offset,
+        longitudinal_offset,
+        conflict_step: conflict.map(|k| k as u32),
+    }
+}
+
+/// Where a state lies against the logged way.
+struct Place {
+    /// Way along it, metres, also beyond its end.
+    s: f64,
+    /// Metres, left positive.
+    offset: f64,
+    /// Degrees, 0 to 180.
+    turned: f64,
+}
+
+impl Place {
+    fn of(way: &Polyline, state: &AgentState) -> Self {
+        let p = state.position();
+        let near = way.project(p);
+        let heading = way.heading(near.segment);
+        let (s, offset) = beyond(way, &near, p).unwrap_or((near.s, near.offset));
+        Self { s, offset, turned: wrap(state.heading - heading).abs().to_degrees() }
+    }
+}
+
+/// Way and offset of a point beyond the end of a polyline, which goes on straight there.
+fn beyond(way: &Polyline, near: &Projection, p: Vec2) -> Option<(f64, f64)> {
+    let last = near.segment + 1 == way.segments() && near.t >= 1.0;
+    let d = p - way.points()[way.segments()];
+    let ahead = direction(way.heading(near.segment));
+    last.then(|| (near.s + d.dot(&ahead).max(0.0), ahead.perp(&d)))
+}
+
+/// The lanes that a track follows, one after the other.
+fn chain(road: &Road<'_>, track: &[AgentState]) -> Vec<usize> {
+    let mut chain: Vec<usize> = Vec::new();
+    let mut hits: Vec<LaneHit> = Vec::new();
+    let mut last: Option<Vec2> = None;
+    for state in track {
+        let p = state.position();
+        if last.is_some_and(|l| (p - l).norm() < 1.0) {
+            continue;
+        }
+        last = Some(p);
+        road.lanes_at(p, &mut hits);
+        let off = |h: &LaneHit| {
+            wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - state.heading).abs()
+        };
+        hits.retain(|h| off(h) < 0.7);
+        let cost = |h: &LaneHit| off(h) * 4.0 + h.projection.distance;
+        let best = hits.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
+        if let Some(hit) = best
+            && chain.last() != Some(&hit.lane)
+        {
+            chain.push(hit.lane);
+        }
+    }
+    chain
+}
+
+/// Whether two chains of lanes take different successors of one lane that lead elsewhere.
+fn forks(road: &Road<'_>, log: &[usize], own: &[usize]) -> bool {
+    let heading = |lane: usize| {
+        let line = &road.lane(lane).baseline;
+        line.heading_at(line.length().min(FORK.0))
+    };
+    own.iter().any(|&b| {
+        road.lane(b).predecessors.iter().any(|&fork| {
+            road.lane(fork).successors.iter().any(|&a| {
+                a != b
+                    && log.contains(&a)
+                    && !log.contains(&b)
+                    && !own.contains(&a)
+                    && wrap(heading(a) - heading(b)).abs() > FORK.1
+            })
+        })
+    })
+}
