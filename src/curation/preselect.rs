@@ -5,7 +5,7 @@ use crate::scene::{AgentKind, AgentState, DT, FUTURE, Scenario};
 /// Which scenarios are worth proposing candidates for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preselection {
-    /// At least so many vehicles are near the AV at the current frame.
+    /// At least so many vehicles come near the logged AV in the steps 0 to 80.
     pub min_vehicles: u32,
     /// Near is up to this distance between the centres, metres.
     pub radius: f64,
@@ -30,10 +30,9 @@ impl Preselection {
     /// The rule at which a scenario falls, or `None` for one that is kept.
     pub fn falls(&self, scenario: &Scenario) -> Option<&'static str> {
         let start = &scenario.start;
-        let av = start.now(0).position();
         let near: Vec<usize> = (1..start.agents.len())
             .filter(|&i| start.agents[i].kind == AgentKind::Vehicle)
-            .filter(|&i| (start.now(i).position() - av).norm() <= self.radius)
+            .filter(|&i| comes_within(scenario, i, self.radius))
             .collect();
         if near.len() < self.min_vehicles as usize {
             return Some(FEW_VEHICLES);
@@ -41,6 +40,19 @@ impl Preselection {
         let closest = near.iter().map(|&i| smallest_ttc(scenario, i)).fold(f64::INFINITY, f64::min);
         (!(closest < self.max_ttc)).then_some(NO_APPROACH)
     }
+}
+
+/// The logged state of an agent at a step.
+fn logged(scenario: &Scenario, agent: usize, step: usize) -> Option<AgentState> {
+    if step == 0 { Some(scenario.start.now(agent)) } else { scenario.log_future.tracks[agent][step - 1] }
+}
+
+/// Whether the centre of an agent comes that close to the logged AV's at a step.
+fn comes_within(scenario: &Scenario, agent: usize, radius: f64) -> bool {
+    (0..=FUTURE).any(|step| {
+        let (av, other) = (logged(scenario, 0, step), logged(scenario, agent, step));
+        av.zip(other).is_some_and(|(a, b)| (b.position() - a.position()).norm() <= radius)
+    })
 }
 
 /// The smallest time to collision of a vehicle with the logged AV over the steps 0 to 80, seconds: each step both are taken to go on
@@ -53,12 +65,9 @@ fn smallest_ttc(scenario: &Scenario, agent: usize) -> f64 {
         0.25 * (a.length + a.width)
     };
     let reach = size(0) + size(agent);
-    let state = |i: usize, step: usize| {
-        if step == 0 { Some(scenario.start.now(i)) } else { scenario.log_future.tracks[i][step - 1] }
-    };
     let mut smallest = f64::INFINITY;
     for step in 0..=FUTURE {
-        if let (Some(av), Some(other)) = (state(0, step), state(agent, step)) {
+        if let (Some(av), Some(other)) = (logged(scenario, 0, step), logged(scenario, agent, step)) {
             smallest = smallest.min(time_to_meet(&av, &other, reach));
         }
     }
