@@ -1,10 +1,12 @@
 //! Deviated AVs: the four steps of the paper that make a set of them from any logs (ReactSim-Bench, "Data Collection Pipeline"), the
 //! taxonomy, and the certificates.
 
+mod avoidance;
 mod candidate;
 mod certificate;
 mod record;
 
+pub use avoidance::{AvoidanceSettings, Unavoidable, certify};
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use certificate::{Certificate, Response};
 pub use record::{
