@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::filter::{Bench, CandidateFilter, FilterSettings, Trial};
+use super::filter::{Bench, FilterSettings, Trial};
 use super::filters::FILTERS;
 use super::rules::Rules;
 use super::{

@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 
-use super::survey::Survey;
+use super::survey::{LATERAL, Survey};
 use super::{Draft, between};
 use crate::dynamics::{AxlePath, Departure, Pose, speeds};
 use crate::rollout::Stream;
@@ -38,7 +38,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
         curvature: Some(survey.curvature),
     };
     let mut path = AxlePath::trace(&branch.guide, &from, travel + 10.0, |_| 0.5 * (speed + cruise));
-    path.limit_lateral(Survey::LATERAL);
+    path.limit_lateral(LATERAL);
     if travel > branch.length {
         path.stop_at(branch.length);
     }

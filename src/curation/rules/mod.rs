@@ -23,9 +23,15 @@ use crate::scene::{AgentKind, AgentState, Deviation, Scenario};
 pub struct Rules;
 
 /// Draws from one stream at most.
-const DRAWS: usize = 12;
+const DRAWS: usize = 20;
 /// A contact up to this step is none that anybody could avoid.
 const TOO_EARLY: usize = 8;
+/// A contact up to this step leaves time to see how it goes on.
+const IN_TIME: usize = 65;
+/// ADE to the log from which on a draw is another trajectory, metres.
+const AWAY: f64 = 2.0;
+/// Beside the logged way from this distance on, metres.
+const OFF_WAY: f64 = 1.0;
 /// Who moves slower is not pressed by being driven into, m/s.
 const SLOW: f64 = 0.5;
 
@@ -82,7 +88,7 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
                 continue;
             }
         };
-        let rank = rank(survey, &draft);
+        let rank = rank(survey, family, &draft);
         if best.as_ref().is_none_or(|b| b.0 < rank) {
             best = Some((rank, draft));
         }
@@ -96,17 +102,24 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
     }
 }
 
-/// Rank of a draw that somebody has to react to.
-const PRESSES: u8 = 2;
+/// Rank of a draw that is proposed at once.
+const PRESSES: u8 = 3;
 
-/// How useful a draw is: 2 presses somebody and breaks no rule, 1 breaks no rule, 0 does.
-fn rank(survey: &Survey<'_>, draft: &Draft) -> u8 {
+/// How useful a draw is: 3 presses somebody in time, well away from the log, and breaks no rule; 2 presses somebody; 1 breaks no rule; 0
+/// does.
+fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
     let touches = survey.replay.touches(&draft.future);
-    let presses = touches.iter().any(|t| t.at_fault);
     if touches.iter().any(breaks) || !survey.on_road(&draft.future) || survey.runs_red(&draft.future) {
         return 0;
     }
-    if presses { PRESSES } else { 1 }
+    // Who is off the logged way for its own sake meets others there, not before.
+    let in_family =
+        |step: usize| family == Deviation::Longitudinal || survey.beside_way(&draft.future[step - 1]) > OFF_WAY;
+    match touches.iter().filter(|t| t.at_fault).map(|t| t.step).min() {
+        Some(step) if step <= IN_TIME && in_family(step) && survey.ade(&draft.future) >= AWAY => PRESSES,
+        Some(_) => 2,
+        None => 1,
+    }
 }
 
 /// Whether a contact is one that no driver would make: early, with somebody on foot or on a bicycle, or by driving into what is slow

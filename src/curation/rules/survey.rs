@@ -5,7 +5,7 @@ use crate::curation::ground::Ground;
 use crate::curation::replay::LogReplay;
 use crate::curation::signals::Signals;
 use crate::dynamics::{AxlePath, REAR_AXLE, follow};
-use crate::geometry::wrap;
+use crate::geometry::{Polyline, wrap};
 use crate::rollout::{AvError, LoggedDrive};
 use crate::scene::{AgentState, CURRENT, DT, LaneHit, Road, Scenario};
 
@@ -16,7 +16,7 @@ const STANDS: f64 = 2.0;
 /// Over how many steps before and after now the curvature is taken.
 const REACH: usize = 4;
 /// Lateral acceleration that a candidate takes, m/s².
-const LATERAL: f64 = 2.8;
+pub(super) const LATERAL: f64 = 2.8;
 
 pub(super) struct Survey<'a> {
     pub(super) scenario: &'a Scenario,
@@ -24,6 +24,8 @@ pub(super) struct Survey<'a> {
     pub(super) replay: LogReplay<'a>,
     /// The logged way at any speed.
     pub(super) logged: AxlePath,
+    /// The same as the line of the box centre.
+    line: Polyline,
     /// Other ways over the lane graph.
     pub(super) branches: Vec<Branch>,
     /// Lateral offsets of the lanes beside the logged way, metres, left positive.
@@ -57,6 +59,7 @@ impl<'a> Survey<'a> {
             scenario,
             replay: LogReplay::new(scenario),
             logged,
+            line,
             branches,
             beside,
             limit,
@@ -98,6 +101,18 @@ impl<'a> Survey<'a> {
         path
     }
 
+    /// How far a state lies beside the logged way, metres.
+    pub(super) fn beside_way(&self, state: &AgentState) -> f64 {
+        self.line.project(state.position()).distance
+    }
+
+    /// Mean distance to the logged AV, metres.
+    pub(super) fn ade(&self, future: &[AgentState]) -> f64 {
+        let log = &self.drive.states()[1..];
+        let sum: f64 = future.iter().zip(log).map(|(a, b)| (a.position() - b.position()).norm()).sum();
+        sum / future.len().max(1) as f64
+    }
+
     pub(super) fn on_road(&self, future: &[AgentState]) -> bool {
         self.ground.depth(future, OFF_ROAD).is_none_or(|d| d <= OFF_ROAD)
     }
@@ -105,10 +120,6 @@ impl<'a> Survey<'a> {
     pub(super) fn runs_red(&self, future: &[AgentState]) -> bool {
         self.signals.run(&self.now(), future).is_some()
     }
-}
-
-impl Survey<'_> {
-    pub(super) const LATERAL: f64 = LATERAL;
 }
 
 /// The curvature of the AV's way now by the logged headings around it, 1/m; 0 for one that hardly moves.
