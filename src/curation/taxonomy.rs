@@ -13,8 +13,12 @@ const LATERAL: f64 = 1.0;
 const ALONG: f64 = 15.0;
 /// Somewhere else along the logged way than in the log, metres.
 const LONGITUDINAL: f64 = 1.0;
-/// Two successors of a lane lead elsewhere where their directions after so many metres differ by so many radians.
-const FORK: (f64, f64) = (15.0, 0.17);
+/// Two successors of a lane have parted where they are so many metres and radians apart.
+const PARTED: (f64, f64) = (1.5, 0.17);
+/// On a lane up to this distance from its centre line, metres.
+const ON_LANE: f64 = 1.2;
+/// And up to this angle to it, radians.
+const ON_COURSE: f64 = 0.3;
 
 /// Reads the category of a trajectory. `way`: the logged way of the box centre, gone on with beyond the log's end; `log` and `track`:
 /// 81 states each; `conflict`: step of the first conflict under log replay.
@@ -36,7 +40,8 @@ pub fn classify(
     let lateral_offset = largest(&mut places.iter().map(|p| p.offset));
     let longitudinal_offset = largest(&mut (0..track.len()).map(along));
     let heading_change = places.last().map_or(0.0, |p| p.turned);
-    let other_branch = lateral_offset.abs() > LATERAL && forks(road, &chain(road, log), &chain(road, track));
+    let other_branch =
+        lateral_offset.abs() > LATERAL && forks(road, &chain(road, log), &chain(road, track), track);
     let directional = heading_change > DIRECTIONAL || other_branch;
     let lateral = lateral_offset.abs() > LATERAL;
     let on_the_way = conflict.is_some_and(|k| {
@@ -114,21 +119,26 @@ fn chain(road: &Road<'_>, track: &[AgentState]) -> Vec<usize> {
     chain
 }
 
-/// Whether two chains of lanes take different successors of one lane that lead elsewhere.
-fn forks(road: &Road<'_>, log: &[usize], own: &[usize]) -> bool {
-    let heading = |lane: usize| {
-        let line = &road.lane(lane).baseline;
-        line.heading_at(line.length().min(FORK.0))
+/// Whether a track takes another successor of a lane than the log: it is on that lane where the two have parted.
+fn forks(road: &Road<'_>, log: &[usize], own: &[usize], track: &[AgentState]) -> bool {
+    let siblings = |b: usize| {
+        let forks = road.lane(b).predecessors.iter();
+        forks.flat_map(|&fork| &road.lane(fork).successors).copied().filter(move |&a| a != b)
     };
-    own.iter().any(|&b| {
-        road.lane(b).predecessors.iter().any(|&fork| {
-            road.lane(fork).successors.iter().any(|&a| {
-                a != b
-                    && log.contains(&a)
-                    && !log.contains(&b)
-                    && !own.contains(&a)
-                    && wrap(heading(a) - heading(b)).abs() > FORK.1
-            })
-        })
-    })
+    let parted = |a: usize, b: usize, state: &AgentState| {
+        let p = state.position();
+        let (a, b) = (&road.lane(a).baseline, &road.lane(b).baseline);
+        let (from_a, from_b) = (a.project(p), b.project(p));
+        let (along_a, along_b) = (a.heading(from_a.segment), b.heading(from_b.segment));
+        let ends = |line: &Polyline| line.heading(line.segments() - 1);
+        // A lane that opens beside another one and goes on with it is no other direction.
+        wrap(ends(b) - ends(a)).abs() > PARTED.1
+            && from_b.distance < ON_LANE
+            && from_a.distance > PARTED.0
+            && wrap(along_b - along_a).abs() > PARTED.1
+            && wrap(along_b - state.heading).abs() < ON_COURSE
+    };
+    own.iter()
+        .filter(|b| !log.contains(b))
+        .any(|&b| siblings(b).filter(|a| log.contains(a)).any(|a| track.iter().any(|s| parted(a, b, s))))
 }

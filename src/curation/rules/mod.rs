@@ -113,8 +113,9 @@ fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
         return 0;
     }
     // Who is off the logged way for its own sake meets others there, not before.
-    let in_family =
-        |step: usize| family == Deviation::Longitudinal || survey.beside_way(&draft.future[step - 1]) > OFF_WAY;
+    let in_family = |step: usize| {
+        family == Deviation::Longitudinal || survey.beside_way(&draft.future[step - 1]) > OFF_WAY
+    };
     match touches.iter().filter(|t| t.at_fault).map(|t| t.step).min() {
         Some(step) if step <= IN_TIME && in_family(step) && survey.ade(&draft.future) >= AWAY => PRESSES,
         Some(_) => 2,
