@@ -1,5 +1,7 @@
 //! The response of one agent: by speed along its own path, else with a sideways shift too.
 
+use std::collections::BTreeSet;
+
 use super::blocked::{Blob, Places};
 use super::driver::Driver;
 use super::front::gap_to_front;
@@ -50,7 +52,7 @@ pub(super) fn respond(
 ) -> Result<Planned, Unavoidable> {
     let who = &traffic.scenario.start.agents[agent];
     let Some(driver) = Driver::new(traffic, agent, reaction, settings) else {
-        return Err(Unavoidable::HemmedIn { agent: who.id.clone() });
+        return Err(Unavoidable::Absent { agent: who.id.clone() });
     };
     let solver = Solver::new(traffic, &driver, settings);
     let by_speed = solver.along(&driver.path);
@@ -72,6 +74,10 @@ pub(super) fn respond(
     }
     Err(why)
 }
+
+/// What is added to the time gap where a solution was found to break it, seconds: on a bend the gap shrinks more slowly than the arc
+/// length grows, and who creeps up to a standing AV would break it again and again.
+const SPARE_TIME: f64 = 0.15;
 
 /// Whom an agent must keep clear of, and by how much.
 struct Other {
@@ -119,43 +125,63 @@ impl<'t> Solver<'t> {
     fn along(&self, path: &OwnPath) -> Result<Planned, Unavoidable> {
         let reach = self.slowest.s.iter().copied().zip(self.fastest.s.iter().copied()).collect();
         let places = Places::new(path, reach);
-        let choices = self.choices(path, &places)?;
+        let (choices, followers) = self.choices(path, &places)?;
         let cap = self.end_of_road(path);
         for sides in combinations(&choices) {
-            if let Some(planned) = self.attempt(path, &choices, &sides, cap) {
+            if let Some(planned) = self.attempt(path, &choices, &followers, &sides, cap) {
                 return Ok(planned);
             }
         }
-        Err(Unavoidable::HemmedIn { agent: self.id(self.driver.agent) })
+        let mut between: Vec<String> = choices.iter().map(|c| self.name(c.blob.by)).collect();
+        between.dedup();
+        Err(Unavoidable::HemmedIn { agent: self.id(self.driver.agent), between: between.join(", ") })
+    }
+
+    /// How messages call an agent.
+    fn name(&self, slot: usize) -> String {
+        if slot == 0 { "the AV".to_owned() } else { format!("agent `{}`", self.id(slot)) }
     }
 
     fn id(&self, slot: usize) -> String {
         self.traffic.scenario.start.agents[slot].id.clone()
     }
 
-    /// What blocks the path, with the sides that can be reached.
-    fn choices(&self, path: &OwnPath, places: &Places<'_>) -> Result<Vec<Choice>, Unavoidable> {
+    /// What blocks the path, with the sides that can be reached; and who only runs into this agent from behind: these answer for
+    /// themselves.
+    fn choices(
+        &self,
+        path: &OwnPath,
+        places: &Places<'_>,
+    ) -> Result<(Vec<Choice>, BTreeSet<usize>), Unavoidable> {
         let first = self.driver.reaction;
         let (boxes, extent) = self.traffic.boxes(0);
-        let mut choices = Vec::new();
+        let (mut choices, mut followers) = (Vec::new(), BTreeSet::new());
         for blob in places.blobs(0, boxes, extent, first, self.to_av + MARGIN) {
             choices.push(self.choice(path, blob)?);
         }
         for other in &self.others {
             let (boxes, extent) = self.traffic.boxes(other.slot);
             for mut blob in places.blobs(other.slot, boxes, extent, first, other.clearance) {
-                let follows = |step: usize, to: f64| {
-                    let axis = boxes[first + step].map(|b| b.axis);
-                    let ahead = self.driver.logged[step] >= to;
-                    ahead && axis.is_some_and(|a| a.dot(&path.footprint(to).axis) > FOLLOWER_COS)
-                };
-                blob.stretches.retain(|s| !follows(s.step, s.to));
+                let all = blob.stretches.len();
+                blob.stretches.retain(|s| !self.followed_by(other.slot, first + s.step));
+                if blob.stretches.len() < all {
+                    followers.insert(other.slot);
+                }
                 if !blob.stretches.is_empty() {
                     choices.push(self.choice(path, blob)?);
                 }
             }
         }
-        Ok(choices)
+        Ok((choices, followers))
+    }
+
+    /// Whether somebody comes from behind in the log: it must not run into this agent, whatever that does.
+    fn followed_by(&self, other: usize, step: usize) -> bool {
+        let logged = &self.traffic.logged;
+        let (Some(me), Some(them)) = (&logged[self.driver.agent][step], &logged[other][step]) else {
+            return false;
+        };
+        me.to_local(them.center).x < 0.0 && me.axis.dot(&them.axis) > FOLLOWER_COS
     }
 
     fn choice(&self, path: &OwnPath, blob: Blob) -> Result<Choice, Unavoidable> {
@@ -167,11 +193,9 @@ impl<'t> Solver<'t> {
         let late = late.or(close.map(|g| g.0));
         let ahead = blob.stretches.iter().all(|s| s.to <= self.fastest.s[s.step]);
         if let (Some(step), false) = (late, ahead) {
-            let other =
-                if blob.by == 0 { "the AV".to_owned() } else { format!("agent `{}`", self.id(blob.by)) };
             return Err(Unavoidable::TooClose {
                 agent: self.id(self.driver.agent),
-                other,
+                other: self.name(blob.by),
                 step: self.driver.reaction + step,
             });
         }
@@ -222,14 +246,21 @@ impl<'t> Solver<'t> {
     }
 
     /// A response that passes every blob on its side.
-    fn attempt(&self, path: &OwnPath, choices: &[Choice], sides: &[Side], cap: f64) -> Option<Planned> {
+    fn attempt(
+        &self,
+        path: &OwnPath,
+        choices: &[Choice],
+        followers: &BTreeSet<usize>,
+        sides: &[Side],
+        cap: f64,
+    ) -> Option<Planned> {
         let mut corridor = self.corridor(choices, sides, cap)?;
         for _ in 0..MOST_ROUNDS {
             let profile = smoothest(self.driver.motion, &self.driver.limits, &self.wanted, &corridor)?;
             let track = self.track(path, &profile);
             let broken = self.broken_gaps(&profile, &track);
             if broken.is_empty() {
-                return self.verified(path, &profile, track);
+                return self.verified(path, &profile, track, followers);
             }
             corridor.gaps.extend(broken);
         }
@@ -291,19 +322,25 @@ impl<'t> Solver<'t> {
         if who.kind != AgentKind::Vehicle {
             return Vec::new();
         }
-        let time = self.settings.time_gap;
+        let time = self.settings.time_gap + SPARE_TIME;
         let of = |k: usize| {
             let step = self.driver.reaction + k;
             let gap = gap_to_front(&track[step].footprint(who), &self.traffic.av_box(step), 0.0)?;
             let closing = track[step].speed() - self.av_speed(step);
-            (closing > 0.0 && gap < (time - 0.01) * closing)
+            (closing > 0.0 && gap < self.settings.time_gap * closing)
                 .then(|| (k, time, profile.s[k] + gap + time * self.av_speed(step)))
         };
         (1..profile.s.len()).filter_map(of).collect()
     }
 
     /// The response, where exact distances say that it keeps clear.
-    fn verified(&self, path: &OwnPath, profile: &Profile, track: Vec<AgentState>) -> Option<Planned> {
+    fn verified(
+        &self,
+        path: &OwnPath,
+        profile: &Profile,
+        track: Vec<AgentState>,
+        followers: &BTreeSet<usize>,
+    ) -> Option<Planned> {
         let who = &self.traffic.scenario.start.agents[self.driver.agent];
         let first = self.driver.reaction;
         let boxes = track.iter().enumerate().map(|(k, s)| {
@@ -320,16 +357,14 @@ impl<'t> Solver<'t> {
             }
         }
         let bounds = extent(&boxes);
-        for other in &self.others {
+        for other in self.others.iter().filter(|o| !followers.contains(&o.slot)) {
             let (theirs, extent) = self.traffic.boxes(other.slot);
             if !bounds.intersects(extent) {
                 continue;
             }
             for k in first + 1..=FUTURE {
                 let (Some(me), Some(them)) = (&boxes[k], &theirs[k]) else { continue };
-                // Who is behind answers for itself.
-                let behind = me.to_local(them.center).x < 0.0 && me.axis.dot(&them.axis) > FOLLOWER_COS;
-                if !behind && nearer(me, them, 0.0) {
+                if nearer(me, them, 0.0) {
                     return None;
                 }
             }

@@ -45,7 +45,7 @@ impl Default for AvoidanceSettings {
             max_lateral_acceleration: 4.0,
             clearance: 0.2,
             clearance_to_others: 0.1,
-            time_gap: 0.52,
+            time_gap: 0.51,
             max_agents: 8,
         }
     }

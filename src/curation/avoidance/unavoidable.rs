@@ -31,8 +31,16 @@ pub enum Unavoidable {
         step: usize,
     },
     /// What is possible against each of several is not possible against all of them.
-    #[error("agent `{agent}` is hemmed in: no speed keeps clear of the AV and of all others")]
+    #[error("agent `{agent}` is hemmed in: no speed profile keeps clear of all of {between}")]
     HemmedIn {
+        /// The agent.
+        agent: String,
+        /// Who blocks its path: `the AV` and agents.
+        between: String,
+    },
+    /// The agent has left the log before it could respond.
+    #[error("agent `{agent}` is no longer in the log when it could react")]
+    Absent {
         /// The agent.
         agent: String,
     },
@@ -78,6 +86,7 @@ impl Unavoidable {
             Self::TooEarly { .. } => "too-early",
             Self::TooClose { .. } => "too-close",
             Self::HemmedIn { .. } => "hemmed-in",
+            Self::Absent { .. } => "absent",
             Self::Follower { .. } => "follower",
             Self::TooMany { .. } => "too-many",
             Self::Unsettled { .. } => "unsettled",
