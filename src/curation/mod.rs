@@ -4,6 +4,7 @@
 mod candidate;
 mod certificate;
 mod record;
+pub mod stats;
 pub mod store;
 
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
