@@ -1,10 +1,12 @@
 //! Deviated AVs: the four steps of the paper that make a set of them from any logs (ReactSim-Bench, "Data Collection Pipeline"), the
 //! taxonomy, and the certificates.
 
+pub mod apply;
 mod avoidance;
 mod candidate;
 mod certificate;
 mod choice;
+pub mod driver;
 mod filter;
 mod filters;
 mod ground;
@@ -14,6 +16,8 @@ mod record;
 mod replay;
 mod rules;
 mod signals;
+pub mod stats;
+pub mod store;
 mod taxonomy;
 
 pub use avoidance::{AvoidanceSettings, Unavoidable, certify};

@@ -157,6 +157,9 @@ pub struct CurationProvenance {
     pub failures: Vec<String>,
     /// Whether the curation was interrupted: the file holds what was finished until then.
     pub interrupted: bool,
+    /// Journals of decisions that were applied, with their digests.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reviews: Vec<InputFile>,
 }
 
 /// An input of a curation.
