@@ -1,0 +1,3 @@
+//! Curation: how a set of deviated AVs is made.
+
+mod avoidance;
