@@ -137,10 +137,26 @@ impl AxlePath {
         (i, (s - self.arc[i]) / (self.arc[i + 1] - self.arc[i]))
     }
 
+    /// As [`Self::locate`], by walking from the pose `near`: quicker for an `s` close to it.
+    fn locate_from(&self, s: f64, near: usize) -> (usize, f64) {
+        let last = self.arc.len() - 2;
+        let mut i = near.min(last);
+        while i < last && self.arc[i + 1] <= s {
+            i += 1;
+        }
+        while i > 0 && s < self.arc[i] {
+            i -= 1;
+        }
+        (i, (s - self.arc[i]) / (self.arc[i + 1] - self.arc[i]))
+    }
+
+    fn between(&self, (i, t): (usize, f64)) -> Vec2 {
+        self.centers[i] + (self.centers[i + 1] - self.centers[i]) * t
+    }
+
     /// The box centre after `s` metres.
     pub fn position(&self, s: f64) -> Vec2 {
-        let (i, t) = self.locate(s);
-        self.centers[i] + (self.centers[i + 1] - self.centers[i]) * t
+        self.between(self.locate(s))
     }
 
     /// The heading of the AV after `s` metres, radians.
@@ -155,9 +171,12 @@ impl AxlePath {
             return s;
         }
         let (mut low, mut high) = (s, s + 1.5 * distance);
+        let mut near = self.locate(s).0;
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
-            if (self.position(middle) - from).norm() < distance { low = middle } else { high = middle }
+            let place = self.locate_from(middle, near);
+            near = place.0;
+            if (self.between(place) - from).norm() < distance { low = middle } else { high = middle }
         }
         high
     }

@@ -60,16 +60,16 @@ impl CandidateSource for Rules {
     }
 }
 
-/// The families in turn; those for which the scene has no room give their turns to the others.
+/// The families in turn; those for which the scene has no room give their turns to the others. The logged way at another speed presses
+/// somebody nearly everywhere, and so has the fewest turns.
 fn families(survey: &Survey<'_>) -> Vec<Deviation> {
-    let mut families = vec![Deviation::Longitudinal];
-    if survey.moves() {
-        families.push(Deviation::Lateral);
-    }
-    if !survey.branches.is_empty() {
-        families.push(Deviation::Directional);
-    }
-    families
+    use Deviation::{Directional, Lateral, Longitudinal};
+    let room = |family: &Deviation| match family {
+        Longitudinal => true,
+        Lateral => survey.moves(),
+        Directional => !survey.branches.is_empty(),
+    };
+    [Longitudinal, Lateral, Directional, Directional, Lateral].into_iter().filter(room).collect()
 }
 
 fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Result<Proposal, NoProposal> {
@@ -88,10 +88,15 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
                 continue;
             }
         };
+        // What could not be better than what there is need not be looked at more closely.
         let rank = rank(survey, family, &draft);
         if best.as_ref().is_none_or(|b| b.0 < rank) {
-            best = Some((rank, draft));
+            let rank = if breaks_rules(survey, &draft) { 0 } else { rank };
+            if best.as_ref().is_none_or(|b| b.0 < rank) {
+                best = Some((rank, draft));
+            }
         }
+        let rank = best.as_ref().map_or(0, |b| b.0);
         if rank == PRESSES {
             break;
         }
@@ -105,11 +110,11 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
 /// Rank of a draw that is proposed at once.
 const PRESSES: u8 = 3;
 
-/// How useful a draw is: 3 presses somebody in time, well away from the log, and breaks no rule; 2 presses somebody; 1 breaks no rule; 0
-/// does.
+/// How useful a draw is that breaks no rule: 3 presses somebody in time and well away from the log, 2 presses somebody, 1 does not; 0
+/// makes a contact that no driver would make.
 fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
     let touches = survey.replay.touches(&draft.future);
-    if touches.iter().any(breaks) || !survey.on_road(&draft.future) || survey.runs_red(&draft.future) {
+    if touches.iter().any(breaks) {
         return 0;
     }
     // Who is off the logged way for its own sake meets others there, not before.
@@ -121,6 +126,11 @@ fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
         Some(_) => 2,
         None => 1,
     }
+}
+
+/// Whether a draw leaves the road or runs a red light.
+fn breaks_rules(survey: &Survey<'_>, draft: &Draft) -> bool {
+    !survey.on_road(&draft.future) || survey.runs_red(&draft.future)
 }
 
 /// Whether a contact is one that no driver would make: early, with somebody on foot or on a bicycle, or by driving into what is slow
