@@ -1,7 +1,7 @@
 //! Where on its path an agent can not be, and when.
 
 use super::own_path::OwnPath;
-use super::traffic::{Boxes, nearer};
+use super::traffic::{Boxes, nearer, radius};
 use crate::geometry::{Bounds, OrientedBox};
 
 /// Distance of the places of a path that are tried, metres.
@@ -13,6 +13,8 @@ const HALVINGS: usize = 5;
 pub(super) struct Places<'p> {
     path: &'p OwnPath,
     boxes: Vec<OrientedBox>,
+    /// The segment of the path at each of them.
+    segments: Vec<usize>,
     bounds: Bounds,
     /// Per step the first and last arc length that can be reached.
     reach: Vec<(f64, f64)>,
@@ -42,10 +44,10 @@ impl<'p> Places<'p> {
     /// `reach`: per step (0 is the reaction step) the arc lengths of the hardest braking and the hardest acceleration.
     pub(super) fn new(path: &'p OwnPath, reach: Vec<(f64, f64)>) -> Self {
         let length = reach.iter().fold(0.0_f64, |a, r| a.max(r.1));
-        let boxes = path.footprints(SPACING, length + SPACING);
-        let radius = boxes.first().map_or(0.0, OrientedBox::radius);
-        let bounds = Bounds::of(boxes.iter().map(|b| b.center)).inflated(radius);
-        Self { path, boxes, bounds, reach }
+        let (boxes, segments) = path.footprints(SPACING, length + SPACING);
+        let around = boxes.first().map_or(0.0, radius);
+        let bounds = Bounds::of(boxes.iter().map(|b| b.center)).inflated(around);
+        Self { path, boxes, segments, bounds, reach }
     }
 
     /// Where the obstacle (boxes at the steps from `first` on) comes nearer than `clearance`.
@@ -94,7 +96,7 @@ impl<'p> Places<'p> {
         let (low, high) = self.reach[step];
         let first = (low / SPACING).floor() as usize;
         let last = ((high / SPACING).ceil() as usize).min(self.boxes.len() - 1);
-        let reach = self.boxes[first].radius() + other.radius() + clearance;
+        let reach = radius(&self.boxes[first]) + radius(other) + clearance;
         let mut found = Vec::new();
         let mut open: Option<f64> = None;
         let mut i = first;
@@ -131,12 +133,70 @@ impl<'p> Places<'p> {
         let (mut hit, mut clear) = (blocked as f64 * SPACING, free as f64 * SPACING);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (hit + clear);
-            if nearer(&self.path.footprint(middle), other, clearance) {
+            if nearer(&self.path.footprint_near(middle, self.segments[free.min(blocked)]), other, clearance) {
                 hit = middle;
             } else {
                 clear = middle;
             }
         }
         clear
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curation::avoidance::traffic::{distance, extent};
+    use crate::geometry::Vec2;
+    use crate::scene::{Agent, AgentKind, AgentState, Frame};
+
+    fn path() -> OwnPath {
+        let agent = Agent { id: "a".to_owned(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 };
+        let state = |x: f64| AgentState { x, y: 0.0, heading: 0.0, vx: 1.0, vy: 0.0 };
+        let log: Vec<Frame> = (0..60).map(|k| Some(state(f64::from(k)))).collect();
+        OwnPath::new(&agent, &state(0.0), &log).unwrap()
+    }
+
+    #[test]
+    fn what_crosses_blocks_one_blob_and_its_ends_are_clear() {
+        let path = path();
+        let places = Places::new(&path, vec![(0.0, 40.0); 61]);
+        // From the right at 5 m/s, over x = 20 after 3 s.
+        let at = |k: usize| Some(OrientedBox::new(Vec2::new(20.0, -15.0 + 0.5 * k as f64), 1.57, 4.0, 2.0));
+        let boxes: Boxes = (0..=60).map(at).collect();
+        let blobs = places.blobs(3, &boxes, &extent(&boxes), 0, 0.2);
+        assert_eq!(blobs.len(), 1);
+        assert_eq!(blobs[0].by, 3);
+        for s in &blobs[0].stretches {
+            for (end, inside) in [(s.from, 0.1), (s.to, -0.1)] {
+                let other = &boxes[s.step].unwrap();
+                let clear = distance(&path.footprint(end), other);
+                assert!((0.2..0.25).contains(&clear), "{s:?}: {clear}");
+                assert!(distance(&path.footprint(end + inside), other) < 0.2);
+            }
+        }
+        let steps: Vec<usize> = blobs[0].stretches.iter().map(|s| s.step).collect();
+        assert!(steps.windows(2).all(|w| w[1] == w[0] + 1), "{steps:?}");
+    }
+
+    #[test]
+    fn two_visits_are_two_blobs_and_absent_boxes_block_nothing() {
+        let path = path();
+        let places = Places::new(&path, vec![(0.0, 40.0); 61]);
+        let there = |k: usize| (5..15).contains(&k) || (30..40).contains(&k);
+        let at = |k: usize| there(k).then(|| OrientedBox::new(Vec2::new(20.0, 0.0), 0.0, 4.0, 2.0));
+        let boxes: Boxes = (0..=60).map(at).collect();
+        let blobs = places.blobs(1, &boxes, &extent(&boxes), 0, 0.0);
+        assert_eq!(blobs.iter().map(|b| b.stretches.len()).collect::<Vec<_>>(), [10, 10]);
+    }
+
+    #[test]
+    fn ends_out_of_reach_are_infinite() {
+        let path = path();
+        let places = Places::new(&path, vec![(18.0, 22.0); 3]);
+        let boxes: Boxes = vec![Some(OrientedBox::new(Vec2::new(20.0, 0.0), 0.0, 4.0, 2.0)); 3];
+        let blobs = places.blobs(1, &boxes, &extent(&boxes), 0, 0.0);
+        let ends = blobs[0].stretches[0];
+        assert_eq!((ends.from, ends.to), (f64::NEG_INFINITY, f64::INFINITY));
     }
 }

@@ -132,15 +132,73 @@ impl OwnPath {
         }
     }
 
-    /// Boxes at the multiples of `spacing` up to `length`.
-    pub(super) fn footprints(&self, spacing: f64, length: f64) -> Vec<OrientedBox> {
+    /// As [`Self::footprint`], for an arc length on or soon after a segment.
+    pub(super) fn footprint_near(&self, s: f64, segment: usize) -> OrientedBox {
+        self.footprint_on(s, self.line.segment_from(s, segment))
+    }
+
+    /// Boxes at the multiples of `spacing` up to `length`, with the segments of the path that they are on.
+    pub(super) fn footprints(&self, spacing: f64, length: f64) -> (Vec<OrientedBox>, Vec<usize>) {
         let mut segment = 0;
         let count = (length / spacing).ceil() as usize + 1;
         let at = |i: usize| {
             let s = i as f64 * spacing;
             segment = self.line.segment_from(s, segment);
-            self.footprint_on(s, segment)
+            (self.footprint_on(s, segment), segment)
         };
-        (0..count).map(at).collect()
+        (0..count).map(at).unzip()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn car() -> Agent {
+        Agent { id: "a".to_owned(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 }
+    }
+
+    fn state(x: f64, y: f64, heading: f64) -> AgentState {
+        AgentState { x, y, heading, vx: 0.0, vy: 0.0 }
+    }
+
+    #[test]
+    fn who_stands_with_jitter_goes_along_its_heading() {
+        let jitter = |k: usize| Some(state(0.02 * (k % 3) as f64, -0.03 * (k % 2) as f64, 1.0));
+        let log: Vec<Frame> = (0..80).map(jitter).collect();
+        let path = OwnPath::new(&car(), &state(0.0, 0.0, 1.0), &log).unwrap();
+        assert_eq!(path.end, 0.0);
+        let (p, heading) = path.pose(10.0);
+        assert!((p - direction(1.0) * 10.0).norm() < 1e-9 && (heading - 1.0).abs() < 1e-12);
+        assert!(path.arc_lengths(&log, 0.0).iter().all(|s| *s < 0.06));
+    }
+
+    #[test]
+    fn headings_are_those_recorded_and_gaps_are_bridged() {
+        let mut log: Vec<Frame> =
+            (0..40).map(|k| Some(state(f64::from(k), 0.0, 3.1 + 0.01 * f64::from(k)))).collect();
+        let mut backwards = log.clone();
+        (log[5], log[6]) = (None, None);
+        log.truncate(30);
+        log.extend([None, None]);
+        let path = OwnPath::new(&car(), &log[0].unwrap(), &log).unwrap();
+        let arcs = path.arc_lengths(&log, 0.7);
+        assert!((arcs[5] - 5.0).abs() < 1e-9 && (arcs[6] - 6.0).abs() < 1e-9, "{arcs:?}");
+        assert!((arcs[31] - (29.0 + 1.4)).abs() < 1e-9, "{arcs:?}");
+        // Over the turn of the angle, and never the other way round.
+        assert!((path.pose(10.5).1 - wrap(3.205)).abs() < 1e-9);
+        backwards.reverse();
+        let path = OwnPath::new(&car(), &backwards[0].unwrap(), &backwards).unwrap();
+        assert!((path.pose(5.0).0 - Vec2::new(34.0, 0.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn a_shift_is_reached_smoothly_and_kept() {
+        let log: Vec<Frame> = (0..40).map(|k| Some(state(f64::from(k), 0.0, 0.0))).collect();
+        let path = OwnPath::new(&car(), &log[0].unwrap(), &log).unwrap().nudged(-1.0, 10.0);
+        assert_eq!(path.pose(0.0), (Vec2::zeros(), 0.0));
+        assert!((path.pose(5.0).0.y + 0.5).abs() < 1e-9 && path.pose(5.0).1 < -0.15);
+        assert!((path.pose(30.0).0 - Vec2::new(30.0, -1.0)).norm() < 1e-9);
+        assert!(path.pose(30.0).1.abs() < 1e-12);
     }
 }

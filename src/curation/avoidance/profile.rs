@@ -64,7 +64,7 @@ pub(super) fn extreme(start: Motion, limits: &Limits, steps: usize, brake: bool)
     profile
 }
 
-/// Bounds of the arc length at every step, entry 0 being the reaction step.
+/// Bounds of the arc length at every step, entry 0 being the reaction step; neither falls from step to step.
 #[derive(Clone, Debug)]
 pub(super) struct Corridor {
     /// Smallest arc length.
@@ -161,10 +161,12 @@ pub(super) fn smoothest(
         let (i, m) = ((step - 1) / KNOT, (step - 1) % KNOT);
         let [va, vb, ..] = shares[m];
         rows.push(&[(v(i), -1.0), (a(i), -va), (a(i + 1), -vb)], 0.0);
-        if corridor.upper[step].is_finite() {
+        // Nobody goes back: of equal bounds the last, or the first, is enough.
+        let later = corridor.upper.get(step + 1).copied().unwrap_or(f64::INFINITY);
+        if corridor.upper[step] < later {
             rows.push(&at(step, 1.0, 0.0), corridor.upper[step]);
         }
-        if corridor.lower[step].is_finite() && corridor.lower[step] > 0.0 {
+        if corridor.lower[step] > corridor.lower[step - 1].max(0.0) {
             rows.push(&at(step, -1.0, 0.0), -corridor.lower[step]);
         }
     }

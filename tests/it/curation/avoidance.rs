@@ -110,9 +110,9 @@ fn recheck(scenario: &Scenario, av: &[AgentState], certificate: &Certificate) {
         let i = slot(scenario, &response.agent);
         responds[i] = true;
         limits(scenario, i, response);
-        for k in response.reaction_step + 1..=FUTURE {
-            tracks[i][k] = Some(response.track[k]);
-        }
+        let responds = response.reaction_step + 1..;
+        tracks[i].truncate(responds.start);
+        tracks[i].extend(response.track[responds].iter().copied().map(Some));
     }
     let logged: Vec<Vec<Frame>> = (0..agents.len()).map(|i| scenario.logged(i)[CURRENT..].to_vec()).collect();
     for k in 1..=FUTURE {
@@ -433,23 +433,27 @@ fn the_same_question_has_the_same_answer() {
 fn certificates_of_real_logs_hold() {
     let scenarios = real(24);
     if scenarios.is_empty() {
-        println!("skipped: no data in ../shared/data/womd/train");
+        // No data beside the repository.
         return;
     }
     let (mut conflicts, mut certified) = (0, 0);
-    for scenario in &scenarios {
-        let Ok(av) = ScriptedAv::new(scenario, "brake:3".parse().unwrap()) else { continue };
+    for (scenario, script) in scenarios.iter().flat_map(|s| {
+        ["brake:3", "retime:0.5", "retime:1.5", "shift:-2", "shift:2"].map(|script| (s, script))
+    }) {
+        let Ok(av) = ScriptedAv::new(scenario, script.parse().unwrap()) else { continue };
         let track: Vec<AgentState> =
             std::iter::once(scenario.start.now(0)).chain(av.track().iter().copied()).collect();
-        match certify(scenario, &track, &AvoidanceSettings::default()) {
-            Ok(certificate) => {
-                recheck(scenario, &track, &certificate);
-                conflicts += usize::from(!certificate.responses.is_empty());
-                certified += usize::from(!certificate.responses.is_empty());
-            }
-            Err(_) => conflicts += 1,
+        let certificate = certify(scenario, &track, &AvoidanceSettings::default());
+        if let Ok(certificate) = &certificate {
+            recheck(scenario, &track, certificate);
+        }
+        let responds = certificate.as_ref().map_or(0, |c| c.responses.len());
+        // Whoever only brakes leaves the others a way out.
+        if script == "brake:3" && (certificate.is_err() || responds > 0) {
+            conflicts += 1;
+            certified += usize::from(certificate.is_ok());
         }
     }
-    assert!(certified * 10 >= conflicts * 7, "{certified} of {conflicts} are certified");
+    assert!(certified * 10 >= conflicts * 8, "{certified} of {conflicts} are certified");
     assert!(certified > 3, "{certified} certificates");
 }

@@ -1,0 +1,242 @@
+//! One agent against everybody else on one path: a profile between the bounds, and whether exact distances confirm it.
+
+use std::collections::BTreeSet;
+
+use super::blocked::Places;
+use super::driver::Driver;
+use super::front::gap_to_front;
+use super::own_path::OwnPath;
+use super::profile::{Profile, extreme, smoothest};
+use super::respond::Courtesy;
+use super::sides::{Choice, Side, combinations};
+use super::traffic::{Planned, Traffic, distance, extent, nearer};
+use super::{AvoidanceSettings, Unavoidable};
+use crate::curation::Response;
+use crate::scene::{AgentKind, AgentState, DT, FUTURE};
+
+/// Rounds of adding what a solution was found to break.
+const MOST_ROUNDS: usize = 4;
+/// What blocked stretches are larger than what is asked for, metres.
+pub(super) const MARGIN: f64 = 0.01;
+/// Pairs that come nearer than this in the log are not kept apart by it, metres.
+const TOUCHING: f64 = 0.03;
+/// What is added to the time gap where a solution was found to break it, seconds: on a bend the gap shrinks more slowly than the arc
+/// length grows, and who creeps up to a standing AV would break it again and again.
+const SPARE_TIME: f64 = 0.15;
+
+/// Whom an agent must keep clear of, and by how much.
+pub(super) struct Other {
+    pub(super) slot: usize,
+    pub(super) clearance: f64,
+}
+
+/// The question of one agent: what it brings along, and whom it must keep clear of.
+pub(super) struct Solver<'t> {
+    pub(super) traffic: &'t Traffic<'t>,
+    pub(super) driver: &'t Driver,
+    pub(super) settings: &'t AvoidanceSettings,
+    /// Distance to the AV that is kept, metres.
+    pub(super) to_av: f64,
+    pub(super) slowest: Profile,
+    pub(super) fastest: Profile,
+    pub(super) wanted: Vec<f64>,
+    pub(super) others: Vec<Other>,
+}
+
+impl<'t> Solver<'t> {
+    pub(super) fn new(traffic: &'t Traffic<'t>, driver: &'t Driver, settings: &'t AvoidanceSettings) -> Self {
+        let steps = driver.steps();
+        let slowest = extreme(driver.motion, &driver.limits, steps, true);
+        let fastest = extreme(driver.motion, &driver.limits, steps, false);
+        // Who is nearer to the AV than that already need not leave.
+        let now = distance(&driver.path.footprint(0.0), &traffic.av_box(driver.reaction));
+        let to_av = settings.clearance.min(now - 2.0 * MARGIN).max(0.0);
+        let kinds = |i: usize| traffic.scenario.start.agents[i].kind;
+        let light = |k: AgentKind| matches!(k, AgentKind::Pedestrian | AgentKind::Cyclist);
+        // Pairs that the metric does not judge.
+        let judged = |i: usize| {
+            let (a, b) = (kinds(driver.agent), kinds(i));
+            !(light(a) && light(b) && (a, b) != (AgentKind::Cyclist, AgentKind::Cyclist))
+        };
+        let other = |i: usize| {
+            let apart = traffic.log_distance(driver.agent, i);
+            let clearance = settings.clearance_to_others.min(apart - TOUCHING);
+            (clearance >= 0.0).then_some(Other { slot: i, clearance })
+        };
+        let others =
+            (1..traffic.len()).filter(|&i| i != driver.agent && judged(i)).filter_map(other).collect();
+        Self { traffic, driver, settings, to_av, slowest, fastest, wanted: driver.wanted(), others }
+    }
+
+    /// A response along a path.
+    pub(super) fn along(&self, path: &OwnPath, courtesy: Courtesy) -> Result<Planned, Unavoidable> {
+        let reach = self.slowest.s.iter().copied().zip(self.fastest.s.iter().copied()).collect();
+        let places = Places::new(path, reach);
+        let (choices, followers) = self.choices(path, &places, courtesy)?;
+        let cap = self.end_of_road(path);
+        for sides in combinations(&choices) {
+            if let Some(planned) = self.attempt(path, &choices, &followers, &sides, cap) {
+                return Ok(planned);
+            }
+        }
+        let mut between: Vec<String> = choices.iter().map(|c| self.name(c.blob.by)).collect();
+        between.dedup();
+        Err(Unavoidable::HemmedIn { agent: self.id(self.driver.agent), between: between.join(", ") })
+    }
+
+    /// How messages call an agent.
+    pub(super) fn name(&self, slot: usize) -> String {
+        if slot == 0 { "the AV".to_owned() } else { format!("agent `{}`", self.id(slot)) }
+    }
+
+    pub(super) fn id(&self, slot: usize) -> String {
+        self.traffic.scenario.start.agents[slot].id.clone()
+    }
+
+    /// Speed of the AV at a step, m/s.
+    pub(super) fn av_speed(&self, step: usize) -> f64 {
+        let v = self.traffic.av[step].speed();
+        if v.is_nan() && step > 0 {
+            (self.traffic.av[step].position() - self.traffic.av[step - 1].position()).norm() / DT
+        } else {
+            v
+        }
+    }
+
+    /// Where a path leaves the road beyond the end of the log.
+    fn end_of_road(&self, path: &OwnPath) -> f64 {
+        let furthest = self.fastest.s[self.fastest.s.len() - 1];
+        let vehicle = self.traffic.scenario.start.agents[self.driver.agent].kind == AgentKind::Vehicle;
+        if !vehicle || furthest <= path.end {
+            return f64::INFINITY;
+        }
+        let road = self.traffic.scenario.start.road();
+        let mut near = None;
+        let mut drivable = |s: f64| road.drivable(path.pose(s).0, &mut near) != Some(false);
+        if !drivable(path.end) {
+            return f64::INFINITY;
+        }
+        let count = (furthest - path.end).ceil() as usize;
+        let off = (1..=count).map(|m| path.end + m as f64).find(|&s| !drivable(s));
+        off.map_or(f64::INFINITY, |s| s - 1.0)
+    }
+
+    /// A response that passes every blob on its side.
+    fn attempt(
+        &self,
+        path: &OwnPath,
+        choices: &[Choice],
+        followers: &BTreeSet<usize>,
+        sides: &[Side],
+        cap: f64,
+    ) -> Option<Planned> {
+        let mut corridor = self.corridor(choices, sides, cap)?;
+        for _ in 0..MOST_ROUNDS {
+            let profile = smoothest(self.driver.motion, &self.driver.limits, &self.wanted, &corridor)?;
+            let track = self.track(path, &profile);
+            let broken = self.broken_gaps(&profile, &track);
+            if broken.is_empty() {
+                return self.verified(path, &profile, track, followers);
+            }
+            corridor.gaps.extend(broken);
+        }
+        None
+    }
+
+    /// The states at the steps 0 to 80.
+    fn track(&self, path: &OwnPath, profile: &Profile) -> Vec<AgentState> {
+        let mut track = self.driver.before.clone();
+        for w in profile.s.windows(2) {
+            let last = track[track.len() - 1];
+            let next = if w[1] == w[0] {
+                AgentState { vx: 0.0, vy: 0.0, ..last }
+            } else {
+                let (position, heading) = path.pose(w[1]);
+                let v = (position - last.position()) / DT;
+                AgentState { x: position.x, y: position.y, heading, vx: v.x, vy: v.y }
+            };
+            track.push(next);
+        }
+        track
+    }
+
+    /// Where the AV in front is reached in less than the time gap: bounds for all steps at which it is in front.
+    fn broken_gaps(&self, profile: &Profile, track: &[AgentState]) -> Vec<(usize, f64, f64)> {
+        let who = &self.traffic.scenario.start.agents[self.driver.agent];
+        if who.kind != AgentKind::Vehicle {
+            return Vec::new();
+        }
+        let (mut bounds, mut broken) = (Vec::new(), false);
+        for k in 1..profile.s.len() {
+            let step = self.driver.reaction + k;
+            let front = gap_to_front(&track[step].footprint(who), &self.traffic.av_box(step), 0.0);
+            let Some(gap) = front else { continue };
+            let before = self.av_speed(step);
+            let closing = track[step].speed() - before;
+            broken |= closing > 0.0 && gap < self.settings.time_gap * closing;
+            let time = self.settings.time_gap + (SPARE_TIME * k as f64 / 10.0).min(SPARE_TIME);
+            bounds.push((k, time, profile.s[k] + gap + time * before));
+        }
+        if broken { bounds } else { Vec::new() }
+    }
+
+    /// The response, where exact distances say that it keeps clear.
+    fn verified(
+        &self,
+        path: &OwnPath,
+        profile: &Profile,
+        track: Vec<AgentState>,
+        followers: &BTreeSet<usize>,
+    ) -> Option<Planned> {
+        let who = &self.traffic.scenario.start.agents[self.driver.agent];
+        let first = self.driver.reaction;
+        let boxes = track.iter().enumerate().map(|(k, s)| {
+            if k <= first { self.traffic.logged[self.driver.agent][k] } else { Some(s.footprint(who)) }
+        });
+        let boxes: Vec<_> = boxes.collect();
+        let mut clearance = f64::INFINITY;
+        for (k, me) in boxes.iter().enumerate().skip(1) {
+            let Some(me) = me else { continue };
+            let apart = distance(me, &self.traffic.av_box(k));
+            clearance = clearance.min(apart);
+            if k > first && apart < self.to_av {
+                return None;
+            }
+        }
+        let bounds = extent(&boxes);
+        for other in self.others.iter().filter(|o| !followers.contains(&o.slot)) {
+            let (theirs, extent) = self.traffic.boxes(other.slot);
+            if !bounds.intersects(extent) {
+                continue;
+            }
+            for k in first + 1..=FUTURE {
+                let (Some(me), Some(them)) = (&boxes[k], &theirs[k]) else { continue };
+                if nearer(me, them, 0.0) {
+                    return None;
+                }
+            }
+        }
+        if path.nudge != 0.0 && !self.on_road(&track) {
+            return None;
+        }
+        let peak = profile.v.windows(2).fold(0.0_f64, |a, w| a.max((w[0] - w[1]) / DT));
+        let response = Response {
+            agent: who.id.clone(),
+            reaction_step: first,
+            nudge: path.nudge,
+            peak_deceleration: peak,
+            clearance,
+            track,
+        };
+        Some(Planned { response, boxes, extent: bounds })
+    }
+
+    /// Whether the centre never leaves the road, unless it is off the road already.
+    fn on_road(&self, track: &[AgentState]) -> bool {
+        let road = self.traffic.scenario.start.road();
+        let mut near = None;
+        let mut off = |s: &AgentState| road.drivable(s.position(), &mut near) == Some(false);
+        let first = self.driver.reaction;
+        off(&track[first]) || !track[first + 1..].iter().any(off)
+    }
+}
