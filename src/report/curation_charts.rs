@@ -93,6 +93,13 @@ fn title(area: &Area<'_>, what: &str, about: &str) -> Drawn {
     styled(area, about, (24, 50), 14, HPos::Left, color(palette::GHOST))
 }
 
+/// A number on an axis: no digits that say nothing.
+fn tick(value: &f64) -> String {
+    // What the library counts up is off by some last bits.
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }
+}
+
 /// The categories in one row, each with its mark and the number of its candidates.
 fn legend(
     area: &Area<'_>,

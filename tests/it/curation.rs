@@ -1,4 +1,7 @@
 //! Curation: files, analysis, command line.
 
+mod apply;
+mod cli;
 mod hand;
+mod stats;
 mod store;
