@@ -1,13 +1,15 @@
-//! Steps 1 to 4 for one scenario.
+//! Steps 1 to 3 for one scenario.
 
 use std::collections::BTreeMap;
 
+use super::filter::{Bench, FilterSettings, Trial};
+use super::filters::FILTERS;
+use super::rules::Rules;
 use super::{
-    Candidate, CandidateRecord, CandidateSource, Figure, NoProposal, Offsets, Pressure, Proposal,
-    ScenarioRecord, Taxonomy,
+    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, choice, taxonomy,
 };
 use crate::rollout::{Purpose, Stream, stream};
-use crate::scene::{AgentState, DT, Deviation, FUTURE, Scenario};
+use crate::scene::Scenario;
 
 /// All sources of candidates.
 pub const SOURCES: &[&dyn CandidateSource] = &[&Rules];
@@ -42,44 +44,17 @@ impl Default for CurationSettings {
 impl CurationSettings {
     /// All settings by name, as they stand in files.
     pub fn named(&self) -> BTreeMap<String, String> {
-        [("seed", self.seed.to_string()), ("candidates", self.candidates.to_string())]
-            .into_iter()
-            .map(|(k, v)| (k.to_owned(), v))
-            .collect()
-    }
-}
-
-/// Step 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Preselection {
-    /// Vehicles.
-    pub min_vehicles: u32,
-    /// Metres.
-    pub radius: f64,
-    /// Seconds.
-    pub max_ttc: f64,
-}
-
-impl Default for Preselection {
-    fn default() -> Self {
-        Self { min_vehicles: 3, radius: 40.0, max_ttc: 5.0 }
-    }
-}
-
-/// Step 3.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FilterSettings {
-    /// Metres.
-    pub min_ade: f64,
-    /// Metres.
-    pub drivable_tolerance: f64,
-    /// nuPlan's bounds.
-    pub comfort: bool,
-}
-
-impl Default for FilterSettings {
-    fn default() -> Self {
-        Self { min_ade: 2.0, drivable_tolerance: 0.3, comfort: false }
+        let mut named = BTreeMap::new();
+        let mut add = |name: &str, value: String| named.insert(name.to_owned(), value);
+        add("seed", self.seed.to_string());
+        add("candidates", self.candidates.to_string());
+        add("min_vehicles", self.preselection.min_vehicles.to_string());
+        add("radius", self.preselection.radius.to_string());
+        add("max_ttc", self.preselection.max_ttc.to_string());
+        for filter in FILTERS {
+            add(&format!("filter.{}", filter.id()), filter.rule(&self.filters));
+        }
+        named
     }
 }
 
@@ -91,44 +66,23 @@ pub enum Curated {
         /// At which rule.
         rule: String,
     },
-    /// It has candidates; none is chosen yet.
+    /// It has candidates; none is chosen yet. Beside them, how many streams the source had nothing to propose for, by reason.
     Kept(Box<ScenarioRecord>, BTreeMap<String, u64>),
 }
 
-struct Rules;
-
-impl CandidateSource for Rules {
-    fn id(&self) -> &'static str {
-        "rules"
-    }
-
-    fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
-        let now = scenario.start.now(0);
-        let one = |n: usize| {
-            if n % 5 == 4 {
-                return Err(NoProposal("no lane to change to".into()));
-            }
-            let speed = now.speed() * (1.0 + n as f64 / 10.0);
-            let state = |k: usize| AgentState { x: now.x + speed * DT * (k + 1) as f64, ..now };
-            Ok(Proposal {
-                intent: Some(Deviation::Longitudinal),
-                maneuver: format!("faster {n}"),
-                future: (0..FUTURE).map(state).collect(),
-            })
-        };
-        (0..streams.len()).map(one).collect()
-    }
-}
-
-/// Carries out the steps 1 to 3 for one scenario.
+/// Carries out the steps 1 to 3 for one scenario. The result depends on scenario, source and settings only.
 pub fn curate_scenario(
     scenario: &Scenario,
     source: &dyn CandidateSource,
     settings: &CurationSettings,
 ) -> Curated {
-    if scenario.start.agents.len() <= settings.preselection.min_vehicles as usize {
-        return Curated::Dropped { rule: "too few vehicles near the AV".into() };
+    if let Some(rule) = settings.preselection.falls(scenario) {
+        return Curated::Dropped { rule: rule.to_owned() };
     }
+    let bench = match Bench::new(scenario) {
+        Ok(bench) => bench,
+        Err(_) => return Curated::Dropped { rule: super::preselect::AV_ABSENT.to_owned() },
+    };
     let name = |number| stream(settings.seed, &scenario.id, number, Purpose::Candidate);
     let mut streams: Vec<Stream> = (0..settings.candidates).map(name).collect();
     let (mut candidates, mut unproposed) = (Vec::new(), BTreeMap::new());
@@ -137,37 +91,14 @@ pub fn curate_scenario(
             Ok(proposal) => {
                 let mut track = vec![scenario.start.now(0)];
                 track.extend(proposal.future);
-                candidates.push(CandidateRecord {
-                    candidate: Candidate {
-                        source: source.id().to_owned(),
-                        number,
-                        intent: proposal.intent,
-                        maneuver: proposal.maneuver,
-                        track,
-                    },
-                    seed: settings.seed,
-                    taxonomy: Taxonomy {
-                        category: Deviation::ALL[number as usize % 3],
-                        heading_change: 0.0,
-                        other_branch: false,
-                        lateral_offset: 0.0,
-                        longitudinal_offset: 0.0,
-                        conflict_step: None,
-                    },
-                    pressure: Pressure::default(),
-                    offsets: Offsets::default(),
-                    figures: vec![Figure {
-                        filter: "ade".into(),
-                        value: Some(3.0),
-                        passed: Some(number > 0),
-                    }],
-                    rejected_by: (number == 0).then(|| "ade".into()),
-                    reason: String::new(),
-                    score: if number == 0 { f64::NAN } else { 1.0 },
-                    chosen: false,
-                    review: None,
-                    certificate: None,
-                });
+                let candidate = Candidate {
+                    source: source.id().to_owned(),
+                    number,
+                    intent: proposal.intent,
+                    maneuver: proposal.maneuver,
+                    track,
+                };
+                candidates.push(judge(&bench, candidate, settings));
             }
             Err(reason) => *unproposed.entry(reason.0).or_default() += 1,
         }
@@ -182,24 +113,55 @@ pub fn curate_scenario(
     Curated::Kept(Box::new(record), unproposed)
 }
 
-/// Step 4.
-#[derive(Default)]
-pub struct Chooser {
-    n: usize,
-}
-
-impl Chooser {
-    /// Nothing chosen yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Marks one.
-    pub fn choose(&mut self, record: &mut ScenarioRecord) {
-        self.n += 1;
-        let count = record.candidates.len();
-        if count > 1 {
-            record.candidates[1 + self.n % (count - 1)].chosen = true;
+/// Asks all filters about one candidate.
+fn judge(bench: &Bench<'_>, candidate: Candidate, settings: &CurationSettings) -> CandidateRecord {
+    let trial = Trial::new(bench, &candidate);
+    let mut figures = Vec::with_capacity(FILTERS.len());
+    let mut rejected: Option<(String, String)> = None;
+    for (i, filter) in FILTERS.iter().enumerate() {
+        // The last one is dear, and asked only where it decides.
+        if i + 1 == FILTERS.len() && rejected.is_some() {
+            figures.push(Figure { filter: filter.id().to_owned(), value: None, passed: None });
+            continue;
+        }
+        let verdict = filter.judge(&trial, &settings.filters);
+        let passed = verdict.rejected.is_none();
+        figures.push(Figure { filter: filter.id().to_owned(), value: verdict.figure, passed: Some(passed) });
+        if let (Some(reason), None) = (verdict.rejected, &rejected) {
+            rejected = Some((filter.id().to_owned(), reason));
         }
     }
+    let taxonomy = taxonomy::classify(
+        &bench.scenario.start.road(),
+        &bench.way,
+        &bench.log,
+        &candidate.track,
+        trial.conflict_step(),
+    );
+    let (pressure, offsets) = (trial.pressure(), trial.offsets());
+    let certificate = if rejected.is_none() {
+        trial.certificate(&settings.filters.avoidance).as_ref().ok().cloned()
+    } else {
+        None
+    };
+    drop(trial);
+    let (rejected_by, reason) = rejected.map_or((None, String::new()), |(by, why)| (Some(by), why));
+    let mut record = CandidateRecord {
+        candidate,
+        seed: settings.seed,
+        taxonomy,
+        pressure,
+        offsets,
+        figures,
+        rejected_by,
+        reason,
+        score: f64::NAN,
+        chosen: false,
+        review: None,
+        certificate,
+    };
+    if record.rejected_by.is_none() {
+        record.score = choice::score(&record);
+    }
+    record
 }
