@@ -5,6 +5,8 @@ mod candidate;
 mod certificate;
 mod record;
 
+pub mod review;
+
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use certificate::{Certificate, Response};
 pub use record::{
