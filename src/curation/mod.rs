@@ -4,11 +4,13 @@
 mod candidate;
 mod certificate;
 mod record;
+pub mod store;
 
 pub mod review;
 
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use certificate::{Certificate, Response};
 pub use record::{
-    CandidateRecord, CurationProvenance, Figure, Funnel, InputFile, ReviewMark, ScenarioRecord, Taxonomy,
+    CandidateRecord, CurationProvenance, Figure, Funnel, InputFile, Offsets, Pressure, ReviewMark,
+    ScenarioRecord, Taxonomy,
 };

@@ -45,10 +45,38 @@ pub struct CandidateRecord {
     pub score: f64,
     /// Whether it is in the set.
     pub chosen: bool,
+    /// What happens under log replay.
+    pub pressure: Pressure,
+    /// How far it is from the log.
+    pub offsets: Offsets,
     /// Who decided by hand, and when (RFC 3339, UTC), where anybody did.
     pub review: Option<ReviewMark>,
     /// How the agents can avoid the conflict, where they can and it was asked.
     pub certificate: Option<Certificate>,
+}
+
+/// What happens when the agents replay their logs against a candidate (`metrics` of the benchmark, log replay).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pressure {
+    /// Agents that hit the AV and are at fault.
+    pub at_fault: u32,
+    /// Agents that overlap the AV, whatever the fault.
+    pub overlaps: u32,
+    /// Agents with a time to collision with the AV below 0.5 s.
+    pub risky: u32,
+}
+
+/// How far a candidate is from the log, over the steps 1 to 80; NaN where the log does not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Offsets {
+    /// Last position minus the logged one along the AV's heading at step 0, metres, ahead positive.
+    pub endpoint_longitudinal: f64,
+    /// The same across the heading, metres, left positive.
+    pub endpoint_lateral: f64,
+    /// Mean distance to the logged position, metres.
+    pub ade: f64,
+    /// Mean speed minus the logged one, m/s.
+    pub mean_speed_difference: f64,
 }
 
 /// What one filter said about one candidate.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::ops::Range;
 use std::path::Path;
 
 use arrow_array::RecordBatch;
@@ -16,8 +17,11 @@ use crate::scene::{AgentState, Deviation, FUTURE, Frame};
 
 /// The value of `format` in JSON, and of `reactsim.format` in Parquet where the file states one.
 const JSON: &str = "reactsim-deviations-v1";
-const KIND: &str = "reactsim-deviations";
-const VERSION: u32 = 1;
+pub(crate) const KIND: &str = "reactsim-deviations";
+pub(crate) const VERSION: u32 = 1;
+/// The columns that are read; files of curations have many more.
+const COLUMNS: &[&str] =
+    &["scenario_id", "category", "scenario_digest", "chosen", "x", "y", "heading", "vx", "vy"];
 /// Longest JSON file that is read.
 const LONGEST: u64 = 1 << 30;
 
@@ -41,11 +45,11 @@ impl DeviationRecord {
     }
 }
 
-/// Reads all trajectories of a file.
+/// Reads all trajectories of a file; of one with a column `chosen`, as a curation writes it, those that are chosen.
 ///
 /// # Errors
 /// [`FormatError`] names the scenario and the step: gaps, values that are not finite, a wrong number of steps, a scenario that
-/// occurs twice, an unknown category, missing columns.
+/// occurs twice, an unknown category, missing columns, a file in which nothing is chosen.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let path = path.as_ref();
     let mut all = Records { path, records: BTreeMap::new(), next: 0 };
@@ -103,22 +107,36 @@ impl Records<'_> {
     fn read_parquet(&mut self) -> Result<(), FormatError> {
         let mut table = TableReader::open(self.path)?;
         table.expect(KIND, VERSION)?;
+        table.only(COLUMNS);
         let file = |cause| FormatError::file(self.path, cause);
         let origin = states::table_origin(&table).map_err(file)?;
+        let mut passed_over = 0;
         while let Some(batch) = table.next_batch() {
-            self.read_batch(&batch?, origin)?;
+            passed_over += self.read_batch(&batch?, origin)?;
+        }
+        if self.records.is_empty() && passed_over > 0 {
+            let expected =
+                "at least one chosen; loosen the filters of the curation or pick some in its review";
+            return Err(file(Cause::value("`chosen`", format!("false in all {passed_over} rows"), expected)));
         }
         Ok(())
     }
 
-    fn read_batch(&mut self, batch: &RecordBatch, origin: Option<Vec2>) -> Result<(), FormatError> {
+    /// Reads some rows and counts those that are not chosen.
+    fn read_batch(&mut self, batch: &RecordBatch, origin: Option<Vec2>) -> Result<u64, FormatError> {
         let file = |cause| FormatError::file(self.path, cause);
         let ids = View::need(batch, "scenario_id", Leaf::Text, 0).map_err(file)?;
         let categories = View::find(batch, "category", Leaf::Text, 0).map_err(file)?;
         let digests = View::find(batch, "scenario_digest", Leaf::Text, 0).map_err(file)?;
+        let chosen = View::find(batch, "chosen", Leaf::Flag, 0).map_err(file)?;
         let columns = States::find(batch, 1).map_err(file)?;
+        let mut passed_over = 0;
         for row in 0..batch.num_rows() {
-            let frames = columns.frames("", &columns.ranges(|v| v.range(0, row)), FUTURE);
+            if chosen.as_ref().is_some_and(|c| c.flag(row) != Some(true)) {
+                (self.next, passed_over) = (self.next + 1, passed_over + 1);
+                continue;
+            }
+            let frames = columns.frames("", &future(columns.ranges(|v| v.range(0, row))), FUTURE);
             let category = categories.as_ref().and_then(|c| c.text(row));
             let digest = digests.as_ref().and_then(|c| c.text(row));
             let Some(id) = ids.text(row) else {
@@ -127,7 +145,7 @@ impl Records<'_> {
             };
             self.add(id, category, digest, origin, frames)?;
         }
-        Ok(())
+        Ok(passed_over)
     }
 
     fn read_json(&mut self) -> Result<(), FormatError> {
@@ -152,6 +170,14 @@ impl Records<'_> {
         }
         Ok(())
     }
+}
+
+/// Lists of states without that of the current frame (step 0), where they begin with it.
+fn future(mut lists: [Option<Range<usize>>; 5]) -> [Option<Range<usize>>; 5] {
+    if lists.iter().flatten().all(|list| list.len() == FUTURE + 1) {
+        lists.iter_mut().flatten().for_each(|list| list.start += 1);
+    }
+    lists
 }
 
 #[derive(Deserialize)]

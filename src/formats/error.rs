@@ -95,7 +95,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    pub(super) fn value(
+    pub(crate) fn value(
         field: impl Into<String>,
         value: impl fmt::Display,
         expected: impl Into<String>,
@@ -103,7 +103,7 @@ impl Cause {
         Self::Value { field: field.into(), value: value.to_string(), expected: expected.into() }
     }
 
-    pub(super) fn schema(
+    pub(crate) fn schema(
         what: impl Into<String>,
         found: impl fmt::Display,
         expected: impl Into<String>,
@@ -111,23 +111,23 @@ impl Cause {
         Self::Schema { what: what.into(), found: found.to_string(), expected: expected.into() }
     }
 
-    pub(super) fn read(source: io::Error) -> Self {
+    pub(crate) fn read(source: io::Error) -> Self {
         Self::Io { doing: "read", source }
     }
 
-    pub(super) fn write(source: io::Error) -> Self {
+    pub(crate) fn write(source: io::Error) -> Self {
         Self::Io { doing: "write", source }
     }
 }
 
 impl FormatError {
     /// An error after which nothing more of the file can be read.
-    pub(super) fn file(path: &Path, cause: Cause) -> Self {
+    pub(crate) fn file(path: &Path, cause: Cause) -> Self {
         Self { path: path.to_owned(), record: None, scenario: None, cause: Box::new(cause), ends_file: true }
     }
 
     /// An error of one record; reading goes on with the next.
-    pub(super) fn record(path: &Path, record: u64, scenario: Option<String>, cause: Cause) -> Self {
+    pub(crate) fn record(path: &Path, record: u64, scenario: Option<String>, cause: Cause) -> Self {
         Self {
             path: path.to_owned(),
             record: Some(record),
@@ -138,12 +138,12 @@ impl FormatError {
     }
 
     /// The same error, at a record.
-    pub(super) fn at(self, record: u64) -> Self {
+    pub(crate) fn at(self, record: u64) -> Self {
         Self { record: Some(record), ..self }
     }
 
     /// The error of parts that make no scenario.
-    pub(super) fn scene(path: &Path, record: u64, error: SceneError) -> Self {
+    pub(crate) fn scene(path: &Path, record: u64, error: SceneError) -> Self {
         let scenario = Some(error.scenario.clone()).filter(|id| !id.is_empty());
         Self::record(path, record, scenario, Cause::Scene(error))
     }

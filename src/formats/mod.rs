@@ -3,11 +3,11 @@
 //! Reading is streaming: one scenario (of native files: one row group) is in memory at a time. Errors name file, record,
 //! scenario, field and value; one bad record does not end a file, and one bad file does not end a folder.
 
-mod error;
+pub(crate) mod error;
 mod format;
 mod json;
 mod states;
-mod table;
+pub(crate) mod table;
 mod womd;
 
 pub mod deviations;

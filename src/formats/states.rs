@@ -3,12 +3,9 @@
 use std::ops::Range;
 
 use super::error::Cause;
-use super::table::{Leaf, TableReader, View};
+use super::table::{FRAME, Leaf, TableReader, View};
 use crate::geometry::Vec2;
 use crate::scene::{AgentState, Frame};
-
-/// Key of the file's metadata that says which frame coordinates are in: `world` (default) or `scenario`.
-const FRAME: &str = "reactsim.frame";
 
 /// What a stated frame means as an origin: world coordinates are relative to (0, 0), scenario coordinates to the
 /// scenario's own origin (`None`).

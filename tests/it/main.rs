@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod cli;
+mod curation;
 mod evaluation;
 mod formats;
 mod generated;

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 use bytes::Bytes;
+use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
 };
@@ -15,7 +16,7 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::{ChunkReader, Length};
 
-use super::{KIND, SUMS, VERSION};
+use super::{KIND, LARGEST_GROUP, SAID, SUMS, VERSION};
 use crate::formats::error::{Cause, FormatError};
 
 /// Rows that are decoded at a time.
@@ -30,6 +31,8 @@ pub(crate) struct TableReader {
     metadata: ArrowReaderMetadata,
     groups: Vec<Group>,
     next: usize,
+    /// Columns that are decoded; all where none is named.
+    columns: &'static [&'static str],
     batches: Option<ParquetRecordBatchReader>,
     rows: usize,
 }
@@ -50,7 +53,16 @@ impl TableReader {
             let groups = groups(&metadata, length)?;
             let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
             let metadata = guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options))?;
-            Ok(Self { path: path.to_owned(), file, metadata, groups, next: 0, batches: None, rows: 0 })
+            Ok(Self {
+                path: path.to_owned(),
+                file,
+                metadata,
+                groups,
+                next: 0,
+                columns: &[],
+                batches: None,
+                rows: 0,
+            })
         });
         opened.map_err(|cause| FormatError::file(path, cause))
     }
@@ -81,12 +93,29 @@ impl TableReader {
             let cause = Cause::schema(format!("`{SUMS}` in the file's metadata"), "missing", "present");
             return Err(FormatError::file(&self.path, cause));
         }
-        Ok(())
+        self.check_said().map_err(|cause| FormatError::file(&self.path, cause))
+    }
+
+    /// Whether the metadata still say what the writer said.
+    fn check_said(&self) -> Result<(), Cause> {
+        let Some(stated) = self.key(SAID) else { return Ok(()) };
+        let keys = stated.split(' ').skip(1).map(|key| (key, self.key(key).unwrap_or_default()));
+        let found = super::sum(keys);
+        if found == stated {
+            return Ok(());
+        }
+        let what = "the file's metadata";
+        Err(Cause::Checksum { what, found, expected: stated.to_owned() })
     }
 
     /// As [`TableReader::require`], but files of other programs, which state nothing, are welcome.
     pub(crate) fn expect(&self, kind: &str, version: u32) -> Result<(), FormatError> {
         if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
+    }
+
+    /// Decodes these columns only, of those that there are.
+    pub(crate) fn only(&mut self, columns: &'static [&'static str]) {
+        self.columns = columns;
     }
 
     /// The next rows; `None` at the end. After an error there are none.
@@ -97,6 +126,42 @@ impl TableReader {
             Err(cause) => {
                 self.end();
                 Some(Err(FormatError::file(&self.path, cause)))
+            }
+        }
+    }
+
+    /// The number of row groups.
+    pub(crate) fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// The rows of one row group, with these columns only; all where none is named. Columns that are missing are left out.
+    pub(crate) fn group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, FormatError> {
+        self.load_group(index, columns).map_err(|cause| FormatError::file(&self.path, cause))
+    }
+
+    fn load_group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, Cause> {
+        let group = &self.groups[index];
+        if group.rows > LARGEST_GROUP {
+            let most = format!("at most {LARGEST_GROUP}");
+            return Err(Cause::value("the number of rows of a row group", group.rows, most));
+        }
+        let data = load(&mut self.file, group)?;
+        let metadata = self.metadata.clone();
+        let batch = guarded(|| {
+            let mask = mask(&metadata, columns);
+            let mut batches = ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
+                .with_row_groups(vec![index])
+                .with_projection(mask)
+                .with_batch_size(group.rows.max(1))
+                .build()?;
+            batches.next().transpose().map_err(ParquetError::from)
+        })?;
+        match batch {
+            Some(batch) if batch.num_rows() == group.rows => Ok(batch),
+            other => {
+                let found = other.map_or(0, |b| b.num_rows());
+                Err(Cause::Undecodable(format!("{} rows are missing", group.rows - found.min(group.rows))))
             }
         }
     }
@@ -126,8 +191,10 @@ impl TableReader {
             let data = load(&mut self.file, group)?;
             let (metadata, index) = (self.metadata.clone(), self.next);
             self.batches = Some(guarded(|| {
+                let mask = mask(&metadata, self.columns);
                 ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
                     .with_row_groups(vec![index])
+                    .with_projection(mask)
                     .with_batch_size(group.rows.clamp(1, BATCH))
                     .build()
             })?);
@@ -135,6 +202,14 @@ impl TableReader {
             self.next += 1;
         }
     }
+}
+
+/// The leaves of these columns; of all where none is named.
+fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
+    if columns.is_empty() {
+        return ProjectionMask::all();
+    }
+    ProjectionMask::columns(metadata.parquet_schema(), columns.iter().copied())
 }
 
 /// The kind that a Parquet file says it holds: `Ok(None)` where it says nothing, `Err` where its footer can not be read.

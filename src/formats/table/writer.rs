@@ -16,7 +16,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
 
 use super::columns::{Column, Leaf};
-use super::{KIND, SUMS, VERSION};
+use super::{KIND, SAID, SUMS, VERSION};
 use crate::formats::error::{Cause, FormatError};
 
 /// A Parquet file being written. It gets its name when it is finished; dropped before, it is removed.
@@ -30,6 +30,8 @@ pub(crate) struct TableWriter {
     group: usize,
     /// Rows that are not written yet.
     waiting: usize,
+    /// What the metadata say besides kind and version.
+    said: Vec<(&'static str, String)>,
 }
 
 impl TableWriter {
@@ -85,6 +87,7 @@ impl TableWriter {
             sums: Vec::new(),
             group,
             waiting: 0,
+            said: Vec::new(),
         })
     }
 
@@ -96,6 +99,11 @@ impl TableWriter {
         self.columns.iter_mut().find(|c| c.name() == name).expect("columns are named as in the schema")
     }
 
+    /// Says something in the file's metadata; a checksum over all that is said this way stands beside it.
+    pub(crate) fn say(&mut self, key: &'static str, value: String) {
+        self.said.push((key, value));
+    }
+
     /// Ends a row, of which every column has been given its part.
     pub(crate) fn end_row(&mut self) -> Result<(), FormatError> {
         self.waiting += 1;
@@ -103,7 +111,7 @@ impl TableWriter {
     }
 
     /// Writes what the columns hold as one row group.
-    fn flush(&mut self) -> Result<(), FormatError> {
+    pub(crate) fn flush(&mut self) -> Result<(), FormatError> {
         self.waiting = 0;
         let arrays = self.columns.iter_mut().map(Column::take).collect();
         let refuse = |e| FormatError::file(&self.path, cause(e));
@@ -127,6 +135,13 @@ impl TableWriter {
     pub(crate) fn finish(mut self) -> Result<(), FormatError> {
         self.flush()?;
         let Some(mut writer) = self.writer.take() else { return Ok(()) };
+        if !self.said.is_empty() {
+            let sum = super::sum(self.said.iter().map(|(k, v)| (*k, v.as_str())));
+            writer.append_key_value_metadata(KeyValue::new(SAID.to_owned(), sum));
+        }
+        for (key, value) in std::mem::take(&mut self.said) {
+            writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value));
+        }
         writer.append_key_value_metadata(KeyValue::new(SUMS.to_owned(), self.sums.join(",")));
         let refuse = |e| FormatError::file(&self.path, Cause::write(e));
         let sink = writer.into_inner().map_err(|e| FormatError::file(&self.path, cause(e)))?;

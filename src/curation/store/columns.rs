@@ -1,0 +1,88 @@
+//! The columns of the file.
+
+use crate::formats::table::{Column, Leaf};
+
+/// All columns, in the order of the file.
+pub(super) fn columns() -> Vec<Column> {
+    let text = |name| Column::new(name, Leaf::Text, 0, false);
+    let maybe_text = |name| Column::new(name, Leaf::Text, 0, true);
+    let number = |name| Column::new(name, Leaf::Number, 0, false);
+    let numbers = |name| Column::new(name, Leaf::Number, 1, false);
+    let tracks = |name| Column::new(name, Leaf::Number, 2, false);
+    let whole = |name| Column::new(name, Leaf::Whole, 0, false);
+    let flag = |name| Column::new(name, Leaf::Flag, 0, false);
+    vec![
+        text("scenario_id"),
+        text("scenario_digest"),
+        number("origin_x"),
+        number("origin_y"),
+        text("source"),
+        whole("candidate"),
+        text("seed"),
+        text("maneuver"),
+        maybe_text("intent"),
+        text("category"),
+        number("cue_heading_change"),
+        flag("cue_other_branch"),
+        number("cue_lateral_offset"),
+        number("cue_longitudinal_offset"),
+        Column::new("cue_conflict_step", Leaf::Whole, 0, true),
+        numbers("x"),
+        numbers("y"),
+        numbers("heading"),
+        numbers("vx"),
+        numbers("vy"),
+        Column::new("filter", Leaf::Text, 1, false),
+        Column::new("figure", Leaf::Number, 1, true),
+        Column::new("passed", Leaf::Flag, 1, true),
+        maybe_text("rejected_by"),
+        text("reason"),
+        Column::new("score", Leaf::Number, 0, true),
+        flag("chosen"),
+        whole("pressure_at_fault"),
+        whole("pressure_overlaps"),
+        whole("pressure_risky"),
+        number("endpoint_longitudinal"),
+        number("endpoint_lateral"),
+        number("ade"),
+        number("mean_speed_difference"),
+        maybe_text("reviewer"),
+        maybe_text("reviewed_at"),
+        maybe_text("decision"),
+        flag("has_certificate"),
+        Column::new("response_agent", Leaf::Text, 1, false),
+        Column::new("response_reaction_step", Leaf::Whole, 1, false),
+        numbers("response_nudge"),
+        numbers("response_peak_deceleration"),
+        numbers("response_clearance"),
+        tracks("response_x"),
+        tracks("response_y"),
+        tracks("response_heading"),
+        tracks("response_vx"),
+        tracks("response_vy"),
+        maybe_text("scene"),
+    ]
+}
+
+/// Columns that the index of a file needs: those that are small.
+pub(super) const LIGHT: &[&str] = &[
+    "scenario_id",
+    "scenario_digest",
+    "candidate",
+    "maneuver",
+    "intent",
+    "category",
+    "rejected_by",
+    "score",
+    "chosen",
+    "reviewer",
+    "reviewed_at",
+    "decision",
+    "has_certificate",
+];
+
+/// The values of a state, in the order of the columns that hold them.
+pub(super) const STATE: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
+/// The same of a response.
+pub(super) const RESPONSE: [&str; 5] =
+    ["response_x", "response_y", "response_heading", "response_vx", "response_vy"];

@@ -1,0 +1,290 @@
+//! Columns into records.
+
+use std::ops::Range;
+
+use arrow_array::RecordBatch;
+
+use super::columns::{RESPONSE, STATE};
+use crate::curation::{
+    CANDIDATE_STATES, Candidate, CandidateRecord, Certificate, Figure, Offsets, Pressure, Response,
+    ReviewMark, ScenarioRecord, Taxonomy,
+};
+use crate::formats::error::Cause;
+use crate::formats::table::{Leaf, View};
+use crate::geometry::Vec2;
+use crate::scene::{AgentState, Deviation};
+
+/// The columns of a row group by name.
+pub(super) struct Rows<'a> {
+    batch: &'a RecordBatch,
+}
+
+/// Cells of plain columns, each of which must be there.
+impl<'a> Rows<'a> {
+    pub(super) fn new(batch: &'a RecordBatch) -> Self {
+        Self { batch }
+    }
+
+    fn plain<T>(
+        &self,
+        name: &'static str,
+        leaf: Leaf,
+        get: impl Fn(&View, usize) -> Option<T>,
+    ) -> Result<Vec<T>, Cause> {
+        let view = View::need(self.batch, name, leaf, 0)?;
+        let each = (0..self.batch.num_rows()).map(|row| get(&view, row).ok_or_else(|| null(name)));
+        each.collect()
+    }
+
+    pub(super) fn texts(&self, name: &'static str) -> Result<Vec<String>, Cause> {
+        self.plain(name, Leaf::Text, |v, row| v.text(row).map(str::to_owned))
+    }
+
+    pub(super) fn maybe_texts(&self, name: &'static str) -> Result<Vec<Option<String>>, Cause> {
+        self.plain(name, Leaf::Text, |v, row| Some(v.text(row).map(str::to_owned)))
+    }
+
+    pub(super) fn flags(&self, name: &'static str) -> Result<Vec<bool>, Cause> {
+        self.plain(name, Leaf::Flag, View::flag)
+    }
+
+    pub(super) fn wholes(&self, name: &'static str) -> Result<Vec<u32>, Cause> {
+        self.plain(name, Leaf::Whole, View::whole)
+    }
+
+    fn numbers(&self, name: &'static str) -> Result<Vec<f64>, Cause> {
+        self.plain(name, Leaf::Number, View::number)
+    }
+
+    /// Scores; NaN where there is none.
+    pub(super) fn scores(&self) -> Result<Vec<f64>, Cause> {
+        self.plain("score", Leaf::Number, |v, row| Some(v.number(row).unwrap_or(f64::NAN)))
+    }
+
+    pub(super) fn categories(&self) -> Result<Vec<Deviation>, Cause> {
+        self.texts("category")?.iter().map(|name| category("category", name)).collect()
+    }
+
+    pub(super) fn intents(&self) -> Result<Vec<Option<Deviation>>, Cause> {
+        let names = self.maybe_texts("intent")?;
+        names.iter().map(|name| name.as_deref().map(|n| category("intent", n)).transpose()).collect()
+    }
+
+    pub(super) fn reviews(&self) -> Result<Vec<Option<ReviewMark>>, Cause> {
+        let (reviewers, times) = (self.maybe_texts("reviewer")?, self.maybe_texts("reviewed_at")?);
+        let decisions = self.maybe_texts("decision")?;
+        let each = reviewers.into_iter().zip(times).zip(decisions);
+        each.map(|((reviewer, at), decision)| match (reviewer, at, decision) {
+            (Some(reviewer), Some(at), Some(decision)) => Ok(Some(ReviewMark { reviewer, at, decision })),
+            (None, None, None) => Ok(None),
+            _ => {
+                Err(Cause::value("`reviewer`, `reviewed_at`, `decision`", "partly null", "all or none given"))
+            }
+        })
+        .collect()
+    }
+
+    /// The rows of each scenario, one after the other.
+    pub(super) fn scenarios(&self) -> Result<Vec<Range<usize>>, Cause> {
+        let ids = View::need(self.batch, "scenario_id", Leaf::Text, 0)?;
+        let (mut ranges, mut start) = (Vec::new(), 0);
+        for row in 1..=self.batch.num_rows() {
+            if row == self.batch.num_rows() || ids.text(row) != ids.text(start) {
+                ranges.push(start..row);
+                start = row;
+            }
+        }
+        Ok(ranges)
+    }
+
+    /// The states of every row.
+    fn tracks(&self) -> Result<Vec<Vec<AgentState>>, Cause> {
+        let views = views(self.batch, STATE, 1)?;
+        let list = |row| states(&views, |view| view.range(0, row));
+        (0..self.batch.num_rows()).map(list).collect()
+    }
+
+    fn figures(&self) -> Result<Vec<Vec<Figure>>, Cause> {
+        let filters = View::need(self.batch, "filter", Leaf::Text, 1)?;
+        let values = View::need(self.batch, "figure", Leaf::Number, 1)?;
+        let passed = View::need(self.batch, "passed", Leaf::Flag, 1)?;
+        let of = |row| {
+            let ranges = parallel(row, &[&filters, &values, &passed])?;
+            let figure = |k: usize| {
+                let filter = filters.text(ranges[0].start + k).ok_or_else(|| null("filter"))?.to_owned();
+                let value = values.number(ranges[1].start + k);
+                Ok(Figure { filter, value, passed: passed.flag(ranges[2].start + k) })
+            };
+            (0..ranges[0].len()).map(figure).collect()
+        };
+        (0..self.batch.num_rows()).map(of).collect()
+    }
+
+    fn certificates(&self) -> Result<Vec<Option<Certificate>>, Cause> {
+        let has = self.flags("has_certificate")?;
+        let agents = View::need(self.batch, "response_agent", Leaf::Text, 1)?;
+        let steps = View::need(self.batch, "response_reaction_step", Leaf::Whole, 1)?;
+        let numbers = |name| View::need(self.batch, name, Leaf::Number, 1);
+        let (nudges, peaks) = (numbers("response_nudge")?, numbers("response_peak_deceleration")?);
+        let clearances = numbers("response_clearance")?;
+        let tracks = views(self.batch, RESPONSE, 2)?;
+        let mut columns: Vec<&View> = vec![&agents, &steps, &nudges, &peaks, &clearances];
+        columns.extend(&tracks);
+        let of = |(row, has): (usize, bool)| {
+            let ranges = parallel(row, &columns)?;
+            let response = |k: usize| {
+                let at = |column: usize| ranges[column].start + k;
+                let number = |view: &View, column| view.number(at(column)).ok_or_else(|| null(view.name()));
+                Ok(Response {
+                    agent: agents.text(at(0)).ok_or_else(|| null(agents.name()))?.to_owned(),
+                    reaction_step: steps.whole(at(1)).ok_or_else(|| null(steps.name()))? as usize,
+                    nudge: number(&nudges, 2)?,
+                    peak_deceleration: number(&peaks, 3)?,
+                    clearance: number(&clearances, 4)?,
+                    // Tracks lie in parallel, which was checked: their lists begin at the same place.
+                    track: states(&tracks, |view| view.range(1, at(5)))?,
+                })
+            };
+            let responses: Vec<Response> =
+                (0..ranges[0].len()).map(response).collect::<Result<_, Cause>>()?;
+            match (has, responses.is_empty()) {
+                (true, _) => Ok(Some(Certificate { responses })),
+                (false, true) => Ok(None),
+                (false, false) => {
+                    Err(Cause::value("`has_certificate`", "false", "true where there are responses"))
+                }
+            }
+        };
+        has.into_iter().enumerate().map(of).collect()
+    }
+
+    /// All records of the row group.
+    pub(super) fn records(&self) -> Result<Vec<ScenarioRecord>, Cause> {
+        let scenarios = self.scenarios()?;
+        let (ids, digests) = (self.texts("scenario_id")?, self.texts("scenario_digest")?);
+        let (x, y) = (self.numbers("origin_x")?, self.numbers("origin_y")?);
+        let mut scenes = self.maybe_texts("scene")?;
+        let mut candidates = self.candidates()?.into_iter();
+        let record = |rows: Range<usize>| ScenarioRecord {
+            scenario_id: ids[rows.start].clone(),
+            scenario_digest: digests[rows.start].clone(),
+            origin: Vec2::new(x[rows.start], y[rows.start]),
+            scene: scenes[rows.start].take(),
+            candidates: candidates.by_ref().take(rows.len()).collect(),
+        };
+        Ok(scenarios.into_iter().map(record).collect())
+    }
+
+    fn candidates(&self) -> Result<Vec<CandidateRecord>, Cause> {
+        let mut sources = self.texts("source")?.into_iter();
+        let mut maneuvers = self.texts("maneuver")?.into_iter();
+        let (numbers, seeds, intents) = (self.wholes("candidate")?, self.texts("seed")?, self.intents()?);
+        let (categories, branches) = (self.categories()?, self.flags("cue_other_branch")?);
+        let headings = self.numbers("cue_heading_change")?;
+        let laterals = self.numbers("cue_lateral_offset")?;
+        let longitudinals = self.numbers("cue_longitudinal_offset")?;
+        let conflicts = self.plain("cue_conflict_step", Leaf::Whole, |v, row| Some(v.whole(row)))?;
+        let mut tracks = self.tracks()?.into_iter();
+        let mut figures = self.figures()?.into_iter();
+        let mut rejected = self.maybe_texts("rejected_by")?.into_iter();
+        let mut reasons = self.texts("reason")?.into_iter();
+        let (scores, chosen) = (self.scores()?, self.flags("chosen")?);
+        let at_fault = self.wholes("pressure_at_fault")?;
+        let (overlaps, risky) = (self.wholes("pressure_overlaps")?, self.wholes("pressure_risky")?);
+        let ahead = self.numbers("endpoint_longitudinal")?;
+        let aside = self.numbers("endpoint_lateral")?;
+        let (ade, speed) = (self.numbers("ade")?, self.numbers("mean_speed_difference")?);
+        let mut reviews = self.reviews()?.into_iter();
+        let mut certificates = self.certificates()?.into_iter();
+        let record = |row: usize| {
+            Ok(CandidateRecord {
+                candidate: Candidate {
+                    source: next(&mut sources)?,
+                    number: numbers[row],
+                    intent: intents[row],
+                    maneuver: next(&mut maneuvers)?,
+                    track: next(&mut tracks)?,
+                },
+                seed: seeds[row].parse().map_err(|_| {
+                    Cause::value("`seed`", format!("`{}`", seeds[row]), "a whole number below 2^64")
+                })?,
+                taxonomy: Taxonomy {
+                    category: categories[row],
+                    heading_change: headings[row],
+                    other_branch: branches[row],
+                    lateral_offset: laterals[row],
+                    longitudinal_offset: longitudinals[row],
+                    conflict_step: conflicts[row],
+                },
+                figures: next(&mut figures)?,
+                rejected_by: next(&mut rejected)?,
+                reason: next(&mut reasons)?,
+                score: scores[row],
+                chosen: chosen[row],
+                pressure: Pressure { at_fault: at_fault[row], overlaps: overlaps[row], risky: risky[row] },
+                offsets: Offsets {
+                    endpoint_longitudinal: ahead[row],
+                    endpoint_lateral: aside[row],
+                    ade: ade[row],
+                    mean_speed_difference: speed[row],
+                },
+                review: next(&mut reviews)?,
+                certificate: next(&mut certificates)?,
+            })
+        };
+        (0..self.batch.num_rows()).map(record).collect()
+    }
+}
+
+/// The cell of the next row. All columns of a batch are of one length.
+fn next<T>(cells: &mut impl Iterator<Item = T>) -> Result<T, Cause> {
+    cells.next().ok_or_else(|| Cause::Undecodable("columns are of different lengths".into()))
+}
+
+fn null(column: &str) -> Cause {
+    Cause::value(format!("`{column}`"), "null", "a value")
+}
+
+fn category(column: &str, name: &str) -> Result<Deviation, Cause> {
+    let wrong = || Cause::value(column, format!("`{name}`"), "longitudinal, lateral or directional");
+    Deviation::from_name(name).ok_or_else(wrong)
+}
+
+fn views(batch: &RecordBatch, names: [&'static str; 5], depth: usize) -> Result<Vec<View>, Cause> {
+    names.into_iter().map(|name| View::need(batch, name, Leaf::Number, depth)).collect()
+}
+
+/// The lists of one row in several columns, which must be of one length.
+fn parallel(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
+    let ranges: Vec<Range<usize>> = views.iter().map(|v| v.range(0, row)).collect();
+    for (view, range) in views.iter().zip(&ranges) {
+        if range.len() != ranges[0].len() {
+            let field = format!("`{}`", view.name());
+            let expected = format!("{} values, as many as `{}`", ranges[0].len(), views[0].name());
+            return Err(Cause::value(field, format!("{} values", range.len()), expected));
+        }
+    }
+    Ok(ranges)
+}
+
+/// 81 states from one list of each column. Velocities may be unknown; positions and headings may not.
+fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<AgentState>, Cause> {
+    let ranges: Vec<Range<usize>> = views.iter().map(&list).collect();
+    for (view, range) in views.iter().zip(&ranges) {
+        if range.len() != CANDIDATE_STATES {
+            let (field, found) = (format!("`{}`", view.name()), format!("{} states", range.len()));
+            return Err(Cause::value(field, found, format!("{CANDIDATE_STATES} states")));
+        }
+    }
+    let state = |step: usize| {
+        let value = |k: usize| {
+            let v = views[k].number(ranges[k].start + step).unwrap_or(f64::NAN);
+            if v.is_finite() || (k > 2 && v.is_nan()) {
+                return Ok(v);
+            }
+            Err(Cause::value(format!("`{}` at step {step}", views[k].name()), v, "a finite number"))
+        };
+        Ok(AgentState { x: value(0)?, y: value(1)?, heading: value(2)?, vx: value(3)?, vy: value(4)? })
+    };
+    (0..CANDIDATE_STATES).map(state).collect()
+}

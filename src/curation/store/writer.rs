@@ -1,0 +1,95 @@
+//! Writing the file of a curation.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::{FRAME, GROUP, KIND, PROVENANCE, SCENARIO_FRAME, VERSION, columns, encode};
+use crate::curation::{CANDIDATE_STATES, CurationProvenance, ScenarioRecord};
+use crate::formats::FormatError;
+use crate::formats::error::Cause;
+use crate::formats::table::TableWriter;
+
+/// Writes a curation. The file gets its name when it is finished; a writer that is dropped leaves nothing.
+pub struct Writer {
+    path: PathBuf,
+    table: TableWriter,
+    ids: BTreeSet<String>,
+    /// Scenarios of the row group that is being filled.
+    waiting: usize,
+    written: u64,
+}
+
+impl Writer {
+    /// Begins a file, under another name in the same folder.
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file can not be created.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
+        let path = path.as_ref();
+        // Row groups end where scenarios do, so the table must not end them by itself.
+        let table = TableWriter::create(path, (KIND, VERSION), usize::MAX, columns::columns())?;
+        Ok(Self { path: path.to_owned(), table, ids: BTreeSet::new(), waiting: 0, written: 0 })
+    }
+
+    /// Adds a scenario with its candidates. Of one without candidates there is nothing to be kept but its place in the counts.
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file can not be written, when the scenario is already in it, or when a track does not have 81
+    /// states.
+    pub fn write(&mut self, record: &ScenarioRecord) -> Result<(), FormatError> {
+        if record.candidates.is_empty() {
+            return Ok(());
+        }
+        self.check(record).map_err(|cause| {
+            FormatError::record(&self.path, self.written, Some(record.scenario_id.clone()), cause)
+        })?;
+        self.ids.insert(record.scenario_id.clone());
+        for (i, candidate) in record.candidates.iter().enumerate() {
+            encode::candidate(&mut self.table, record, candidate, i == 0);
+            self.table.end_row()?;
+        }
+        self.written += 1;
+        self.waiting += 1;
+        if self.waiting < GROUP {
+            return Ok(());
+        }
+        self.waiting = 0;
+        self.table.flush()
+    }
+
+    /// What would make a file that can not be read back.
+    fn check(&self, record: &ScenarioRecord) -> Result<(), Cause> {
+        let id = &record.scenario_id;
+        if self.ids.contains(id) {
+            return Err(Cause::value("scenario_id", format!("`{id}` again"), "every scenario once"));
+        }
+        let expected = || format!("{CANDIDATE_STATES} states");
+        let wrong = |what: String, n: usize| Cause::value(what, format!("{n} states"), expected());
+        for one in &record.candidates {
+            let (n, states) = (one.candidate.number, one.candidate.track.len());
+            if states != CANDIDATE_STATES {
+                return Err(wrong(format!("the track of candidate {n}"), states));
+            }
+            let responses = one.certificate.iter().flat_map(|c| &c.responses);
+            for response in responses.filter(|r| r.track.len() != CANDIDATE_STATES) {
+                let what = format!("the response of agent `{}` to candidate {n}", response.agent);
+                return Err(wrong(what, response.track.len()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Completes the file and gives it its name.
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file can not be written.
+    ///
+    /// # Panics
+    /// Never: a provenance is text and whole numbers.
+    pub fn finish(mut self, provenance: &CurationProvenance) -> Result<(), FormatError> {
+        let text = serde_json::to_string(provenance).expect("a provenance is text and whole numbers");
+        self.table.say(FRAME, SCENARIO_FRAME.to_owned());
+        self.table.say(PROVENANCE, text);
+        self.table.finish()
+    }
+}

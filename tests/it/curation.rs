@@ -1,0 +1,4 @@
+//! Curation: files, analysis, command line.
+
+mod hand;
+mod store;

@@ -1,0 +1,228 @@
+//! The file of a curation: nothing is lost, damage is found.
+
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use reactsim::curation::ScenarioRecord;
+use reactsim::curation::store::{self, Store, Writer};
+use reactsim::formats::{FormatError, deviations};
+
+use super::hand::{provenance, scenario, write};
+
+fn twenty() -> Vec<ScenarioRecord> {
+    (0..20).map(|i| scenario(&format!("s{i}"), 1 + i % 5)).collect()
+}
+
+/// All bits of a value: the shortest texts of two different numbers differ, and NaN has one.
+fn text(records: &[ScenarioRecord]) -> String {
+    format!("{records:?}")
+}
+
+fn all(path: &Path) -> Result<Vec<ScenarioRecord>, FormatError> {
+    store::read(path)?.collect()
+}
+
+#[test]
+fn records_survive_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    write(&path, &twenty());
+    assert_eq!(text(&all(&path).unwrap()), text(&twenty()));
+    assert_eq!(store::read(&path).unwrap().provenance(), &provenance());
+    let opened = Store::open(&path).unwrap();
+    assert_eq!(opened.provenance(), &provenance());
+    assert_eq!((opened.scenarios().len(), opened.find("s17"), opened.find("x")), (20, Some(17), None));
+    for i in [0, 7, 8, 17, 19, 3] {
+        let (record, entry) = (opened.scenario(i).unwrap(), &opened.scenarios()[i]);
+        assert_eq!(
+            text(std::slice::from_ref(&record)),
+            text(&[scenario(&format!("s{i}"), 1 + i as u32 % 5)])
+        );
+        assert_eq!(
+            (&entry.scenario_id, &entry.scenario_digest),
+            (&record.scenario_id, &record.scenario_digest)
+        );
+        assert_eq!(entry.candidates.len(), record.candidates.len());
+        assert_eq!(entry.chosen().map(|c| c.number), record.chosen().map(|c| c.candidate.number));
+        for (light, whole) in entry.candidates.iter().zip(&record.candidates) {
+            assert_eq!((light.number, &light.maneuver), (whole.candidate.number, &whole.candidate.maneuver));
+            assert_eq!((light.intent, light.category), (whole.candidate.intent, whole.taxonomy.category));
+            assert_eq!((&light.rejected_by, &light.review), (&whole.rejected_by, &whole.review));
+            assert_eq!(light.score.to_bits(), whole.score.to_bits());
+            assert_eq!((light.chosen, light.has_certificate), (whole.chosen, whole.certificate.is_some()));
+        }
+    }
+    // The same records give the same bytes.
+    let again = folder.path().join("d.parquet");
+    write(&again, &twenty());
+    assert_eq!(fs::read(&path).unwrap(), fs::read(&again).unwrap());
+}
+
+#[test]
+fn an_empty_curation_is_a_file_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    write(&path, &[scenario("without candidates", 0)]);
+    assert!(all(&path).unwrap().is_empty());
+    assert!(Store::open(&path).unwrap().scenarios().is_empty());
+}
+
+#[test]
+fn what_could_not_be_read_back_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    let mut writer = Writer::create(&path).unwrap();
+    writer.write(&scenario("a", 2)).unwrap();
+    let mut short = scenario("b", 2);
+    short.candidates[1].candidate.track.pop();
+    let error = writer.write(&short).unwrap_err().to_string();
+    let expected = "record 1: scenario `b`: the track of candidate 1 is 80 states, expected 81 states";
+    assert!(error.ends_with(expected), "{error}");
+    let error = writer.write(&scenario("a", 1)).unwrap_err().to_string();
+    assert!(error.ends_with("scenario_id is `a` again, expected every scenario once"), "{error}");
+    drop(writer);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "a writer that is dropped leaves nothing");
+}
+
+#[test]
+fn deviations_are_the_chosen_candidates() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    write(&path, &twenty());
+    let read = deviations::read(&path).unwrap();
+    // Candidate 1 is chosen; a fifth of the scenarios has but one candidate.
+    assert_eq!(read.len(), 16);
+    let (one, record) = (&read["s9"], scenario("s9", 5));
+    let chosen = record.chosen().unwrap();
+    assert_eq!(one.category, Some(chosen.taxonomy.category));
+    assert_eq!(one.scenario_digest.as_deref(), Some(record.scenario_digest.as_str()));
+    let track = one.track_in(record.origin);
+    assert_eq!(format!("{track:?}"), format!("{:?}", chosen.candidate.future()), "step 0 is dropped");
+    write(&path, &[scenario("a", 1), scenario("b", 1)]);
+    let error = deviations::read(&path).unwrap_err().to_string();
+    let expected = "`chosen` is false in all 2 rows, expected at least one chosen; loosen the filters of the \
+                    curation or pick some in its review";
+    assert!(error.ends_with(expected), "{error}");
+}
+
+#[test]
+fn foreign_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    let refusal = || {
+        let (a, b) = (all(&path).unwrap_err().to_string(), Store::open(&path).err().unwrap().to_string());
+        assert_eq!(a, b);
+        assert!(a.contains("c.parquet: "), "{a}");
+        a
+    };
+    assert!(refusal().contains("could not read"));
+    fs::write(&path, "{}").unwrap();
+    assert!(refusal().contains("truncated"));
+    let writer = reactsim::formats::rollouts::Writer::create(&path).unwrap();
+    writer.finish().unwrap();
+    assert!(refusal().contains("is `reactsim-rollouts`, expected `reactsim-deviations`"));
+    write(&path, &twenty());
+    let sound = fs::read(&path).unwrap();
+    for (from, to, expected) in [
+        (
+            "reactsim.version\u{18}\u{1}1",
+            "reactsim.version\u{18}\u{1}7",
+            "`reactsim.version` in the file's metadata is `7`, expected `1`",
+        ),
+        ("reactsim.curation", "reactsim.furation", "is damaged: the checksum of the file's metadata"),
+        ("\"interrupted\":false", "\"interrupted\":true ", "is damaged: the checksum of the file's metadata"),
+        ("maneuver", "manoeuvr", "column `maneuver` is missing, expected present"),
+    ] {
+        let mut bytes = sound.clone();
+        let places: Vec<usize> =
+            (0..bytes.len()).filter(|&at| bytes[at..].starts_with(from.as_bytes())).collect();
+        assert!(!places.is_empty(), "{from}");
+        places.iter().for_each(|&at| bytes[at..at + to.len()].copy_from_slice(to.as_bytes()));
+        fs::write(&path, bytes).unwrap();
+        assert!(refusal().contains(expected), "{}", refusal());
+    }
+}
+
+#[test]
+fn damage_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    let records: Vec<_> = (0..10).map(|i| scenario(&format!("s{i}"), 2)).collect();
+    write(&path, &records);
+    let data = fs::read(&path).unwrap();
+    let sound = (text(&records), format!("{:?}", provenance()));
+    let check = |what: &str| {
+        let read = store::read(&path).and_then(|r| {
+            let provenance = format!("{:?}", r.provenance());
+            Ok((text(&r.collect::<Result<Vec<_>, _>>()?), provenance))
+        });
+        match read {
+            Ok(found) => assert!(found == sound, "{what}: other records, no error"),
+            Err(error) => assert!(error.to_string().contains("c.parquet"), "{what}: {error}"),
+        }
+        if let Ok(opened) = Store::open(&path) {
+            (0..opened.scenarios().len()).for_each(|i| drop(opened.scenario(i)));
+        }
+        drop(deviations::read(&path));
+    };
+    for (k, at) in (0..data.len()).step_by(83).enumerate() {
+        let mut bad = data.clone();
+        bad[at] ^= [0x01, 0x80, 0xff][k % 3];
+        fs::write(&path, &bad).unwrap();
+        check(&format!("byte {at} flipped"));
+    }
+    for length in (0..data.len()).step_by(311) {
+        fs::write(&path, &data[..length]).unwrap();
+        assert!(all(&path).is_err(), "cut to {length}");
+        assert!(Store::open(&path).is_err(), "cut to {length}");
+    }
+}
+
+#[test]
+fn a_file_that_changes_under_an_open_store_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    write(&path, &twenty());
+    let opened = Store::open(&path).unwrap();
+    // A file that takes its place does not disturb it; one that is cut does.
+    write(&path, &[scenario("other", 1)]);
+    assert_eq!(opened.scenario(19).unwrap().scenario_id, "s19");
+    let opened = Store::open(&path).unwrap();
+    fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(100).unwrap();
+    assert!(opened.scenario(0).unwrap_err().to_string().contains("is truncated"));
+}
+
+/// A file as large as the largest that is expected. Slow where nothing is optimised: run by hand.
+#[test]
+#[ignore = "measures speed; run with --release"]
+fn large_files_open_fast() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    let mut record = scenario("", 16);
+    let noise = |i: usize| (i as f64 * 12.9898).sin() * 43_758.5453;
+    let points: Vec<String> = (0..10_000).map(|i| format!("{:.2}", noise(i).fract())).collect();
+    record.scene = Some(points.join(","));
+    for (i, candidate) in record.candidates.iter_mut().enumerate() {
+        candidate.candidate.track.iter_mut().enumerate().for_each(|(k, s)| s.x += noise(i * 81 + k));
+    }
+    let mut writer = Writer::create(&path).unwrap();
+    let began = Instant::now();
+    for i in 0..2636 {
+        record.scenario_id = i.to_string();
+        writer.write(&record).unwrap();
+    }
+    writer.finish(&provenance()).unwrap();
+    println!("written in {:?}: {} MB", began.elapsed(), fs::metadata(&path).unwrap().len() >> 20);
+    let began = Instant::now();
+    let opened = Store::open(&path).unwrap();
+    println!("opened in {:?}", began.elapsed());
+    assert!(began.elapsed().as_secs_f64() < 2.0);
+    let began = Instant::now();
+    (0..100).for_each(|i| drop(opened.scenario(i * 26).unwrap()));
+    println!("a scenario in {:?}", began.elapsed() / 100);
+    assert!(began.elapsed().as_secs_f64() < 3.0);
+    let began = Instant::now();
+    assert_eq!(deviations::read(&path).unwrap().len(), 2636);
+    println!("deviations in {:?}", began.elapsed());
+}
