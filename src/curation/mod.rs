@@ -4,9 +4,9 @@
 mod candidate;
 mod certificate;
 mod record;
-pub mod store;
 
 pub mod review;
+pub mod store;
 
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use certificate::{Certificate, Response};

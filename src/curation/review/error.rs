@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use super::DataError;
+use crate::formats::FormatError;
 
 /// Why candidates can not be reviewed.
 #[derive(Debug, thiserror::Error)]
@@ -55,19 +55,28 @@ pub enum ReviewError {
         /// What was expected instead.
         expected: String,
     },
-    /// The file of candidates can not be read.
-    #[error("scenario {index} of the file: {source}")]
-    Data {
-        /// Number of the scenario in the file, from 0.
-        index: usize,
-        /// Why.
-        source: DataError,
-    },
-    /// The file holds nothing to review.
-    #[error("{name} holds no scenario with candidates")]
-    Empty {
-        /// Name of the file.
+    /// Nobody decides, or somebody without a fit name.
+    #[error("the name of the reviewer is `{name}`, expected 1 to 100 characters; type it in the page, or give --reviewer")]
+    Reviewer {
+        /// The name found.
         name: String,
+    },
+    /// An answer can not be written as JSON.
+    #[error("scenario `{scenario}` can not be written as JSON: {source}")]
+    Encode {
+        /// Id of the scenario, possibly empty.
+        scenario: String,
+        /// Why.
+        source: serde_json::Error,
+    },
+    /// The file of candidates can not be read.
+    #[error(transparent)]
+    Data(#[from] FormatError),
+    /// The file holds nothing to review.
+    #[error("{path} holds no scenario: there is nothing to review")]
+    Empty {
+        /// The file.
+        path: PathBuf,
     },
     /// The page can not be served.
     #[error("could not serve the page at {address}: {source}; choose another port, or 0 for any free one")]

@@ -6,7 +6,6 @@
 
 mod assets;
 mod clock;
-mod data;
 mod error;
 mod journal;
 mod page;
@@ -14,7 +13,6 @@ mod scene;
 mod server;
 
 pub use clock::{Clock, is_rfc3339, rfc3339, system_clock};
-pub use data::{CandidateEntry, DataError, Entry, ReviewData};
 pub use error::ReviewError;
 pub use journal::{Decision, Decisions, Journal, Opinions, ReviewLine, candidate_digest};
 pub use scene::scene;

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use serde::Serialize;
 
-use super::{Entry, Opinions, ReviewData, ReviewLine, candidate_digest};
+use super::{Opinions, ReviewLine, candidate_digest};
+use crate::curation::store::ScenarioEntry;
 use crate::curation::{CandidateRecord, Certificate, ScenarioRecord};
 use crate::scene::AgentState;
 
@@ -24,10 +25,9 @@ pub(super) struct Listed {
 }
 
 impl Overview {
-    pub(super) fn new(data: &dyn ReviewData) -> Self {
-        let entries: Vec<Entry> = (0..data.len()).map(|i| data.entry(i)).collect();
-        let named = entries.iter().flat_map(|e| &e.candidates).filter_map(|c| c.rejected_by.clone());
-        let filters: Vec<String> = named.collect::<BTreeSet<_>>().into_iter().collect();
+    pub(super) fn new(entries: &[ScenarioEntry]) -> Self {
+        let named = entries.iter().flat_map(|e| &e.candidates).filter_map(|c| c.rejected_by.as_ref());
+        let filters: Vec<String> = named.collect::<BTreeSet<_>>().into_iter().cloned().collect();
         let place = |filter: &Option<String>| {
             filter.as_ref().and_then(|f| filters.binary_search(f).ok()).map_or(-1, |i| i as i64)
         };
@@ -106,6 +106,12 @@ struct CandidateDetail<'a> {
     reason: &'a str,
     score: Option<f64>,
     chosen: bool,
+    at_fault: u32,
+    overlaps: u32,
+    risky: u32,
+    ade: Option<f64>,
+    speed_difference: Option<f64>,
+    endpoint: [Option<f64>; 2],
     track: Track,
     certificate: Option<Vec<ResponseDetail<'a>>>,
 }
@@ -190,6 +196,12 @@ fn candidate(c: &CandidateRecord) -> CandidateDetail<'_> {
         reason: &c.reason,
         score: finite(c.score),
         chosen: c.chosen,
+        at_fault: c.pressure.at_fault,
+        overlaps: c.pressure.overlaps,
+        risky: c.pressure.risky,
+        ade: finite(c.offsets.ade),
+        speed_difference: finite(c.offsets.mean_speed_difference),
+        endpoint: [finite(c.offsets.endpoint_longitudinal), finite(c.offsets.endpoint_lateral)],
         track: Track::new(&candidate.track),
         certificate: c.certificate.as_ref().map(responses),
     }
