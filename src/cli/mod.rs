@@ -154,6 +154,11 @@ fn say(text: std::fmt::Arguments<'_>) {
     writeln!(io::stderr().lock(), "{text}").ok();
 }
 
+/// A number of things.
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
 /// The scenario files at all paths, each found and recognised. Files that are only named like scenarios are named on stderr.
 fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
     let mut inputs = Vec::new();

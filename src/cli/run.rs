@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 
 use super::progress::Progress;
 use super::report::formats as table_formats;
-use super::{ExitStatus, find_inputs, metric_options, say, shipped, write_result};
+use super::{ExitStatus, count, find_inputs, metric_options, say, shipped, write_result};
 use crate::evaluation::{
     self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator,
     RunFolder, RunSettings, Source, Summary, TABLE, Tally,
@@ -126,6 +126,7 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         text.push_str(&failures(summary));
         folder.put(TABLE, &text)?;
     }
+    tell_left_out(summary);
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }
@@ -138,6 +139,19 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)
+}
+
+/// Says what the file of deviations and the inputs do not have in common.
+fn tell_left_out(summary: &Summary) {
+    let p = &summary.provenance;
+    if p.passed_over > 0 {
+        let n = count(p.passed_over, "scenario");
+        say(format_args!("{n} passed over: no deviated AV in the file of deviations"));
+    }
+    if p.unused_deviations > 0 {
+        let n = count(p.unused_deviations, "deviation");
+        say(format_args!("warning: {n} not used: no input has the scenario"));
+    }
 }
 
 /// What failed, as a list in Markdown.

@@ -6,6 +6,7 @@ mod certificate;
 mod record;
 
 pub mod review;
+pub mod stats;
 pub mod store;
 
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};

@@ -150,6 +150,12 @@ impl Plan {
         }
     }
 
+    /// Whether a scenario that has no AV for this reason is left out rather than failed: a file of deviations says which scenarios are
+    /// wanted.
+    pub(super) fn passes_over(&self, reason: &NoAv) -> bool {
+        matches!(reason, NoAv::Missing) && self.deviations.is_some()
+    }
+
     /// The deviated trajectory of a scenario in its frame, where there is one.
     fn deviated(&self, scenario: &Scenario) -> Result<(Option<Deviation>, Vec<AgentState>), NoAv> {
         if let Some(record) = self.deviations.as_ref().and_then(|d| d.tracks.get(&scenario.id)) {

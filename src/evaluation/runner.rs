@@ -1,5 +1,6 @@
 //! Runs a plan on several threads. Results do not depend on their number, on the size of batches, or on interruptions.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -69,6 +70,8 @@ pub fn run(
         before: tally.clone(),
         tally: Mutex::new(tally),
         failures: Mutex::default(),
+        passed_over: AtomicUsize::new(0),
+        deviations: Mutex::default(),
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
@@ -94,7 +97,10 @@ pub fn run(
     }
     failures.sort();
     let provenance = plan.provenance();
-    let summary = with_threads(execution.jobs, || Summary::new(&tally, &failures, &provenance));
+    let mut summary = with_threads(execution.jobs, || Summary::new(&tally, &failures, &provenance));
+    summary.provenance.passed_over = runner.passed_over.into_inner();
+    let seen = runner.deviations.into_inner().unwrap_or_else(PoisonError::into_inner);
+    summary.provenance.unused_deviations = unused_deviations(plan, &tally, seen);
     if let Some(folder) = folder {
         folder.finish(&tally, &failures)?;
         if plan.keep_rollouts {
@@ -129,6 +135,13 @@ fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     repeated.into_iter().filter_map(refuse).collect()
 }
 
+/// Deviations of whose scenarios none was `seen` by this run or has rows of an earlier one.
+fn unused_deviations(plan: &Plan, tally: &Tally, mut seen: BTreeSet<String>) -> usize {
+    seen.extend(tally.entries.values().map(|e| e.scenario.clone()));
+    let tracks = plan.deviations.iter().flat_map(|d| d.tracks.keys());
+    tracks.filter(|id| !seen.contains(*id)).count()
+}
+
 fn failure(
     plan: &Plan,
     place: Place,
@@ -158,6 +171,9 @@ struct Runner<'a> {
     before: Tally,
     tally: Mutex<Tally>,
     failures: Mutex<Vec<Failure>>,
+    passed_over: AtomicUsize,
+    /// Scenarios with a deviation in the file of deviations.
+    deviations: Mutex<BTreeSet<String>>,
     broken: Mutex<Option<EvaluationError>>,
 }
 
@@ -194,7 +210,8 @@ impl Runner<'_> {
                 continue;
             }
             match self.prepare(item) {
-                Ok(scenario) => ready.push(scenario),
+                Ok(Some(scenario)) => ready.push(scenario),
+                Ok(None) => _ = self.passed_over.fetch_add(1, Ordering::Relaxed),
                 Err(failure) => self.fail(*failure)?,
             }
         }
@@ -210,16 +227,26 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Decodes a scenario and makes sure that it has an AV.
-    fn prepare(&self, item: Item) -> Result<Ready, Box<Failure>> {
+    /// Decodes a scenario and makes sure that it has an AV. `None` for one that is passed over.
+    fn prepare(&self, item: Item) -> Result<Option<Ready>, Box<Failure>> {
         let refuse = |id, error: String| Box::new(failure(self.plan, item.place, None, id, error));
         let decoded = item.content.and_then(|decode| decode());
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
-        let (_, category) = self.plan.av(&scenario).map_err(|e| {
-            let text = self.named(item.place, &format!("scenario `{}`: {e}", scenario.id));
-            refuse(Some(scenario.id.clone()), text)
-        })?;
-        Ok(Ready { place: item.place, digest: scenario.digest(), category, scenario })
+        if self.plan.deviations.as_ref().is_some_and(|d| d.tracks.contains_key(&scenario.id)) {
+            let mut seen = self.deviations.lock().unwrap_or_else(PoisonError::into_inner);
+            seen.insert(scenario.id.clone());
+        }
+        match self.plan.av(&scenario) {
+            Ok((_, category)) => {
+                let digest = scenario.digest();
+                Ok(Some(Ready { place: item.place, digest, category, scenario }))
+            }
+            Err(error) if self.plan.passes_over(&error) => Ok(None),
+            Err(error) => {
+                let text = self.named(item.place, &format!("scenario `{}`: {error}", scenario.id));
+                Err(refuse(Some(scenario.id), text))
+            }
+        }
     }
 
     fn simulate(&self, todo: &[&Ready], simulator: usize) -> Result<(), EvaluationError> {

@@ -79,10 +79,20 @@ pub struct SummaryProvenance {
     pub scenarios: usize,
     /// BLAKE3 digest of their ids and digests, in order.
     pub scenarios_blake3: String,
+    /// Scenarios that were left out because the file of deviations has none for them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub passed_over: usize,
+    /// Deviations of the file whose scenario is not among the inputs.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unused_deviations: usize,
     /// How lanes were assigned for the driving direction: scenarios by the name of the way.
     pub direction_tracking: BTreeMap<String, usize>,
     /// What failed.
     pub failures: Vec<Failure>,
+}
+
+fn is_zero(n: &usize) -> bool {
+    *n == 0
 }
 
 impl Summary {
@@ -145,6 +155,8 @@ impl Summary {
                 run: Provenance { keep_rollouts: None, ..provenance.clone() },
                 scenarios: tally.entries.len(),
                 scenarios_blake3: digest.finalize().to_hex().to_string(),
+                passed_over: 0,
+                unused_deviations: 0,
                 direction_tracking: tracking,
                 failures: failures.to_vec(),
             },

@@ -123,6 +123,9 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     if !p.failures.is_empty() {
         parts.push(count(p.failures.len(), "failure"));
     }
+    if p.passed_over > 0 {
+        parts.push(format!("{} passed over", p.passed_over));
+    }
     if s.protocol == "recorded" {
         parts.push("recorded rollouts".to_owned());
     } else {

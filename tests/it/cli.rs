@@ -466,6 +466,58 @@ fn deviations_from_a_file_are_those_that_scenarios_carry() {
     assert!(
         stderr(&output).contains("`road-001`: the deviated AV was made for a scenario with the digest 000")
     );
-    assert!(stderr(&output).contains("`road-002`: no deviated AV"));
+    assert!(stderr(&output).contains("1 scenario passed over: no deviated AV in the file of deviations"));
     assert_eq!(simulators(&output)["stop"]["scenarios"], 1);
+}
+
+#[test]
+fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
+    let home = tempfile::tempdir().unwrap();
+    let (plain, file) = (home.path().join("plain.parquet"), home.path().join("d.json"));
+    write(&plain, (0..4).map(|i| deviating(i, false)));
+    let record = |i: usize| {
+        let track = scenario(i).deviation.unwrap().track;
+        let each = |of: fn(&reactsim::scene::AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
+        let id = format!("road-{i:03}");
+        serde_json::json!({
+            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+        })
+    };
+    let all = [record(0), record(2), record(7)];
+    let document = serde_json::json!({
+        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": all
+    });
+    fs::write(&file, document.to_string()).unwrap();
+    let out = home.path().join("run");
+    let arguments =
+        ["run", text(&plain), "--deviations", text(&file), "--models", "stop", "--out", text(&out)];
+    let output = reactsim(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    insta::assert_snapshot!(stderr(&output), @r"
+    2 scenarios passed over: no deviated AV in the file of deviations
+    warning: 1 deviation not used: no input has the scenario
+    ");
+    assert!(stdout(&output).contains("2 scenarios, 2 passed over, "), "{}", stdout(&output));
+    let wanted = results(&out);
+    let summary: serde_json::Value = serde_json::from_slice(&wanted[0]).unwrap();
+    let counts = |key: &str| summary["provenance"][key].as_u64().unwrap();
+    assert_eq!((counts("scenarios"), counts("passed_over"), counts("unused_deviations")), (2, 2, 1));
+    // A run that is resumed, from anywhere, counts the same.
+    for rows in [2, 0] {
+        let text: String = String::from_utf8(wanted[1].clone()).unwrap();
+        let kept: String = text.lines().take(rows).map(|l| format!("{l}\n")).collect();
+        fs::write(out.join("rows.jsonl"), kept).unwrap();
+        let output = reactsim(&[&arguments[..], &["--resume"]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert_eq!(results(&out), wanted);
+    }
+    // Where none is left there is nothing to be shown, and it is said why.
+    fs::write(&file, document.to_string().replace("road-00", "street-")).unwrap();
+    let output = reactsim(&["run", text(&plain), "--deviations", text(&file)]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(stderr(&output), @r"
+    4 scenarios passed over: no deviated AV in the file of deviations
+    warning: 3 deviations not used: no input has the scenario
+    error: no scenario could be run: see the warnings above
+    ");
 }

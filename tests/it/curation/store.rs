@@ -201,15 +201,17 @@ fn large_files_open_fast() {
     let path = folder.path().join("c.parquet");
     let mut record = scenario("", 16);
     let noise = |i: usize| (i as f64 * 12.9898).sin() * 43_758.5453;
-    let points: Vec<String> = (0..10_000).map(|i| format!("{:.2}", noise(i).fract())).collect();
-    record.scene = Some(points.join(","));
-    for (i, candidate) in record.candidates.iter_mut().enumerate() {
-        candidate.candidate.track.iter_mut().enumerate().for_each(|(k, s)| s.x += noise(i * 81 + k));
-    }
     let mut writer = Writer::create(&path).unwrap();
     let began = Instant::now();
     for i in 0..2636 {
         record.scenario_id = i.to_string();
+        let points: Vec<String> =
+            (0..20_000).map(|k| format!("{:.2}", noise(i * 20_000 + k).fract())).collect();
+        record.scene = Some(points.join(","));
+        for (n, candidate) in record.candidates.iter_mut().enumerate() {
+            let track = candidate.candidate.track.iter_mut().enumerate();
+            track.for_each(|(k, s)| s.x += noise((i * 16 + n) * 81 + k));
+        }
         writer.write(&record).unwrap();
     }
     writer.finish(&provenance()).unwrap();

@@ -1,0 +1,260 @@
+//! What a set of deviations is like (ReactSim-Bench, section 3.2.4): its categories, how far it is from the logs, how much pressure it
+//! puts on the agents, and what was left out on the way.
+
+mod distribution;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{CandidateRecord, CurationProvenance, Funnel, ScenarioRecord, store};
+use crate::formats::FormatError;
+use crate::scene::Deviation;
+
+pub use distribution::{Bins, Distribution};
+
+/// The figures of a set.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// How many fell where in steps 1 to 4.
+    pub funnel: Funnel,
+    /// Whether the curation was interrupted.
+    pub interrupted: bool,
+    /// Records that could not be read.
+    pub failures: usize,
+    /// Scenarios with candidates.
+    pub scenarios: usize,
+    /// Scenarios with a chosen candidate: the set.
+    pub chosen: usize,
+    /// Chosen candidates that somebody decided on by hand, by decision.
+    pub reviewed: BTreeMap<String, usize>,
+    /// All chosen candidates.
+    pub overall: Part,
+    /// Chosen candidates by category; all categories are there.
+    pub categories: BTreeMap<&'static str, Part>,
+    /// Bins of the histograms.
+    pub bins: QuantityBins,
+    /// The category that was found against what the source meant.
+    pub agreement: Agreement,
+    /// How the conflicts of chosen candidates can be avoided.
+    pub certificates: Certificates,
+    /// Where each chosen candidate ends.
+    pub endpoints: Vec<Endpoint>,
+}
+
+/// The figures of the chosen candidates of one category, or of all.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Part {
+    /// Candidates.
+    pub count: usize,
+    /// Share of the set.
+    pub share: Option<f64>,
+    /// Mean distance to the log, metres.
+    pub ade: Distribution,
+    /// Mean speed minus the log's, m/s.
+    pub mean_speed_difference: Distribution,
+    /// What happens under log replay.
+    pub pressure: Shares,
+}
+
+/// Shares of scenarios in which something happens at least once under log replay (`None` without scenarios).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Shares {
+    /// An agent hits the AV and is at fault.
+    pub at_fault: Option<f64>,
+    /// An agent overlaps the AV, whatever the fault.
+    pub overlap: Option<f64>,
+    /// An agent comes closer to the AV than 0.5 s.
+    pub risky: Option<f64>,
+}
+
+/// The bins of each quantity, the same for all categories.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct QuantityBins {
+    /// Of the ADE, metres.
+    pub ade: Bins,
+    /// Of the mean-speed difference, m/s.
+    pub mean_speed_difference: Bins,
+    /// Of the peak deceleration of certificates, m/s².
+    pub peak_deceleration: Bins,
+}
+
+/// The category that was found against what the source meant, where it meant anything.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Agreement {
+    /// Over all candidates.
+    pub candidates: Confusion,
+    /// Over the chosen ones.
+    pub chosen: Confusion,
+}
+
+/// Candidates by intent and category.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Confusion {
+    /// By intent, then by category.
+    pub counts: BTreeMap<&'static str, BTreeMap<&'static str, u64>>,
+    /// Share on the diagonal.
+    pub share: Option<f64>,
+}
+
+impl Confusion {
+    fn add(&mut self, one: &CandidateRecord) {
+        if let Some(intent) = one.candidate.intent {
+            let line = self.counts.entry(intent.name()).or_default();
+            *line.entry(one.taxonomy.category.name()).or_default() += 1;
+        }
+    }
+
+    fn finish(mut self) -> Self {
+        let all: u64 = self.counts.values().flat_map(BTreeMap::values).sum();
+        let same: u64 = self.counts.iter().filter_map(|(intent, line)| line.get(intent)).sum();
+        self.share = (all > 0).then(|| same as f64 / all as f64);
+        self
+    }
+}
+
+/// What the certificates of chosen candidates ask of the agents.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Certificates {
+    /// Chosen candidates with a certificate.
+    pub certified: usize,
+    /// Responses in them.
+    pub responses: usize,
+    /// Responses that shift sideways.
+    pub nudged: usize,
+    /// Hardest braking of each certificate, m/s².
+    pub peak_deceleration: Distribution,
+}
+
+/// Where a chosen candidate ends, relative to the log, in the AV's frame at step 0.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Endpoint {
+    /// Id of the scenario.
+    pub scenario_id: String,
+    /// The category.
+    pub category: &'static str,
+    /// Metres, ahead positive; `None` where the log does not say.
+    pub longitudinal: Option<f64>,
+    /// Metres, left positive.
+    pub lateral: Option<f64>,
+}
+
+impl Statistics {
+    /// The figures of a file.
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file can not be read or no curation wrote it.
+    pub fn of_file(path: impl AsRef<Path>) -> Result<Self, FormatError> {
+        let records = store::read(path)?;
+        let provenance = records.provenance().clone();
+        let mut collector = Collector::default();
+        for record in records {
+            collector.add(&record?);
+        }
+        Ok(collector.finish(&provenance))
+    }
+}
+
+/// Takes scenarios one by one, so that a file need not be in memory as a whole.
+#[derive(Default)]
+pub struct Collector {
+    scenarios: usize,
+    chosen: Vec<Kept>,
+    agreement: Agreement,
+    reviewed: BTreeMap<String, usize>,
+    certificates: Certificates,
+    peaks: Vec<f64>,
+    endpoints: Vec<Endpoint>,
+}
+
+/// What is kept of a chosen candidate.
+struct Kept {
+    category: Deviation,
+    ade: f64,
+    speed: f64,
+    pressure: [bool; 3],
+}
+
+impl Collector {
+    /// Takes a scenario in.
+    pub fn add(&mut self, record: &ScenarioRecord) {
+        self.scenarios += 1;
+        record.candidates.iter().for_each(|c| self.agreement.candidates.add(c));
+        let Some(chosen) = record.chosen() else { return };
+        self.agreement.chosen.add(chosen);
+        let CandidateRecord { taxonomy, offsets, pressure, review, certificate, .. } = chosen;
+        self.chosen.push(Kept {
+            category: taxonomy.category,
+            ade: offsets.ade,
+            speed: offsets.mean_speed_difference,
+            pressure: [pressure.at_fault > 0, pressure.overlaps > 0, pressure.risky > 0],
+        });
+        if let Some(review) = review {
+            *self.reviewed.entry(review.decision.clone()).or_default() += 1;
+        }
+        if let Some(certificate) = certificate {
+            self.certificates.certified += 1;
+            self.certificates.responses += certificate.responses.len();
+            self.certificates.nudged += certificate.responses.iter().filter(|r| r.nudge != 0.0).count();
+            self.peaks.push(certificate.peak_deceleration());
+        }
+        let known = |v: f64| Some(v).filter(|v| v.is_finite());
+        self.endpoints.push(Endpoint {
+            scenario_id: record.scenario_id.clone(),
+            category: taxonomy.category.name(),
+            longitudinal: known(offsets.endpoint_longitudinal),
+            lateral: known(offsets.endpoint_lateral),
+        });
+    }
+
+    /// Sums up what was taken in.
+    pub fn finish(self, provenance: &CurationProvenance) -> Statistics {
+        let all = |of: fn(&Kept) -> f64| self.chosen.iter().map(of).collect::<Vec<_>>();
+        let bins = QuantityBins {
+            ade: Bins::of(&all(|k| k.ade)),
+            mean_speed_difference: Bins::of(&all(|k| k.speed)),
+            peak_deceleration: Bins::of(&self.peaks),
+        };
+        let part = |category: Option<Deviation>| {
+            let kept: Vec<&Kept> =
+                self.chosen.iter().filter(|k| category.is_none_or(|c| c == k.category)).collect();
+            Part::of(&kept, self.chosen.len(), &bins)
+        };
+        Statistics {
+            funnel: provenance.funnel.clone(),
+            interrupted: provenance.interrupted,
+            failures: provenance.failures.len(),
+            scenarios: self.scenarios,
+            chosen: self.chosen.len(),
+            overall: part(None),
+            categories: Deviation::ALL.into_iter().map(|c| (c.name(), part(Some(c)))).collect(),
+            agreement: Agreement {
+                candidates: self.agreement.candidates.finish(),
+                chosen: self.agreement.chosen.finish(),
+            },
+            certificates: Certificates {
+                peak_deceleration: Distribution::of(&self.peaks, &bins.peak_deceleration),
+                ..self.certificates
+            },
+            reviewed: self.reviewed,
+            bins,
+            endpoints: self.endpoints,
+        }
+    }
+}
+
+impl Part {
+    fn of(kept: &[&Kept], set: usize, bins: &QuantityBins) -> Self {
+        let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
+        let pressed = |k: usize| share(kept.iter().filter(|c| c.pressure[k]).count(), kept.len());
+        let values = |of: fn(&Kept) -> f64| kept.iter().map(|k| of(k)).collect::<Vec<_>>();
+        Self {
+            count: kept.len(),
+            share: share(kept.len(), set),
+            ade: Distribution::of(&values(|k| k.ade), &bins.ade),
+            mean_speed_difference: Distribution::of(&values(|k| k.speed), &bins.mean_speed_difference),
+            pressure: Shares { at_fault: pressed(0), overlap: pressed(1), risky: pressed(2) },
+        }
+    }
+}
