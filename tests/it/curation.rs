@@ -1,4 +1,6 @@
 //! Curation: files, analysis, command line.
 
+mod browser;
 mod hand;
+mod review;
 mod store;

@@ -4,9 +4,6 @@ mod desk;
 mod guard;
 mod routes;
 
-#[cfg(test)]
-mod tests;
-
 use std::net::{Ipv4Addr, TcpListener as StdListener};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};

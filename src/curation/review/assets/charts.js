@@ -1,7 +1,7 @@
 // Curves over time, and the bar of time itself. All share one axis: frame 10 (now, 0 s) to frame 90 (8 s); the bar has the history too.
 
 import { FRAMES, NOW } from "./decode.js";
-import { RISKY } from "./geometry.js";
+import { NO_RISK, RISKY } from "./geometry.js";
 import { colour } from "./palette.js";
 
 const LEFT = 34, RIGHT = 12, TOP = 18, BOTTOM = 6;
@@ -33,8 +33,8 @@ function seekable(canvas, frameAt, seek) {
 }
 
 export class Chart {
-  constructor(canvas, { title, unit, top, floor = 0, line = null }, seek) {
-    Object.assign(this, { canvas, title, unit, top, floor, line });
+  constructor(canvas, { title, unit, top, floor = 0, line = null, cap = Infinity }, seek) {
+    Object.assign(this, { canvas, title, unit, top, floor, line, cap });
     const frameAt = (x, width) => NOW + ((x - LEFT) / (width - LEFT - RIGHT)) * (FRAMES - 1 - NOW);
     seekable(canvas, (x, width) => Math.min(FRAMES - 1, Math.max(NOW, frameAt(x, width))), seek);
   }
@@ -111,7 +111,7 @@ export class Chart {
     c.font = "11px system-ui, sans-serif";
     for (const curve of curves) {
       const v = curve.values[f];
-      const number = Number.isFinite(v) ? `${this.top && v >= this.top ? "≥ " : ""}${v.toFixed(1)} ${this.unit}` : "–";
+      const number = Number.isFinite(v) ? `${v >= this.cap ? "≥ " : ""}${v.toFixed(1)} ${this.unit}` : "–";
       const text = `${curve.name} ${number}`;
       c.fillStyle = curve.colour;
       c.fillText(text, at, 11);
@@ -165,7 +165,7 @@ export class Scrub {
 export function charts(elements, seek) {
   return {
     speed: new Chart(elements.speed, { title: "AV speed", unit: "m/s", floor: 5 }, seek),
-    ttc: new Chart(elements.ttc, { title: "Time to collision", unit: "s", top: 5, line: RISKY }, seek),
+    ttc: new Chart(elements.ttc, { title: "Time to collision", unit: "s", top: NO_RISK, line: RISKY, cap: NO_RISK }, seek),
     gap: new Chart(elements.gap, { title: "Nearest agent", unit: "m", top: 15 }, seek),
   };
 }

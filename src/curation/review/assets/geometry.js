@@ -93,12 +93,13 @@ export function analyse(agents, frames, trackOf) {
           if (!out.first.has(i)) out.first.set(i, f);
         }
       }
-      if (agents[i].kind !== "vehicle" || f === NOW) continue;
+      if (agents[i].kind !== "vehicle") continue;
       const t = touching.has(i) ? 0 : timeToCollision(b, agents[i], s.v, av, state.v);
       ttc = Math.min(ttc, t);
-      if (t < RISKY) risky.add(i);
+      // Steps are judged from 1 on.
+      if (t < RISKY && f > NOW) risky.add(i);
     }
-    if (f > NOW) out.ttc[f] = ttc;
+    out.ttc[f] = ttc;
     out.gap[f] = Number.isFinite(gap) ? Math.max(gap, 0) : null;
     [out.touching[f], out.risky[f]] = [touching, risky];
   }

@@ -79,12 +79,11 @@ async function open(index) {
   }
 }
 
-/** The trajectories that must be seen. */
+/** Shows where the AV is and was, and all whom it meets. */
 function fit() {
-  const points = [];
-  for (const c of scenario.candidates) if (!c.rejected_by || c === selected) points.push(...c.frames.filter(Boolean));
-  points.push(...scenario.agents[0].track.filter(Boolean));
-  camera.fit(points);
+  const points = [...scenario.agents[0].track, ...(selected?.frames ?? [])];
+  for (const [i, f] of selected?.analysis.first ?? []) points.push(scenario.agents[i].track[Math.max(f - 20, NOW)]);
+  camera.fit(points.filter(Boolean));
   isDirty = true;
 }
 
