@@ -1,7 +1,9 @@
-//! Curation: files, analysis, command line.
+//! Curation: files, analysis, the review page, command line.
 
 mod apply;
+mod browser;
 mod cli;
 mod hand;
+mod review;
 mod stats;
 mod store;
