@@ -2,6 +2,7 @@
 
 mod apply;
 mod make;
+mod review;
 mod stats;
 
 use std::path::Path;
@@ -25,6 +26,8 @@ pub(super) struct CurateArgs {
 enum CurateCommand {
     /// Print the figures of a file of candidates: categories, distances, pressure, what fell where
     Stats(stats::StatsArgs),
+    /// Verify candidates by hand in a browser
+    Review(review::ReviewArgs),
     /// Write a file anew with what reviewers decided
     Apply(apply::ApplyArgs),
 }
@@ -32,9 +35,10 @@ enum CurateCommand {
 pub(super) fn curate(args: &CurateArgs) -> anyhow::Result<ExitStatus> {
     match (&args.command, &args.make) {
         (Some(CurateCommand::Stats(args)), _) => stats::stats(args),
+        (Some(CurateCommand::Review(args)), _) => review::review(args),
         (Some(CurateCommand::Apply(args)), _) => apply::apply(args),
         (None, Some(args)) => make::make(args),
-        (None, None) => bail!("name files or folders of scenarios, or one of `stats` and `apply`"),
+        (None, None) => bail!("name files or folders of scenarios, or one of `stats`, `review` and `apply`"),
     }
 }
 

@@ -14,6 +14,7 @@ mod pipeline;
 mod preselect;
 mod record;
 mod replay;
+pub mod review;
 mod rules;
 mod signals;
 pub mod stats;

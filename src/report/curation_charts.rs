@@ -37,6 +37,7 @@ pub struct ChartError {
 }
 
 type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Draw = fn(&Area<'_>, &Statistics) -> Drawn;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// All charts.
@@ -44,7 +45,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// # Errors
 /// [`ChartError`] when the drawing library refuses; it does so only where it has no place to draw.
 pub fn charts(statistics: &Statistics) -> Result<Vec<Chart>, ChartError> {
-    let draw: [(&'static str, fn(&Area<'_>, &Statistics) -> Drawn); 4] = [
+    let draw: [(&'static str, Draw); 4] = [
         ("endpoints.svg", scatter::endpoints),
         ("ade.svg", histogram::ade),
         ("mean-speed-difference.svg", histogram::mean_speed_difference),
@@ -91,6 +92,13 @@ fn styled(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos, in
 fn title(area: &Area<'_>, what: &str, about: &str) -> Drawn {
     text(area, what, (24, 26), 21, HPos::Left)?;
     styled(area, about, (24, 50), 14, HPos::Left, color(palette::GHOST))
+}
+
+/// A number on an axis: no digits that say nothing.
+fn tick(value: &f64) -> String {
+    // What the library counts up is off by some last bits.
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }
 }
 
 /// The categories in one row, each with its mark and the number of its candidates.

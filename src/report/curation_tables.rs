@@ -55,7 +55,7 @@ pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Res
     )?;
     if !statistics.reviewed.is_empty() {
         let each: Vec<String> =
-            statistics.reviewed.iter().map(|(what, n)| format!("{n} {}", escape(what))).collect();
+            statistics.reviewed.iter().map(|(what, n)| format!("{} {n}", escape(what))).collect();
         writeln!(out, "Decided by hand among the chosen: {}.", each.join(", "))?;
     }
     Ok(())
@@ -77,7 +77,7 @@ fn parts(statistics: &Statistics) -> Vec<(String, &Part)> {
 fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
     let funnel = &statistics.funnel;
     let mut rows = vec![texts(&["Step", "Scenarios", "Candidates"])];
-    let fell = |n: u64| format!("−{n}");
+    let fell = |n: u64| if n > 0 { format!("−{n}") } else { "0".to_owned() };
     rows.push(vec!["Read".into(), funnel.scenarios.to_string(), String::new()]);
     for (rule, n) in &funnel.preselection {
         rows.push(vec![format!("– {}", escape(rule)), fell(*n), String::new()]);
@@ -117,7 +117,8 @@ fn pressure(statistics: &Statistics) -> Vec<Vec<String>> {
 fn distributions(statistics: &Statistics) -> Vec<Vec<String>> {
     let head = ["Quantity", "Category", "n", "Mean", "Min", "25 %", "Median", "75 %", "Max"];
     let mut rows = vec![texts(&head)];
-    let quantities: [(&str, fn(&Part) -> &Distribution); 4] = [
+    type Of = fn(&Part) -> &Distribution;
+    let quantities: [(&str, Of); 4] = [
         ("ADE (m)", |p| &p.ade),
         ("Mean-speed difference (m/s)", |p| &p.mean_speed_difference),
         ("Endpoint ahead (m)", |p| &p.endpoint_longitudinal),

@@ -52,16 +52,16 @@ pub(super) struct MakeArgs {
     #[arg(long, default_value_t = Preselection::default().min_vehicles, value_name = "N")]
     min_vehicles: u32,
     /// How near that is, m
-    #[arg(long, default_value_t = Preselection::default().radius, value_name = "M", value_parser = positive)]
+    #[arg(long, default_value_t = Preselection::default().radius, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
     radius: f64,
     /// The smallest TTC to one of them in the log must be below this, s
-    #[arg(long, default_value_t = Preselection::default().max_ttc, value_name = "S", value_parser = positive)]
+    #[arg(long, default_value_t = Preselection::default().max_ttc, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     max_ttc: f64,
     /// Least mean distance of a candidate to the log, m (step 3)
-    #[arg(long, default_value_t = FilterSettings::default().min_ade, value_name = "M", value_parser = not_negative)]
+    #[arg(long, default_value_t = FilterSettings::default().min_ade, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
     min_ade: f64,
     /// How far a corner of the AV may be off the drivable area, m
-    #[arg(long, default_value_t = FilterSettings::default().drivable_tolerance, value_name = "M", value_parser = not_negative)]
+    #[arg(long, default_value_t = FilterSettings::default().drivable_tolerance, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
     drivable_tolerance: f64,
     /// Candidates must be comfortable too (nuPlan's bounds)
     #[arg(long)]

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, FONT, category_color, color, legend, nothing, palette, title};
+use super::{Area, Drawn, FONT, category_color, color, legend, nothing, palette, tick, title};
 use crate::curation::stats::{Bins, Distribution, Part, Statistics};
 use crate::scene::Deviation;
 
@@ -61,6 +61,7 @@ fn stacked(
         .x_desc(label)
         .y_desc("Chosen candidates")
         .y_label_formatter(&|n| if n.fract() == 0.0 { format!("{n:.0}") } else { String::new() })
+        .x_label_formatter(&tick)
         .label_style((FONT, 14))
         .axis_desc_style((FONT, 15))
         .light_line_style(TRANSPARENT)

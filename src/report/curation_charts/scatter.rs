@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, FONT, category_color, color, legend, nothing, palette, title};
+use super::{Area, Drawn, FONT, category_color, color, legend, nothing, palette, tick, title};
 use crate::curation::stats::Statistics;
 use crate::scene::Deviation;
 
@@ -41,6 +41,8 @@ pub(super) fn endpoints(area: &Area<'_>, statistics: &Statistics) -> Drawn {
         .configure_mesh()
         .x_desc("Longitudinal offset (m, ahead positive)")
         .y_desc("Lateral offset (m, left positive)")
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
         .label_style((FONT, 14))
         .axis_desc_style((FONT, 15))
         .light_line_style(TRANSPARENT)
@@ -74,7 +76,7 @@ enum Shape {
 
 /// The mark of a category. Marks are translucent, so that crowds show.
 fn mark(category: Deviation, draw: impl FnOnce(Shape) -> Drawn) -> Drawn {
-    let ink = category_color(category).mix(0.7);
+    let ink = category_color(category).mix(0.6);
     draw(match category {
         Deviation::Longitudinal => Shape::Dot(ink.filled()),
         Deviation::Lateral => Shape::Triangle(ink.filled()),

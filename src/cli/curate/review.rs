@@ -1,0 +1,53 @@
+//! `reactsim curate review`: people verify candidates in a browser.
+
+use std::env;
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+
+use crate::cli::{ExitStatus, say, write_result};
+use crate::curation::review::{ReviewOptions, ReviewServer, Stop};
+use crate::curation::store::Store;
+
+/// Arguments of `curate review`.
+#[derive(Debug, Args)]
+pub(super) struct ReviewArgs {
+    /// A file that `curate` wrote
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Port on 127.0.0.1; 0 for any free one
+    #[arg(long, default_value_t = 0, value_name = "PORT")]
+    port: u16,
+    /// Who decides [default: the page asks]
+    #[arg(long, value_name = "NAME")]
+    reviewer: Option<String>,
+    /// Decisions of another reviewer, which are shown and counted; may be repeated
+    #[arg(long, value_name = "JOURNAL")]
+    reviews: Vec<PathBuf>,
+}
+
+pub(super) fn review(args: &ReviewArgs) -> anyhow::Result<ExitStatus> {
+    let store = Store::open(&args.file)?;
+    let options = ReviewOptions {
+        port: args.port,
+        reviews: args.reviews.clone(),
+        reviewer: args.reviewer.clone(),
+        suggestion: env::var("USER").or_else(|_| env::var("USERNAME")).unwrap_or_default(),
+        ..ReviewOptions::default()
+    };
+    let server = ReviewServer::new(store, options)?;
+    for warning in server.warnings() {
+        say(format_args!("warning: {warning}"));
+    }
+    let journal = server.journal().display().to_string();
+    let url = server.url();
+    let stop = Stop::default();
+    let handle = stop.clone();
+    ctrlc::set_handler(move || handle.stop()).context("could not watch for interrupts")?;
+    write_result(None, |out| writeln!(out, "{url}"))?;
+    say(format_args!("open this address in a browser; ^C ends the review"));
+    server.run(&stop)?;
+    say(format_args!("decisions are in {journal}"));
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,142 @@
+// The panel beside the view: what was decided, the candidates, and the figures of the selected one. Texts are put in as texts only.
+
+import { colour } from "./palette.js";
+
+/** An element with classes, text and children. */
+function make(tag, classes = "", ...content) {
+  const element = document.createElement(tag);
+  if (classes) element.className = classes;
+  element.append(...content.filter((part) => part !== null && part !== undefined));
+  return element;
+}
+
+/** A number with so many decimals; a dash where there is none. */
+const number = (value, decimals = 1) => (Number.isFinite(value) ? value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1") : "–");
+const signed = (value, decimals = 1) => (Number.isFinite(value) && value > 0 ? "+" : "") + number(value, decimals);
+
+/** A figure in as many digits as are of use. */
+const figure = (value) => (Number.isFinite(value) ? number(value, Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2) : "–");
+
+/** The value of the filter that decided. */
+const decisive = (candidate) => candidate.figures.find((f) => f.filter === candidate.rejected_by)?.value ?? null;
+
+const WORDS = { pick: "picked", reject: "rejected", flag: "flagged" };
+
+/** A decision in words, such as `picked #3`. */
+export function words(line) {
+  const what = WORDS[line.decision] ?? line.decision;
+  if (line.candidate !== null) return `${what} #${line.candidate}`;
+  return line.decision === "reject" ? "rejected the scenario" : what;
+}
+
+/** What was decided about the scenario, and by whom. */
+export function verdict(element, standing, isStale) {
+  element.replaceChildren();
+  const line = standing?.verdict;
+  if (!line) {
+    element.append(make("div", "dim", "undecided"));
+    return;
+  }
+  const time = line.at.replace("T", " ").slice(0, 16);
+  element.append(make("div", "", make("span", `mark ${line.decision}`, words(line)), make("span", "dim", `${line.reviewer} · ${time} UTC`)));
+  if (line.note) element.append(make("div", "", `“${line.note}”`));
+  if (isStale) element.append(make("div", "stale", "about another trajectory of that number: the file was made anew since; decide again"));
+  if (standing.opinions.length > 1) {
+    const others = standing.opinions.map((o) => `${o.reviewer} ${words(o)}`).join(" · ");
+    element.append(make("div", standing.disagree ? "reject" : "", `${standing.disagree ? "disagree: " : ""}${others}`));
+  }
+}
+
+/** The list of candidates; `choose` is called with the one that is clicked. */
+export function candidates(element, scenario, selected, line, choose) {
+  element.replaceChildren();
+  for (const candidate of scenario.candidates) {
+    const row = make("div", "candidate");
+    row.setAttribute("role", "option");
+    row.dataset.number = candidate.number;
+    row.classList.toggle("selected", candidate === selected);
+    row.setAttribute("aria-selected", candidate === selected);
+    row.classList.toggle("rejected", !!candidate.rejected_by);
+    const stripe = make("span", "stripe");
+    stripe.style.background = colour(candidate.category);
+    const what = make("span", "what", candidate.maneuver);
+    if (candidate.chosen) what.append(make("span", "badge dim", "chosen"));
+    if (line && line.candidate === candidate.number) what.append(make("span", `badge ${line.decision}`, WORDS[line.decision] ?? ""));
+    const value = decisive(candidate);
+    const why = candidate.rejected_by ? `${candidate.rejected_by}${value === null ? "" : ` ${figure(value)}`}` : candidate.category;
+    row.append(stripe, make("span", "order", `#${candidate.number}`), what, make("span", "why", why), make("span", "score", candidate.rejected_by ? "✗" : number(candidate.score, 2)));
+    row.title = candidate.reason || candidate.maneuver;
+    row.addEventListener("click", () => choose(candidate));
+    element.append(row);
+    if (candidate === selected) row.scrollIntoView?.({ block: "nearest" });
+  }
+}
+
+/** Label and value. */
+const fact = (label, value) => make("span", "", `${label} `, make("b", "", value));
+
+function cues(c) {
+  const rows = [
+    fact("category", c.category),
+    fact("intent", c.intent ?? "–"),
+    fact("lateral", `${signed(c.lateral_offset)} m`),
+    fact("along", `${signed(c.longitudinal_offset)} m`),
+    fact("heading", `${number(c.heading_change, 0)}°`),
+  ];
+  if (c.other_branch) rows.push(fact("way", "another branch"));
+  if (c.conflict_step !== null) rows.push(fact("first conflict", `${number(c.conflict_step / 10)} s`));
+  rows.push(fact("ADE", `${number(c.ade)} m`), fact("mean speed", `${signed(c.speed_difference)} m/s`));
+  rows.push(fact("at fault", String(c.at_fault)), fact("overlaps", String(c.overlaps)), fact("risky", String(c.risky)));
+  rows.push(fact("source", c.source));
+  return rows;
+}
+
+/** The figures of all filters, and the certificate. */
+export function details(element, c) {
+  element.replaceChildren();
+  if (!c) return;
+  element.append(make("h3", "", `#${c.number} ${c.maneuver}`));
+  if (c.rejected_by) element.append(make("p", "reason", `${c.rejected_by}: ${c.reason}`));
+  element.append(make("div", "facts", ...cues(c)));
+  const half = Math.ceil(c.figures.length / 2);
+  const columns = [c.figures.slice(0, half), c.figures.slice(half)].filter((part) => part.length).map((part) => {
+    const body = make("tbody");
+    for (const { filter, value, passed } of part) {
+      const row = make("tr", passed === false ? "failed" : passed === null ? "unasked" : "");
+      row.append(make("td", "mark", passed === null ? "·" : passed ? "✓" : "✗"), make("td", "", filter), make("td", "value", value === null ? "–" : figure(value)));
+      if (passed === null) row.title = "not asked: rejected before";
+      body.append(row);
+    }
+    return make("table", "", body);
+  });
+  element.append(make("div", "figures", ...columns));
+  if (!c.certificate) return;
+  const text = c.certificate.length ? "certificate: how the conflict is avoided" : "certificate: nobody has to react";
+  element.append(make("h3", "", text));
+  for (const r of c.certificate) {
+    const how = [`from ${number(r.reaction_step / 10)} s`, `braking ${number(r.peak_deceleration)} m/s²`];
+    if (r.nudge) how.push(`aside ${signed(r.nudge)} m`);
+    how.push(`clear by ${number(r.clearance, 2)} m`);
+    element.append(make("div", "dim", make("b", "", r.agent), ` ${how.join(", ")}`));
+  }
+}
+
+/** What the colours mean. */
+export function legend(element) {
+  element.replaceChildren();
+  const entry = (name, label, box = false) => {
+    const sign = make("i", box ? "box" : "");
+    sign.style[box ? "background" : "borderColor"] = colour(name);
+    element.append(make("span", "", sign, label));
+  };
+  entry("longitudinal", "longitudinal");
+  entry("lateral", "lateral");
+  entry("directional", "directional");
+  entry("ghost", "log");
+  entry("vehicle", "vehicle", true);
+  entry("pedestrian", "pedestrian", true);
+  entry("cyclist", "cyclist", true);
+  entry("contact", "contact", true);
+  entry("risky", "TTC < 0.5 s", true);
+  entry("response", "certificate's response", true);
+}

@@ -1,0 +1,89 @@
+//! Lines with fewer points, cut to the surroundings.
+
+use super::cm;
+use super::near::Near;
+use crate::geometry::{Vec2, point_segment};
+
+/// How far a simplified line may be from the recorded one, metres: less than can be seen.
+const TOLERANCE: f64 = 0.05;
+/// Longest distance between two points of a line while it is cut, metres: a segment must not jump over the surroundings.
+const STRIDE: f64 = 10.0;
+
+/// The parts of a line that are near, each simplified.
+pub(super) fn runs<'a>(line: &'a [Vec2], near: &'a Near) -> impl Iterator<Item = Vec<Vec2>> + 'a {
+    let mut runs: Vec<Vec<Vec2>> = Vec::new();
+    let mut is_open = false;
+    for (i, &point) in line.iter().enumerate() {
+        // Between two far points of a coarse line there may be near ones.
+        let start = if i > 0 { line[i - 1] } else { point };
+        let pieces = ((point - start).norm() / STRIDE).ceil().clamp(1.0, 1000.0) as usize;
+        for k in 1..=pieces {
+            let p = if k == pieces { point } else { start + (point - start) * (k as f64 / pieces as f64) };
+            if near.holds(p) {
+                if !is_open {
+                    runs.push(Vec::new());
+                }
+                is_open = true;
+                if let Some(run) = runs.last_mut() {
+                    run.push(p);
+                }
+            } else {
+                is_open = false;
+            }
+        }
+    }
+    runs.into_iter().filter(|run| run.len() > 1).map(|run| simplified(&run))
+}
+
+/// The line with fewer points (Douglas and Peucker, 1973). The ends stay.
+pub(super) fn simplified(line: &[Vec2]) -> Vec<Vec2> {
+    let mut keeps = vec![false; line.len()];
+    if let [first, .., last] = keeps.as_mut_slice() {
+        (*first, *last) = (true, true);
+    } else {
+        return line.to_vec();
+    }
+    let mut open = vec![(0, line.len() - 1)];
+    while let Some((from, to)) = open.pop() {
+        let (mut farthest, mut at) = (TOLERANCE * TOLERANCE, None);
+        for (i, &p) in line.iter().enumerate().take(to).skip(from + 1) {
+            let (distance, _) = point_segment(p, line[from], line[to]);
+            if distance > farthest {
+                (farthest, at) = (distance, Some(i));
+            }
+        }
+        if let Some(at) = at {
+            keeps[at] = true;
+            open.extend([(from, at), (at, to)]);
+        }
+    }
+    line.iter().zip(&keeps).filter(|(_, keep)| **keep).map(|(p, _)| *p).collect()
+}
+
+/// A line as flat centimetres: the first point, then differences.
+pub(super) fn points(line: &[Vec2]) -> impl Iterator<Item = i64> + '_ {
+    let mut before = (0, 0);
+    line.iter().flat_map(move |p| {
+        let now = (cm(p.x), cm(p.y));
+        let step = [now.0 - before.0, now.1 - before.1];
+        before = now;
+        step
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_can_not_be_seen_is_left_out() {
+        let line: Vec<Vec2> = (0..=100).map(|i| Vec2::new(f64::from(i), 0.01 * f64::from(i % 3))).collect();
+        assert_eq!(simplified(&line).len(), 2);
+        let bend = [Vec2::new(0.0, 0.0), Vec2::new(5.0, 0.06), Vec2::new(10.0, 0.0)];
+        assert_eq!(simplified(&bend), bend);
+        // A closed outline has its ends at one place.
+        let ring = [[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].map(|[x, y]| Vec2::new(x, y));
+        assert_eq!(simplified(&ring), [ring[0], ring[2], ring[3], ring[4]]);
+        assert_eq!(points(&ring[1..4]).collect::<Vec<_>>(), [200, 0, 200, 0, 0, 300]);
+    }
+}

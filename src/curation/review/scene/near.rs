@@ -1,0 +1,58 @@
+//! The surroundings of what happens: the part of the map that is worth drawing.
+
+use std::collections::BTreeSet;
+
+use crate::geometry::Vec2;
+use crate::scene::Scenario;
+
+/// Side of a cell, metres.
+const CELL: f64 = 10.0;
+/// The map is drawn this far from the logged path of the AV, metres.
+const AROUND_AV: f64 = 150.0;
+/// And this far from the other agents, metres.
+const AROUND_AGENTS: f64 = 20.0;
+
+/// The cells of the plane that are near.
+pub(super) struct Near {
+    cells: BTreeSet<(i32, i32)>,
+}
+
+impl Near {
+    pub(super) fn new(scenario: &Scenario) -> Self {
+        let cells_of = |agent: usize| -> BTreeSet<(i32, i32)> {
+            scenario.logged(agent).iter().flatten().map(|s| cell(s.position())).collect()
+        };
+        let mut near = Self { cells: BTreeSet::new() };
+        near.add(&cells_of(0), AROUND_AV);
+        for i in 1..scenario.start.agents.len() {
+            near.add(&cells_of(i), AROUND_AGENTS);
+        }
+        near
+    }
+
+    fn add(&mut self, around: &BTreeSet<(i32, i32)>, reach: f64) {
+        let radius = (reach / CELL).ceil() as i32;
+        for &(x, y) in around {
+            for dx in -radius..=radius {
+                // Half a cell more: distances are taken between the middles of cells.
+                let high = ((f64::from(radius) + 0.5).powi(2) - f64::from(dx * dx)).max(0.0).sqrt() as i32;
+                let cells = (-high..=high).map(|dy| (x.saturating_add(dx), y.saturating_add(dy)));
+                self.cells.extend(cells);
+            }
+        }
+    }
+
+    /// Whether a point is near.
+    pub(super) fn holds(&self, point: Vec2) -> bool {
+        self.cells.contains(&cell(point))
+    }
+
+    /// Whether any of the points is near.
+    pub(super) fn meets(&self, points: &[Vec2]) -> bool {
+        points.iter().any(|&p| self.holds(p))
+    }
+}
+
+fn cell(point: Vec2) -> (i32, i32) {
+    ((point.x / CELL).floor() as i32, (point.y / CELL).floor() as i32)
+}

@@ -1,0 +1,70 @@
+//! Who is answered: requests with the token, from a page of this server.
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+/// What every request is held against.
+#[derive(Clone)]
+pub(super) struct Guard {
+    token: blake3::Hash,
+    hosts: [String; 2],
+}
+
+impl Guard {
+    pub(super) fn new(token: &str, port: u16) -> Self {
+        Self {
+            token: blake3::hash(token.as_bytes()),
+            hosts: [format!("127.0.0.1:{port}"), format!("localhost:{port}")],
+        }
+    }
+
+    /// Whether the request was sent to this address: a foreign name that was made to point here (DNS rebinding) is refused. A page of
+    /// another origin is too.
+    fn is_ours(&self, headers: &HeaderMap) -> bool {
+        let known = |value: &HeaderValue, scheme: &str| {
+            let host = value.to_str().ok().and_then(|v| v.strip_prefix(scheme));
+            host.is_some_and(|host| self.hosts.iter().any(|h| h == host))
+        };
+        // A request may name several hosts only to confuse.
+        let mut hosts = headers.get_all(header::HOST).iter();
+        let one = hosts.next().is_some_and(|host| known(host, "")) && hosts.next().is_none();
+        one && headers.get_all(header::ORIGIN).iter().all(|origin| known(origin, "http://"))
+    }
+
+    /// Whether the path begins with the token. Digests are compared, in a time that tells nothing.
+    fn has_token(&self, path: &str) -> bool {
+        let first = path.strip_prefix('/').and_then(|rest| rest.split_once('/')).map(|(first, _)| first);
+        first.is_some_and(|first| blake3::hash(first.as_bytes()) == self.token)
+    }
+}
+
+/// What every answer says: nothing from elsewhere is loaded, nothing is kept, the address is not passed on.
+const HEADERS: [(HeaderName, &str); 6] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    ),
+    (header::CACHE_CONTROL, "no-store"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+];
+
+/// Lets through what may be answered.
+pub(super) async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> Response {
+    let mut response = if !guard.is_ours(request.headers()) {
+        (StatusCode::FORBIDDEN, "this server answers its own page only\n").into_response()
+    } else if !guard.has_token(request.uri().path()) {
+        (StatusCode::NOT_FOUND, "not found: open the address that `reactsim curate review` printed\n")
+            .into_response()
+    } else {
+        next.run(request).await
+    };
+    for (name, value) in HEADERS {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    response
+}

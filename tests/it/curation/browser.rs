@@ -1,0 +1,295 @@
+//! The review page in a real browser: headless Chromium, driven over its DevTools protocol. Where there is none the test says so and
+//! passes.
+
+use std::io::{BufRead, BufReader, Read};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use std::{env, fs, thread};
+
+use reactsim::curation::review::{Decision, Journal};
+use serde_json::{Value, json};
+use tungstenite::{Message, WebSocket};
+
+use super::review::{file, records};
+
+/// How long anything may take on a slow machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The browser of this machine.
+fn chromium() -> Option<PathBuf> {
+    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
+    names.iter().find_map(|name| folders.iter().map(|f| f.join(name)).find(|path| path.is_file()))
+}
+
+/// Tries until there is something.
+fn wait<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let begin = Instant::now();
+    loop {
+        if let Some(found) = attempt() {
+            return found;
+        }
+        assert!(begin.elapsed() < PATIENCE, "never came: {what}");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A browser with one page.
+struct Browser {
+    process: Child,
+    socket: WebSocket<TcpStream>,
+    session: Option<String>,
+    sent: u64,
+    /// What went wrong in the page.
+    errors: Vec<String>,
+    _profile: tempfile::TempDir,
+}
+
+impl Browser {
+    fn new(program: &Path) -> Self {
+        let profile = tempfile::tempdir().unwrap();
+        let process = Command::new(program)
+            .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
+            .args(["--no-first-run", "--window-size=1400,900", "--remote-debugging-port=0"])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .arg("about:blank")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let (port, path) = wait("the port of the browser", || {
+            let text = fs::read_to_string(profile.path().join("DevToolsActivePort")).ok()?;
+            let (port, path) = text.split_once('\n')?;
+            (!path.is_empty()).then(|| (port.parse::<u16>().unwrap(), path.trim().to_owned()))
+        });
+        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let (socket, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), stream).unwrap();
+        let errors = Vec::new();
+        let mut browser = Self { process, socket, session: None, sent: 0, errors, _profile: profile };
+        let target = browser.call("Target.createTarget", json!({"url": "about:blank"}));
+        let attached =
+            browser.call("Target.attachToTarget", json!({"targetId": target["targetId"], "flatten": true}));
+        browser.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
+        browser.call("Runtime.enable", json!({}));
+        browser
+    }
+
+    /// Asks for something and waits for the answer.
+    fn call(&mut self, method: &str, params: Value) -> Value {
+        self.sent += 1;
+        let mut message = json!({"id": self.sent, "method": method, "params": params});
+        if let Some(session) = &self.session {
+            message["sessionId"] = session.as_str().into();
+        }
+        self.socket.send(Message::text(message.to_string())).unwrap();
+        loop {
+            let Message::Text(text) = self.socket.read().unwrap() else { continue };
+            let answer: Value = serde_json::from_str(text.as_str()).unwrap();
+            if answer["method"] == "Runtime.exceptionThrown" {
+                self.errors.push(answer["params"].to_string());
+            }
+            if answer["id"] == self.sent {
+                assert!(answer["error"].is_null(), "{method}: {answer}");
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    fn evaluate(&mut self, expression: &str) -> Value {
+        let params = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
+        self.call("Runtime.evaluate", params)["result"]["value"].clone()
+    }
+
+    fn until(&mut self, expression: &str) {
+        let begin = Instant::now();
+        while self.evaluate(expression) != true {
+            if begin.elapsed() > PATIENCE {
+                let text = self.evaluate("document.body.innerText");
+                panic!("never true: {expression}\n{text}\n{:?}", self.errors);
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn open(&mut self, url: &str) {
+        self.call("Page.navigate", json!({"url": url}));
+        self.until("document.readyState === 'complete'");
+    }
+
+    fn press(&mut self, key: &str) {
+        self.call("Input.dispatchKeyEvent", json!({"type": "keyDown", "key": key, "text": key}));
+        self.call("Input.dispatchKeyEvent", json!({"type": "keyUp", "key": key}));
+    }
+
+    /// Waits until the page shows this scenario.
+    fn shows(&mut self, index: usize) {
+        self.until(&format!("document.body.dataset.scenario === '{index}'"));
+    }
+
+    fn text(&mut self, id: &str) -> String {
+        self.evaluate(&format!("document.getElementById('{id}').textContent")).as_str().unwrap().to_owned()
+    }
+
+    fn selected(&mut self) -> Value {
+        self.evaluate("document.querySelector('.candidate.selected').dataset.number")
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        // It ends its own children when it is asked to.
+        self.socket.send(Message::text(json!({"id": 0, "method": "Browser.close"}).to_string())).ok();
+        let begin = Instant::now();
+        while begin.elapsed() < Duration::from_secs(5) && matches!(self.process.try_wait(), Ok(None)) {
+            thread::sleep(Duration::from_millis(20));
+        }
+        self.process.kill().ok();
+        self.process.wait().ok();
+    }
+}
+
+/// The program, serving a file.
+struct Program {
+    process: Child,
+    url: String,
+}
+
+impl Program {
+    fn new(file: &Path) -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
+            .args(["curate", "review", "--reviewer", "anna"])
+            .arg(file)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut url = String::new();
+        BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut url).unwrap();
+        assert!(url.starts_with("http://127.0.0.1:"), "{url:?}");
+        Self { process, url: url.trim().to_owned() }
+    }
+
+    /// As by SIGKILL.
+    fn kill(&mut self) {
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        self.process.kill().ok();
+        self.process.wait().ok();
+    }
+}
+
+/// What the journal says, by number of the scenario.
+fn decided(file: &Path) -> Vec<Option<(Decision, Option<u32>)>> {
+    let (decisions, warnings) = Journal::read_all(&[Journal::beside(file)]).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let verdict = |id: &str, digest: &str| {
+        decisions.get(id)?.verdict(digest).map(|line| (line.decision, line.candidate))
+    };
+    records(5).iter().map(|r| verdict(&r.scenario_id, &r.scenario_digest)).collect()
+}
+
+#[test]
+fn decisions_survive_a_killed_server() {
+    let Some(chromium) = chromium() else {
+        eprintln!("skipped: no Chromium on this machine");
+        return;
+    };
+    let (_folder, file) = file(5);
+    let mut program = Program::new(&file);
+    let mut page = Browser::new(&chromium);
+    page.open(&program.url);
+    page.shows(0);
+    assert_eq!(page.text("scenario"), records(1)[0].scenario_id);
+    assert_eq!(page.text("reviewer"), "anna");
+    assert_eq!(page.text("progress-text"), "0 / 5 decided");
+
+    // Time moves when it is played, and stands when it is not.
+    assert_eq!(page.text("time"), "0.0 s");
+    page.press(" ");
+    page.until("parseFloat(document.getElementById('time').textContent) > 0.4");
+    page.press(" ");
+    let paused = page.text("time");
+    thread::sleep(Duration::from_millis(200));
+    assert_eq!(page.text("time"), paused);
+    page.press("0");
+    page.until("document.getElementById('time').textContent === '0.0 s'");
+
+    // The chosen one is selected first; survivors come by score.
+    assert_eq!(page.selected(), "1");
+    page.press("k");
+    page.press("k");
+    page.press("j");
+    assert_eq!(page.selected(), "3");
+    page.press("p");
+    page.shows(1);
+    assert_eq!(decided(&file)[0], Some((Decision::Pick, Some(3))));
+    page.press("x");
+    page.shows(2);
+    assert_eq!(decided(&file)[1], Some((Decision::Reject, None)));
+    page.press("u");
+    page.shows(1);
+    page.until("document.getElementById('verdict').textContent === 'undecided'");
+    assert_eq!(decided(&file)[1], None);
+    page.press("x");
+    page.shows(2);
+    page.press("f");
+    page.shows(3);
+    assert_eq!(page.text("progress-text"), "2 / 5 decided");
+    let before = decided(&file);
+    let flag = (Decision::Flag, Some(1));
+    let expected = [Some((Decision::Pick, Some(3))), Some((Decision::Reject, None)), Some(flag), None, None];
+    assert_eq!(before, expected);
+
+    // What can not be written is said, and does not count.
+    program.kill();
+    page.press("p");
+    page.until("!document.getElementById('alarm').hidden");
+    assert!(page.text("alarm").starts_with("NOT written"));
+    assert_eq!(page.text("progress-text"), "2 / 5 decided");
+    assert_eq!(decided(&file), before);
+
+    // Opened again, it goes on where it was.
+    let program = Program::new(&file);
+    page.open(&program.url);
+    page.shows(3);
+    assert_eq!(page.text("progress-text"), "2 / 5 decided");
+    assert_eq!(page.text("tally"), "✓ 1✗ 1⚑ 1");
+    page.press("u");
+    page.shows(2);
+    page.until("document.getElementById('verdict').textContent === 'undecided'");
+    assert_eq!(decided(&file)[2], None);
+    // Only what is asked for is gone through.
+    page.evaluate(
+        "const s = document.getElementById('state'); s.value = 'pick'; s.dispatchEvent(new Event('change'))",
+    );
+    page.shows(0);
+    assert_eq!(page.text("position"), "1 of 1");
+    assert_eq!(page.errors, Vec::<String>::new());
+
+    let wrong = format!("{}{}/", &program.url[..program.url.len() - 33], "0".repeat(32));
+    page.open(&wrong);
+    assert!(page.evaluate("document.body.innerText").as_str().unwrap().starts_with("not found"));
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupt_ends_the_review() {
+    let (_folder, file) = file(1);
+    let mut program = Program::new(&file);
+    let id = program.process.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert_eq!(program.process.wait().unwrap().code(), Some(0));
+    let mut said = String::new();
+    program.process.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(said.contains("decisions are in ") && said.contains("set.parquet.reviews.jsonl"), "{said}");
+}
