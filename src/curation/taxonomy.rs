@@ -14,7 +14,7 @@ const ALONG: f64 = 15.0;
 /// Somewhere else along the logged way than in the log, metres.
 const LONGITUDINAL: f64 = 1.0;
 /// Two successors of a lane have parted where they are so many metres and radians apart.
-const PARTED: (f64, f64) = (1.5, 0.17);
+const PARTED: (f64, f64) = (2.5, 0.17);
 /// On a lane up to this distance from its centre line, metres.
 const ON_LANE: f64 = 1.2;
 /// And up to this angle to it, radians.
