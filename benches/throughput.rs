@@ -1,4 +1,4 @@
-//! How fast the program is: rollouts, metrics, reading, threads and memory, on real scenarios.
+//! How fast the program is: rollouts, metrics, curation, reading, threads and memory, on real scenarios.
 //!
 //! `cargo bench --bench throughput [-- FOLDER]`; without a folder the shared validation split is taken, and where that is missing
 //! there is nothing to measure. Each figure is measured in several rounds: the best and the median are printed, by the wall clock, and
@@ -14,6 +14,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use reactsim::curation::{Curated, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
     self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunObserver,
     RunSettings, Source, Tally,
@@ -145,6 +146,8 @@ struct Works {
     idm_metrics: Vec<Time>,
     replay: Vec<Time>,
     replay_metrics: Vec<Time>,
+    curation: Vec<Time>,
+    kept: usize,
 }
 
 fn one_thread(native: &Path, plain: &Option<PathBuf>) -> Result<()> {
@@ -165,6 +168,7 @@ fn one_thread(native: &Path, plain: &Option<PathBuf>) -> Result<()> {
         timed(&mut works.idm_metrics, || judge(&all, &done));
         let done = timed(&mut works.replay, || all_rollouts(&all, &avs, &replay))?;
         timed(&mut works.replay_metrics, || judge(&all, &done));
+        works.kept = timed(&mut works.curation, || curate(&all));
         agents = all.iter().map(|s| s.start.agents.len()).sum();
     }
     let (n, w) = (scenarios as f64, &works);
@@ -191,6 +195,9 @@ fn one_thread(native: &Path, plain: &Option<PathBuf>) -> Result<()> {
     row("the same, agents that are there", &replayed, "", rate(real));
     row("— `log-replay` rollout", &w.replay, "", each);
     row("— metrics of it", &w.replay_metrics, "2 ms", each);
+    row("curation, 16 candidates, all scenarios", &w.curation, "10 /s", per_second);
+    let kept = |s: f64| format!("{:.0} /s", w.kept as f64 / s);
+    row("the same, scenarios that step 1 keeps", &w.curation, "", kept);
     row("reading native", &w.native, "300 /s", per_second);
     if !w.womd.is_empty() {
         row("reading WOMD TFRecord, not compressed", &w.womd, "40 /s", per_second);
@@ -229,6 +236,13 @@ fn judge(all: &[Scenario], rollouts: &[Rollout]) {
         let scores = metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), options));
         std::hint::black_box((together, scores));
     }
+}
+
+/// Steps 1 to 3 of every scenario; how many step 1 keeps.
+fn curate(all: &[Scenario]) -> usize {
+    let settings = CurationSettings::default();
+    let kept = |s: &&Scenario| matches!(curate_scenario(s, SOURCES[0], &settings), Curated::Kept(..));
+    all.iter().filter(kept).count()
 }
 
 struct Quiet;
