@@ -1,6 +1,7 @@
 //! The command line: arguments, progress, exit codes. One file per verb. The only room that prints.
 
 mod convert;
+mod curate;
 mod inspect;
 mod list;
 mod progress;
@@ -13,6 +14,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow};
 use clap::{Parser, Subcommand};
@@ -40,6 +43,8 @@ enum Command {
     Run(run::RunArgs),
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
+    /// Make deviated AVs from logs, step by step, and look at what came out
+    Curate(curate::CurateArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
     /// Print the tables of finished runs
@@ -84,6 +89,7 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::score(&args),
+        Command::Curate(args) => curate::curate(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Inspect(args) => inspect::inspect(&args),
@@ -152,6 +158,21 @@ fn write_result(
 fn say(text: std::fmt::Arguments<'_>) {
     // Where even stderr is gone there is nobody to tell.
     writeln!(io::stderr().lock(), "{text}").ok();
+}
+
+/// A flag that the first ^C (or SIGTERM) sets, which is answered with what happens `then`; the second one ends the program at once.
+fn stop_on_interrupt(then: &'static str) -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            #[expect(clippy::exit, reason = "the user asked twice, and nothing is left half written")]
+            std::process::exit(130);
+        }
+        say(format_args!("\ninterrupted: {then}; once more ends at once"));
+    })
+    .context("could not watch for interrupts")?;
+    Ok(stop)
 }
 
 /// A number of things.

@@ -6,6 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::say;
+use crate::curation::driver::CurationObserver;
 use crate::evaluation::{Failure, RunObserver};
 
 /// Failures that are printed as they happen; the folder holds them all.
@@ -29,6 +30,14 @@ impl Progress {
         Self { bar, failures: AtomicUsize::new(0) }
     }
 
+    fn failure(&self, text: std::fmt::Arguments<'_>) {
+        let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
+        self.bar.set_message(format!(", {n} failed"));
+        if n <= SHOWN {
+            self.bar.suspend(|| say(format_args!("warning: failed{text}")));
+        }
+    }
+
     /// Takes the spinner away and says how many failures were not shown.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
@@ -45,11 +54,17 @@ impl RunObserver for Progress {
     }
 
     fn failed(&self, failure: &Failure) {
-        let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
-        self.bar.set_message(format!(", {n} failed"));
-        if n <= SHOWN {
-            let simulator = failure.simulator.as_deref().map(|s| format!(" ({s})")).unwrap_or_default();
-            self.bar.suspend(|| say(format_args!("warning: failed{simulator}: {}", failure.error)));
-        }
+        let simulator = failure.simulator.as_deref().map(|s| format!(" ({s})")).unwrap_or_default();
+        self.failure(format_args!("{simulator}: {}", failure.error));
+    }
+}
+
+impl CurationObserver for Progress {
+    fn scenario_done(&self, done: usize) {
+        self.bar.set_position(done as u64);
+    }
+
+    fn failed(&self, error: &str) {
+        self.failure(format_args!(": {error}"));
     }
 }

@@ -2,8 +2,6 @@
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Context, bail};
@@ -11,7 +9,7 @@ use clap::{Args, ValueEnum};
 
 use super::progress::Progress;
 use super::report::formats as table_formats;
-use super::{ExitStatus, count, find_inputs, metric_options, say, shipped, write_result};
+use super::{ExitStatus, count, find_inputs, metric_options, say, shipped, stop_on_interrupt, write_result};
 use crate::evaluation::{
     self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator,
     RunFolder, RunSettings, Source, Summary, TABLE, Tally,
@@ -94,7 +92,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
         Some(path) => Some(RunFolder::create(path, &provenance)?),
         None => None,
     };
-    let stop = stop_on_interrupt(args.out.as_deref())?;
+    let stop = stop_on_interrupt(if args.out.is_some() { "writing what is finished" } else { "stopping" })?;
     let jobs =
         args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
     let execution = Execution { jobs, batch: args.batch.get() };
@@ -242,20 +240,4 @@ fn first_is_deviated(sources: &[Source]) -> bool {
     let scenarios = sources.iter().filter_map(|s| (s.open)().ok()).flatten();
     let mut readable = scenarios.filter_map(|s| s.and_then(|decode| decode()).ok());
     readable.next().is_none_or(|s| s.deviation.is_some())
-}
-
-/// A flag that the first ^C (or SIGTERM) sets; the second one ends the program at once.
-fn stop_on_interrupt(out: Option<&Path>) -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let (flag, kept) = (Arc::clone(&stop), out.is_some());
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            #[expect(clippy::exit, reason = "the user asked twice, and rows are written whole")]
-            std::process::exit(130);
-        }
-        let then = if kept { "writing what is finished" } else { "stopping" };
-        say(format_args!("\ninterrupted: {then}; once more ends at once"));
-    })
-    .context("could not watch for interrupts")?;
-    Ok(stop)
 }

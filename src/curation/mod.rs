@@ -1,17 +1,37 @@
 //! Deviated AVs: the four steps of the paper that make a set of them from any logs (ReactSim-Bench, "Data Collection Pipeline"), the
 //! taxonomy, and the certificates.
 
+pub mod apply;
+mod avoidance;
 mod candidate;
 mod certificate;
+mod choice;
+pub mod driver;
+mod filter;
+mod filters;
+mod ground;
+mod pipeline;
+mod preselect;
 mod record;
-
+mod replay;
 pub mod review;
+mod rules;
+mod signals;
 pub mod stats;
 pub mod store;
+mod taxonomy;
 
+pub use avoidance::{AvoidanceSettings, Unavoidable, certify};
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use certificate::{Certificate, Response};
+pub use choice::{Chooser, score};
+pub use filter::{Bench, CandidateFilter, FilterSettings, Trial, Verdict};
+pub use filters::FILTERS;
+pub use pipeline::{Curated, CurationSettings, SOURCES, curate_scenario};
+pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
 pub use record::{
     CandidateRecord, CurationProvenance, Figure, Funnel, InputFile, Offsets, Pressure, ReviewMark,
     ScenarioRecord, Taxonomy,
 };
+pub use rules::Rules;
+pub use taxonomy::classify;

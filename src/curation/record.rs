@@ -35,6 +35,10 @@ pub struct CandidateRecord {
     pub seed: u64,
     /// The category and what it was read from.
     pub taxonomy: Taxonomy,
+    /// What it does to others under log replay.
+    pub pressure: Pressure,
+    /// How far it leaves the log.
+    pub offsets: Offsets,
     /// What every filter said, in the order in which they were asked.
     pub figures: Vec<Figure>,
     /// Id of the first filter that rejected it; `None` for survivors.
@@ -45,37 +49,33 @@ pub struct CandidateRecord {
     pub score: f64,
     /// Whether it is in the set.
     pub chosen: bool,
-    /// What happens under log replay.
-    pub pressure: Pressure,
-    /// How far it is from the log.
-    pub offsets: Offsets,
     /// Who decided by hand, and when (RFC 3339, UTC), where anybody did.
     pub review: Option<ReviewMark>,
     /// How the agents can avoid the conflict, where they can and it was asked.
     pub certificate: Option<Certificate>,
 }
 
-/// What happens when the agents replay their logs against a candidate (`metrics` of the benchmark, log replay).
+/// What a candidate does to the vehicles around it while these replay their log (metrics `aav-collision`, `aav-overlap`, `aav-ttc`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pressure {
-    /// Agents that hit the AV and are at fault.
+    /// Vehicles that collide with the AV by their own fault.
     pub at_fault: u32,
-    /// Agents that overlap the AV, whatever the fault.
+    /// Vehicles that overlap the AV, whosever fault it is.
     pub overlaps: u32,
-    /// Agents with a time to collision with the AV below 0.5 s.
+    /// Vehicles with a time to collision below 0.5 s.
     pub risky: u32,
 }
 
-/// How far a candidate is from the log, over the steps 1 to 80; NaN where the log does not say.
+/// How far a candidate leaves the logged AV over the steps 1 to 80 (ReactSim-Bench, "Data Analysis").
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Offsets {
-    /// Last position minus the logged one along the AV's heading at step 0, metres, ahead positive.
+    /// Offset of the last position along the AV's current heading, metres.
     pub endpoint_longitudinal: f64,
-    /// The same across the heading, metres, left positive.
+    /// Offset of the last position to the left of the AV's current heading, metres.
     pub endpoint_lateral: f64,
-    /// Mean distance to the logged position, metres.
+    /// Mean distance, metres.
     pub ade: f64,
-    /// Mean speed minus the logged one, m/s.
+    /// Mean speed of the candidate minus that of the log, m/s.
     pub mean_speed_difference: f64,
 }
 
@@ -157,6 +157,9 @@ pub struct CurationProvenance {
     pub failures: Vec<String>,
     /// Whether the curation was interrupted: the file holds what was finished until then.
     pub interrupted: bool,
+    /// Journals of decisions that were applied, with their digests.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reviews: Vec<InputFile>,
 }
 
 /// An input of a curation.

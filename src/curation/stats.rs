@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{CandidateRecord, CurationProvenance, Funnel, ScenarioRecord, store};
+use super::{CandidateRecord, CurationProvenance, Funnel, Offsets, ScenarioRecord, store};
 use crate::formats::FormatError;
 use crate::scene::Deviation;
 
@@ -19,12 +19,16 @@ pub use distribution::{Bins, Distribution};
 pub struct Statistics {
     /// How many fell where in steps 1 to 4.
     pub funnel: Funnel,
+    /// Ids of the filters of step 3, in the order in which they were asked.
+    pub filters: Vec<String>,
     /// Whether the curation was interrupted.
     pub interrupted: bool,
     /// Records that could not be read.
     pub failures: usize,
     /// Scenarios with candidates.
     pub scenarios: usize,
+    /// Scenarios of which a candidate survived step 3.
+    pub with_survivor: usize,
     /// Scenarios with a chosen candidate: the set.
     pub chosen: usize,
     /// Chosen candidates that somebody decided on by hand, by decision.
@@ -54,6 +58,10 @@ pub struct Part {
     pub ade: Distribution,
     /// Mean speed minus the log's, m/s.
     pub mean_speed_difference: Distribution,
+    /// Where it ends, ahead of the log along the AV's heading at step 0, metres.
+    pub endpoint_longitudinal: Distribution,
+    /// The same to the left of that heading.
+    pub endpoint_lateral: Distribution,
     /// What happens under log replay.
     pub pressure: Shares,
 }
@@ -76,6 +84,10 @@ pub struct QuantityBins {
     pub ade: Bins,
     /// Of the mean-speed difference, m/s.
     pub mean_speed_difference: Bins,
+    /// Of the endpoint's offset ahead, metres.
+    pub endpoint_longitudinal: Bins,
+    /// Of the endpoint's offset to the left, metres.
+    pub endpoint_lateral: Bins,
     /// Of the peak deceleration of certificates, m/s².
     pub peak_deceleration: Bins,
 }
@@ -160,6 +172,8 @@ impl Statistics {
 #[derive(Default)]
 pub struct Collector {
     scenarios: usize,
+    with_survivor: usize,
+    filters: Vec<String>,
     chosen: Vec<Kept>,
     agreement: Agreement,
     reviewed: BTreeMap<String, usize>,
@@ -171,8 +185,7 @@ pub struct Collector {
 /// What is kept of a chosen candidate.
 struct Kept {
     category: Deviation,
-    ade: f64,
-    speed: f64,
+    offsets: Offsets,
     pressure: [bool; 3],
 }
 
@@ -180,14 +193,21 @@ impl Collector {
     /// Takes a scenario in.
     pub fn add(&mut self, record: &ScenarioRecord) {
         self.scenarios += 1;
-        record.candidates.iter().for_each(|c| self.agreement.candidates.add(c));
+        self.with_survivor += usize::from(record.candidates.iter().any(|c| c.rejected_by.is_none()));
+        for candidate in &record.candidates {
+            self.agreement.candidates.add(candidate);
+            for figure in candidate.figures.iter() {
+                if !self.filters.contains(&figure.filter) {
+                    self.filters.push(figure.filter.clone());
+                }
+            }
+        }
         let Some(chosen) = record.chosen() else { return };
         self.agreement.chosen.add(chosen);
         let CandidateRecord { taxonomy, offsets, pressure, review, certificate, .. } = chosen;
         self.chosen.push(Kept {
             category: taxonomy.category,
-            ade: offsets.ade,
-            speed: offsets.mean_speed_difference,
+            offsets: *offsets,
             pressure: [pressure.at_fault > 0, pressure.overlaps > 0, pressure.risky > 0],
         });
         if let Some(review) = review {
@@ -212,8 +232,10 @@ impl Collector {
     pub fn finish(self, provenance: &CurationProvenance) -> Statistics {
         let all = |of: fn(&Kept) -> f64| self.chosen.iter().map(of).collect::<Vec<_>>();
         let bins = QuantityBins {
-            ade: Bins::of(&all(|k| k.ade)),
-            mean_speed_difference: Bins::of(&all(|k| k.speed)),
+            ade: Bins::of(&all(|k| k.offsets.ade)),
+            mean_speed_difference: Bins::of(&all(|k| k.offsets.mean_speed_difference)),
+            endpoint_longitudinal: Bins::of(&all(|k| k.offsets.endpoint_longitudinal)),
+            endpoint_lateral: Bins::of(&all(|k| k.offsets.endpoint_lateral)),
             peak_deceleration: Bins::of(&self.peaks),
         };
         let part = |category: Option<Deviation>| {
@@ -225,7 +247,9 @@ impl Collector {
             funnel: provenance.funnel.clone(),
             interrupted: provenance.interrupted,
             failures: provenance.failures.len(),
+            filters: self.filters,
             scenarios: self.scenarios,
+            with_survivor: self.with_survivor,
             chosen: self.chosen.len(),
             overall: part(None),
             categories: Deviation::ALL.into_iter().map(|c| (c.name(), part(Some(c)))).collect(),
@@ -248,12 +272,16 @@ impl Part {
     fn of(kept: &[&Kept], set: usize, bins: &QuantityBins) -> Self {
         let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
         let pressed = |k: usize| share(kept.iter().filter(|c| c.pressure[k]).count(), kept.len());
-        let values = |of: fn(&Kept) -> f64| kept.iter().map(|k| of(k)).collect::<Vec<_>>();
+        let spread = |of: fn(&Offsets) -> f64, bins: &Bins| {
+            Distribution::of(&kept.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>(), bins)
+        };
         Self {
             count: kept.len(),
             share: share(kept.len(), set),
-            ade: Distribution::of(&values(|k| k.ade), &bins.ade),
-            mean_speed_difference: Distribution::of(&values(|k| k.speed), &bins.mean_speed_difference),
+            ade: spread(|o| o.ade, &bins.ade),
+            mean_speed_difference: spread(|o| o.mean_speed_difference, &bins.mean_speed_difference),
+            endpoint_longitudinal: spread(|o| o.endpoint_longitudinal, &bins.endpoint_longitudinal),
+            endpoint_lateral: spread(|o| o.endpoint_lateral, &bins.endpoint_lateral),
             pressure: Shares { at_fault: pressed(0), overlap: pressed(1), risky: pressed(2) },
         }
     }

@@ -1,9 +1,14 @@
-//! What vehicles can do: the limits of the benchmark, the kinematic bicycle model, and paths that a vehicle can drive.
+//! What vehicles can do: the limits of the benchmark, the kinematic bicycle model, paths that a vehicle can drive, and
+//! speeds at which it can drive them.
 
+mod axle_path;
 mod bicycle;
 mod driven_path;
 mod limits;
 
+pub mod speeds;
+
+pub use axle_path::{Allowed, AxlePath, Departure, REAR_AXLE, follow};
 pub use bicycle::Pose;
 pub use driven_path::{DrivenPath, PathPoint, PathProjection, Pursuit};
 pub use limits::{MAX_ACCELERATION, MAX_CURVATURE};

@@ -9,7 +9,7 @@ mod agents;
 mod canvas;
 mod clip;
 mod ground;
-mod palette;
+pub(super) mod palette;
 
 use self::canvas::{Canvas, Window};
 use crate::geometry::Vec2;

@@ -85,6 +85,11 @@ fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> i
         row.extend(with_failed.then(|| line.failed.to_string()));
         rows.push(row);
     }
+    write_aligned(out, &rows, texts)
+}
+
+/// Rows of equal length as a table; the first one is its head. So many columns, from the left, hold text; the others numbers.
+pub(super) fn write_aligned(out: &mut dyn Write, rows: &[Vec<String>], texts: usize) -> io::Result<()> {
     let widths: Vec<usize> =
         (0..rows[0].len()).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
     for (i, row) in rows.iter().enumerate() {
@@ -115,13 +120,13 @@ fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
     }
 }
 
-fn capital(text: &str) -> String {
+pub(super) fn capital(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
 }
 
 /// Text that Markdown shows as it is.
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

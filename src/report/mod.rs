@@ -2,6 +2,8 @@
 
 pub mod birdseye;
 mod csv;
+pub mod curation_charts;
+pub mod curation_tables;
 mod json;
 mod latex;
 mod long;

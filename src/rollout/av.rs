@@ -1,10 +1,12 @@
 //! Who moves the AV.
 
+mod logged_drive;
 mod scripted;
 
 use super::Observation;
 use crate::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
 
+pub use logged_drive::LoggedDrive;
 pub use scripted::{ParseScriptError, Script, ScriptedAv};
 
 /// Moves the AV, one step at a time.

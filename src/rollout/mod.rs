@@ -7,7 +7,7 @@ mod observation;
 mod settings;
 mod stream;
 
-pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, ParseScriptError, Script, ScriptedAv};
+pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
 pub use engine::{Request, Rollout, RolloutError, roll_out};
 pub use episode::{
     Controller, Episode, JointPlan, Memory, Oracle, PlanError, Planning, Simulator, SingleEpisode,

@@ -210,6 +210,20 @@ impl<'a> Road<'a> {
         Some(!nearest.outside)
     }
 
+    /// How far `p` lies off the drivable ground, metres; 0 on it. `start` as in [`Road::drivable`]. `None` where the map does not tell.
+    pub fn off_road_by(&self, p: Vec2, start: &mut Option<u32>) -> Option<f64> {
+        if let Some(area) = &self.map.drivable_area {
+            if self.drivable(p, start)? {
+                return Some(0.0);
+            }
+            let rings = area.iter().flat_map(|a| std::iter::once(&a.exterior).chain(&a.holes));
+            return Some(rings.map(|r| crate::geometry::ring_distance(p, r)).fold(f64::INFINITY, f64::min));
+        }
+        let nearest = self.nearest_edge(p, *start)?;
+        *start = Some(nearest.segment);
+        Some(if nearest.outside { nearest.distance } else { 0.0 })
+    }
+
     /// Whether `p` lies strictly inside a junction.
     pub fn in_intersection(&self, p: Vec2) -> bool {
         let at = self.index.intersection_grid.at(p);

@@ -62,6 +62,7 @@ fn help_fits_a_terminal() {
     Commands:
       run      Run simulators on scenarios and print the table of their metrics
       score    Score rollouts that any program produced
+      curate   Make deviated AVs from logs, step by step, and look at what came out
       convert  Convert scenarios of any format to native Parquet
       report   Print the tables of finished runs
       inspect  Print and draw what is in a scenario
@@ -76,7 +77,7 @@ fn help_fits_a_terminal() {
 
     With no arguments at all it runs every baseline on the shipped scenarios.
     ");
-    for verb in ["run", "score", "convert", "report", "inspect", "list"] {
+    for verb in ["run", "score", "curate", "convert", "report", "inspect", "list"] {
         let help = stdout(&reactsim(&[verb, "--help"]));
         assert!(help.contains("Usage: reactsim"), "{verb}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();

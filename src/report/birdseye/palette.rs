@@ -1,6 +1,6 @@
 //! Colours (Okabe and Ito, "Color Universal Design").
 
-use crate::scene::{AgentKind, LightState};
+use crate::scene::{AgentKind, Deviation, LightState};
 
 /// The two colours of a thing.
 pub(super) struct Paint {
@@ -24,7 +24,7 @@ const OTHER: Paint = Paint { fill: "#a7a9ae", line: "#63666d" };
 /// Off the road.
 pub(super) const GROUND: &str = "#f4f3ef";
 /// The road.
-pub(super) const ROAD: &str = "#d9dbe0";
+pub(in crate::report) const ROAD: &str = "#d9dbe0";
 /// The lanes of bicycles.
 pub(super) const BIKE_LANE: &str = "#cfe0d6";
 /// White paint, and zebra stripes.
@@ -36,9 +36,9 @@ pub(super) const EDGE: &str = "#6c7078";
 /// Centre lines and their arrows.
 pub(super) const CENTER: &str = "#aeb3bd";
 /// Stop lines without a light.
-pub(super) const STOP: &str = "#22252b";
+pub(in crate::report) const STOP: &str = "#22252b";
 /// Tracks of the log beside a rollout.
-pub(super) const GHOST: &str = "#5c6068";
+pub(in crate::report) const GHOST: &str = "#5c6068";
 /// Events.
 pub(super) const EVENT: &str = "#b00020";
 
@@ -49,6 +49,15 @@ pub(super) const fn of(kind: AgentKind) -> &'static Paint {
         AgentKind::Pedestrian => &PEDESTRIAN,
         AgentKind::Cyclist => &CYCLIST,
         AgentKind::Other => &OTHER,
+    }
+}
+
+/// The colour of a category of deviations.
+pub(in crate::report) const fn category(category: Deviation) -> &'static str {
+    match category {
+        Deviation::Longitudinal => VEHICLE.fill,
+        Deviation::Lateral => AV.fill,
+        Deviation::Directional => "#0b7a5b",
     }
 }
 

@@ -95,6 +95,7 @@ pub(super) fn provenance() -> CurationProvenance {
         funnel: Funnel { scenarios: 20, preselected: 19, candidates: 19 * 16, ..Funnel::default() },
         failures: vec!["a.json: record 3: is \"odd\" ü".into()],
         interrupted: false,
+        reviews: Vec::new(),
     }
 }
 

@@ -1,9 +1,10 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::geometry::{Polyline, Vec2};
+use crate::geometry::{Polyline, Vec2, wrap};
 use crate::scene::{
-    Agent, AgentKind, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, ScenarioParts,
+    Agent, AgentKind, CURRENT, FRAMES, Frame, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent,
+    MapParts, ScenarioParts,
 };
 
 /// A scenario with nothing but an AV.

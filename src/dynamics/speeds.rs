@@ -1,23 +1,23 @@
-//! Speeds of the 80 steps, m/s: `speeds[k]` is the distance of step k + 1 over 0.1 s.
+//! Speed profiles of the 80 steps, m/s: `speeds[k]` is the distance of step k + 1 over 0.1 s.
 
 use crate::scene::{DT, FUTURE};
 
 /// Largest change of speed between two steps, m/s: the bound of the acceleration metric, 6 m/s².
-pub(super) const CHANGE: f64 = 0.6;
+pub const CHANGE: f64 = 0.6;
 /// Largest gain of speed between two steps after a curve, m/s.
-pub(super) const GAIN: f64 = ACCELERATION * DT;
+pub const GAIN: f64 = ACCELERATION * DT;
 /// Largest loss of speed between two steps before a curve, m/s.
-pub(super) const LOSS: f64 = DECELERATION * DT;
+pub const LOSS: f64 = DECELERATION * DT;
 /// By how much that gain may grow from step to step, m/s: a jerk of 15 m/s³; it may fall twice as fast.
-pub(super) const EASE: f64 = 0.15;
+pub const EASE: f64 = 0.15;
 /// Longest rise and fall of the braking force, s.
 const BRAKE_RAMP: f64 = 0.5;
 /// Peak deceleration that a ramp may lead to, m/s².
 const BRAKE_PEAK: f64 = 5.9;
 /// Speeding up is kept below this, m/s².
-const ACCELERATION: f64 = 4.0;
+pub const ACCELERATION: f64 = 4.0;
 /// Slowing down is kept below this, m/s².
-const DECELERATION: f64 = 5.0;
+pub const DECELERATION: f64 = 5.0;
 /// Share of the acceleration that changing the time scale may use, m/s².
 const RAMP: f64 = 2.5;
 /// Slower than this is a halt, m/s.
@@ -25,7 +25,7 @@ const HALT: f64 = 0.05;
 
 /// Brakes from `speed` to a halt in the time `speed / deceleration`: the force rises and falls by a ramp, its mean is what was
 /// asked, and so is the way to the halt, `speed² / (2 deceleration)`.
-pub(super) fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
+pub fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
     let duration = speed / deceleration;
     let ramp = BRAKE_RAMP.min(duration / 5.0).min(duration * (1.0 - deceleration / BRAKE_PEAK)).max(0.0);
     let peak = if duration > ramp { speed / (duration - ramp) } else { 0.0 };
@@ -47,7 +47,7 @@ pub(super) fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
 
 /// The speeds of the log with time running faster or slower: the time scale goes from 1 to `factor` by a smooth ramp whose length
 /// keeps the acceleration bounded. After the log's end the last speed goes on.
-pub(super) fn retime(log: &[f64], factor: f64) -> Vec<f64> {
+pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
     let early = log.iter().take(30).fold(0.0_f64, |a, &v| a.max(v));
     // The steepest slope of the smooth step is 1.5 / duration.
     let duration = (1.5 * (factor - 1.0).abs() * early / RAMP).max(1.0);
@@ -72,7 +72,7 @@ pub(super) fn retime(log: &[f64], factor: f64) -> Vec<f64> {
         times.push(time);
     }
     let mut speeds: Vec<f64> = times.windows(2).map(|t| (travelled(t[1]) - travelled(t[0])) / DT).collect();
-    bound(log[0], &mut speeds);
+    bound(log[0], &mut speeds, ACCELERATION, DECELERATION);
     soften(log[0], &mut speeds);
     speeds
 }
@@ -84,25 +84,32 @@ fn steps(distance: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// The speed, or 0 where it is a halt.
-pub(super) fn halted(speed: f64) -> f64 {
+pub fn halted(speed: f64) -> f64 {
     if speed < HALT { 0.0 } else { speed }
 }
 
-/// Lowers speeds until they can be driven from `now` on: braking begins earlier, speeding up takes longer.
-fn bound(now: f64, speeds: &mut [f64]) {
+/// Lowers speeds until they can be driven from `now` on with these bounds of the acceleration (m/s²): braking begins earlier, speeding
+/// up takes longer.
+pub fn bound(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64) {
     for k in (0..speeds.len() - 1).rev() {
-        speeds[k] = speeds[k].min(speeds[k + 1] + DECELERATION * DT);
+        speeds[k] = speeds[k].min(speeds[k + 1] + deceleration * DT);
     }
+    bound_ahead(now, speeds, acceleration, deceleration);
+}
+
+/// Changes speeds until they can be driven from `now` on with these bounds of the acceleration (m/s²), as by somebody who does not look
+/// ahead: braking begins when it is asked for, and ends later.
+pub fn bound_ahead(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64) {
     let mut before = now;
     for speed in speeds {
-        *speed = speed.clamp((before - DECELERATION * DT).max(0.0), before + ACCELERATION * DT);
+        *speed = speed.clamp((before - deceleration * DT).max(0.0), before + acceleration * DT);
         before = *speed;
     }
 }
 
 /// Averages over five steps, which bounds the jerk and no acceleration grows. Before the first step the speeds are mirrored
 /// at `now` and turned over, so that they go on from it.
-fn soften(now: f64, speeds: &mut [f64]) {
+pub fn soften(now: f64, speeds: &mut [f64]) {
     let raw = speeds.to_vec();
     let at = |k: isize| match k {
         k if k < 0 => 2.0 * now - if k == -1 { now } else { raw[(-k - 2) as usize] },

@@ -1,0 +1,175 @@
+//! `reactsim curate SCENARIOS`: the four steps over files.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::thread;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+
+use super::is_same;
+use crate::cli::progress::Progress;
+use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::curation::driver::{Curation, Input};
+use crate::curation::stats::Statistics;
+use crate::curation::store::Writer;
+use crate::curation::{
+    CurationProvenance, CurationSettings, FilterSettings, InputFile, Preselection, SOURCES,
+};
+use crate::evaluation::{FileRecord, program_commit, program_version};
+use crate::formats::{FormatError, PendingScenarios};
+use crate::report::curation_tables;
+
+/// Arguments of `curate` itself.
+#[derive(Debug, Args)]
+pub(super) struct MakeArgs {
+    /// Files or folders of scenarios
+    #[arg(required = true, value_name = "SCENARIOS")]
+    scenarios: Vec<PathBuf>,
+    /// The file of candidates to write (Parquet); `run --deviations` takes it
+    #[arg(long, required = true, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Who proposes candidates
+    #[arg(long, default_value = "rules", value_parser = sources())]
+    source: String,
+    /// Candidates per scenario
+    #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    candidates: u32,
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Only the first N scenarios of every file [default: all]
+    #[arg(long, value_name = "N")]
+    limit: Option<NonZeroUsize>,
+    /// Threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Leave out what the review page draws: a smaller file that can not be reviewed
+    #[arg(long)]
+    without_scenes: bool,
+    /// Least number of vehicles near the AV (step 1)
+    #[arg(long, default_value_t = Preselection::default().min_vehicles, value_name = "N")]
+    min_vehicles: u32,
+    /// How near that is, m
+    #[arg(long, default_value_t = Preselection::default().radius, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
+    radius: f64,
+    /// The smallest TTC to one of them in the log must be below this, s
+    #[arg(long, default_value_t = Preselection::default().max_ttc, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    max_ttc: f64,
+    /// Least mean distance of a candidate to the log, m (step 3)
+    #[arg(long, default_value_t = FilterSettings::default().min_ade, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
+    min_ade: f64,
+    /// How far a corner of the AV may be off the drivable area, m
+    #[arg(long, default_value_t = FilterSettings::default().drivable_tolerance, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
+    drivable_tolerance: f64,
+    /// Candidates must be comfortable too (nuPlan's bounds)
+    #[arg(long)]
+    comfort: bool,
+}
+
+fn sources() -> PossibleValuesParser {
+    PossibleValuesParser::new(SOURCES.iter().map(|s| s.id()))
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or("expected a number above 0".into())
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|v: &f64| *v >= 0.0 && v.is_finite())
+        .ok_or("expected 0 or a larger number".into())
+}
+
+impl MakeArgs {
+    fn settings(&self) -> CurationSettings {
+        CurationSettings {
+            seed: self.seed,
+            candidates: self.candidates,
+            scenes: !self.without_scenes,
+            preselection: Preselection {
+                min_vehicles: self.min_vehicles,
+                radius: self.radius,
+                max_ttc: self.max_ttc,
+            },
+            filters: FilterSettings {
+                min_ade: self.min_ade,
+                drivable_tolerance: self.drivable_tolerance,
+                comfort: self.comfort,
+                ..FilterSettings::default()
+            },
+        }
+    }
+}
+
+pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
+    // Everything that can be wrong is found before the first scenario.
+    let out = args.out.as_deref().context("name the file to write with --out")?;
+    let source = SOURCES.iter().find(|s| s.id() == args.source).context("no such source")?;
+    let found = find_inputs(&args.scenarios)?;
+    if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
+        bail!("{} is both input and output; choose another --out", same.path.display());
+    }
+    let mut writer = Writer::create(out)?;
+    let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
+    let mut inputs = Vec::new();
+    for input in found {
+        let FileRecord { name, blake3: digest, .. } = FileRecord::of(&input.path, input.format.id())?;
+        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
+            Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
+        });
+        inputs.push(Input { file: InputFile { name, digest }, open });
+    }
+    let settings = args.settings();
+    let base = CurationProvenance {
+        version: program_version().to_owned(),
+        commit: program_commit().to_owned(),
+        settings: named(args, &settings),
+        inputs: inputs.iter().map(|i| i.file.clone()).collect(),
+        ..CurationProvenance::default()
+    };
+    let jobs =
+        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
+    let stop = stop_on_interrupt("writing what is finished")?;
+    let progress = Progress::new();
+    let curation = Curation { inputs: &inputs, source: *source, settings: &settings, jobs };
+    let done = curation.run(base, &mut writer, &progress, &stop);
+    progress.end();
+    let (provenance, statistics) = done?;
+    if statistics.funnel.scenarios == 0 && !provenance.interrupted {
+        bail!("no scenario could be read: see the warnings above");
+    }
+    writer.finish(&provenance)?;
+    write_result(None, |out| curation_tables::write_overview(out, &statistics))?;
+    Ok(tell(&provenance, &statistics))
+}
+
+/// All settings by name; those of other names are the program's own.
+fn named(args: &MakeArgs, settings: &CurationSettings) -> std::collections::BTreeMap<String, String> {
+    let mut named = settings.named();
+    named.insert("source".into(), args.source.clone());
+    named.insert("scenes".into(), settings.scenes.to_string());
+    if let Some(limit) = args.limit {
+        named.insert("limit".into(), limit.to_string());
+    }
+    named
+}
+
+/// Says how it went.
+fn tell(provenance: &CurationProvenance, statistics: &Statistics) -> ExitStatus {
+    let failed = provenance.failures.len();
+    if failed > 0 {
+        say(format_args!("warning: {failed} failed; the others are in the file"));
+    }
+    if provenance.interrupted {
+        let n = count(statistics.scenarios, "scenario");
+        say(format_args!("interrupted: the file holds the first {n} with candidates"));
+        return ExitStatus::Interrupted;
+    }
+    if statistics.chosen == 0 {
+        say(format_args!("warning: nothing is chosen: `run --deviations` has no use for the file"));
+    }
+    if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done }
+}

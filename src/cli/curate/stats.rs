@@ -1,0 +1,50 @@
+//! `reactsim curate stats`: what a set is like.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+
+use crate::cli::{ExitStatus, write_result};
+use crate::curation::stats::Statistics;
+use crate::report::{curation_charts, curation_tables};
+
+/// Arguments of `curate stats`.
+#[derive(Debug, Args)]
+pub(super) struct StatsArgs {
+    /// A file that `curate` wrote
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Form of the figures on stdout
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+    /// Draw charts (SVG) into this folder too
+    #[arg(long, value_name = "FOLDER")]
+    svg: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    Text,
+    Json,
+}
+
+pub(super) fn stats(args: &StatsArgs) -> anyhow::Result<ExitStatus> {
+    let statistics = Statistics::of_file(&args.file)?;
+    if let Some(folder) = &args.svg {
+        fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
+        for chart in curation_charts::charts(&statistics)? {
+            let path = folder.join(chart.name);
+            fs::write(&path, chart.svg).with_context(|| format!("could not write {}", path.display()))?;
+        }
+    }
+    write_result(None, |out| match args.format {
+        Format::Text => curation_tables::write_statistics(out, &statistics),
+        Format::Json => {
+            serde_json::to_writer_pretty(&mut *out, &statistics)?;
+            out.write_all(b"\n")
+        }
+    })?;
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,215 @@
+//! Step 3: what a filter is, and what it judges.
+
+use std::cell::OnceCell;
+
+use super::avoidance::{AvoidanceSettings, Unavoidable, certify};
+use super::ground::Ground;
+use super::replay::{LogReplay, Touch};
+use super::signals::Signals;
+use super::{Candidate, Certificate, Offsets, Pressure};
+use crate::geometry::{Polyline, direction};
+use crate::metrics::{Case, DirTracking, Object, Options};
+use crate::rollout::{AvError, LoggedDrive};
+use crate::scene::{AgentState, DT, Frame, HISTORY, Scenario};
+
+/// Judges candidates, one at a time.
+pub trait CandidateFilter: Sync {
+    /// Name in files, such as `log-distance`.
+    fn id(&self) -> &'static str;
+
+    /// What it asks for, in one sentence with its numbers.
+    fn rule(&self, settings: &FilterSettings) -> String;
+
+    /// The verdict, with the figure that decided.
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict;
+}
+
+/// What a filter says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// The figure that decided, in the filter's unit; `None` where there is nothing to measure.
+    pub figure: Option<f64>,
+    /// Why the candidate is rejected; `None` for one that passes.
+    pub rejected: Option<String>,
+}
+
+impl Verdict {
+    /// Passes where `passes`, else is rejected for `reason`.
+    pub fn new(figure: Option<f64>, passes: bool, reason: impl FnOnce() -> String) -> Self {
+        Self { figure, rejected: (!passes).then(reason) }
+    }
+}
+
+/// Limits of the filters (defaults: 10.4 of the metrics' definition, where it gives any).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilterSettings {
+    /// Least ADE to the log, metres.
+    pub min_ade: f64,
+    /// How far a corner of the AV may leave the drivable ground, metres.
+    pub drivable_tolerance: f64,
+    /// Whether nuPlan's comfort bounds hold too.
+    pub comfort: bool,
+    /// Time to collision below which a vehicle is pressed, seconds.
+    pub pressing_ttc: f64,
+    /// A vehicle up to this speed is slow: driving into it is the AV's doing, m/s.
+    pub slow: f64,
+    /// No contact before this time, seconds.
+    pub earliest_contact: f64,
+    /// What agents can do to avoid the AV.
+    pub avoidance: AvoidanceSettings,
+}
+
+impl Default for FilterSettings {
+    fn default() -> Self {
+        Self {
+            min_ade: 2.0,
+            drivable_tolerance: 0.3,
+            comfort: false,
+            pressing_ttc: 0.5,
+            slow: 0.5,
+            earliest_contact: 0.8,
+            avoidance: AvoidanceSettings::default(),
+        }
+    }
+}
+
+/// What is known of a scenario before any candidate is judged.
+pub struct Bench<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) replay: LogReplay<'a>,
+    pub(super) ground: Ground<'a>,
+    pub(super) signals: Signals<'a>,
+    /// The logged way of the AV's centre, gone on with beyond the log's end.
+    pub(super) way: Polyline,
+    /// The logged AV at the steps 0 to 80.
+    pub(super) log: Vec<AgentState>,
+}
+
+impl<'a> Bench<'a> {
+    /// Prepares a scenario.
+    ///
+    /// # Errors
+    /// [`AvError`] when the logged AV is absent at a step, or jumps.
+    pub fn new(scenario: &'a Scenario) -> Result<Self, AvError> {
+        let drive = LoggedDrive::new(scenario)?;
+        let travel = drive.speeds().iter().sum::<f64>() * DT;
+        let path = drive.path(scenario, None, None, 1.5 * travel + BEYOND);
+        Ok(Self {
+            way: path.centre_line(),
+            log: drive.states().to_vec(),
+            scenario,
+            replay: LogReplay::new(scenario),
+            ground: Ground::new(scenario),
+            signals: Signals::new(scenario),
+        })
+    }
+}
+
+/// How far beyond the log's end the logged way is gone on with, metres, beside half of its length.
+const BEYOND: f64 = 50.0;
+
+/// One candidate with what the filters measure it by.
+pub struct Trial<'a> {
+    pub(super) bench: &'a Bench<'a>,
+    /// The candidate.
+    pub candidate: &'a Candidate,
+    /// Log replay around the candidate, as the metrics judge it.
+    pub replayed: Case<'a>,
+    /// The candidate alone, judged as the metrics judge a vehicle.
+    pub own: Case<'a>,
+    /// First contacts under log replay.
+    pub(super) touches: Vec<Touch>,
+    certificate: OnceCell<Result<Certificate, Unavoidable>>,
+}
+
+impl<'a> Trial<'a> {
+    /// Holds a candidate against its scenario.
+    pub fn new(bench: &'a Bench<'a>, candidate: &'a Candidate) -> Self {
+        let scenario = bench.scenario;
+        let options = Options::default();
+        let mut tracks: Vec<Vec<Frame>> =
+            (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
+        let states = candidate.future().iter().map(|s| Some(*s));
+        tracks[0].truncate(HISTORY);
+        tracks[0].extend(states);
+        let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone() };
+        // An AV beyond the objects is absent, and so the candidate is a vehicle like any other.
+        let own = Case::new(
+            scenario.start.road(),
+            vec![av],
+            usize::MAX,
+            Options { dir_tracking: DirTracking::Pointwise, ..options },
+        );
+        Self {
+            bench,
+            candidate,
+            replayed: Case::of_rollout(scenario, tracks, options),
+            own,
+            touches: bench.replay.touches(candidate.future()),
+            certificate: OnceCell::new(),
+        }
+    }
+
+    /// What the candidate does to others under log replay.
+    pub fn pressure(&self) -> Pressure {
+        let mut pressure = Pressure::default();
+        for i in 0..self.replayed.objects.len() {
+            let scores = self.replayed.agent_scores(i);
+            pressure.overlaps += u32::from(scores.contact.is_some());
+            pressure.at_fault += u32::from(scores.contact.is_some_and(|c| c.fault.at_fault()));
+            pressure.risky += u32::from(scores.approach.is_some_and(|a| a.risky.is_some()));
+        }
+        pressure
+    }
+
+    /// The smallest time to collision of a vehicle with the AV under log replay, seconds; `None` without vehicles.
+    pub fn smallest_ttc(&self) -> Option<f64> {
+        let each = (0..self.replayed.objects.len()).filter_map(|i| self.replayed.agent_scores(i).approach);
+        each.map(|a| a.min_ttc).reduce(f64::min)
+    }
+
+    /// The first step at which a vehicle touches the AV by its own fault or, if none does, touches it or is risky, 1 to 80.
+    pub fn conflict_step(&self) -> Option<usize> {
+        let all = || (0..self.replayed.objects.len()).map(|i| self.replayed.agent_scores(i));
+        let at_fault = all().filter_map(|s| s.contact).filter(|c| c.fault.at_fault()).map(|c| c.step).min();
+        at_fault.or_else(|| all().filter_map(|s| s.approach?.risky).map(|r| r.0).min())
+    }
+
+    /// How far the candidate leaves the log.
+    pub fn offsets(&self) -> Offsets {
+        let future = self.candidate.future();
+        let log = &self.bench.scenario.log_future.tracks[0];
+        let now = self.candidate.track[0];
+        let (mut ade, mut own_way, mut log_way, mut steps) = (0.0, 0.0, 0.0, 0.0_f64);
+        let (mut own_before, mut log_before): (AgentState, AgentState) =
+            (now, self.bench.scenario.start.now(0));
+        let mut end = (0.0, 0.0);
+        let ahead = direction(now.heading);
+        for (own, logged) in future.iter().zip(log) {
+            let Some(logged) = logged else { continue };
+            let apart = own.position() - logged.position();
+            ade += apart.norm();
+            own_way += (own.position() - own_before.position()).norm();
+            log_way += (logged.position() - log_before.position()).norm();
+            (own_before, log_before) = (*own, *logged);
+            end = (apart.dot(&ahead), ahead.perp(&apart));
+            steps += 1.0;
+        }
+        let steps = steps.max(1.0);
+        Offsets {
+            endpoint_longitudinal: end.0,
+            endpoint_lateral: end.1,
+            ade: ade / steps,
+            mean_speed_difference: (own_way - log_way) / (steps * DT),
+        }
+    }
+
+    /// How everybody who is in conflict can avoid it, or why somebody can not. Found at the first call.
+    ///
+    /// # Errors
+    /// [`Unavoidable`] names the agent.
+    pub fn certificate(&self, settings: &AvoidanceSettings) -> &Result<Certificate, Unavoidable> {
+        let find = || certify(self.bench.scenario, &self.candidate.track, settings);
+        self.certificate.get_or_init(find)
+    }
+}

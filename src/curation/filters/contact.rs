@@ -1,0 +1,60 @@
+//! Contacts that are the AV's own doing, or come too early for anybody.
+
+use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
+use crate::scene::{AgentKind, DT};
+
+/// Touches nobody within the first moments.
+pub(super) struct EarlyContact;
+
+impl CandidateFilter for EarlyContact {
+    fn id(&self) -> &'static str {
+        "early-contact"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        format!("no contact within the first {} s", settings.earliest_contact)
+    }
+
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+        let first = trial.touches.iter().map(|t| t.step as f64 * DT).reduce(f64::min);
+        // A step ends at its time: the tolerance is for the rounding of k * 0.1.
+        let passes = first.is_none_or(|t| t > settings.earliest_contact + 1e-9);
+        Verdict::new(first, passes, || format!("contact after {:.1} s", first.unwrap_or_default()))
+    }
+}
+
+/// Does not drive into what stands or is slow, into anybody on foot or on a bicycle, or into the rear of somebody ahead.
+pub(super) struct ActiveCollision;
+
+impl CandidateFilter for ActiveCollision {
+    fn id(&self) -> &'static str {
+        "active-collision"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        format!(
+            "the AV touches no pedestrian, cyclist or obstacle, and its front drives into no vehicle below {} m/s and into none that \
+             goes ahead of it",
+            settings.slow
+        )
+    }
+
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+        let why = |touch: &crate::curation::replay::Touch| match touch.kind {
+            None => Some("drives into an obstacle".to_owned()),
+            Some(AgentKind::Vehicle) if touch.rear_end() => Some("drives into a vehicle ahead".to_owned()),
+            Some(AgentKind::Vehicle) if touch.av_bumper && touch.speed < settings.slow => {
+                Some(format!("drives into a vehicle at {:.1} m/s", touch.speed))
+            }
+            Some(AgentKind::Vehicle) => None,
+            Some(kind) => Some(format!("touches a {kind}")),
+        };
+        let found = trial.touches.iter().find_map(|t| Some((t.step as f64 * DT, why(t)?)));
+        match found {
+            None => Verdict { figure: None, rejected: None },
+            Some((time, why)) => {
+                Verdict { figure: Some(time), rejected: Some(format!("{why} after {time:.1} s")) }
+            }
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Far enough from the log, on the road, and drivable.
+
+use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
+use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
+
+/// Differs from the log.
+pub(super) struct LogDistance;
+
+impl CandidateFilter for LogDistance {
+    fn id(&self) -> &'static str {
+        "log-distance"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        format!("the ADE to the log is at least {} m", settings.min_ade)
+    }
+
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+        let ade = trial.offsets().ade;
+        Verdict::new(Some(ade), ade >= settings.min_ade, || {
+            format!("only {ade:.2} m from the log on average")
+        })
+    }
+}
+
+/// Keeps to the drivable ground.
+pub(super) struct DrivableArea;
+
+impl CandidateFilter for DrivableArea {
+    fn id(&self) -> &'static str {
+        "drivable-area"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        format!(
+            "no corner leaves the drivable ground by more than {} m, and the centre does not leave it",
+            settings.drivable_tolerance
+        )
+    }
+
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+        let depth = trial.bench.ground.depth(trial.candidate.future(), f64::INFINITY);
+        let off = trial.own.agent_scores(0).ground.hits > 0;
+        let passes = depth.is_none_or(|d| d <= settings.drivable_tolerance) && !off;
+        Verdict::new(depth, passes, || match depth {
+            Some(d) if d > settings.drivable_tolerance => format!("a corner is {d:.2} m off the road"),
+            _ => "the centre is off the road".to_owned(),
+        })
+    }
+}
+
+/// Obeys the bounds of acceleration and curvature that agents are judged by, at every transition.
+pub(super) struct Kinematics;
+
+impl CandidateFilter for Kinematics {
+    fn id(&self) -> &'static str {
+        "kinematics"
+    }
+
+    fn rule(&self, _: &FilterSettings) -> String {
+        format!("no transition beyond {MAX_ACCELERATION} m/s² or {MAX_CURVATURE} 1/m")
+    }
+
+    fn judge(&self, trial: &Trial<'_>, _: &FilterSettings) -> Verdict {
+        let found = trial.own.agent_scores(0).infeasible;
+        let hits = found.acceleration.hits + found.curvature.hits;
+        Verdict::new(Some(hits as f64), hits == 0, || {
+            let (a, c) = (found.acceleration.hits, found.curvature.hits);
+            format!("{a} infeasible accelerations, {c} infeasible curvatures")
+        })
+    }
+}

@@ -1,0 +1,49 @@
+//! Somebody has to react, and can.
+
+use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
+
+/// Presses at least one vehicle under log replay.
+pub(super) struct Pressing;
+
+impl CandidateFilter for Pressing {
+    fn id(&self) -> &'static str {
+        "pressure"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        format!(
+            "under log replay a vehicle touches the AV or comes within {} s of it (time to collision)",
+            settings.pressing_ttc
+        )
+    }
+
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+        let ttc = trial.smallest_ttc();
+        Verdict::new(ttc, ttc.is_some_and(|t| t < settings.pressing_ttc), || "nobody has to react".to_owned())
+    }
+}
+
+/// Everybody who is in conflict can avoid it: there is a certificate.
+pub(super) struct Avoidable;
+
+impl CandidateFilter for Avoidable {
+    fn id(&self) -> &'static str {
+        "avoidable"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        let a = &settings.avoidance;
+        format!(
+            "every agent in conflict has a response along its own path: reaction after {} s, at most {} m/s² of braking, else a nudge of \
+             at most {} m",
+            a.reaction, a.max_deceleration, a.max_nudge
+        )
+    }
+
+    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+        match trial.certificate(&settings.avoidance) {
+            Ok(certificate) => Verdict { figure: Some(certificate.peak_deceleration()), rejected: None },
+            Err(error) => Verdict { figure: None, rejected: Some(error.to_string()) },
+        }
+    }
+}

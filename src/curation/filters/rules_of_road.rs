@@ -1,0 +1,43 @@
+//! Neither against the traffic nor over a red light.
+
+use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
+use crate::scene::DT;
+
+/// Drives the way that its lane leads, as the benchmark judges agents (metric `direction`).
+pub(super) struct WrongWay;
+
+impl CandidateFilter for WrongWay {
+    fn id(&self) -> &'static str {
+        "wrong-way"
+    }
+
+    fn rule(&self, _: &FilterSettings) -> String {
+        "the AV does not drive against its lane by the rule that agents are judged by".to_owned()
+    }
+
+    fn judge(&self, trial: &Trial<'_>, _: &FilterSettings) -> Verdict {
+        let wrong = !trial.own.agent_scores(0).direction.spells.is_empty();
+        Verdict::new(Some(f64::from(u8::from(wrong))), !wrong, || "drives against its lane".to_owned())
+    }
+}
+
+/// Runs no red light, unless the logged AV runs it, too.
+pub(super) struct RedLight;
+
+impl CandidateFilter for RedLight {
+    fn id(&self) -> &'static str {
+        "red-light"
+    }
+
+    fn rule(&self, _: &FilterSettings) -> String {
+        "the AV crosses no stopping point on red, but where the logged AV does".to_owned()
+    }
+
+    fn judge(&self, trial: &Trial<'_>, _: &FilterSettings) -> Verdict {
+        let step = trial.bench.signals.run(&trial.candidate.track[0], trial.candidate.future());
+        let time = step.map(|s| s as f64 * DT);
+        Verdict::new(time, time.is_none(), || {
+            format!("runs a red light after {:.1} s", time.unwrap_or_default())
+        })
+    }
+}

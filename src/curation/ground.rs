@@ -1,0 +1,34 @@
+//! Whether a trajectory keeps to the drivable ground.
+
+use crate::scene::{Agent, AgentState, Road, Scenario};
+
+/// The drivable ground of a scenario, asked by the corners of the AV.
+pub(super) struct Ground<'a> {
+    road: Road<'a>,
+    av: &'a Agent,
+}
+
+impl<'a> Ground<'a> {
+    pub(super) fn new(scenario: &'a Scenario) -> Self {
+        Self { road: scenario.start.road(), av: &scenario.start.agents[0] }
+    }
+
+    /// How far a corner of the AV leaves the drivable ground at most, metres (0 where none does). The search ends beyond `enough`.
+    /// `None` where the map does not tell.
+    pub(super) fn depth(&self, future: &[AgentState], enough: f64) -> Option<f64> {
+        if !self.road.knows_drivable() {
+            return None;
+        }
+        let mut deepest = 0.0_f64;
+        let mut near = [None; 4];
+        for state in future {
+            for (corner, near) in state.footprint(self.av).corners().into_iter().zip(&mut near) {
+                deepest = deepest.max(self.road.off_road_by(corner, near)?);
+            }
+            if deepest > enough {
+                break;
+            }
+        }
+        Some(deepest)
+    }
+}

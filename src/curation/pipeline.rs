@@ -1,0 +1,167 @@
+//! Steps 1 to 3 for one scenario.
+
+use std::collections::BTreeMap;
+
+use super::filter::{Bench, FilterSettings, Trial};
+use super::filters::FILTERS;
+use super::rules::Rules;
+use super::{
+    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, choice, taxonomy,
+};
+use crate::rollout::{Purpose, Stream, stream};
+use crate::scene::Scenario;
+
+/// All sources of candidates.
+pub const SOURCES: &[&dyn CandidateSource] = &[&Rules];
+
+/// What decides a set of deviated AVs, besides scenarios and source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurationSettings {
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Candidates per scenario.
+    pub candidates: u32,
+    /// Whether the file holds what the review page draws.
+    pub scenes: bool,
+    /// Step 1.
+    pub preselection: Preselection,
+    /// Step 3.
+    pub filters: FilterSettings,
+}
+
+impl Default for CurationSettings {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            candidates: 16,
+            scenes: true,
+            preselection: Preselection::default(),
+            filters: FilterSettings::default(),
+        }
+    }
+}
+
+impl CurationSettings {
+    /// All settings by name, as they stand in files.
+    pub fn named(&self) -> BTreeMap<String, String> {
+        let mut named = BTreeMap::new();
+        let mut add = |name: &str, value: String| named.insert(name.to_owned(), value);
+        add("seed", self.seed.to_string());
+        add("candidates", self.candidates.to_string());
+        add("min_vehicles", self.preselection.min_vehicles.to_string());
+        add("radius", self.preselection.radius.to_string());
+        add("max_ttc", self.preselection.max_ttc.to_string());
+        for filter in FILTERS {
+            add(&format!("filter.{}", filter.id()), filter.rule(&self.filters));
+        }
+        named
+    }
+}
+
+/// What became of a scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Curated {
+    /// It fell in step 1.
+    Dropped {
+        /// At which rule.
+        rule: String,
+    },
+    /// It has candidates; none is chosen yet. Beside them, how many streams the source had nothing to propose for, by reason.
+    Kept(Box<ScenarioRecord>, BTreeMap<String, u64>),
+}
+
+/// Carries out the steps 1 to 3 for one scenario. The result depends on scenario, source and settings only.
+pub fn curate_scenario(
+    scenario: &Scenario,
+    source: &dyn CandidateSource,
+    settings: &CurationSettings,
+) -> Curated {
+    if let Some(rule) = settings.preselection.falls(scenario) {
+        return Curated::Dropped { rule: rule.to_owned() };
+    }
+    let bench = match Bench::new(scenario) {
+        Ok(bench) => bench,
+        Err(_) => return Curated::Dropped { rule: super::preselect::AV_ABSENT.to_owned() },
+    };
+    let name = |number| stream(settings.seed, &scenario.id, number, Purpose::Candidate);
+    let mut streams: Vec<Stream> = (0..settings.candidates).map(name).collect();
+    let (mut candidates, mut unproposed) = (Vec::new(), BTreeMap::new());
+    for (number, proposal) in (0_u32..).zip(source.propose(scenario, &mut streams)) {
+        match proposal {
+            Ok(proposal) => {
+                let mut track = vec![scenario.start.now(0)];
+                track.extend(proposal.future);
+                let candidate = Candidate {
+                    source: source.id().to_owned(),
+                    number,
+                    intent: proposal.intent,
+                    maneuver: proposal.maneuver,
+                    track,
+                };
+                candidates.push(judge(&bench, candidate, settings));
+            }
+            Err(reason) => *unproposed.entry(reason.0).or_default() += 1,
+        }
+    }
+    let record = ScenarioRecord {
+        scenario_id: scenario.id.clone(),
+        scenario_digest: scenario.digest(),
+        origin: scenario.origin,
+        candidates,
+        scene: None,
+    };
+    Curated::Kept(Box::new(record), unproposed)
+}
+
+/// Asks all filters about one candidate.
+fn judge(bench: &Bench<'_>, candidate: Candidate, settings: &CurationSettings) -> CandidateRecord {
+    let trial = Trial::new(bench, &candidate);
+    let mut figures = Vec::with_capacity(FILTERS.len());
+    let mut rejected: Option<(String, String)> = None;
+    for (i, filter) in FILTERS.iter().enumerate() {
+        // The last one is dear, and asked only where it decides.
+        if i + 1 == FILTERS.len() && rejected.is_some() {
+            figures.push(Figure { filter: filter.id().to_owned(), value: None, passed: None });
+            continue;
+        }
+        let verdict = filter.judge(&trial, &settings.filters);
+        let passed = verdict.rejected.is_none();
+        figures.push(Figure { filter: filter.id().to_owned(), value: verdict.figure, passed: Some(passed) });
+        if let (Some(reason), None) = (verdict.rejected, &rejected) {
+            rejected = Some((filter.id().to_owned(), reason));
+        }
+    }
+    let taxonomy = taxonomy::classify(
+        &bench.scenario.start.road(),
+        &bench.way,
+        &bench.log,
+        &candidate.track,
+        trial.conflict_step(),
+    );
+    let (pressure, offsets) = (trial.pressure(), trial.offsets());
+    let certificate = if rejected.is_none() {
+        trial.certificate(&settings.filters.avoidance).as_ref().ok().cloned()
+    } else {
+        None
+    };
+    drop(trial);
+    let (rejected_by, reason) = rejected.map_or((None, String::new()), |(by, why)| (Some(by), why));
+    let mut record = CandidateRecord {
+        candidate,
+        seed: settings.seed,
+        taxonomy,
+        pressure,
+        offsets,
+        figures,
+        rejected_by,
+        reason,
+        score: f64::NAN,
+        chosen: false,
+        review: None,
+        certificate,
+    };
+    if record.rejected_by.is_none() {
+        record.score = choice::score(&record);
+    }
+    record
+}

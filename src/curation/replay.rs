@@ -1,0 +1,115 @@
+//! What everybody else does under log replay, laid out so that many AV trajectories can be held against it quickly.
+
+use crate::geometry::{OrientedBox, rounded_distance, signed_angle_between};
+use crate::scene::{Agent, AgentKind, AgentState, FUTURE, Scenario};
+
+/// Share of the smaller half extent by which corners are rounded (metrics, "rounded boxes").
+const ROUNDING: f64 = 0.7;
+/// A vehicle up to this speed stands, m/s (metrics, "A-AV collision").
+const STOPPED: f64 = 0.05;
+/// The AV is behind an agent from this angle on, degrees (metrics, "A-AV collision").
+const BEHIND: f64 = 150.0;
+
+/// The logged future of all agents but the AV, and the static obstacles, as boxes.
+pub(super) struct LogReplay<'a> {
+    av: &'a Agent,
+    others: Vec<Other>,
+}
+
+struct Other {
+    /// `None` for static obstacles.
+    kind: Option<AgentKind>,
+    radius: f64,
+    /// Per step 1 to 80 the box, and the speed, m/s (NaN where unknown).
+    steps: Vec<Option<(OrientedBox, f64)>>,
+}
+
+/// The first contact of the AV with somebody.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Touch {
+    /// Step, 1 to 80.
+    pub(super) step: usize,
+    /// Class of the other; `None` for a static obstacle.
+    pub(super) kind: Option<AgentKind>,
+    /// Speed of the other, m/s; 0 for obstacles.
+    pub(super) speed: f64,
+    /// Whether the metrics would blame the other one (but for ground off the road).
+    pub(super) at_fault: bool,
+    /// Whether the AV's front bumper is in the other one's box.
+    pub(super) av_bumper: bool,
+    /// Angle between the two headings, radians, 0 to pi.
+    pub(super) turned: f64,
+    /// Angle between the AV's heading and the direction to the other one's centre, radians, 0 to pi.
+    pub(super) bearing: f64,
+}
+
+impl Touch {
+    /// Whether the AV drives into the rear of somebody who goes the same way, or into somebody who comes head on.
+    pub(super) fn rear_end(&self) -> bool {
+        self.av_bumper && self.bearing < 0.5 && self.turned < 0.8
+    }
+}
+
+impl<'a> LogReplay<'a> {
+    pub(super) fn new(scenario: &'a Scenario) -> Self {
+        let start = &scenario.start;
+        let mut others = Vec::with_capacity(start.agents.len() + start.obstacles.len());
+        for (agent, future) in start.agents.iter().zip(&scenario.log_future.tracks).skip(1) {
+            let steps = future.iter().map(|f| f.map(|s| (s.footprint(agent), s.speed()))).collect();
+            let radius = (0.5 * agent.length).hypot(0.5 * agent.width);
+            others.push(Other { kind: Some(agent.kind), radius, steps });
+        }
+        for obstacle in &start.obstacles {
+            let steps = vec![Some((*obstacle, 0.0)); FUTURE];
+            others.push(Other { kind: None, radius: obstacle.radius(), steps });
+        }
+        Self { av: &start.agents[0], others }
+    }
+
+    /// The first contact with everybody whom the AV touches on `future` (states at the steps 1 to 80), in the order of the agents.
+    pub(super) fn touches(&self, future: &[AgentState]) -> Vec<Touch> {
+        let boxes: Vec<OrientedBox> = future.iter().map(|s| s.footprint(self.av)).collect();
+        let radius = boxes.first().map_or(0.0, OrientedBox::radius);
+        let mut touches = Vec::new();
+        for other in &self.others {
+            let reach = (radius + other.radius) * (radius + other.radius);
+            let first = boxes.iter().zip(&other.steps).position(|(av, step)| {
+                step.is_some_and(|(o, _)| {
+                    (o.center - av.center).norm_squared() <= reach && rounded_distance(&o, av, ROUNDING) < 0.0
+                })
+            });
+            let Some(k) = first else { continue };
+            if let Some((other_box, speed)) = other.steps[k] {
+                touches.push(judge(&boxes[k], future[k].speed(), &other_box, speed, other.kind, k + 1));
+            }
+        }
+        touches
+    }
+}
+
+fn judge(
+    av: &OrientedBox,
+    av_speed: f64,
+    other: &OrientedBox,
+    speed: f64,
+    kind: Option<AgentKind>,
+    step: usize,
+) -> Touch {
+    let to_av = av.center - other.center;
+    let behind = signed_angle_between(other.axis, to_av).abs() > BEHIND.to_radians();
+    let [front_left, front_right, ..] = other.corners();
+    let at_fault = kind == Some(AgentKind::Vehicle)
+        && !(speed <= STOPPED)
+        && !behind
+        && (av_speed <= STOPPED || av.intersects_segment(front_left, front_right));
+    let [av_left, av_right, ..] = av.corners();
+    Touch {
+        step,
+        kind,
+        speed,
+        at_fault,
+        av_bumper: other.intersects_segment(av_left, av_right),
+        turned: signed_angle_between(av.axis, other.axis).abs(),
+        bearing: signed_angle_between(av.axis, -to_av).abs(),
+    }
+}

@@ -1,0 +1,153 @@
+//! The logged way at another speed.
+
+use super::survey::Survey;
+use super::{Draft, between, pick};
+use crate::dynamics::speeds;
+use crate::rollout::Stream;
+use crate::scene::{DT, FUTURE};
+
+/// Speed profiles, with the weights at which they are drawn.
+const KINDS: &[(f64, Kind)] = &[
+    (2.5, Kind::Stop),
+    (1.5, Kind::Slow),
+    (1.5, Kind::Faster),
+    (1.5, Kind::EarlyStart),
+    (1.0, Kind::LateStart),
+    (1.0, Kind::LateBraking),
+    (1.0, Kind::Creep),
+    (1.5, Kind::Dip),
+];
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Stop,
+    Slow,
+    Faster,
+    EarlyStart,
+    LateStart,
+    LateBraking,
+    Creep,
+    Dip,
+}
+
+pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
+    let log = survey.drive.speeds();
+    let Some(kind) = pick(stream, KINDS) else { return Err("no speed profile".into()) };
+    let (maneuver, desired) = profile(*kind, log, survey.limit, stream)?;
+    Ok(Draft { maneuver, future: survey.follow(&survey.logged, &desired) })
+}
+
+/// Speeds of the steps 1 to 80 (m/s), with their name.
+fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(String, Vec<f64>), String> {
+    let now = log[0];
+    let top = log.iter().fold(0.0_f64, |a, &v| a.max(v));
+    let logged = |t: f64| {
+        let k = (t / DT).clamp(0.0, FUTURE as f64);
+        let i = (k as usize).min(FUTURE - 1);
+        log[i] + (log[i + 1] - log[i]) * (k - i as f64)
+    };
+    let shape = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT).max(0.0)).collect();
+        speeds::bound(now, &mut speeds, gain, loss);
+        speeds::soften(now, &mut speeds);
+        speeds
+    };
+    match kind {
+        Kind::Stop => {
+            let (after, loss) = (between(stream, 0.0, 3.0), between(stream, 1.2, 4.5));
+            if top < 1.0 {
+                return Err("the AV hardly moves".into());
+            }
+            let wanted = |t: f64| if t < after { logged(t) } else { 0.0 };
+            // The profile is bounded backwards, too: braking begins after the time, not before.
+            let mut speed = now;
+            let mut speeds = Vec::with_capacity(FUTURE);
+            for k in 1..=FUTURE {
+                let t = (k as f64 - 0.5) * DT;
+                speed = if t < after { wanted(t) } else { speed.min(logged(t)).max(loss * DT) - loss * DT };
+                speeds.push(speed);
+            }
+            speeds::bound_ahead(now, &mut speeds, speeds::ACCELERATION, speeds::DECELERATION);
+            speeds::soften(now, &mut speeds);
+            Ok((format!("stop: {loss:.1} m/s² after {after:.1} s"), speeds))
+        }
+        Kind::Slow => {
+            let factor = between(stream, 0.3, 0.8);
+            Ok((format!("slow: {factor:.2} of the speed"), speeds::retime(log, factor)))
+        }
+        Kind::Faster => {
+            let factor = between(stream, 1.15, 1.8);
+            let mut speeds = speeds::retime(log, factor);
+            speeds.iter_mut().for_each(|v| *v = v.min(limit));
+            speeds::bound(now, &mut speeds, 2.5, 4.0);
+            Ok((format!("faster: {factor:.2} of the speed"), speeds))
+        }
+        Kind::EarlyStart => {
+            let Some(slow) = (0..=FUTURE).find(|&k| log[k] < 1.0) else {
+                return Err("the AV does not stand".into());
+            };
+            let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 4.0, 11.0).min(limit));
+            let go = (slow as f64 * DT + between(stream, -1.0, 2.5)).max(0.0);
+            let wanted = |t: f64| if t < go { logged(t) } else { cruise.max(logged(t)) };
+            Ok((format!("early start: after {go:.1} s to {cruise:.0} m/s"), shape(&wanted, gain, 4.0)))
+        }
+        Kind::LateStart => {
+            let starts = (1..=FUTURE).find(|&k| log[k] > log[k - 1].max(0.3) && log[k - 1] < 2.0);
+            let Some(starts) = starts else { return Err("the AV does not set off".into()) };
+            let (late, hold) = (between(stream, 1.0, 5.0), log[starts - 1]);
+            let from = starts as f64 * DT;
+            let wanted = |t: f64| {
+                if t < from {
+                    logged(t)
+                } else if t < from + late {
+                    hold
+                } else {
+                    logged(t - late)
+                }
+            };
+            Ok((format!("late start: by {late:.1} s"), shape(&wanted, 2.5, 4.0)))
+        }
+        Kind::LateBraking => {
+            let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
+            let Some(brakes) = brakes else { return Err("the AV does not brake".into()) };
+            let (late, loss) = (between(stream, 0.7, 2.5), between(stream, 3.0, 5.0));
+            let (from, speed) = (brakes as f64 * DT, log[brakes]);
+            let wanted = |t: f64| {
+                if t < from {
+                    logged(t)
+                } else if t < from + late {
+                    speed
+                } else {
+                    logged(t).min(speed)
+                }
+            };
+            let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
+            speeds::bound_ahead(now, &mut speeds, 2.5, loss);
+            speeds::soften(now, &mut speeds);
+            Ok((format!("late braking: by {late:.1} s"), speeds))
+        }
+        Kind::Creep => {
+            let (after, loss) = (between(stream, 0.0, 2.5), between(stream, 1.2, 3.5));
+            let creep = between(stream, 0.8, 2.5);
+            let wanted = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
+            let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
+            speeds::bound_ahead(now, &mut speeds, 1.5, loss);
+            speeds::soften(now, &mut speeds);
+            Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
+        }
+        Kind::Dip => {
+            if top < 3.0 {
+                return Err("the AV hardly moves".into());
+            }
+            let (after, lasts) = (between(stream, 0.0, 2.5), between(stream, 1.5, 4.0));
+            let (share, loss) = (between(stream, 0.0, 0.5), between(stream, 1.5, 4.5));
+            let wanted = |t: f64| {
+                if t < after || t > after + lasts { logged(t) } else { share * logged(t) }
+            };
+            let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
+            speeds::bound_ahead(now, &mut speeds, 2.0, loss);
+            speeds::soften(now, &mut speeds);
+            Ok((format!("brake and go on: {loss:.1} m/s² for {lasts:.1} s after {after:.1} s"), speeds))
+        }
+    }
+}

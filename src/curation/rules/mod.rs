@@ -1,0 +1,150 @@
+//! Candidates by rules: the logged way at another speed, beside the logged way, or another way over the lane graph.
+//!
+//! Every stream belongs to one of the three families. It is drawn from until a draw disturbs a vehicle that replays its log and breaks
+//! no rule that is quick to check, or until a number of draws is used up: then the first draw that breaks no rule is proposed, or the
+//! first of all. So the proposals are those of a driver who gets in the way, not of one who drives alone, and the filters still judge.
+
+mod directional;
+mod lateral;
+mod longitudinal;
+mod routes;
+mod survey;
+
+use rand::RngExt;
+
+use self::survey::Survey;
+use super::replay::Touch;
+use super::{CandidateSource, NoProposal, Proposal};
+use crate::rollout::Stream;
+use crate::scene::{AgentKind, AgentState, Deviation, Scenario};
+
+/// The source by rules.
+#[derive(Debug)]
+pub struct Rules;
+
+/// Draws from one stream at most.
+const DRAWS: usize = 20;
+/// A contact up to this step is none that anybody could avoid.
+const TOO_EARLY: usize = 8;
+/// A contact up to this step leaves time to see how it goes on.
+const IN_TIME: usize = 65;
+/// ADE to the log from which on a draw is another trajectory, metres.
+const AWAY: f64 = 2.0;
+/// Beside the logged way from this distance on, metres.
+const OFF_WAY: f64 = 1.0;
+/// Who moves slower is not pressed by being driven into, m/s.
+const SLOW: f64 = 0.5;
+
+/// What one draw gives.
+struct Draft {
+    maneuver: String,
+    future: Vec<AgentState>,
+}
+
+impl CandidateSource for Rules {
+    fn id(&self) -> &'static str {
+        "rules"
+    }
+
+    fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
+        let survey = match Survey::new(scenario) {
+            Ok(survey) => survey,
+            Err(error) => return streams.iter().map(|_| Err(NoProposal(error.to_string()))).collect(),
+        };
+        let families = families(&survey);
+        let each = streams.iter_mut().enumerate().map(|(i, stream)| {
+            let family = families.get(i % families.len().max(1)).copied();
+            propose(&survey, family.ok_or_else(|| NoProposal("the AV can go nowhere".into()))?, stream)
+        });
+        each.collect()
+    }
+}
+
+/// The families in turn; those for which the scene has no room give their turns to the others.
+fn families(survey: &Survey<'_>) -> Vec<Deviation> {
+    let mut families = vec![Deviation::Longitudinal];
+    if survey.moves() {
+        families.push(Deviation::Lateral);
+    }
+    if !survey.branches.is_empty() {
+        families.push(Deviation::Directional);
+    }
+    families
+}
+
+fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Result<Proposal, NoProposal> {
+    let mut best: Option<(u8, Draft)> = None;
+    let mut reason = String::new();
+    for _ in 0..DRAWS {
+        let draft = match family {
+            Deviation::Longitudinal => longitudinal::draw(survey, stream),
+            Deviation::Lateral => lateral::draw(survey, stream),
+            Deviation::Directional => directional::draw(survey, stream),
+        };
+        let draft = match draft {
+            Ok(draft) => draft,
+            Err(why) => {
+                reason = why;
+                continue;
+            }
+        };
+        let rank = rank(survey, family, &draft);
+        if best.as_ref().is_none_or(|b| b.0 < rank) {
+            best = Some((rank, draft));
+        }
+        if rank == PRESSES {
+            break;
+        }
+    }
+    match best {
+        Some((_, Draft { maneuver, future })) => Ok(Proposal { intent: Some(family), maneuver, future }),
+        None => Err(NoProposal(reason)),
+    }
+}
+
+/// Rank of a draw that is proposed at once.
+const PRESSES: u8 = 3;
+
+/// How useful a draw is: 3 presses somebody in time, well away from the log, and breaks no rule; 2 presses somebody; 1 breaks no rule; 0
+/// does.
+fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
+    let touches = survey.replay.touches(&draft.future);
+    if touches.iter().any(breaks) || !survey.on_road(&draft.future) || survey.runs_red(&draft.future) {
+        return 0;
+    }
+    // Who is off the logged way for its own sake meets others there, not before.
+    let in_family = |step: usize| {
+        family == Deviation::Longitudinal || survey.beside_way(&draft.future[step - 1]) > OFF_WAY
+    };
+    match touches.iter().filter(|t| t.at_fault).map(|t| t.step).min() {
+        Some(step) if step <= IN_TIME && in_family(step) && survey.ade(&draft.future) >= AWAY => PRESSES,
+        Some(_) => 2,
+        None => 1,
+    }
+}
+
+/// Whether a contact is one that no driver would make: early, with somebody on foot or on a bicycle, or by driving into what is slow
+/// or goes ahead.
+fn breaks(touch: &Touch) -> bool {
+    touch.step <= TOO_EARLY
+        || touch.kind != Some(AgentKind::Vehicle)
+        || touch.av_bumper && (touch.speed < SLOW || touch.rear_end())
+}
+
+/// Uniform in a range.
+fn between(stream: &mut Stream, low: f64, high: f64) -> f64 {
+    stream.random_range(low..high)
+}
+
+/// One of several, with weights.
+fn pick<'t, T>(stream: &mut Stream, choices: &'t [(f64, T)]) -> Option<&'t T> {
+    let total: f64 = choices.iter().map(|c| c.0).sum();
+    let mut left = stream.random_range(0.0..1.0) * total;
+    for (weight, choice) in choices {
+        left -= weight;
+        if left < 0.0 {
+            return Some(choice);
+        }
+    }
+    choices.last().map(|c| &c.1)
+}

@@ -1,0 +1,121 @@
+//! The figures of a set of deviations as charts (SVG).
+
+mod funnel;
+mod histogram;
+mod scatter;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::birdseye::palette;
+use super::markdown::capital;
+use crate::curation::stats::Statistics;
+use crate::scene::Deviation;
+
+/// Size of a chart, pixels.
+const SIZE: (u32, u32) = (800, 500);
+const FONT: &str = "sans-serif";
+
+/// A chart as a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chart {
+    /// Name of the file.
+    pub name: &'static str,
+    /// Its content. The same figures give the same bytes.
+    pub svg: String,
+}
+
+/// Why a chart can not be drawn: the drawing library's words.
+#[derive(Debug, thiserror::Error)]
+#[error("could not draw {chart}: {cause}")]
+pub struct ChartError {
+    /// Name of the file.
+    pub chart: &'static str,
+    /// What the library says.
+    pub cause: String,
+}
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// All charts.
+///
+/// # Errors
+/// [`ChartError`] when the drawing library refuses; it does so only where it has no place to draw.
+pub fn charts(statistics: &Statistics) -> Result<Vec<Chart>, ChartError> {
+    let draw: [(&'static str, fn(&Area<'_>, &Statistics) -> Drawn); 4] = [
+        ("endpoints.svg", scatter::endpoints),
+        ("ade.svg", histogram::ade),
+        ("mean-speed-difference.svg", histogram::mean_speed_difference),
+        ("funnel.svg", funnel::funnel),
+    ];
+    draw.into_iter().map(|(name, draw)| chart(name, |area| draw(area, statistics))).collect()
+}
+
+fn chart(name: &'static str, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<Chart, ChartError> {
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+    let drawn = area
+        .fill(&WHITE)
+        .map_err(|e| e.to_string())
+        .and_then(|()| draw(&area).map_err(|e| e.to_string()))
+        .and_then(|()| area.present().map_err(|e| e.to_string()));
+    drop(area);
+    drawn.map_err(|cause| ChartError { chart: name, cause })?;
+    Ok(Chart { name, svg })
+}
+
+/// A colour of the palette.
+fn color(hex: &str) -> RGBColor {
+    let part = |i: usize| hex.get(i..i + 2).and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
+    RGBColor(part(1), part(3), part(5))
+}
+
+fn category_color(category: Deviation) -> RGBColor {
+    color(palette::category(category))
+}
+
+/// Text of this size; `at` is its left, middle or right, halfway up.
+fn text(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos) -> Drawn {
+    styled(area, what, at, size, side, color(palette::STOP))
+}
+
+fn styled(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos, ink: RGBColor) -> Drawn {
+    let style = (FONT, size).into_font().color(&ink).pos(Pos::new(side, VPos::Center));
+    area.draw_text(what, &style, at)?;
+    Ok(())
+}
+
+/// A title with a line of small print below it.
+fn title(area: &Area<'_>, what: &str, about: &str) -> Drawn {
+    text(area, what, (24, 26), 21, HPos::Left)?;
+    styled(area, about, (24, 50), 14, HPos::Left, color(palette::GHOST))
+}
+
+/// A number on an axis: no digits that say nothing.
+fn tick(value: &f64) -> String {
+    // What the library counts up is off by some last bits.
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }
+}
+
+/// The categories in one row, each with its mark and the number of its candidates.
+fn legend(
+    area: &Area<'_>,
+    statistics: &Statistics,
+    mark: impl Fn(&Area<'_>, Deviation, (i32, i32)) -> Drawn,
+) -> Drawn {
+    for (i, category) in Deviation::ALL.into_iter().enumerate() {
+        let (x, y) = (90 + 190 * i as i32, 78);
+        mark(area, category, (x, y))?;
+        let n = statistics.categories.get(category.name()).map_or(0, |p| p.count);
+        text(area, &format!("{} ({n})", capital(category.name())), (x + 14, y), 15, HPos::Left)?;
+    }
+    Ok(())
+}
+
+/// What stands where a set is empty.
+fn nothing(area: &Area<'_>) -> Drawn {
+    text(area, "No candidate is chosen.", (400, 270), 18, HPos::Center)
+}

@@ -1,0 +1,102 @@
+//! How many scenarios and candidates are left after each step.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+
+use super::{Area, Drawn, FONT, color, palette, text, title};
+use crate::curation::stats::Statistics;
+use crate::report::curation_tables::rejections;
+
+/// A line: what is left, and what fell just before.
+struct Line {
+    name: String,
+    left: u64,
+    fell: u64,
+}
+
+/// Bars of what is left, with what fell at each rule in a paler colour at their ends.
+pub(super) fn funnel(area: &Area<'_>, statistics: &Statistics) -> Drawn {
+    title(
+        area,
+        "What is left of scenarios and candidates",
+        "Steps 1 to 4 of the pipeline; pale: what fell at this rule",
+    )?;
+    let (scenarios, candidates) = (scenarios(statistics), candidates(statistics));
+    // Both parts share the height; many filters make thinner bars.
+    let lines = (scenarios.len() + candidates.len()) as i32;
+    let pitch = ((SPACE - 2 * HEAD) / lines.max(1)).min(26);
+    let next = part(area, "Scenarios", &scenarios, TOP, pitch)?;
+    part(area, "Candidates", &candidates, next, pitch)?;
+    Ok(())
+}
+
+const TOP: i32 = 68;
+const SPACE: i32 = 420;
+const HEAD: i32 = 30;
+/// Where bars begin, and how long the longest is.
+const LEFT: i32 = 300;
+const LONGEST: i32 = 360;
+
+fn scenarios(statistics: &Statistics) -> Vec<Line> {
+    let funnel = &statistics.funnel;
+    let mut left = funnel.scenarios;
+    let mut lines = vec![Line { name: "read".into(), left, fell: 0 }];
+    for (rule, n) in &funnel.preselection {
+        left = left.saturating_sub(*n);
+        lines.push(Line { name: format!("1: {rule}"), left, fell: *n });
+    }
+    for (name, n) in [("3: with a survivor", statistics.with_survivor), ("4: chosen", statistics.chosen)] {
+        let fell = left.saturating_sub(n as u64);
+        left = n as u64;
+        lines.push(Line { name: name.into(), left, fell });
+    }
+    lines
+}
+
+fn candidates(statistics: &Statistics) -> Vec<Line> {
+    let funnel = &statistics.funnel;
+    let mut left = funnel.candidates;
+    let unproposed = funnel.unproposed.values().sum();
+    let mut lines = vec![Line { name: "2: proposed".into(), left, fell: unproposed }];
+    for (filter, n) in rejections(statistics) {
+        left = left.saturating_sub(n);
+        lines.push(Line { name: format!("3: {filter}"), left, fell: n });
+    }
+    lines
+}
+
+/// Draws some lines under a heading; where the next part can begin.
+fn part(
+    area: &Area<'_>,
+    heading: &str,
+    lines: &[Line],
+    top: i32,
+    pitch: i32,
+) -> Result<i32, Box<dyn std::error::Error>> {
+    let strong = (FONT, 16).into_font().style(FontStyle::Bold).color(&color(palette::STOP));
+    area.draw_text(heading, &strong, (24, top))?;
+    let most = lines.iter().map(|l| l.left + l.fell).max().unwrap_or(0).max(1);
+    let length = |n: u64| (f64::from(LONGEST) * n as f64 / most as f64).round() as i32;
+    let size = (pitch * 3 / 5).clamp(8, 14) as u32;
+    for (i, line) in lines.iter().enumerate() {
+        let middle = top + HEAD + pitch * i as i32 + pitch / 2 - 4;
+        let half = (pitch * 2 / 5).max(2);
+        text(area, &shortened(&line.name), (LEFT - 10, middle), size, HPos::Right)?;
+        let (left, all) = (LEFT + length(line.left), LEFT + length(line.left + line.fell));
+        let bar = |from: i32, to: i32| [(from, middle - half), (to, middle + half)];
+        area.draw(&Rectangle::new(bar(left, all), color(palette::ROAD).filled()))?;
+        area.draw(&Rectangle::new(bar(LEFT, left), color("#00568c").filled()))?;
+        let fell = if line.fell > 0 { format!("  (−{})", line.fell) } else { String::new() };
+        text(area, &format!("{}{fell}", line.left), (all + 8, middle), size, HPos::Left)?;
+    }
+    Ok(top + HEAD + pitch * lines.len() as i32 + 8)
+}
+
+/// Names that would run out of the picture are cut.
+fn shortened(name: &str) -> String {
+    const MOST: usize = 42;
+    if name.chars().count() <= MOST {
+        return name.to_owned();
+    }
+    name.chars().take(MOST - 1).chain(['…']).collect()
+}

@@ -1,0 +1,191 @@
+//! The verb as its user sees it.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use reactsim::curation::store;
+
+use super::hand::{scenario, write};
+use crate::generated::{deviating, write as write_scenarios};
+
+fn reactsim(arguments: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn wrong_input_names_the_mend_and_exits_with_2() {
+    let home = tempfile::tempdir().unwrap();
+    let scenarios = home.path().join("s.parquet");
+    write_scenarios(&scenarios, (0..2).map(|i| deviating(i, false)));
+    let out = home.path().join("c.parquet");
+    let error = |arguments: &[&str]| {
+        let output = reactsim(&[&["curate"], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{arguments:?} printed a result");
+        stderr(&output).replace(text(home.path()), "HOME")
+    };
+    let make = |more: &[&str]| error(&[&[text(&scenarios), "--out", text(&out)], more].concat());
+    assert!(error(&[]).contains("--out <FILE>"));
+    assert!(error(&[text(&scenarios)]).contains("--out <FILE>"));
+    assert!(make(&["--source", "dice"]).contains("[possible values: rules"));
+    assert!(make(&["--candidates", "0"]).contains("1..=1000"));
+    assert!(make(&["--radius", "-3"]).contains("--radius"));
+    assert!(make(&["--radius=0"]).contains("expected a number above 0"));
+    assert!(make(&["--min-ade=nan"]).contains("expected 0 or a larger number"));
+    assert!(make(&["--jobs", "0"]).contains("1..=1024"));
+    insta::assert_snapshot!(error(&["absent", "--out", text(&out)]), @"error: absent: could not read: No such file or directory (os error 2)");
+    insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(home.path())]), @"error: HOME: could not create: is a directory");
+    insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(&home.path().join("no/c.parquet"))]), @"error: HOME/no/c.parquet: could not create: No such file or directory (os error 2)");
+    insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(&scenarios)]), @"error: HOME/s.parquet is both input and output; choose another --out");
+    assert!(!out.exists());
+    for verb in ["stats", "apply"] {
+        let more: &[&str] = if verb == "apply" { &["--out", "HOME/x"] } else { &[] };
+        let absent = error(&[&[verb, "absent.parquet"], more].concat());
+        assert!(absent.contains("error: absent.parquet: could not read"), "{absent}");
+        let foreign = error(&[&[verb, text(&scenarios)], more].concat());
+        assert!(
+            foreign.contains("s.parquet: `reactsim.format` in the file's metadata is `reactsim-scenarios`, expected `reactsim-deviations`"),
+            "{foreign}"
+        );
+    }
+}
+
+#[test]
+fn help_fits_a_terminal() {
+    for verb in [&["curate", "--help"][..], &["curate", "stats", "--help"], &["curate", "apply", "--help"]] {
+        let help = stdout(&reactsim(verb));
+        assert!(help.contains("Usage: reactsim curate"), "{help}");
+        assert!(help.lines().all(|l| l.chars().count() < 100), "{help}");
+    }
+}
+
+#[test]
+fn scenarios_become_a_file_of_candidates() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, again) = (home.path().join("s.parquet"), home.path().join("t.parquet"));
+    write_scenarios(&input, (0..40).map(|i| deviating(i, false)));
+    // One of them a second time, and a file that is none.
+    write_scenarios(&again, (39..42).map(|i| deviating(i, false)));
+    let broken = home.path().join("u.json");
+    fs::write(&broken, r#"{"format": "reactsim-scenario-v1"}"#).unwrap();
+    let mut files = Vec::new();
+    for jobs in ["1", "3"] {
+        let out = home.path().join(format!("c{jobs}.parquet"));
+        let output = reactsim(&[
+            "curate",
+            text(&input),
+            text(&again),
+            text(&broken),
+            "--out",
+            text(&out),
+            "--jobs",
+            jobs,
+            "--candidates",
+            "5",
+            "--min-vehicles",
+            "1",
+            "--max-ttc",
+            "100",
+        ]);
+        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+        let printed = stdout(&output);
+        assert!(printed.contains("| Read ") && printed.contains("| Directional "), "{printed}");
+        assert!(
+            stderr(&output).contains("t.parquet: record 0: scenario `road-039`: an earlier one has this id")
+        );
+        assert!(stderr(&output).contains("warning: 2 failed; the others are in the file"));
+        files.push(fs::read(&out).unwrap());
+    }
+    assert!(files[0] == files[1], "the number of threads changes bytes");
+    let out = home.path().join("c1.parquet");
+    let opened = store::Store::open(&out).unwrap();
+    let provenance = opened.provenance();
+    assert_eq!((provenance.funnel.scenarios, provenance.failures.len()), (42, 2));
+    assert_eq!(provenance.inputs.len(), 3);
+    assert_eq!(provenance.settings["source"], "rules");
+    assert_eq!(provenance.settings["candidates"], "5");
+    let said = serde_json::to_string(provenance).unwrap();
+    assert!(!said.contains(text(home.path())), "paths are nobody else's concern: {said}");
+    let dropped: u64 = provenance.funnel.preselection.values().sum();
+    assert_eq!(provenance.funnel.preselected + dropped, 42);
+    // Nothing can be read: nothing is written.
+    let none = home.path().join("none.parquet");
+    let output = reactsim(&["curate", text(&broken), "--out", text(&none)]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("error: no scenario could be read"));
+    assert!(!none.exists());
+    let limited = reactsim(&["curate", text(&input), "--limit", "2", "--out", text(&none)]);
+    assert_eq!(limited.status.code(), Some(0), "{}", stderr(&limited));
+    assert_eq!(store::read(&none).unwrap().provenance().funnel.scenarios, 2);
+}
+
+#[test]
+fn figures_on_stdout_and_charts_in_a_folder() {
+    let home = tempfile::tempdir().unwrap();
+    let (file, charts) = (home.path().join("c.parquet"), home.path().join("charts/of/it"));
+    write(&file, &["a", "b", "c"].map(|id| scenario(id, 4)));
+    let output = reactsim(&["curate", "stats", text(&file), "--svg", text(&charts)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stdout(&output).contains("Certificates: 3 of 3 chosen candidates"), "{}", stdout(&output));
+    assert_eq!(fs::read_dir(&charts).unwrap().count(), 4);
+    let output = reactsim(&["curate", "stats", text(&file), "--format", "json"]);
+    let figures: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(figures["chosen"], 3);
+    // A file that is no folder stands in the way.
+    let output = reactsim(&["curate", "stats", text(&file), "--svg", text(&file)]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("could not create"));
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_it_keeps_what_is_finished() {
+    use std::io::Read;
+    use std::process::Stdio;
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("s.parquet"), home.path().join("c.parquet"));
+    write_scenarios(&input, (0..4000).map(|i| deviating(i, false)));
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+        .args(["curate", text(&input), "--out", text(&out), "--jobs", "1", "--min-vehicles", "0"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The unfinished file is there when the first scenario is begun, and the flag is watched soon after.
+    let begun = || fs::read_dir(home.path()).unwrap().count() > 1;
+    while !begun() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    std::thread::sleep(std::time::Duration::from_millis(60));
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(interrupt.success());
+    let status = child.wait().unwrap();
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    if status.code() == Some(0) {
+        println!("skipped: it was done before it was interrupted");
+        return;
+    }
+    assert_eq!(status.code(), Some(130), "{said}");
+    assert!(said.contains("interrupted: writing what is finished; once more ends at once"), "{said}");
+    assert!(said.contains("interrupted: the file holds the first "), "{said}");
+    let kept = store::read(&out).unwrap();
+    assert!(kept.provenance().interrupted);
+    let scenarios = kept.provenance().funnel.scenarios;
+    assert!(scenarios < 4000, "{scenarios}");
+    let records: Vec<_> = kept.map(|r| r.unwrap()).collect();
+    assert!(records.len() as u64 <= scenarios);
+}

@@ -1,0 +1,189 @@
+//! Figures of sets whose numbers are known.
+
+use std::fs;
+
+use reactsim::curation::stats::{Collector, Statistics};
+use reactsim::curation::{CurationProvenance, Funnel, Offsets, Pressure, ScenarioRecord};
+use reactsim::report::{curation_charts, curation_tables};
+use reactsim::scene::Deviation;
+
+use super::hand::{provenance, scenario};
+
+/// A scenario with one chosen candidate of this category and ADE.
+fn chosen(id: usize, category: Deviation, ade: f64) -> ScenarioRecord {
+    let mut record = scenario(&format!("s{id}"), 3);
+    let one = &mut record.candidates[1];
+    one.taxonomy.category = category;
+    one.candidate.intent = Some(Deviation::Lateral);
+    one.pressure = Pressure { at_fault: u32::from(ade > 4.0), overlaps: u32::from(ade > 2.0), risky: 1 };
+    one.offsets = Offsets {
+        endpoint_longitudinal: -ade,
+        endpoint_lateral: if ade > 4.0 { f64::NAN } else { 0.5 },
+        ade,
+        mean_speed_difference: -ade / 8.0,
+    };
+    record
+}
+
+fn known() -> Statistics {
+    let mut collector = Collector::default();
+    let lateral = Deviation::Lateral;
+    for (i, (category, ade)) in
+        [(lateral, 1.0), (lateral, 3.0), (Deviation::Longitudinal, 2.0), (lateral, 5.0), (lateral, 4.0)]
+            .into_iter()
+            .enumerate()
+    {
+        collector.add(&chosen(i, category, ade));
+    }
+    // Two scenarios without a choice, one of them without a survivor.
+    let mut none = scenario("none", 3);
+    none.candidates[1].chosen = false;
+    collector.add(&none);
+    none.candidates.drain(..2);
+    collector.add(&none);
+    let funnel = Funnel {
+        scenarios: 9,
+        preselection: [("too few vehicles".to_owned(), 2)].into(),
+        preselected: 7,
+        candidates: 19,
+        unproposed: [("no lane to change to".to_owned(), 2)].into(),
+        rejected: [("pressure".to_owned(), 7)].into(),
+        survivors: 12,
+        chosen: 5,
+    };
+    collector.finish(&CurationProvenance { funnel, ..provenance() })
+}
+
+#[test]
+fn figures_are_those_of_a_calculation_by_hand() {
+    let s = known();
+    assert_eq!((s.scenarios, s.with_survivor, s.chosen, s.failures), (7, 6, 5, 1));
+    let (all, lateral) = (&s.overall, &s.categories["lateral"]);
+    let directional = &s.categories["directional"];
+    assert_eq!((all.count, lateral.count, directional.count), (5, 4, 0));
+    assert_eq!((all.share, lateral.share, directional.share), (Some(1.0), Some(0.8), Some(0.0)));
+    assert_eq!((all.ade.mean, all.ade.median), (Some(3.0), Some(3.0)));
+    assert_eq!((all.ade.lower_quartile, all.ade.upper_quartile), (Some(2.0), Some(4.0)));
+    assert_eq!((lateral.ade.mean, lateral.ade.median), (Some(3.25), Some(3.5)));
+    assert_eq!((directional.ade.n, directional.ade.mean), (0, None));
+    assert_eq!(all.mean_speed_difference.mean, Some(-0.375));
+    // What is unknown is left out, not zero.
+    assert_eq!((all.endpoint_lateral.n, all.endpoint_lateral.mean), (4, Some(0.5)));
+    assert_eq!((s.endpoints[3].longitudinal, s.endpoints[3].lateral), (Some(-5.0), None));
+    assert_eq!(all.pressure.at_fault, Some(0.2));
+    assert_eq!((all.pressure.overlap, all.pressure.risky), (Some(0.6), Some(1.0)));
+    assert_eq!(directional.pressure.risky, None);
+    // All histograms of a quantity have the same bins, and hold everything.
+    assert_eq!(all.ade.histogram.len(), s.bins.ade.count);
+    assert_eq!(all.ade.histogram.iter().sum::<u64>(), 5);
+    assert_eq!(lateral.ade.histogram.len(), s.bins.ade.count);
+    assert_eq!(
+        (s.agreement.chosen.share, s.agreement.chosen.counts["lateral"]["longitudinal"]),
+        (Some(0.8), 1)
+    );
+    let certificates = &s.certificates;
+    assert_eq!((certificates.certified, certificates.responses, certificates.nudged), (5, 10, 10));
+    assert_eq!(certificates.peak_deceleration.mean, Some(3.5));
+    assert_eq!(s.reviewed["pick"], 5);
+    assert_eq!(s.filters, ["ade", "pressure", "avoidable"]);
+}
+
+#[test]
+fn tables_are_for_people() {
+    let mut text = Vec::new();
+    curation_tables::write_statistics(&mut text, &known()).unwrap();
+    insta::assert_snapshot!(String::from_utf8(text).unwrap());
+}
+
+#[test]
+fn json_has_stable_keys() {
+    let mut value = serde_json::to_value(known()).unwrap();
+    value["endpoints"].as_array_mut().unwrap().truncate(2);
+    for part in ["longitudinal", "directional"] {
+        value["categories"][part] = "as overall".into();
+    }
+    insta::assert_snapshot!(serde_json::to_string_pretty(&value).unwrap());
+}
+
+#[test]
+fn an_empty_set_has_figures_too() {
+    let statistics = Collector::default().finish(&CurationProvenance::default());
+    assert_eq!((statistics.chosen, statistics.overall.ade.mean), (0, None));
+    let mut text = Vec::new();
+    curation_tables::write_statistics(&mut text, &statistics).unwrap();
+    assert!(String::from_utf8(text).unwrap().contains("| All          |      0 |         – |"));
+    let charts = curation_charts::charts(&statistics).unwrap();
+    assert!(charts[0].svg.contains("No candidate is chosen."));
+}
+
+/// A set as large as a real one, spread as one would be.
+fn large() -> Statistics {
+    let mut collector = Collector::default();
+    let noise = |i: usize| ((i as f64 * 12.9898).sin() * 43_758.5453).fract().abs();
+    for i in 0..1200 {
+        let (a, b, c) = (noise(4 * i), noise(4 * i + 1), noise(4 * i + 2));
+        let category = Deviation::ALL[(c * 3.0) as usize];
+        let mut record = chosen(i, category, 2.0 + 9.0 * a * a + 6.0 * b * c);
+        let offsets = &mut record.candidates[1].offsets;
+        let wide = |v: f64| 2.0 * v - 1.0;
+        (offsets.endpoint_longitudinal, offsets.endpoint_lateral) = match category {
+            Deviation::Longitudinal => (40.0 * wide(a), 0.4 * wide(b)),
+            Deviation::Lateral => (6.0 * wide(a), 4.0 * wide(b).signum() * (0.4 + noise(4 * i + 3))),
+            Deviation::Directional => (-30.0 * a, 35.0 * wide(b)),
+        };
+        offsets.mean_speed_difference = offsets.endpoint_longitudinal / 8.0;
+        collector.add(&record);
+    }
+    let text = |s: &str| s.to_owned();
+    let funnel = Funnel {
+        scenarios: 2636,
+        preselection: [
+            (text("too few vehicles near the AV"), 612),
+            (text("no vehicle comes close in time"), 251),
+        ]
+        .into(),
+        preselected: 1773,
+        candidates: 26_103,
+        unproposed: [(text("no lane to change to"), 2265)].into(),
+        rejected: [
+            "ade",
+            "drivable",
+            "kinematics",
+            "pressure",
+            "active-collision",
+            "early-contact",
+            "avoidable",
+        ]
+        .iter()
+        .zip([4000, 3120, 12, 9800, 801, 95, 2133])
+        .map(|(f, n)| (text(f), n))
+        .collect(),
+        survivors: 6142,
+        chosen: 1200,
+    };
+    collector.finish(&CurationProvenance { funnel, ..provenance() })
+}
+
+#[test]
+fn charts_are_drawn_and_always_the_same() {
+    let charts = curation_charts::charts(&large()).unwrap();
+    assert_eq!(charts, curation_charts::charts(&large()).unwrap());
+    let names: Vec<_> = charts.iter().map(|c| c.name).collect();
+    assert_eq!(names, ["endpoints.svg", "ade.svg", "mean-speed-difference.svg", "funnel.svg"]);
+    // For looking at them.
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("curation-charts");
+    fs::create_dir_all(&folder).unwrap();
+    for chart in &charts {
+        assert!(chart.svg.starts_with("<svg width=\"800\" height=\"500\""), "{}", chart.name);
+        assert!(!chart.svg.contains("NaN"), "{}", chart.name);
+        fs::write(folder.join(chart.name), &chart.svg).unwrap();
+    }
+    let (endpoints, funnel) = (&charts[0].svg, &charts[3].svg);
+    for part in
+        ["Longitudinal (", "Longitudinal offset (m, ahead positive)", "Lateral offset (m, left positive)"]
+    {
+        assert!(endpoints.contains(part), "{part}");
+    }
+    assert!(funnel.contains("3: avoidable") && funnel.contains("−2133"));
+    curation_charts::charts(&known()).unwrap();
+}
