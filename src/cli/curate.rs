@@ -26,7 +26,7 @@ pub(super) struct CurateArgs {
 enum CurateCommand {
     /// Print the figures of a file of candidates: categories, distances, pressure, what fell where
     Stats(stats::StatsArgs),
-    /// Verify the candidates of a file by hand, in a browser
+    /// Verify candidates by hand in a browser
     Review(review::ReviewArgs),
     /// Write a file anew with what reviewers decided
     Apply(apply::ApplyArgs),

@@ -108,7 +108,7 @@ pub fn curate_scenario(
         scenario_digest: scenario.digest(),
         origin: scenario.origin,
         candidates,
-        scene: None,
+        scene: settings.scenes.then(|| super::review::scene(scenario)),
     };
     Curated::Kept(Box::new(record), unproposed)
 }

@@ -37,6 +37,7 @@ pub struct ChartError {
 }
 
 type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Draw = fn(&Area<'_>, &Statistics) -> Drawn;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// All charts.
@@ -44,7 +45,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// # Errors
 /// [`ChartError`] when the drawing library refuses; it does so only where it has no place to draw.
 pub fn charts(statistics: &Statistics) -> Result<Vec<Chart>, ChartError> {
-    let draw: [(&'static str, fn(&Area<'_>, &Statistics) -> Drawn); 4] = [
+    let draw: [(&'static str, Draw); 4] = [
         ("endpoints.svg", scatter::endpoints),
         ("ade.svg", histogram::ade),
         ("mean-speed-difference.svg", histogram::mean_speed_difference),

@@ -117,7 +117,8 @@ fn pressure(statistics: &Statistics) -> Vec<Vec<String>> {
 fn distributions(statistics: &Statistics) -> Vec<Vec<String>> {
     let head = ["Quantity", "Category", "n", "Mean", "Min", "25 %", "Median", "75 %", "Max"];
     let mut rows = vec![texts(&head)];
-    let quantities: [(&str, fn(&Part) -> &Distribution); 4] = [
+    type Of = fn(&Part) -> &Distribution;
+    let quantities: [(&str, Of); 4] = [
         ("ADE (m)", |p| &p.ade),
         ("Mean-speed difference (m/s)", |p| &p.mean_speed_difference),
         ("Endpoint ahead (m)", |p| &p.endpoint_longitudinal),

@@ -1,9 +1,15 @@
-//! Curation: files, analysis, command line.
+//! Curation: the pipeline, files, analysis, the review page, command line.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a test that is skipped says so")]
 
 mod apply;
+mod avoidance;
 mod browser;
 mod cli;
+mod filters;
 mod hand;
 mod review;
+mod road;
+mod rules;
 mod stats;
 mod store;
+mod taxonomy;

@@ -1,10 +1,18 @@
 //! `reactsim curate apply`: decisions of reviewers into a new file.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use anyhow::bail;
 use clap::Args;
 
-use crate::cli::ExitStatus;
+use super::is_same;
+use crate::cli::{ExitStatus, count, say};
+use crate::curation::apply::{self, Applied, Decided};
+use crate::curation::review::{Decision, Journal, ReviewLine};
+use crate::curation::store::Store;
+use crate::curation::{InputFile, ScenarioRecord};
+use crate::evaluation::FileRecord;
 
 /// Arguments of `curate apply`.
 #[derive(Debug, Args)]
@@ -12,7 +20,7 @@ pub(super) struct ApplyArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Journals of decisions, besides the one beside FILE
+    /// Journals of other reviewers, besides the one that lies beside FILE
     #[arg(long, num_args = 1.., value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
     /// The file to write
@@ -21,8 +29,85 @@ pub(super) struct ApplyArgs {
 }
 
 pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
-    todo(args)
+    // Everything that can be wrong is found before a byte is written.
+    let store = Store::open(&args.file)?;
+    if is_same(&args.file, &args.out) {
+        bail!("{} is both input and output; choose another --out", args.file.display());
+    }
+    let journals = journals(args)?;
+    let (decisions, warnings) = Journal::read_all(&journals)?;
+    for warning in warnings {
+        say(format_args!("warning: {warning}"));
+    }
+    let mut reviews = Vec::new();
+    for journal in &journals {
+        let FileRecord { name, blake3: digest, .. } = FileRecord::of(journal, "reviews")?;
+        reviews.push(InputFile { name, digest });
+    }
+    let (mut known, mut disagreements, mut outdated) = (BTreeSet::new(), 0, 0);
+    let decided = |record: &ScenarioRecord| {
+        let (id, opinions) = decisions.get_key_value(&record.scenario_id)?;
+        known.insert(id);
+        disagreements += usize::from(opinions.disagree(&record.scenario_digest));
+        let Some((line, fits)) = opinions.verdict_for(record) else {
+            let stands = |l: &ReviewLine| l.decision != Decision::Clear;
+            outdated += usize::from(opinions.0.values().any(stands));
+            return None;
+        };
+        Some(Decided { mark: line.mark(), candidate: line.candidate, fits })
+    };
+    let applied = apply::apply(&args.file, &args.out, &reviews, decided)?;
+    tell(&applied, disagreements, outdated + decisions.len() - known.len());
+    let n = store.scenarios().len();
+    say(format_args!("{}: {} of {} chosen", args.out.display(), applied.chosen, count(n, "scenario")));
+    Ok(ExitStatus::Done)
 }
-fn todo(_: &ApplyArgs) -> anyhow::Result<ExitStatus> {
-    anyhow::bail!("not yet")
+
+/// The journals to be read, each once: that beside the file where there is one, then those that are named.
+fn journals(args: &ApplyArgs) -> anyhow::Result<Vec<PathBuf>> {
+    let beside = Journal::beside(&args.file);
+    let mut journals = Vec::new();
+    if beside.exists() {
+        journals.push(beside.clone());
+    }
+    for path in &args.reviews {
+        if !journals.iter().any(|known| is_same(known, path)) {
+            journals.push(path.clone());
+        }
+    }
+    if journals.is_empty() {
+        let (file, beside) = (args.file.display(), beside.display());
+        bail!(
+            "nothing was decided: {beside} is not there; run `reactsim curate review {file}`, or give --reviews"
+        );
+    }
+    Ok(journals)
+}
+
+/// Says what became of the decisions.
+fn tell(applied: &Applied, disagreements: usize, unknown: usize) {
+    let Applied { picked, picked_rejected, dropped, marked, unfit, .. } = applied;
+    say(format_args!("{picked} picked, {dropped} dropped, {marked} only marked"));
+    if *picked_rejected > 0 {
+        say(format_args!(
+            "warning: {} picked that a filter had rejected",
+            count(*picked_rejected, "candidate")
+        ));
+    }
+    if disagreements > 0 {
+        let n = count(disagreements, "scenario");
+        say(format_args!("warning: reviewers disagree about {n}; the latest decision holds"));
+    }
+    if let Some(first) = unfit.first() {
+        let n = count(unfit.len(), "decision");
+        say(format_args!(
+            "warning: {n} not applied: made about other candidates, such as that about scenario `{first}`"
+        ));
+    }
+    if unknown > 0 {
+        let n = count(unknown, "decision");
+        say(format_args!(
+            "warning: {n} not applied: the file does not have the scenario, or another content of it"
+        ));
+    }
 }

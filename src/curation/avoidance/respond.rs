@@ -24,6 +24,8 @@ const TOUCHING: f64 = 0.03;
 const FOLLOWER_COS: f64 = 0.7;
 /// The largest second derivative of the smooth step from 0 to 1.
 const SMOOTH_STEP_BEND: f64 = 5.78;
+/// Share of the lateral acceleration that is left to a shift, on a path that bends.
+const SHIFT_SHARE: f64 = 0.6;
 /// Curvature that a shift may add to that of the path, 1/m.
 const SHIFT_CURVATURE: f64 = 0.15;
 
@@ -43,7 +45,17 @@ struct Choice {
     ahead: bool,
 }
 
-/// Finds a response of an agent against everybody as they move now.
+/// Who else is expected to respond where this agent does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Courtesy {
+    /// Those who come from behind.
+    OfFollowers,
+    /// Those too who cross the path of this agent after it in the log.
+    OfAllWhoComeLater,
+}
+
+/// Finds a response of an agent against everybody as they move now: by speed, else with a shift; and where neither is found, the same
+/// again with more courtesy of others.
 pub(super) fn respond(
     traffic: &Traffic<'_>,
     agent: usize,
@@ -55,24 +67,35 @@ pub(super) fn respond(
         return Err(Unavoidable::Absent { agent: who.id.clone() });
     };
     let solver = Solver::new(traffic, &driver, settings);
-    let by_speed = solver.along(&driver.path);
-    let why = match by_speed {
-        Ok(planned) => return Ok(planned),
-        Err(why) => why,
-    };
-    if who.kind == AgentKind::Vehicle && settings.max_nudge > 0.0 {
-        for share in [0.5, -0.5, 1.0, -1.0] {
-            let nudge: f64 = share * settings.max_nudge;
-            let by_grip = driver.motion.speed
-                * (SMOOTH_STEP_BEND * nudge.abs() / (0.6 * settings.max_lateral_acceleration)).sqrt();
-            let by_steering = (SMOOTH_STEP_BEND * nudge.abs() / SHIFT_CURVATURE).sqrt();
-            let path = driver.path.nudged(nudge, by_grip.max(by_steering));
-            if let Ok(planned) = solver.along(&path) {
+    let mut why = None;
+    for courtesy in [Courtesy::OfFollowers, Courtesy::OfAllWhoComeLater] {
+        match solver.along(&driver.path, courtesy) {
+            Ok(planned) => return Ok(planned),
+            Err(reason) if why.is_none() => why = Some(reason),
+            Err(_) => {}
+        }
+        for path in nudged(&driver, who.kind, settings) {
+            if let Ok(planned) = solver.along(&path, courtesy) {
                 return Ok(planned);
             }
         }
     }
-    Err(why)
+    Err(why.unwrap_or(Unavoidable::Absent { agent: who.id.clone() }))
+}
+
+/// The paths of a vehicle with a shift to either side, the small ones first.
+fn nudged(driver: &Driver, kind: AgentKind, settings: &AvoidanceSettings) -> Vec<OwnPath> {
+    if kind != AgentKind::Vehicle || !(settings.max_nudge > 0.0) {
+        return Vec::new();
+    }
+    let along = |share: f64| {
+        let nudge = share * settings.max_nudge;
+        let grip = SHIFT_SHARE * settings.max_lateral_acceleration;
+        let by_grip = driver.motion.speed * (SMOOTH_STEP_BEND * nudge.abs() / grip).sqrt();
+        let by_steering = (SMOOTH_STEP_BEND * nudge.abs() / SHIFT_CURVATURE).sqrt();
+        driver.path.nudged(nudge, by_grip.max(by_steering))
+    };
+    [0.5, -0.5, 1.0, -1.0].map(along).to_vec()
 }
 
 /// What is added to the time gap where a solution was found to break it, seconds: on a bend the gap shrinks more slowly than the arc
@@ -122,10 +145,10 @@ impl<'t> Solver<'t> {
         Self { traffic, driver, settings, to_av, slowest, fastest, wanted: driver.wanted(), others }
     }
 
-    fn along(&self, path: &OwnPath) -> Result<Planned, Unavoidable> {
+    fn along(&self, path: &OwnPath, courtesy: Courtesy) -> Result<Planned, Unavoidable> {
         let reach = self.slowest.s.iter().copied().zip(self.fastest.s.iter().copied()).collect();
         let places = Places::new(path, reach);
-        let (choices, followers) = self.choices(path, &places)?;
+        let (choices, followers) = self.choices(path, &places, courtesy)?;
         let cap = self.end_of_road(path);
         for sides in combinations(&choices) {
             if let Some(planned) = self.attempt(path, &choices, &followers, &sides, cap) {
@@ -152,6 +175,7 @@ impl<'t> Solver<'t> {
         &self,
         path: &OwnPath,
         places: &Places<'_>,
+        courtesy: Courtesy,
     ) -> Result<(Vec<Choice>, BTreeSet<usize>), Unavoidable> {
         let first = self.driver.reaction;
         let (boxes, extent) = self.traffic.boxes(0);
@@ -163,7 +187,8 @@ impl<'t> Solver<'t> {
             let (boxes, extent) = self.traffic.boxes(other.slot);
             for mut blob in places.blobs(other.slot, boxes, extent, first, other.clearance) {
                 let all = blob.stretches.len();
-                blob.stretches.retain(|s| !self.followed_by(other.slot, first + s.step));
+                let later = courtesy == Courtesy::OfAllWhoComeLater && self.comes_later(&blob);
+                blob.stretches.retain(|s| !later && !self.followed_by(other.slot, first + s.step));
                 if blob.stretches.len() < all {
                     followers.insert(other.slot);
                 }
@@ -173,6 +198,11 @@ impl<'t> Solver<'t> {
             }
         }
         Ok((choices, followers))
+    }
+
+    /// Whether the agent is past a blob in its log when that begins.
+    fn comes_later(&self, blob: &Blob) -> bool {
+        blob.stretches.first().is_some_and(|s| self.driver.logged[s.step] > s.from)
     }
 
     /// Whether somebody comes from behind in the log: it must not run into this agent, whatever that does.
@@ -199,8 +229,7 @@ impl<'t> Solver<'t> {
                 step: self.driver.reaction + step,
             });
         }
-        let logged_ahead = blob.stretches.first().is_some_and(|s| self.driver.logged[s.step] > s.from);
-        let preferred = if blob.by != 0 && logged_ahead { Side::Ahead } else { Side::Behind };
+        let preferred = if blob.by != 0 && self.comes_later(&blob) { Side::Ahead } else { Side::Behind };
         Ok(Choice { blob, gaps, preferred, behind: late.is_none(), ahead })
     }
 
@@ -316,21 +345,24 @@ impl<'t> Solver<'t> {
         track
     }
 
-    /// Bounds for the steps at which the AV in front is reached in less than the time gap.
+    /// Where the AV in front is reached in less than the time gap: bounds for all steps at which it is in front.
     fn broken_gaps(&self, profile: &Profile, track: &[AgentState]) -> Vec<(usize, f64, f64)> {
         let who = &self.traffic.scenario.start.agents[self.driver.agent];
         if who.kind != AgentKind::Vehicle {
             return Vec::new();
         }
-        let time = self.settings.time_gap + SPARE_TIME;
-        let of = |k: usize| {
+        let (mut bounds, mut broken) = (Vec::new(), false);
+        for k in 1..profile.s.len() {
             let step = self.driver.reaction + k;
-            let gap = gap_to_front(&track[step].footprint(who), &self.traffic.av_box(step), 0.0)?;
-            let closing = track[step].speed() - self.av_speed(step);
-            (closing > 0.0 && gap < self.settings.time_gap * closing)
-                .then(|| (k, time, profile.s[k] + gap + time * self.av_speed(step)))
-        };
-        (1..profile.s.len()).filter_map(of).collect()
+            let front = gap_to_front(&track[step].footprint(who), &self.traffic.av_box(step), 0.0);
+            let Some(gap) = front else { continue };
+            let before = self.av_speed(step);
+            let closing = track[step].speed() - before;
+            broken |= closing > 0.0 && gap < self.settings.time_gap * closing;
+            let time = self.settings.time_gap + (SPARE_TIME * k as f64 / 10.0).min(SPARE_TIME);
+            bounds.push((k, time, profile.s[k] + gap + time * before));
+        }
+        if broken { bounds } else { Vec::new() }
     }
 
     /// The response, where exact distances say that it keeps clear.

@@ -56,7 +56,9 @@ pub enum ReviewError {
         expected: String,
     },
     /// Nobody decides, or somebody without a fit name.
-    #[error("the name of the reviewer is `{name}`, expected 1 to 100 characters; type it in the page, or give --reviewer")]
+    #[error(
+        "the name of the reviewer is `{name}`, expected 1 to 100 characters; type it in the page, or give --reviewer"
+    )]
     Reviewer {
         /// The name found.
         name: String,

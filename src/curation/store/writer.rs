@@ -70,8 +70,8 @@ impl Writer {
             if states != CANDIDATE_STATES {
                 return Err(wrong(format!("the track of candidate {n}"), states));
             }
-            let responses = one.certificate.iter().flat_map(|c| &c.responses);
-            for response in responses.filter(|r| r.track.len() != CANDIDATE_STATES) {
+            let mut responses = one.certificate.iter().flat_map(|c| &c.responses);
+            if let Some(response) = responses.find(|r| r.track.len() != CANDIDATE_STATES) {
                 let what = format!("the response of agent `{}` to candidate {n}", response.agent);
                 return Err(wrong(what, response.track.len()));
             }

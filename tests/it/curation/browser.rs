@@ -71,8 +71,8 @@ impl Browser {
         let errors = Vec::new();
         let mut browser = Self { process, socket, session: None, sent: 0, errors, _profile: profile };
         let target = browser.call("Target.createTarget", json!({"url": "about:blank"}));
-        let attached = browser
-            .call("Target.attachToTarget", json!({"targetId": target["targetId"], "flatten": true}));
+        let attached =
+            browser.call("Target.attachToTarget", json!({"targetId": target["targetId"], "flatten": true}));
         browser.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
         browser.call("Runtime.enable", json!({}));
         browser
@@ -247,8 +247,7 @@ fn decisions_survive_a_killed_server() {
     assert_eq!(page.text("progress-text"), "2 / 5 decided");
     let before = decided(&file);
     let flag = (Decision::Flag, Some(1));
-    let expected =
-        [Some((Decision::Pick, Some(3))), Some((Decision::Reject, None)), Some(flag), None, None];
+    let expected = [Some((Decision::Pick, Some(3))), Some((Decision::Reject, None)), Some(flag), None, None];
     assert_eq!(before, expected);
 
     // What can not be written is said, and does not count.
@@ -270,7 +269,9 @@ fn decisions_survive_a_killed_server() {
     page.until("document.getElementById('verdict').textContent === 'undecided'");
     assert_eq!(decided(&file)[2], None);
     // Only what is asked for is gone through.
-    page.evaluate("const s = document.getElementById('state'); s.value = 'pick'; s.dispatchEvent(new Event('change'))");
+    page.evaluate(
+        "const s = document.getElementById('state'); s.value = 'pick'; s.dispatchEvent(new Event('change'))",
+    );
     page.shows(0);
     assert_eq!(page.text("position"), "1 of 1");
     assert_eq!(page.errors, Vec::<String>::new());

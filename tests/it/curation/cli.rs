@@ -65,7 +65,12 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
 
 #[test]
 fn help_fits_a_terminal() {
-    for verb in [&["curate", "--help"][..], &["curate", "stats", "--help"], &["curate", "apply", "--help"]] {
+    for verb in [
+        &["curate", "--help"][..],
+        &["curate", "stats", "--help"],
+        &["curate", "apply", "--help"],
+        &["curate", "review", "--help"],
+    ] {
         let help = stdout(&reactsim(verb));
         assert!(help.contains("Usage: reactsim curate"), "{help}");
         assert!(help.lines().all(|l| l.chars().count() < 100), "{help}");
@@ -148,6 +153,59 @@ fn figures_on_stdout_and_charts_in_a_folder() {
     let output = reactsim(&["curate", "stats", text(&file), "--svg", text(&file)]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("could not create"));
+}
+
+#[test]
+fn decisions_go_into_a_new_file() {
+    let home = tempfile::tempdir().unwrap();
+    let (file, out) = (home.path().join("c.parquet"), home.path().join("d.parquet"));
+    let records = ["a", "b", "c", "d"].map(|id| scenario(id, 4));
+    write(&file, &records);
+    let apply = |more: &[&str]| {
+        let output = reactsim(&[&["curate", "apply", text(&file), "--out", text(&out)], more].concat());
+        (output.status.code(), stderr(&output).replace(text(home.path()), "HOME"))
+    };
+    insta::assert_snapshot!(apply(&[]).1, @"error: nothing was decided: HOME/c.parquet.reviews.jsonl is not there; run `reactsim curate review HOME/c.parquet`, or give --reviews");
+    assert!(!out.exists());
+    let line = |id: &str, digest: &str, candidate: &str, decision: &str, reviewer: &str, minute: u32| {
+        format!(
+            r#"{{"scenario_id":"{id}","scenario_digest":"{digest}","candidate":{candidate},"decision":"{decision}","reviewer":"{reviewer}","at":"2026-01-01T12:{minute:02}:00.000Z"}}"#
+        ) + "\n"
+    };
+    let digest = |i: usize| records[i].scenario_digest.as_str();
+    let own = [
+        line("a", digest(0), "3", "pick", "ana", 1),
+        line("b", digest(1), "1", "reject", "ana", 2),
+        line("b", digest(1), "null", "clear", "ana", 3),
+        line("c", digest(2), "1", "reject", "ana", 4),
+        line("d", "0000", "1", "reject", "ana", 5),
+        line("e", "0000", "1", "reject", "ana", 5),
+    ];
+    let theirs = home.path().join("ben.jsonl");
+    fs::write(&theirs, line("a", digest(0), "2", "pick", "ben", 9)).unwrap();
+    fs::write(home.path().join("c.parquet.reviews.jsonl"), own.concat()).unwrap();
+    let (code, said) = apply(&["--reviews", text(&theirs)]);
+    assert_eq!(code, Some(0), "{said}");
+    insta::assert_snapshot!(said, @r"
+    1 picked, 1 dropped, 0 only marked
+    warning: 1 candidate picked that a filter had rejected
+    warning: reviewers disagree about 1 scenario; the latest decision holds
+    warning: 2 decisions not applied: the file does not have the scenario, or another content of it
+    HOME/d.parquet: 3 of 4 scenarios chosen
+    ");
+    let opened = store::Store::open(&out).unwrap();
+    let chosen: Vec<_> = opened.scenarios().iter().map(|s| s.chosen().map(|c| c.number)).collect();
+    assert_eq!(chosen, [Some(2), Some(1), None, Some(1)]);
+    let mark = opened.scenarios()[0].chosen().unwrap().review.clone().unwrap();
+    assert_eq!((mark.reviewer.as_str(), mark.decision.as_str()), ("ben", "pick"));
+    assert_eq!(opened.provenance().reviews.len(), 2);
+    assert_eq!(opened.provenance().funnel.chosen, 3);
+    // A line that is no decision ends it before anything is written.
+    fs::remove_file(&out).unwrap();
+    fs::write(&theirs, "{}\n").unwrap();
+    let (code, said) = apply(&["--reviews", text(&theirs)]);
+    assert!(code == Some(2) && said.contains("ben.jsonl, line 1"), "{said}");
+    assert!(!out.exists());
 }
 
 #[cfg(unix)]

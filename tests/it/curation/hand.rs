@@ -32,7 +32,7 @@ pub(super) fn candidate(number: u32) -> CandidateRecord {
         candidate: Candidate {
             source: "rules".into(),
             number,
-            intent: (number % 2 == 0).then_some(Deviation::Lateral),
+            intent: number.is_multiple_of(2).then_some(Deviation::Lateral),
             maneuver: format!("stop: 3.1 m/s² after {number} s"),
             track: track(f64::from(number) + 0.1),
         },

@@ -198,7 +198,10 @@ fn decisions_are_written_and_taken_back() {
     let journal = Journal::beside(&path);
     let (decisions, _) = Journal::read_all(&[&journal]).unwrap();
     let line = decisions[&all[1].scenario_id].verdict(&all[1].scenario_digest).unwrap();
-    assert_eq!((line.decision, line.candidate, line.note.as_deref()), (Decision::Flag, Some(0), Some("too late?")));
+    assert_eq!(
+        (line.decision, line.candidate, line.note.as_deref()),
+        (Decision::Flag, Some(0), Some("too late?"))
+    );
     assert_eq!((line.reviewer.as_str(), line.at.as_str()), ("anna", "2026-03-01T12:00:00.007Z"));
     assert_eq!(line.candidate_digest, Some(candidate_digest(&all[1].candidates[0].candidate)));
     let (status, standing) = server.post("api/undo", &json!({}));

@@ -119,7 +119,7 @@ fn an_empty_set_has_figures_too() {
 /// A set as large as a real one, spread as one would be.
 fn large() -> Statistics {
     let mut collector = Collector::default();
-    let noise = |i: usize| ((i as f64 * 12.9898).sin() * 43_758.5453).fract().abs();
+    let noise = |i: usize| ((i as f64 * 12.9898).sin() * 43_758.545).fract().abs();
     for i in 0..1200 {
         let (a, b, c) = (noise(4 * i), noise(4 * i + 1), noise(4 * i + 2));
         let category = Deviation::ALL[(c * 3.0) as usize];

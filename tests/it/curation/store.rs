@@ -200,7 +200,7 @@ fn large_files_open_fast() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.parquet");
     let mut record = scenario("", 16);
-    let noise = |i: usize| (i as f64 * 12.9898).sin() * 43_758.5453;
+    let noise = |i: usize| (i as f64 * 12.9898).sin() * 43_758.545;
     let mut writer = Writer::create(&path).unwrap();
     let began = Instant::now();
     for i in 0..2636 {

@@ -171,6 +171,7 @@ function refreshPanel() {
   panel.candidates($("candidates"), scenario, selected, standing?.verdict, (candidate) => select(candidate));
   panel.details($("details"), selected);
   const modes = [];
+  if (!scenario.map) modes.push("this file holds no scenes (--without-scenes): only the AV is drawn");
   if (show.certificate) modes.push(selected?.certificate ? "certificate’s responses" : "no certificate: log replay");
   if (!show.ghost) modes.push("log hidden");
   if (!show.others) modes.push("others hidden");
@@ -416,6 +417,7 @@ async function begin() {
   $("help").addEventListener("click", () => $("help").close());
   $("help-button").onclick = act.help;
   $("reviewer").onclick = name;
+  $("alarm").onclick = () => ($("alarm").hidden = true);
   $("previous").onclick = () => step(-1);
   $("next").onclick = () => step(1);
   $("play").onclick = act.play;

@@ -2,7 +2,13 @@ use std::fs;
 
 use super::*;
 
-fn line(scenario: &str, decision: Decision, candidate: Option<u32>, reviewer: &str, second: u32) -> ReviewLine {
+fn line(
+    scenario: &str,
+    decision: Decision,
+    candidate: Option<u32>,
+    reviewer: &str,
+    second: u32,
+) -> ReviewLine {
     ReviewLine {
         scenario_id: scenario.into(),
         scenario_digest: "d".into(),
@@ -103,10 +109,7 @@ fn a_corrupt_line_in_the_middle_is_an_error_that_names_it() {
         lines[1] = bad;
         let damaged = lines.join("\n") + "\n";
         fs::write(&path, &damaged).unwrap();
-        for error in [
-            Journal::open(&path).unwrap_err(),
-            Journal::read_all(&[&path]).unwrap_err(),
-        ] {
+        for error in [Journal::open(&path).unwrap_err(), Journal::read_all(&[&path]).unwrap_err()] {
             let error = error.to_string();
             assert!(error.contains(", line 2: ") && error.contains(what), "{error}");
         }
@@ -130,7 +133,10 @@ fn undo_goes_back_step_by_step_also_after_reopening() {
     drop(journal);
     let mut journal = Journal::open(&path).unwrap();
     let undone = journal.undo("anna", at(6)).unwrap().unwrap();
-    assert_eq!((undone.scenario_id.as_str(), undone.decision, undone.candidate), ("a", Decision::Flag, Some(1)));
+    assert_eq!(
+        (undone.scenario_id.as_str(), undone.decision, undone.candidate),
+        ("a", Decision::Flag, Some(1))
+    );
     assert_eq!(verdict(&journal, "a"), Some((Decision::Flag, Some(1), "anna".into())));
     assert_eq!(journal.undo("anna", at(7)).unwrap().unwrap().decision, Decision::Clear);
     assert_eq!(verdict(&journal, "a"), None);

@@ -82,8 +82,7 @@ mod tests {
         let bend = [Vec2::new(0.0, 0.0), Vec2::new(5.0, 0.06), Vec2::new(10.0, 0.0)];
         assert_eq!(simplified(&bend), bend);
         // A closed outline has its ends at one place.
-        let ring =
-            [[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].map(|[x, y]| Vec2::new(x, y));
+        let ring = [[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].map(|[x, y]| Vec2::new(x, y));
         assert_eq!(simplified(&ring), [ring[0], ring[2], ring[3], ring[4]]);
         assert_eq!(points(&ring[1..4]).collect::<Vec<_>>(), [200, 0, 200, 0, 0, 300]);
     }

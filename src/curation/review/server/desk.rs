@@ -80,8 +80,7 @@ impl Desk {
         let decisions = self.journal.decisions();
         let entries = self.store.scenarios();
         let standings = entries.iter().enumerate().filter_map(|(index, entry)| {
-            let standing =
-                Standing::new(index, decisions.get(&entry.scenario_id)?, &entry.scenario_digest);
+            let standing = Standing::new(index, decisions.get(&entry.scenario_id)?, &entry.scenario_digest);
             (!standing.is_empty()).then_some(standing)
         });
         let name = |path: &std::path::Path| {
@@ -185,6 +184,5 @@ impl Desk {
 }
 
 fn json(value: &impl Serialize) -> Result<String, ReviewError> {
-    serde_json::to_string(value)
-        .map_err(|source| ReviewError::Encode { scenario: String::new(), source })
+    serde_json::to_string(value).map_err(|source| ReviewError::Encode { scenario: String::new(), source })
 }

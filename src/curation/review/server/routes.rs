@@ -84,7 +84,9 @@ fn answer(result: Result<String, ReviewError>) -> Response {
         Ok(json) => ([(header::CONTENT_TYPE, "application/json")], json).into_response(),
         Err(error) => {
             let status = match error {
-                ReviewError::Decision { .. } | ReviewError::Reviewer { .. } => StatusCode::UNPROCESSABLE_ENTITY,
+                ReviewError::Decision { .. } | ReviewError::Reviewer { .. } => {
+                    StatusCode::UNPROCESSABLE_ENTITY
+                }
                 _ => StatusCode::INTERNAL_SERVER_ERROR,
             };
             (status, error.to_string()).into_response()
