@@ -104,6 +104,7 @@ const LIGHTS = { 1: "light-stop", 4: "light-stop", 7: "light-stop", 2: "light-ca
 
 export class View {
   road = new Road();
+  labels = [];
 
   constructor(canvas, camera) {
     this.canvas = canvas;
@@ -128,6 +129,7 @@ export class View {
    */
   draw(scenario, selected, analysis, t, show) {
     const c = this.context, { camera, ratio } = this;
+    this.labels = [];
     this.road.draw(c, scenario.map, camera, ratio);
     const s = camera.scale * ratio;
     c.setTransform(s, 0, 0, -s, (camera.width / 2) * ratio - camera.x * s, (camera.height / 2) * ratio + camera.y * s);
@@ -147,7 +149,8 @@ export class View {
       if (response) this.agent(agent, between(agent.track, t), px, { ghost: true });
       const fill = touching.has(i) ? colour("contact") : risky.has(i) ? colour("risky") : response ? colour("response") : null;
       const state = between(response ? response.frames : agent.track, t);
-      this.agent(agent, state, px, { fill, label: fill && state ? agent.id : null });
+      const strong = risky.has(i) || touching.has(i) ? colour("contact") : null;
+      this.agent(agent, state, px, { fill, strong, label: fill ? agent.id : null });
     }
     const av = scenario.agents[0];
     if (show.ghost) this.agent(av, between(av.track, t), px, { ghost: true });
@@ -158,6 +161,8 @@ export class View {
     } else {
       this.agent(av, between(av.track, t), px, { fill: colour("accent"), strong: colour("text"), label: "AV" });
     }
+    // Names lie on top of all boxes.
+    for (const [text, x, y] of this.labels) this.label(text, x, y);
     this.ruler();
   }
 
@@ -270,7 +275,8 @@ export class View {
       c.fill();
     }
     c.restore();
-    if (label) this.label(label, sx, sy - (Math.max(length, width) / 2) * camera.scale - 5);
+    const high = (Math.abs(Math.sin(state.h)) * length + Math.abs(Math.cos(state.h)) * width) / 2;
+    if (label) this.labels.push([label, sx, sy - high * camera.scale - 4]);
   }
 
   label(text, x, y) {
