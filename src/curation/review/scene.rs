@@ -38,9 +38,9 @@ pub fn scene(scenario: &Scenario) -> String {
     out
 }
 
-/// Centimetres.
+/// Centimetres. Nobody is as far away as where this ends; differences must not overflow.
 fn cm(metres: f64) -> i64 {
-    (metres * 100.0).round() as i64
+    (metres * 100.0).round().clamp(-1e15, 1e15) as i64
 }
 
 /// Writes items with commas between them.
