@@ -242,6 +242,7 @@ async function name() {
   if (!given) return;
   try {
     reviewer = await api.setReviewer(given);
+    queue.reviewer = reviewer;
     $("reviewer").textContent = reviewer;
     document.body.dataset.reviewer = reviewer;
   } catch (error) {
@@ -275,8 +276,8 @@ async function decide(decision, candidate, note) {
   queue.set(done.standing);
   if (scenario.index === index) scenario.stale = false;
   toast(`${panel.words({ decision, candidate })} · u undoes`);
-  // The candidate alone was rejected: another of the same scenario may be looked at.
-  const stays = decision === "reject" && candidate !== null;
+  // The candidate alone was rejected, or nothing holds any more: the scenario is still to be decided.
+  const stays = decision === "clear" || (decision === "reject" && candidate !== null);
   const next = stays ? null : queue.step(index, 1);
   if (next === null) refresh();
   else await open(next);
@@ -330,6 +331,7 @@ const act = {
     const note = await ask("What is to be looked at?");
     if (note) decide("flag", selected?.number ?? null, note);
   },
+  clear: () => decide("clear", null),
   undo,
   step,
   nextToDo() {
@@ -404,6 +406,7 @@ async function begin() {
   const session = await api.session();
   ({ reviewer, suggestion } = session);
   queue = new Queue(session.overview, session.standings);
+  queue.reviewer = reviewer;
   document.title = `${session.file} · review`;
   $("file").textContent = session.file;
   $("file").title = `decisions: ${session.journal}`;

@@ -20,7 +20,7 @@ const figure = (value) => (Number.isFinite(value) ? number(value, Math.abs(value
 /** The value of the filter that decided. */
 const decisive = (candidate) => candidate.figures.find((f) => f.filter === candidate.rejected_by)?.value ?? null;
 
-const WORDS = { pick: "picked", reject: "rejected", flag: "flagged" };
+const WORDS = { pick: "picked", reject: "rejected", flag: "flagged", clear: "decision dropped" };
 
 /** A decision in words, such as `picked #3`. */
 export function words(line) {
