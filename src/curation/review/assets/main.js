@@ -7,6 +7,7 @@ import { FRAMES, NOW, decode } from "./decode.js";
 import { View } from "./draw.js";
 import { analyse, between } from "./geometry.js";
 import { fill, listen, table } from "./keys.js";
+import { alarm, ask, calm, toast } from "./notice.js";
 import { colour, onChange } from "./palette.js";
 import * as panel from "./panel.js";
 import { Queue } from "./queue.js";
@@ -199,42 +200,6 @@ function refresh() {
   refreshPanel();
 }
 
-let toastTimer;
-function toast(text) {
-  $("toast").textContent = text;
-  $("toast").classList.add("on");
-  clearTimeout(toastTimer);
-  toastTimer = setTimeout(() => $("toast").classList.remove("on"), 1800);
-}
-
-/** What must not be overlooked stays until the next success. */
-function alarm(text) {
-  $("alarm").textContent = text;
-  $("alarm").hidden = false;
-}
-
-/** Asks for a line of text; null where the user does not want to. */
-function ask(label, value = "") {
-  const dialog = $("ask");
-  $("ask-label").textContent = label;
-  $("ask-text").value = value;
-  dialog.showModal();
-  $("ask-text").select();
-  return new Promise((resolve) => {
-    const end = (text) => {
-      dialog.onclose = null;
-      dialog.close();
-      resolve(text);
-    };
-    dialog.onclose = () => resolve(null);
-    $("ask-cancel").onclick = () => end(null);
-    dialog.querySelector("form").onsubmit = (event) => {
-      event.preventDefault();
-      end($("ask-text").value.trim());
-    };
-  });
-}
-
 // ---- decisions
 
 async function name() {
@@ -258,7 +223,7 @@ async function write(send) {
   isWriting = true;
   try {
     const standing = await send();
-    $("alarm").hidden = true;
+    calm();
     return { standing };
   } catch (error) {
     const isGone = error instanceof TypeError;
@@ -420,7 +385,7 @@ async function begin() {
   $("help").addEventListener("click", () => $("help").close());
   $("help-button").onclick = act.help;
   $("reviewer").onclick = name;
-  $("alarm").onclick = () => ($("alarm").hidden = true);
+  $("alarm").onclick = calm;
   $("previous").onclick = () => step(-1);
   $("next").onclick = () => step(1);
   $("play").onclick = act.play;
