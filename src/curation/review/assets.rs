@@ -28,8 +28,10 @@ pub(super) const ASSETS: &[Asset] = &[
     asset!("camera.js", JAVASCRIPT),
     asset!("palette.js", JAVASCRIPT),
     asset!("draw.js", JAVASCRIPT),
+    asset!("road.js", JAVASCRIPT),
     asset!("charts.js", JAVASCRIPT),
     asset!("panel.js", JAVASCRIPT),
     asset!("queue.js", JAVASCRIPT),
     asset!("keys.js", JAVASCRIPT),
+    asset!("notice.js", JAVASCRIPT),
 ];

@@ -1,7 +1,7 @@
 //! The review page: people verify candidates by hand in a browser (ReactSim-Bench, "Data Collection Pipeline", step 4).
 //!
 //! A [`ReviewServer`] serves one file of candidates on the loopback interface. What people decide goes to a [`Journal`] beside the file,
-//! one line at a time, before the page hears that it was written. [`scene`] is what the page draws of a scenario; it is stored with the
+//! one line at a time, before the page hears that it was written. [`scene()`] is what the page draws of a scenario; it is stored with the
 //! candidates, so that the page needs no scenarios.
 
 mod assets;

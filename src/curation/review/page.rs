@@ -111,7 +111,6 @@ struct CandidateDetail<'a> {
     risky: u32,
     ade: Option<f64>,
     speed_difference: Option<f64>,
-    endpoint: [Option<f64>; 2],
     track: Track,
     certificate: Option<Vec<ResponseDetail<'a>>>,
 }
@@ -201,7 +200,6 @@ fn candidate(c: &CandidateRecord) -> CandidateDetail<'_> {
         risky: c.pressure.risky,
         ade: finite(c.offsets.ade),
         speed_difference: finite(c.offsets.mean_speed_difference),
-        endpoint: [finite(c.offsets.endpoint_longitudinal), finite(c.offsets.endpoint_lateral)],
         track: Track::new(&candidate.track),
         certificate: c.certificate.as_ref().map(responses),
     }

@@ -2,7 +2,9 @@
 //!
 //! Lengths are centimetres, angles milliradians, both rounded to integers. A list of points is flat: the first point, then the
 //! difference of each point to the one before (`x0 y0 dx dy …`). Tracks are lists of spans without gaps, each with the frame of its
-//! first state and flat states `x y heading`, the first one whole and the others as differences. The same scenario gives the same bytes.
+//! first state and flat states `x y heading speed`, the first one whole and the others as differences. Speeds (cm/s) are those of a
+//! replayed log, the way since the frame before: taken from rounded positions they would be too coarse for times to collision. The same
+//! scenario gives the same bytes.
 
 mod lines;
 mod near;
@@ -12,7 +14,7 @@ use std::fmt::Write;
 use self::lines::{points, runs};
 use self::near::Near;
 use crate::geometry::{Vec2, wrap};
-use crate::scene::{Agent, Frame, LaneArea, LightState, RoadMap, Scenario};
+use crate::scene::{Agent, DT, Frame, LaneArea, LightState, RoadMap, Scenario};
 
 /// Version of the form.
 const VERSION: u32 = 1;
@@ -36,9 +38,9 @@ pub fn scene(scenario: &Scenario) -> String {
     out
 }
 
-/// Centimetres.
+/// Centimetres. Nobody is as far away as where this ends; differences must not overflow.
 fn cm(metres: f64) -> i64 {
-    (metres * 100.0).round() as i64
+    (metres * 100.0).round().clamp(-1e15, 1e15) as i64
 }
 
 /// Writes items with commas between them.
@@ -74,12 +76,16 @@ fn agent(out: &mut String, agent: &Agent, track: &[Frame]) {
         is_first = false;
         write!(out, "{f}").ok();
         // Headings are unrolled, so that differences stay small.
-        let (mut before, mut heading) = ([0; 3], None::<f64>);
+        let (mut before, mut last) = ([0; 4], None::<(Vec2, f64)>);
         for state in span {
-            let unrolled = heading.map_or(wrap(state.heading), |h| h + wrap(state.heading - h));
-            heading = Some(unrolled);
-            let now = [cm(state.x), cm(state.y), (unrolled * 1000.0).round() as i64];
-            write!(out, ",{},{},{}", now[0] - before[0], now[1] - before[1], now[2] - before[2]).ok();
+            let heading = last.map_or(wrap(state.heading), |(_, h)| h + wrap(state.heading - h));
+            let speed = last.map_or(state.speed(), |(p, _)| (state.position() - p).norm() / DT);
+            last = Some((state.position(), heading));
+            // What is not a number becomes 0.
+            let now = [cm(state.x), cm(state.y), (heading * 1000.0).round() as i64, cm(speed)];
+            for (now, before) in now.iter().zip(before) {
+                write!(out, ",{}", now - before).ok();
+            }
             before = now;
             f += 1;
         }

@@ -268,6 +268,13 @@ fn decisions_survive_a_killed_server() {
     page.shows(2);
     page.until("document.getElementById('verdict').textContent === 'undecided'");
     assert_eq!(decided(&file)[2], None);
+    // A candidate alone is rejected and the scenario stays; then that is dropped.
+    page.press("X");
+    page.until("document.getElementById('verdict').textContent.startsWith('rejected #1')");
+    assert_eq!(decided(&file)[2], Some((Decision::Reject, Some(1))));
+    page.press("d");
+    page.until("document.getElementById('verdict').textContent === 'undecided'");
+    assert_eq!(decided(&file)[2], None);
     // Only what is asked for is gone through.
     page.evaluate(
         "const s = document.getElementById('state'); s.value = 'pick'; s.dispatchEvent(new Event('change'))",

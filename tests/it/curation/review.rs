@@ -247,11 +247,12 @@ fn a_scene_is_the_same_every_time_and_gives_the_tracks_back() {
         assert_eq!(agent["id"], scenario.start.agents[i].id.as_str());
         for span in agent["t"].as_array().unwrap() {
             let numbers: Vec<i64> = span.as_array().unwrap().iter().map(|v| v.as_i64().unwrap()).collect();
-            let (mut x, mut y) = (0, 0);
-            for (k, step) in numbers[1..].chunks(3).enumerate() {
-                (x, y) = (x + step[0], y + step[1]);
+            let mut state = [0; 4];
+            for (k, step) in numbers[1..].chunks(4).enumerate() {
+                state.iter_mut().zip(step).for_each(|(sum, d)| *sum += d);
                 let logged = scenario.logged(i)[numbers[0] as usize + k].unwrap();
-                assert_eq!([x, y], [logged.x, logged.y].map(|v| (v * 100.0).round() as i64));
+                let expected = [logged.x, logged.y, logged.heading * 10.0, logged.speed()];
+                assert_eq!(state, expected.map(|v| (v * 100.0).round() as i64));
             }
         }
     }

@@ -32,20 +32,15 @@ function path(lines, closed = false) {
 function agent(raw) {
   const track = new Array(FRAMES).fill(null);
   for (const span of raw.t) {
-    let x = 0, y = 0, h = 0;
-    for (let i = 1, f = span[0]; i + 2 < span.length; i += 3, f++) {
+    let x = 0, y = 0, h = 0, v = 0;
+    for (let i = 1, f = span[0]; i + 3 < span.length; i += 4, f++) {
       x += span[i];
       y += span[i + 1];
       h += span[i + 2];
-      track[f] = { x: x / 100, y: y / 100, h: h / 1000, v: NaN };
+      v += span[i + 3];
+      track[f] = { x: x / 100, y: y / 100, h: h / 1000, v: v / 100 };
     }
   }
-  // As in rollouts: the speed is the way since the frame before.
-  for (let f = FRAMES - 1; f > 0; f--) {
-    const [a, b] = [track[f - 1], track[f]];
-    if (a && b) b.v = Math.hypot(b.x - a.x, b.y - a.y) * 10;
-  }
-  for (let f = FRAMES - 2; f >= 0; f--) if (track[f] && Number.isNaN(track[f].v) && track[f + 1]) track[f].v = track[f + 1].v;
   return { id: raw.id, kind: KINDS[raw.k] ?? "other", length: raw.l / 100, width: raw.w / 100, track };
 }
 

@@ -99,7 +99,8 @@ export function analyse(agents, frames, trackOf) {
       // Steps are judged from 1 on.
       if (t < RISKY && f > NOW) risky.add(i);
     }
-    out.ttc[f] = ttc;
+    // Where nobody is known, nothing is.
+    out.ttc[f] = agents.length > 1 ? ttc : null;
     out.gap[f] = Number.isFinite(gap) ? Math.max(gap, 0) : null;
     [out.touching[f], out.risky[f]] = [touching, risky];
   }

@@ -1,16 +1,18 @@
 // Keys and what they do. The list of help is made of the same table.
 
-/** `keys`: values of KeyboardEvent.key; a leading `!` asks for shift. */
+/** Values of KeyboardEvent.key (a leading `!` asks for shift), what they are for, what they do, and whether that is done once only while a
+ * key is held down: nobody should decide about many scenarios by leaning on a key. */
 export function table(act) {
   return [
     [["j", "ArrowDown"], "next candidate", () => act.select(1)],
     [["k", "ArrowUp"], "previous candidate", () => act.select(-1)],
-    [["p"], "pick the selected candidate", act.pick],
-    [["x"], "reject the scenario: no candidate fits", act.rejectScenario],
-    [["X"], "reject the selected candidate only", act.rejectCandidate],
-    [["f"], "flag, to look at again", act.flag],
-    [["F"], "flag with a note", act.flagWithNote],
-    [["u"], "undo the last decision", act.undo],
+    [["p"], "pick the selected candidate", act.pick, true],
+    [["x"], "reject the scenario: no candidate fits", act.rejectScenario, true],
+    [["X"], "reject the selected candidate only", act.rejectCandidate, true],
+    [["f"], "flag, to look at again", act.flag, true],
+    [["F"], "flag with a note", act.flagWithNote, true],
+    [["d"], "drop your decision about the scenario", act.clear, true],
+    [["u"], "undo the last decision", act.undo, true],
     [["n"], "next scenario", () => act.step(1)],
     [["N"], "previous scenario", () => act.step(-1)],
     [["t"], "next scenario to decide", act.nextToDo],
@@ -50,7 +52,7 @@ export function listen(keys) {
     event.preventDefault();
     // A button that was clicked before must not be pressed by space or enter.
     document.activeElement?.blur?.();
-    found[2]();
+    if (!(event.repeat && found[3])) found[2]();
   });
 }
 

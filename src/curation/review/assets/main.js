@@ -7,6 +7,7 @@ import { FRAMES, NOW, decode } from "./decode.js";
 import { View } from "./draw.js";
 import { analyse, between } from "./geometry.js";
 import { fill, listen, table } from "./keys.js";
+import { alarm, ask, calm, toast } from "./notice.js";
 import { colour, onChange } from "./palette.js";
 import * as panel from "./panel.js";
 import { Queue } from "./queue.js";
@@ -171,6 +172,7 @@ function refreshPanel() {
   panel.candidates($("candidates"), scenario, selected, standing?.verdict, (candidate) => select(candidate));
   panel.details($("details"), selected);
   const modes = [];
+  if (!scenario.map) modes.push("this file holds no scenes (--without-scenes): only the AV is drawn");
   if (show.certificate) modes.push(selected?.certificate ? "certificate’s responses" : "no certificate: log replay");
   if (!show.ghost) modes.push("log hidden");
   if (!show.others) modes.push("others hidden");
@@ -198,42 +200,6 @@ function refresh() {
   refreshPanel();
 }
 
-let toastTimer;
-function toast(text) {
-  $("toast").textContent = text;
-  $("toast").classList.add("on");
-  clearTimeout(toastTimer);
-  toastTimer = setTimeout(() => $("toast").classList.remove("on"), 1800);
-}
-
-/** What must not be overlooked stays until the next success. */
-function alarm(text) {
-  $("alarm").textContent = text;
-  $("alarm").hidden = false;
-}
-
-/** Asks for a line of text; null where the user does not want to. */
-function ask(label, value = "") {
-  const dialog = $("ask");
-  $("ask-label").textContent = label;
-  $("ask-text").value = value;
-  dialog.showModal();
-  $("ask-text").select();
-  return new Promise((resolve) => {
-    const end = (text) => {
-      dialog.onclose = null;
-      dialog.close();
-      resolve(text);
-    };
-    dialog.onclose = () => resolve(null);
-    $("ask-cancel").onclick = () => end(null);
-    dialog.querySelector("form").onsubmit = (event) => {
-      event.preventDefault();
-      end($("ask-text").value.trim());
-    };
-  });
-}
-
 // ---- decisions
 
 async function name() {
@@ -241,6 +207,7 @@ async function name() {
   if (!given) return;
   try {
     reviewer = await api.setReviewer(given);
+    queue.reviewer = reviewer;
     $("reviewer").textContent = reviewer;
     document.body.dataset.reviewer = reviewer;
   } catch (error) {
@@ -256,7 +223,7 @@ async function write(send) {
   isWriting = true;
   try {
     const standing = await send();
-    $("alarm").hidden = true;
+    calm();
     return { standing };
   } catch (error) {
     const isGone = error instanceof TypeError;
@@ -274,8 +241,8 @@ async function decide(decision, candidate, note) {
   queue.set(done.standing);
   if (scenario.index === index) scenario.stale = false;
   toast(`${panel.words({ decision, candidate })} · u undoes`);
-  // The candidate alone was rejected: another of the same scenario may be looked at.
-  const stays = decision === "reject" && candidate !== null;
+  // The candidate alone was rejected, or nothing holds any more: the scenario is still to be decided.
+  const stays = decision === "clear" || (decision === "reject" && candidate !== null);
   const next = stays ? null : queue.step(index, 1);
   if (next === null) refresh();
   else await open(next);
@@ -329,6 +296,7 @@ const act = {
     const note = await ask("What is to be looked at?");
     if (note) decide("flag", selected?.number ?? null, note);
   },
+  clear: () => decide("clear", null),
   undo,
   step,
   nextToDo() {
@@ -403,6 +371,7 @@ async function begin() {
   const session = await api.session();
   ({ reviewer, suggestion } = session);
   queue = new Queue(session.overview, session.standings);
+  queue.reviewer = reviewer;
   document.title = `${session.file} · review`;
   $("file").textContent = session.file;
   $("file").title = `decisions: ${session.journal}`;
@@ -416,6 +385,7 @@ async function begin() {
   $("help").addEventListener("click", () => $("help").close());
   $("help-button").onclick = act.help;
   $("reviewer").onclick = name;
+  $("alarm").onclick = calm;
   $("previous").onclick = () => step(-1);
   $("next").onclick = () => step(1);
   $("play").onclick = act.play;

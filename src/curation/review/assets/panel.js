@@ -20,7 +20,7 @@ const figure = (value) => (Number.isFinite(value) ? number(value, Math.abs(value
 /** The value of the filter that decided. */
 const decisive = (candidate) => candidate.figures.find((f) => f.filter === candidate.rejected_by)?.value ?? null;
 
-const WORDS = { pick: "picked", reject: "rejected", flag: "flagged" };
+const WORDS = { pick: "picked", reject: "rejected", flag: "flagged", clear: "decision dropped" };
 
 /** A decision in words, such as `picked #3`. */
 export function words(line) {
@@ -59,12 +59,12 @@ export function candidates(element, scenario, selected, line, choose) {
     row.classList.toggle("rejected", !!candidate.rejected_by);
     const stripe = make("span", "stripe");
     stripe.style.background = colour(candidate.category);
-    const what = make("span", "what", candidate.maneuver);
-    if (candidate.chosen) what.append(make("span", "badge dim", "chosen"));
-    if (line && line.candidate === candidate.number) what.append(make("span", `badge ${line.decision}`, WORDS[line.decision] ?? ""));
+    const badges = make("span");
+    if (candidate.chosen) badges.append(make("span", "badge dim", "chosen"));
+    if (line && line.candidate === candidate.number) badges.append(make("span", `badge ${line.decision}`, WORDS[line.decision] ?? ""));
     const value = decisive(candidate);
     const why = candidate.rejected_by ? `${candidate.rejected_by}${value === null ? "" : ` ${figure(value)}`}` : candidate.category;
-    row.append(stripe, make("span", "order", `#${candidate.number}`), what, make("span", "why", why), make("span", "score", candidate.rejected_by ? "✗" : number(candidate.score, 2)));
+    row.append(stripe, make("span", "order", `#${candidate.number}`), make("span", "what", candidate.maneuver), badges, make("span", "why", why), make("span", "score", candidate.rejected_by ? "✗" : number(candidate.score, 2)));
     row.title = candidate.reason || candidate.maneuver;
     row.addEventListener("click", () => choose(candidate));
     element.append(row);
@@ -85,7 +85,7 @@ function cues(c) {
   ];
   if (c.other_branch) rows.push(fact("way", "another branch"));
   if (c.conflict_step !== null) rows.push(fact("first conflict", `${number(c.conflict_step / 10)} s`));
-  rows.push(fact("ADE", `${number(c.ade)} m`), fact("mean speed", `${signed(c.speed_difference)} m/s`));
+  rows.push(fact("ADE", `${number(c.ade)} m`), fact("Δ mean speed", `${signed(c.speed_difference)} m/s`));
   rows.push(fact("at fault", String(c.at_fault)), fact("overlaps", String(c.overlaps)), fact("risky", String(c.risky)));
   rows.push(fact("source", c.source));
   return rows;
@@ -115,7 +115,7 @@ export function details(element, c) {
   element.append(make("h3", "", text));
   for (const r of c.certificate) {
     const how = [`from ${number(r.reaction_step / 10)} s`, `braking ${number(r.peak_deceleration)} m/s²`];
-    if (r.nudge) how.push(`aside ${signed(r.nudge)} m`);
+    if (r.nudge) how.push(`${number(Math.abs(r.nudge))} m to the ${r.nudge > 0 ? "left" : "right"}`);
     how.push(`clear by ${number(r.clearance, 2)} m`);
     element.append(make("div", "dim", make("b", "", r.agent), ` ${how.join(", ")}`));
   }

@@ -17,13 +17,14 @@ export function entries(overview) {
 const decision = (standing) => standing?.verdict?.decision ?? null;
 const survives = (entry) => entry.candidates.some((c) => !c.filter);
 
-/** What can be shown: name, and whether a scenario belongs to it. */
-export function states(filters) {
+/** What can be shown: name, and whether a scenario belongs to it. `who` says who reviews. */
+function states(filters, who) {
   const is = (what) => (entry, standing) => decision(standing) === what;
   return [
     ["all", "all", () => true],
     ["todo", "to decide", (entry, standing) => survives(entry) && !["pick", "reject"].includes(decision(standing))],
     ["undecided", "undecided", (entry, standing) => !decision(standing)],
+    ["mine", "undecided by you", (entry, standing) => !standing?.opinions.some((line) => line.reviewer === who())],
     ["pick", "picked", is("pick")],
     ["reject", "rejected", is("reject")],
     ["flag", "flagged", is("flag")],
@@ -44,10 +45,11 @@ function categories(entry, standing) {
 export class Queue {
   state = "all";
   category = "all";
+  reviewer = null;
 
   constructor(overview, standings) {
     this.entries = entries(overview);
-    this.states = states(overview.filters);
+    this.states = states(overview.filters, () => this.reviewer);
     this.standings = new Map(standings.map((s) => [s.index, s]));
   }
 

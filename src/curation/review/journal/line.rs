@@ -11,7 +11,8 @@ use crate::curation::{Candidate, ReviewMark};
 pub enum Decision {
     /// The named candidate belongs into the set.
     Pick,
-    /// With a candidate: this one does not belong into the set, the others may. Without: none of the scenario does.
+    /// Without a candidate: none of the scenario belongs into the set. With one: this one does not; where it was chosen, no other
+    /// takes its place until one is picked.
     Reject,
     /// To be looked at again.
     Flag,
