@@ -283,3 +283,10 @@ fn parse(bytes: &[u8]) -> Result<Option<ReviewLine>, String> {
     line.check().map_err(|e| e.to_string())?;
     Ok(Some(line))
 }
+
+impl Drop for Journal {
+    fn drop(&mut self) {
+        // Closing alone would leave the lock to a process that was being started meanwhile and still shares the file.
+        self.file.unlock().ok();
+    }
+}
