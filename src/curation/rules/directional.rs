@@ -2,21 +2,34 @@
 
 use rand::RngExt;
 
-use super::survey::{LATERAL, Survey};
+use super::routes::{Branch, Meeting};
+use super::survey::Survey;
 use super::{Draft, between};
-use crate::dynamics::{AxlePath, Departure, Pose, speeds};
+use crate::dynamics::speeds;
 use crate::rollout::Stream;
-use crate::scene::{DT, FUTURE};
+use crate::scene::{AgentState, DT, FUTURE};
+
+/// Slowest and fastest cruising, m/s.
+const CRUISE: (f64, f64) = (2.5, 16.0);
+/// How long before somebody comes onto the way the AV wants to be there, seconds.
+const BEFORE: (f64, f64) = (-0.3, 1.2);
+/// Halvings of the range of speeds.
+const HALVINGS: usize = 7;
+
+/// When and how hard the AV sets off or speeds up.
+struct Manner {
+    /// m/s².
+    gain: f64,
+    /// Seconds during which it goes on as in the log.
+    wait: f64,
+}
 
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
     if survey.branches.is_empty() {
         return Err("no other way over the lane graph".into());
     }
     let branch = &survey.branches[stream.random_range(0..survey.branches.len())];
-    let (now, speed) = (survey.now(), survey.speed());
-    // Cruise somewhere between walking and the limit, rather near the speed now.
-    let cruise = (speed.max(4.0) * between(stream, 0.5, 1.5)).clamp(3.0, survey.limit.clamp(4.0, 16.0));
-    let gain = between(stream, 1.2, 2.5);
+    let speed = survey.speed();
     let wait = if speed < 1.0 {
         between(stream, 0.0, 3.0)
     } else if stream.random_bool(0.3) {
@@ -24,25 +37,46 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     } else {
         0.0
     };
-    let log = survey.drive.speeds();
-    let mut desired: Vec<f64> = (1..=FUTURE)
-        .map(|k| if (k as f64) * DT < wait { log[k].min(speed.max(0.0)) } else { cruise })
-        .collect();
-    speeds::bound(speed, &mut desired, gain, 3.0);
-    speeds::soften(speed, &mut desired);
-    let travel = desired.iter().sum::<f64>() * DT;
-    let from = Departure {
-        pose: Pose { position: now.position(), heading: now.heading },
-        rear: survey.rear(),
-        reverse: false,
-        curvature: Some(survey.curvature),
+    let manner = Manner { gain: between(stream, 1.2, 2.5), wait };
+    let most = survey.limit.clamp(4.0, CRUISE.1);
+    // Cruise somewhere between walking and the limit, rather near the speed now; or so as to be where somebody comes.
+    let free = (speed.max(4.0) * between(stream, 0.5, 1.5)).clamp(3.0, most);
+    let cruise = if !branch.meetings.is_empty() && stream.random_bool(0.75) {
+        let Meeting { s, time } = branch.meetings[stream.random_range(0..branch.meetings.len())];
+        meet(survey, branch, &manner, s, time - between(stream, BEFORE.0, BEFORE.1), most)
+    } else {
+        free
     };
-    let mut path = AxlePath::trace(&branch.guide, &from, travel + 10.0, |_| 0.5 * (speed + cruise));
-    path.limit_lateral(LATERAL);
-    if travel > branch.length {
-        path.stop_at(branch.length);
-    }
     let waits = if wait > 0.0 { format!(" after {wait:.1} s") } else { String::new() };
-    let maneuver = format!("{} at {cruise:.0} m/s{waits}", branch.name());
-    Ok(Draft { maneuver, future: survey.follow(&path, &desired) })
+    let maneuver = format!("{} at {cruise:.1} m/s{waits}", branch.name());
+    Ok(Draft { maneuver, future: drive(survey, branch, &manner, cruise) })
+}
+
+/// The cruising speed, up to `most`, with which the AV comes to `s` metres of the way at `time`, or nearly.
+fn meet(survey: &Survey<'_>, branch: &Branch, manner: &Manner, s: f64, time: f64, most: f64) -> f64 {
+    let (mut slow, mut fast) = (CRUISE.0, most);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (slow + fast);
+        if arrival(&drive(survey, branch, manner, middle), s) > time { slow = middle } else { fast = middle }
+    }
+    0.5 * (slow + fast)
+}
+
+/// When a trajectory has covered so many metres, seconds; infinite where it does not.
+fn arrival(future: &[AgentState], s: f64) -> f64 {
+    let mut way = 0.0;
+    let reached = future.iter().position(|state| {
+        way += state.speed() * DT;
+        way >= s
+    });
+    reached.map_or(f64::INFINITY, |k| (k + 1) as f64 * DT)
+}
+
+fn drive(survey: &Survey<'_>, branch: &Branch, manner: &Manner, cruise: f64) -> Vec<AgentState> {
+    let (log, speed) = (survey.drive.speeds(), survey.speed());
+    let wanted = |k: usize| if (k as f64) * DT < manner.wait { log[k].min(speed) } else { cruise };
+    let mut desired: Vec<f64> = (1..=FUTURE).map(wanted).collect();
+    speeds::bound(speed, &mut desired, manner.gain, 3.0);
+    speeds::soften(speed, &mut desired);
+    survey.follow(&branch.path, &desired)
 }

@@ -1,8 +1,9 @@
 //! Other ways over the lane graph than the logged one.
 
-use crate::dynamics::REAR_AXLE;
-use crate::geometry::{Polyline, Vec2, direction, left, smooth_step, wrap};
-use crate::scene::{LaneClass, LaneHit, Road, Scenario};
+use super::survey::LATERAL;
+use crate::dynamics::{AxlePath, Departure, Pose, REAR_AXLE};
+use crate::geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
+use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
 
 /// A lane counts as the AV's own up to this distance (metres) and angle (radians).
 const OWN_LANE: (f64, f64) = (2.2, 0.6);
@@ -12,17 +13,34 @@ const MOST: usize = 48;
 const APART: f64 = 2.5;
 /// Angle between them, there or at the end, radians.
 const TURNED: f64 = 0.26;
+/// Somebody is on a way who is closer to it than this, metres.
+const CLOSE: f64 = 2.5;
+/// Who is slower stands, m/s.
+const MOVES: f64 = 1.0;
+/// Meetings closer than this are the AV's present neighbours, metres.
+const AHEAD: f64 = 5.0;
 /// Two ways whose ends are closer than this are one, metres.
 const SAME_END: f64 = 4.0;
 
 /// Another way.
 pub(super) struct Branch {
     /// The way of the rear axle.
-    pub(super) guide: Polyline,
-    /// Its length from the AV on, metres.
-    pub(super) length: f64,
+    guide: Polyline,
+    /// The way as the AV drives it; it ends where the lanes do.
+    pub(super) path: AxlePath,
     /// How much it turns, radians, left positive.
-    pub(super) turn: f64,
+    turn: f64,
+    /// Where and when others come onto it under log replay.
+    pub(super) meetings: Vec<Meeting>,
+}
+
+/// Somebody comes onto a way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Meeting {
+    /// How far along the way, metres.
+    pub(super) s: f64,
+    /// When, seconds from now.
+    pub(super) time: f64,
 }
 
 impl Branch {
@@ -39,8 +57,9 @@ impl Branch {
     }
 }
 
-/// The ways from the AV's lane that leave the logged way (`logged`: of the box centre) within `reach` metres.
-pub(super) fn branches(scenario: &Scenario, logged: &Polyline, reach: f64) -> Vec<Branch> {
+/// The ways from the AV's lane that leave the logged way (`logged`: of the box centre) within `reach` metres, for an AV whose rear axle's
+/// path has that curvature now (1/m).
+pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, reach: f64) -> Vec<Branch> {
     let road = scenario.start.road();
     let now = scenario.start.now(0);
     let axle = now.position() - direction(now.heading) * (REAR_AXLE * scenario.start.agents[0].length);
@@ -72,23 +91,56 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, reach: f64) -> Ve
             if looked > MOST {
                 return found;
             }
-            if let Some(branch) = branch(&road, &chain, hit, axle, reach)
-                && leaves(&branch.guide, logged)
-                && found.iter().all(|other| (end(other) - end(&branch)).norm() > SAME_END)
-            {
-                found.push(branch);
+            let Some((guide, turn)) = guide(&road, &chain, hit, axle, reach) else { continue };
+            let end = guide.at(guide.length());
+            let known =
+                found.iter().any(|other| (other.guide.at(other.guide.length()) - end).norm() <= SAME_END);
+            if !known && leaves(&guide, logged) {
+                let path = drive(scenario, &guide, curvature);
+                found.push(Branch { meetings: meetings(scenario, &path), path, turn, guide });
             }
         }
     }
     found
 }
 
-fn end(branch: &Branch) -> Vec2 {
-    branch.guide.at(branch.guide.length())
+/// The way that an AV drives along a guide, from where it is.
+fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
+    let now = scenario.start.now(0);
+    let from = Departure {
+        pose: Pose { position: now.position(), heading: now.heading },
+        rear: REAR_AXLE * scenario.start.agents[0].length,
+        reverse: false,
+        curvature: Some(curvature),
+    };
+    let pace = now.speed().clamp(5.0, 12.0);
+    let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, |_| pace);
+    path.limit_lateral(LATERAL);
+    path.stop_at(guide.length());
+    path
 }
 
-/// The way along a chain of lanes from where the rear axle is, leading onto the centre line smoothly.
-fn branch(road: &Road<'_>, chain: &[usize], hit: &LaneHit, axle: Vec2, reach: f64) -> Option<Branch> {
+/// Where and when vehicles come onto a way: the first time that each is closer to it than `CLOSE`, while it moves.
+fn meetings(scenario: &Scenario, path: &AxlePath) -> Vec<Meeting> {
+    let poses: Vec<(Vec2, f64)> =
+        (0..path.poses()).step_by(10).map(|i| path.pose(i)).map(|(pose, s)| (pose.position, s)).collect();
+    let bounds = Bounds::of(poses.iter().map(|p| p.0)).inflated(CLOSE);
+    let agents = scenario.start.agents.iter().zip(&scenario.log_future.tracks).skip(1);
+    let vehicles = agents.filter(|(agent, _)| agent.kind == AgentKind::Vehicle);
+    let first = vehicles.filter_map(|(_, track)| {
+        track.iter().enumerate().step_by(2).find_map(|(k, frame)| {
+            let p = frame.filter(|s| s.speed() > MOVES)?.position();
+            let apart = |pose: &&(Vec2, f64)| (pose.0 - p).norm_squared();
+            let near =
+                bounds.contains(p).then(|| poses.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))))??;
+            (apart(&near) < CLOSE * CLOSE).then(|| Meeting { s: near.1, time: (k + 1) as f64 * DT })
+        })
+    });
+    first.filter(|m| m.s > AHEAD).collect()
+}
+
+/// The way along a chain of lanes from where the rear axle is, leading onto the centre line smoothly; and how much it turns, radians.
+fn guide(road: &Road<'_>, chain: &[usize], hit: &LaneHit, axle: Vec2, reach: f64) -> Option<(Polyline, f64)> {
     let offset = hit.projection.offset;
     let (mut points, mut way) = (vec![axle], 0.0);
     let mut s = hit.projection.s;
@@ -105,8 +157,7 @@ fn branch(road: &Road<'_>, chain: &[usize], hit: &LaneHit, axle: Vec2, reach: f6
         }
         s = (s - line.length()).max(0.0);
     }
-    let guide = Polyline::new(&points).ok()?;
-    Some(Branch { length: guide.length(), guide, turn: wrap(last - first?) })
+    Some((Polyline::new(&points).ok()?, wrap(last - first?)))
 }
 
 /// Whether a way leaves the logged one for another direction: somewhere it is aside of it and turned against it.

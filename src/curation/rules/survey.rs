@@ -4,7 +4,7 @@ use super::routes::{self, Branch};
 use crate::curation::ground::Ground;
 use crate::curation::replay::LogReplay;
 use crate::curation::signals::Signals;
-use crate::dynamics::{AxlePath, REAR_AXLE, follow};
+use crate::dynamics::{AxlePath, follow};
 use crate::geometry::{Polyline, wrap};
 use crate::rollout::{AvError, LoggedDrive};
 use crate::scene::{AgentState, CURRENT, DT, LaneHit, Road, Scenario};
@@ -33,7 +33,7 @@ pub(super) struct Survey<'a> {
     /// The highest speed that is taken, m/s.
     pub(super) limit: f64,
     /// Curvature of the rear axle's path now, 1/m.
-    pub(super) curvature: f64,
+    curvature: f64,
     ground: Ground<'a>,
     signals: Signals<'a>,
 }
@@ -53,7 +53,7 @@ impl<'a> Survey<'a> {
         let (branches, beside) = if drive.reverses() {
             (Vec::new(), Vec::new())
         } else {
-            (routes::branches(scenario, &line, reach), routes::beside(&road, &line))
+            (routes::branches(scenario, &line, curvature, reach), routes::beside(&road, &line))
         };
         Ok(Self {
             scenario,
@@ -80,13 +80,8 @@ impl<'a> Survey<'a> {
         self.drive.speeds()[0]
     }
 
-    pub(super) fn now(&self) -> AgentState {
+    fn now(&self) -> AgentState {
         self.scenario.start.now(0)
-    }
-
-    /// How far the rear axle lies behind the centre of the box, metres.
-    pub(super) fn rear(&self) -> f64 {
-        REAR_AXLE * self.scenario.start.agents[0].length
     }
 
     /// Drives a path at the desired speeds.
