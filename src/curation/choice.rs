@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::filters::comfort;
 use super::{CandidateRecord, ScenarioRecord};
 use crate::scene::Deviation;
 
@@ -11,10 +12,10 @@ const AT_FAULT: f64 = 2.0;
 const CONTACT: f64 = 0.5;
 /// Weight of a reaction that is neither next to none nor an emergency: braking at `FIRM` (m/s²) counts 1, none and the hardest that agents
 /// are granted count 0.
-const REACTION: f64 = 1.0;
+const REACTION: f64 = 1.5;
 const FIRM: f64 = 2.5;
 /// Weight of a conflict that leaves time to see how it goes on: 1 up to that step, 0 at the last.
-const TIME: (f64, f64) = (0.5, 50.0);
+const TIME: (f64, f64) = (1.0, 50.0);
 /// Weight of a comfortable AV: as for its share of nuPlan's comfort bounds, 2 bounds give 0.
 const COMFORT: f64 = 0.5;
 /// Weight of a deviation of that many metres on average, or more.
@@ -23,18 +24,17 @@ const DISTANCE: (f64, f64) = (0.5, 8.0);
 const BALANCE: f64 = 12.0;
 
 /// How good a survivor is: pressure that the log can not answer, early enough, that asks for a firm reaction and no emergency, by an AV
-/// that drives as one would, well away from the log. 0 to 5.
+/// that drives as one would, well away from the log. 0 to 6.
 pub fn score(record: &CandidateRecord) -> f64 {
-    let figure = |id: &str| record.figures.iter().find(|f| f.filter == id).and_then(|f| f.value);
     let pressure = &record.pressure;
     let peak = record.certificate.as_ref().map_or(0.0, |c| c.peak_deceleration());
     let step = record.taxonomy.conflict_step.map_or(80.0, f64::from);
-    let comfort = figure("comfort").unwrap_or(0.0);
+    let comfort = record.figures.iter().find(|f| f.filter == comfort::ID).and_then(|f| f.value);
     AT_FAULT * f64::from(pressure.at_fault.min(1))
         + CONTACT * f64::from(pressure.overlaps.min(1))
         + REACTION * (1.0 - (peak - FIRM).abs() / FIRM).clamp(0.0, 1.0)
         + TIME.0 * ((80.0 - step) / (80.0 - TIME.1)).clamp(0.0, 1.0)
-        + COMFORT * (1.0 - comfort / 2.0).clamp(0.0, 1.0)
+        + COMFORT * comfort.map_or(0.0, |share| (1.0 - share / 2.0).clamp(0.0, 1.0))
         + DISTANCE.0 * (record.offsets.ade / DISTANCE.1).min(1.0)
 }
 

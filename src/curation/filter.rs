@@ -6,11 +6,12 @@ use super::avoidance::{AvoidanceSettings, Unavoidable, certify};
 use super::ground::Ground;
 use super::replay::{LogReplay, Touch};
 use super::signals::Signals;
+use super::taxonomy::Conflict;
 use super::{Candidate, Certificate, Offsets, Pressure};
-use crate::geometry::{Polyline, direction};
-use crate::metrics::{Case, DirTracking, Object, Options};
+use crate::geometry::Polyline;
+use crate::metrics::{Case, DeviationStats, Object, Options};
 use crate::rollout::{AvError, LoggedDrive};
-use crate::scene::{AgentState, DT, Frame, HISTORY, Scenario};
+use crate::scene::{AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
 
 /// Judges candidates, one at a time.
 pub trait CandidateFilter: Sync {
@@ -21,7 +22,12 @@ pub trait CandidateFilter: Sync {
     fn rule(&self, settings: &FilterSettings) -> String;
 
     /// The verdict, with the figure that decided.
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict;
+    fn judge(&self, trial: &Trial<'_>) -> Verdict;
+
+    /// Whether it costs so much that it is asked only of candidates that pass all others.
+    fn is_dear(&self) -> bool {
+        false
+    }
 }
 
 /// What a filter says.
@@ -51,8 +57,10 @@ pub struct FilterSettings {
     pub comfort: bool,
     /// Time to collision below which a vehicle is pressed, seconds.
     pub pressing_ttc: f64,
-    /// A vehicle up to this speed is slow: driving into it is the AV's doing, m/s.
+    /// Driving into a vehicle that is slower than this, and than the AV, is the AV's doing, m/s.
     pub slow: f64,
+    /// Largest lateral acceleration of the AV, m/s² (nuPlan's comfort bound).
+    pub max_lateral_acceleration: f64,
     /// No contact before this time, seconds.
     pub earliest_contact: f64,
     /// What agents can do to avoid the AV.
@@ -66,7 +74,8 @@ impl Default for FilterSettings {
             drivable_tolerance: 0.3,
             comfort: false,
             pressing_ttc: 0.5,
-            slow: 0.5,
+            slow: 2.0,
+            max_lateral_acceleration: 4.89,
             earliest_contact: 0.8,
             avoidance: AvoidanceSettings::default(),
         }
@@ -111,6 +120,8 @@ const BEYOND: f64 = 50.0;
 /// One candidate with what the filters measure it by.
 pub struct Trial<'a> {
     pub(super) bench: &'a Bench<'a>,
+    /// The limits.
+    pub settings: &'a FilterSettings,
     /// The candidate.
     pub candidate: &'a Candidate,
     /// Log replay around the candidate, as the metrics judge it.
@@ -124,7 +135,7 @@ pub struct Trial<'a> {
 
 impl<'a> Trial<'a> {
     /// Holds a candidate against its scenario.
-    pub fn new(bench: &'a Bench<'a>, candidate: &'a Candidate) -> Self {
+    pub fn new(bench: &'a Bench<'a>, candidate: &'a Candidate, settings: &'a FilterSettings) -> Self {
         let scenario = bench.scenario;
         let options = Options::default();
         let mut tracks: Vec<Vec<Frame>> =
@@ -134,14 +145,10 @@ impl<'a> Trial<'a> {
         tracks[0].extend(states);
         let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone() };
         // An AV beyond the objects is absent, and so the candidate is a vehicle like any other.
-        let own = Case::new(
-            scenario.start.road(),
-            vec![av],
-            usize::MAX,
-            Options { dir_tracking: DirTracking::Pointwise, ..options },
-        );
+        let own = Case::new(scenario.start.road(), vec![av], usize::MAX, options);
         Self {
             bench,
+            settings,
             candidate,
             replayed: Case::of_rollout(scenario, tracks, options),
             own,
@@ -152,55 +159,47 @@ impl<'a> Trial<'a> {
 
     /// What the candidate does to others under log replay.
     pub fn pressure(&self) -> Pressure {
-        let mut pressure = Pressure::default();
-        for i in 0..self.replayed.objects.len() {
-            let scores = self.replayed.agent_scores(i);
-            pressure.overlaps += u32::from(scores.contact.is_some());
-            pressure.at_fault += u32::from(scores.contact.is_some_and(|c| c.fault.at_fault()));
-            pressure.risky += u32::from(scores.approach.is_some_and(|a| a.risky.is_some()));
+        let contacts = || self.replayed.contacts().iter().flatten();
+        let approaches = self.replayed.approaches().iter().flatten();
+        let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        Pressure {
+            at_fault: count(contacts().filter(|c| c.fault.at_fault()).count()),
+            overlaps: count(contacts().count()),
+            risky: count(approaches.filter(|a| a.risky.is_some()).count()),
         }
-        pressure
     }
 
     /// The smallest time to collision of a vehicle with the AV under log replay, seconds; `None` without vehicles.
     pub fn smallest_ttc(&self) -> Option<f64> {
-        let each = (0..self.replayed.objects.len()).filter_map(|i| self.replayed.agent_scores(i).approach);
-        each.map(|a| a.min_ttc).reduce(f64::min)
+        self.replayed.approaches().iter().flatten().map(|a| a.min_ttc).reduce(f64::min)
     }
 
-    /// The first step at which a vehicle touches the AV by its own fault or, if none does, touches it or is risky, 1 to 80.
-    pub fn conflict_step(&self) -> Option<usize> {
-        let all = || (0..self.replayed.objects.len()).map(|i| self.replayed.agent_scores(i));
-        let at_fault = all().filter_map(|s| s.contact).filter(|c| c.fault.at_fault()).map(|c| c.step).min();
-        at_fault.or_else(|| all().filter_map(|s| s.approach?.risky).map(|r| r.0).min())
+    /// The first conflict: a vehicle touches the AV by its own fault or, if none does, touches it or is risky.
+    pub fn conflict(&self) -> Option<Conflict> {
+        let contacts = || self.replayed.contacts().iter().enumerate().filter_map(|(i, c)| Some((i, (*c)?)));
+        let at_fault = contacts().filter(|(_, c)| c.fault.at_fault()).map(|(i, c)| (c.step, i)).min();
+        let risky = || {
+            let each = self.replayed.approaches().iter().enumerate();
+            each.filter_map(|(i, a)| Some(((*a)?.risky?.0, i))).min()
+        };
+        let (step, agent) = at_fault.or_else(risky)?;
+        let objects = &self.replayed.objects;
+        let footprint = |i: usize| Some(objects[i].track[CURRENT + step]?.footprint(objects[i].agent));
+        let touches = self.replayed.contacts()[agent].is_some_and(|c| c.step == step);
+        Some(Conflict { step, touched: if touches { footprint(agent) } else { None } })
     }
 
     /// How far the candidate leaves the log.
     pub fn offsets(&self) -> Offsets {
-        let future = self.candidate.future();
-        let log = &self.bench.scenario.log_future.tracks[0];
-        let now = self.candidate.track[0];
-        let (mut ade, mut own_way, mut log_way, mut steps) = (0.0, 0.0, 0.0, 0.0_f64);
-        let (mut own_before, mut log_before): (AgentState, AgentState) =
-            (now, self.bench.scenario.start.now(0));
-        let mut end = (0.0, 0.0);
-        let ahead = direction(now.heading);
-        for (own, logged) in future.iter().zip(log) {
-            let Some(logged) = logged else { continue };
-            let apart = own.position() - logged.position();
-            ade += apart.norm();
-            own_way += (own.position() - own_before.position()).norm();
-            log_way += (logged.position() - log_before.position()).norm();
-            (own_before, log_before) = (*own, *logged);
-            end = (apart.dot(&ahead), ahead.perp(&apart));
-            steps += 1.0;
-        }
-        let steps = steps.max(1.0);
+        // Neither track has gaps: the bench refuses such logs, and candidates have none.
+        let stats = self.replayed.deviation();
+        let of =
+            |value: fn(&DeviationStats) -> Option<f64>| stats.as_ref().and_then(value).unwrap_or(f64::NAN);
         Offsets {
-            endpoint_longitudinal: end.0,
-            endpoint_lateral: end.1,
-            ade: ade / steps,
-            mean_speed_difference: (own_way - log_way) / (steps * DT),
+            endpoint_longitudinal: of(|s| s.endpoint_longitudinal),
+            endpoint_lateral: of(|s| s.endpoint_lateral),
+            ade: of(|s| s.ade),
+            mean_speed_difference: of(|s| s.mean_speed_difference),
         }
     }
 
@@ -208,8 +207,8 @@ impl<'a> Trial<'a> {
     ///
     /// # Errors
     /// [`Unavoidable`] names the agent.
-    pub fn certificate(&self, settings: &AvoidanceSettings) -> &Result<Certificate, Unavoidable> {
-        let find = || certify(self.bench.scenario, &self.candidate.track, settings);
+    pub fn certificate(&self) -> &Result<Certificate, Unavoidable> {
+        let find = || certify(self.bench.scenario, &self.candidate.track, &self.settings.avoidance);
         self.certificate.get_or_init(find)
     }
 }

@@ -1,6 +1,7 @@
-//! Whether a trajectory keeps to the drivable ground.
+//! Whether a trajectory keeps to the drivable ground, and what it asks of the tyres.
 
-use crate::scene::{Agent, AgentState, Road, Scenario};
+use crate::geometry::wrap;
+use crate::scene::{Agent, AgentState, DT, Road, Scenario};
 
 /// The drivable ground of a scenario, asked by the corners of the AV.
 pub(super) struct Ground<'a> {
@@ -31,4 +32,14 @@ impl<'a> Ground<'a> {
         }
         Some(deepest)
     }
+}
+
+/// The largest lateral acceleration of a trajectory, m/s²: speed times yaw rate of every step.
+pub(super) fn lateral_acceleration(now: &AgentState, future: &[AgentState]) -> f64 {
+    let befores = std::iter::once(now).chain(future);
+    let each = befores.zip(future).map(|(before, state)| {
+        let way = (state.position() - before.position()).norm();
+        way * wrap(state.heading - before.heading).abs() / (DT * DT)
+    });
+    each.fold(0.0, f64::max)
 }

@@ -34,4 +34,4 @@ pub use record::{
     ScenarioRecord, Taxonomy,
 };
 pub use rules::Rules;
-pub use taxonomy::classify;
+pub use taxonomy::{Conflict, classify};

@@ -9,7 +9,7 @@ use super::{
     Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, choice, taxonomy,
 };
 use crate::rollout::{Purpose, Stream, stream};
-use crate::scene::Scenario;
+use crate::scene::{AgentState, Scenario};
 
 /// All sources of candidates.
 pub const SOURCES: &[&dyn CandidateSource] = &[&Rules];
@@ -91,6 +91,10 @@ pub fn curate_scenario(
             Ok(proposal) => {
                 let mut track = vec![scenario.start.now(0)];
                 track.extend(proposal.future);
+                if candidates.iter().any(|c: &CandidateRecord| is_same(&c.candidate.track, &track)) {
+                    *unproposed.entry(REPEATED.to_owned()).or_default() += 1;
+                    continue;
+                }
                 let candidate = Candidate {
                     source: source.id().to_owned(),
                     number,
@@ -113,18 +117,26 @@ pub fn curate_scenario(
     Curated::Kept(Box::new(record), unproposed)
 }
 
+/// Why a proposal is no candidate.
+const REPEATED: &str = "the same as an earlier candidate";
+/// Two trajectories that are nowhere farther apart are the same, metres.
+const SAME: f64 = 0.2;
+
+fn is_same(a: &[AgentState], b: &[AgentState]) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a.position() - b.position()).norm() <= SAME)
+}
+
 /// Asks all filters about one candidate.
 fn judge(bench: &Bench<'_>, candidate: Candidate, settings: &CurationSettings) -> CandidateRecord {
-    let trial = Trial::new(bench, &candidate);
+    let trial = Trial::new(bench, &candidate, &settings.filters);
     let mut figures = Vec::with_capacity(FILTERS.len());
     let mut rejected: Option<(String, String)> = None;
-    for (i, filter) in FILTERS.iter().enumerate() {
-        // The last one is dear, and asked only where it decides.
-        if i + 1 == FILTERS.len() && rejected.is_some() {
+    for filter in FILTERS {
+        if filter.is_dear() && rejected.is_some() {
             figures.push(Figure { filter: filter.id().to_owned(), value: None, passed: None });
             continue;
         }
-        let verdict = filter.judge(&trial, &settings.filters);
+        let verdict = filter.judge(&trial);
         let passed = verdict.rejected.is_none();
         figures.push(Figure { filter: filter.id().to_owned(), value: verdict.figure, passed: Some(passed) });
         if let (Some(reason), None) = (verdict.rejected, &rejected) {
@@ -136,14 +148,11 @@ fn judge(bench: &Bench<'_>, candidate: Candidate, settings: &CurationSettings) -
         &bench.way,
         &bench.log,
         &candidate.track,
-        trial.conflict_step(),
+        &bench.scenario.start.agents[0],
+        trial.conflict(),
     );
     let (pressure, offsets) = (trial.pressure(), trial.offsets());
-    let certificate = if rejected.is_none() {
-        trial.certificate(&settings.filters.avoidance).as_ref().ok().cloned()
-    } else {
-        None
-    };
+    let certificate = if rejected.is_none() { trial.certificate().as_ref().ok().cloned() } else { None };
     drop(trial);
     let (rejected_by, reason) = rejected.map_or((None, String::new()), |(by, why)| (Some(by), why));
     let mut record = CandidateRecord {

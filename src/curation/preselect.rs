@@ -1,6 +1,7 @@
 //! Step 1: scenarios in which the AV has vehicles around it.
 
-use crate::scene::{AgentKind, AgentState, DT, FUTURE, Scenario};
+use crate::geometry::Vec2;
+use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
 
 /// Which scenarios are worth proposing candidates for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +19,9 @@ impl Default for Preselection {
         Self { min_vehicles: 3, radius: 40.0, max_ttc: 5.0 }
     }
 }
+
+/// Relative speeds below this are none, m/s.
+const STILL: f64 = 0.1;
 
 /// Rule: the logged AV is absent at a step.
 pub const AV_ABSENT: &str = "the logged AV is absent or jumps";
@@ -65,28 +69,29 @@ fn smallest_ttc(scenario: &Scenario, agent: usize) -> f64 {
         0.25 * (a.length + a.width)
     };
     let reach = size(0) + size(agent);
+    let velocity = |i: usize, step: usize| scenario.logged_velocity(i, CURRENT + step);
     let mut smallest = f64::INFINITY;
     for step in 0..=FUTURE {
-        if let (Some(av), Some(other)) = (logged(scenario, 0, step), logged(scenario, agent, step)) {
-            smallest = smallest.min(time_to_meet(&av, &other, reach));
+        if let (Some(av), Some(other)) = (logged(scenario, 0, step), logged(scenario, agent, step))
+            && let (Some(va), Some(vb)) = (velocity(0, step), velocity(agent, step))
+        {
+            smallest = smallest.min(time_to_meet(other.position() - av.position(), vb - va, reach));
         }
     }
     smallest
 }
 
-/// When two circles whose radii sum to `reach` meet at constant velocities, seconds.
-fn time_to_meet(a: &AgentState, b: &AgentState, reach: f64) -> f64 {
-    let (Some(va), Some(vb)) = (a.velocity(), b.velocity()) else { return f64::INFINITY };
-    let (d, v) = (b.position() - a.position(), vb - va);
+/// When two circles whose radii sum to `reach` meet at constant velocities, seconds: `d` is the way from one to the other, `v` their
+/// relative velocity. Two that do not close never meet, however close they are.
+fn time_to_meet(d: Vec2, v: Vec2, reach: f64) -> f64 {
     let (gap, closing, speed2) = (d.norm_squared() - reach * reach, -d.dot(&v), v.norm_squared());
+    // Who stands still relative to the other one does not close, whatever the noise of the recorder says.
+    if closing <= 0.0 || speed2 < STILL * STILL {
+        return f64::INFINITY;
+    }
     if gap <= 0.0 {
         return 0.0;
     }
     let root = closing * closing - speed2 * gap;
-    // Who stands still relative to the other one does not close, whatever the noise of the recorder says.
-    if closing <= 0.0 || root < 0.0 || speed2 < DT * DT {
-        f64::INFINITY
-    } else {
-        (closing - root.sqrt()) / speed2
-    }
+    if root < 0.0 { f64::INFINITY } else { (closing - root.sqrt()) / speed2 }
 }

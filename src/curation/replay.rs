@@ -1,7 +1,9 @@
 //! What everybody else does under log replay, laid out so that many AV trajectories can be held against it quickly.
 
+use std::f64::consts::PI;
+
 use crate::geometry::{OrientedBox, rounded_distance, signed_angle_between};
-use crate::scene::{Agent, AgentKind, AgentState, FUTURE, Scenario};
+use crate::scene::{Agent, AgentKind, AgentState, FUTURE, HISTORY, Scenario};
 
 /// Share of the smaller half extent by which corners are rounded (metrics, "rounded boxes").
 const ROUNDING: f64 = 0.7;
@@ -9,6 +11,11 @@ const ROUNDING: f64 = 0.7;
 const STOPPED: f64 = 0.05;
 /// The AV is behind an agent from this angle on, degrees (metrics, "A-AV collision").
 const BEHIND: f64 = 150.0;
+
+/// Who is touched in this angle of the AV's heading is ahead of it, radians.
+const AHEAD: f64 = 0.5;
+/// Headings within this angle lead the same way, radians.
+const ALONG: f64 = 0.8;
 
 /// The logged future of all agents but the AV, and the static obstacles, as boxes.
 pub(super) struct LogReplay<'a> {
@@ -33,6 +40,8 @@ pub(super) struct Touch {
     pub(super) kind: Option<AgentKind>,
     /// Speed of the other, m/s; 0 for obstacles.
     pub(super) speed: f64,
+    /// Speed of the AV, m/s.
+    pub(super) av_speed: f64,
     /// Whether the metrics would blame the other one (but for ground off the road).
     pub(super) at_fault: bool,
     /// Whether the AV's front bumper is in the other one's box.
@@ -44,9 +53,24 @@ pub(super) struct Touch {
 }
 
 impl Touch {
-    /// Whether the AV drives into the rear of somebody who goes the same way, or into somebody who comes head on.
+    /// Whether the AV's front drives into the rear of somebody who goes the same way.
     pub(super) fn rear_end(&self) -> bool {
-        self.av_bumper && self.bearing < 0.5 && self.turned < 0.8
+        self.av_bumper && self.bearing < AHEAD && self.turned < ALONG
+    }
+
+    /// Whether the AV's front drives into somebody who comes towards it.
+    pub(super) fn head_on(&self) -> bool {
+        self.av_bumper && self.bearing < AHEAD && self.turned > PI - ALONG
+    }
+
+    /// Whether the AV's front drives into somebody who is slower than `slow` (m/s) and than the AV, or whom the metrics would not blame.
+    pub(super) fn driven_into(&self, slow: f64) -> bool {
+        self.av_bumper && (!self.at_fault || self.speed < slow.min(self.av_speed))
+    }
+
+    /// Whether the other one stands.
+    pub(super) fn stands(&self) -> bool {
+        self.speed <= STOPPED
     }
 }
 
@@ -54,8 +78,10 @@ impl<'a> LogReplay<'a> {
     pub(super) fn new(scenario: &'a Scenario) -> Self {
         let start = &scenario.start;
         let mut others = Vec::with_capacity(start.agents.len() + start.obstacles.len());
-        for (agent, future) in start.agents.iter().zip(&scenario.log_future.tracks).skip(1) {
-            let steps = future.iter().map(|f| f.map(|s| (s.footprint(agent), s.speed()))).collect();
+        for (i, agent) in start.agents.iter().enumerate().skip(1) {
+            let speed = |k: usize| scenario.logged_velocity(i, HISTORY + k).map_or(f64::NAN, |v| v.norm());
+            let future = scenario.log_future.tracks[i].iter().enumerate();
+            let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
             let radius = (0.5 * agent.length).hypot(0.5 * agent.width);
             others.push(Other { kind: Some(agent.kind), radius, steps });
         }
@@ -107,6 +133,7 @@ fn judge(
         step,
         kind,
         speed,
+        av_speed,
         at_fault,
         av_bumper: other.intersects_segment(av_left, av_right),
         turned: signed_angle_between(av.axis, other.axis).abs(),

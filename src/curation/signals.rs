@@ -12,6 +12,9 @@ const ALONG: (f64, f64) = (0.5, 0.8);
 /// Farthest that the AV passes beside the stopping point, metres.
 const BESIDE: f64 = 2.5;
 
+/// Stopping points that are crossed within so many steps belong together.
+const TOGETHER: usize = 10;
+
 /// The lights of a scenario over all frames.
 pub(super) struct Signals<'a> {
     road: Road<'a>,
@@ -64,9 +67,11 @@ impl<'a> Signals<'a> {
             self.lights[i].states[CURRENT + step].is_some_and(LightState::is_red) && !self.lights[i].ignored
         };
         let first = crossed.iter().filter(|c| red(c)).map(|c| c.1).min()?;
-        // Lanes that begin together and overlap: one that is free is enough.
+        // Lanes that begin together and overlap: one that is known to be free is enough.
+        let open = |state: LightState| !state.is_red() && state != LightState::Unknown;
         let free = |c: &(usize, usize)| {
-            !red(c) && self.lights[c.0].states[CURRENT + c.1].is_some() && c.1.abs_diff(first) <= 10
+            let light = &self.lights[c.0];
+            !light.ignored && light.states[CURRENT + c.1].is_some_and(open) && c.1.abs_diff(first) <= TOGETHER
         };
         (!crossed.iter().any(free)).then_some(first)
     }

@@ -1,4 +1,5 @@
-//! Paths of vehicles that are steered by the front and follow with the rear axle, and the speeds at which they can be driven.
+//! The kinematic bicycle model along a guide: paths of vehicles that are steered by the front and follow with the rear axle, and the speeds
+//! at which they can be driven.
 
 use std::f64::consts::PI;
 
@@ -39,6 +40,8 @@ pub struct AxlePath {
     end: Option<f64>,
     /// Largest lateral acceleration, m/s².
     lateral: f64,
+    /// The speed limit at each pose, m/s; empty where there is none.
+    limits: Vec<f64>,
 }
 
 /// Where a vehicle sets out, and how.
@@ -71,6 +74,7 @@ impl AxlePath {
             curvatures: Vec::with_capacity(count),
             end: None,
             lateral: LATERAL,
+            limits: Vec::new(),
         };
         let (mut curvature, mut segment) = (from.curvature, 0);
         for _ in 0..count {
@@ -125,6 +129,11 @@ impl AxlePath {
     /// Sets the largest lateral acceleration, m/s² (3.8 otherwise).
     pub fn limit_lateral(&mut self, acceleration: f64) {
         self.lateral = acceleration;
+    }
+
+    /// Sets the speed limit, m/s, after so many metres of the way of the box centre.
+    pub fn limit_speed(&mut self, limit: impl Fn(f64) -> f64) {
+        self.limits = self.arc.iter().map(|&s| limit(s)).collect();
     }
 
     /// Makes the path end with a halt after `s` metres.
@@ -187,7 +196,8 @@ impl AxlePath {
         for (i, &s) in self.arc.iter().enumerate() {
             let curvature = self.curvatures[i.min(self.curvatures.len() - 1)];
             let over = self.end.is_some_and(|end| s >= end);
-            speeds.push(if over { 0.0 } else { (self.lateral / curvature.max(1e-6)).sqrt() });
+            let limit = self.limits.get(i).copied().unwrap_or(f64::INFINITY);
+            speeds.push(if over { 0.0 } else { (self.lateral / curvature.max(1e-6)).sqrt().min(limit) });
         }
         for i in (0..speeds.len() - 1).rev() {
             let way = self.arc[i + 1] - self.arc[i];
@@ -214,14 +224,43 @@ impl Allowed<'_> {
 /// Drives along a path from the state `now`, at the speed `speed_now` (m/s, in the direction of the path), at the desired speeds as
 /// far as the path and the limits of the metrics allow: one state per step. A vehicle at rest keeps its state exactly.
 pub fn follow(now: AgentState, speed_now: f64, path: &AxlePath, desired: &[f64]) -> Vec<AgentState> {
-    let allowed = path.allowed_speeds();
+    drive(now, speed_now, path, desired, Some(&path.allowed_speeds()))
+}
+
+/// As [`follow`], smoothly: for a vehicle that speeds up by `acceleration` (m/s²) until now, with changes of the acceleration spread over
+/// half a second on either side. Bends are taken and the path's end is reached nearly at the speeds that [`follow`] finds.
+pub fn follow_smoothly(
+    now: AgentState,
+    speed_now: f64,
+    acceleration: f64,
+    path: &AxlePath,
+    desired: &[f64],
+) -> Vec<AgentState> {
+    let found = follow(now, speed_now, path, desired);
+    let mut found: Vec<f64> = found.iter().map(AgentState::speed).collect();
+    for _ in 0..2 {
+        speeds::soften_from(speed_now, acceleration, &mut found);
+    }
+    drive(now, speed_now, path, &found, None)
+}
+
+/// Drives along a path at the desired speeds, below those that are allowed.
+fn drive(
+    now: AgentState,
+    speed_now: f64,
+    path: &AxlePath,
+    desired: &[f64],
+    allowed: Option<&Allowed<'_>>,
+) -> Vec<AgentState> {
     let (mut s, mut speed, mut state) = (0.0, speed_now, now);
     // Change of speed in the last step, and whether a curve keeps the AV below what is desired.
     let (mut change, mut held) = (0.0, false);
     let mut track = Vec::with_capacity(FUTURE);
     for &wanted in desired {
         // A look ahead gives the braking force time to rise.
-        let ceiling = allowed.at(s + 0.5 * (speed + wanted) * DT).min(allowed.at(s + 4.0 * speed * DT));
+        let ceiling = allowed.map_or(f64::INFINITY, |allowed| {
+            allowed.at(s + 0.5 * (speed + wanted) * DT).min(allowed.at(s + 4.0 * speed * DT))
+        });
         held = ceiling < wanted || (held && speed < wanted - speeds::EASE);
         let aim = if held {
             let least = (change - 2.0 * speeds::EASE).max(-speeds::LOSS);

@@ -111,9 +111,19 @@ pub fn bound_ahead(now: f64, speeds: &mut [f64], acceleration: f64, deceleration
 /// at `now` and turned over, so that they go on from it.
 pub fn soften(now: f64, speeds: &mut [f64]) {
     let raw = speeds.to_vec();
-    let at = |k: isize| match k {
-        k if k < 0 => 2.0 * now - if k == -1 { now } else { raw[(-k - 2) as usize] },
-        k => raw[(k as usize).min(raw.len() - 1)],
+    average(speeds, |k| if k == 1 { now } else { 2.0 * now - raw[k - 2] });
+}
+
+/// As [`soften`], for a vehicle that speeds up by `acceleration` (m/s²) until now: the speeds go on from that, too.
+pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
+    average(speeds, |k| (now - acceleration * (k - 1) as f64 * DT).max(0.0));
+}
+
+/// Averages over five steps; `before` gives the speeds before the first step: 1 is now, 2 the one before it.
+fn average(speeds: &mut [f64], before: impl Fn(usize) -> f64) {
+    let raw = speeds.to_vec();
+    let at = |k: isize| {
+        if k < 0 { before(k.unsigned_abs()) } else { raw[(k as usize).min(raw.len() - 1)] }
     };
     for (k, speed) in speeds.iter_mut().enumerate() {
         let k = k as isize;

@@ -122,6 +122,21 @@ pub struct AgentScores<'c> {
 }
 
 impl Case<'_> {
+    /// How far the judged AV leaves the logged one; `None` without a log.
+    pub fn deviation(&self) -> Option<DeviationStats> {
+        deviation::deviation(self)
+    }
+
+    /// The first contact of every object with the AV; `None` for those that have none or are no evaluated vehicles.
+    pub fn contacts(&self) -> &[Option<Contact>] {
+        collision::contacts(self)
+    }
+
+    /// The approach of every object to the AV; `None` for those that are no evaluated vehicles.
+    pub fn approaches(&self) -> &[Option<Approach>] {
+        ttc::approaches(self)
+    }
+
     /// What the metrics say about one object.
     ///
     /// # Panics

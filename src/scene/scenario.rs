@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use super::{
-    Agent, AgentState, CURRENT, Frame, LightState, LoggedAgent, MapIndex, Road, RoadMap, TrafficLight,
+    Agent, AgentState, CURRENT, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Road, RoadMap,
+    TrafficLight,
 };
 use crate::geometry::{OrientedBox, Vec2};
 
@@ -120,6 +121,20 @@ impl Scenario {
     /// The whole logged track of an agent: 91 frames.
     pub fn logged(&self, agent: usize) -> Vec<Frame> {
         self.start.history[agent].iter().chain(&self.log_future.tracks[agent]).copied().collect()
+    }
+
+    /// The logged velocity of an agent at a frame, m/s: the recorded one, else the backward difference of its positions, else the forward
+    /// difference (the rule of the metrics). `None` where it is absent or alone.
+    pub fn logged_velocity(&self, agent: usize, frame: usize) -> Option<Vec2> {
+        let at = |f: usize| match f.checked_sub(HISTORY) {
+            None => self.start.history[agent][f],
+            Some(k) => self.log_future.tracks[agent].get(k).copied().flatten(),
+        };
+        let here = at(frame)?;
+        let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
+        let before = || frame.checked_sub(1).and_then(at).map(|b| step(b, here));
+        let after = || at(frame + 1).map(|a| step(here, a));
+        here.velocity().or_else(before).or_else(after)
     }
 
     /// The observed states of a light over all 91 frames.

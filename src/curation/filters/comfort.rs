@@ -8,6 +8,8 @@ use crate::scene::{AgentState, DT};
 /// smoothing.
 pub(super) struct Comfort;
 
+/// The id of the filter.
+pub(in crate::curation) const ID: &str = "comfort";
 /// Steps on either side of a difference.
 const REACH: usize = 3;
 /// Longitudinal acceleration, m/s².
@@ -23,20 +25,24 @@ const BOUNDS: [(&str, f64); 5] = [
 
 impl CandidateFilter for Comfort {
     fn id(&self) -> &'static str {
-        "comfort"
+        ID
     }
 
     fn rule(&self, settings: &FilterSettings) -> String {
         if settings.comfort {
-            "nuPlan's comfort bounds hold at every step".to_owned()
+            "nuPlan's comfort bounds hold (by differences over 0.6 s, history included, but for the last 0.9 s)".to_owned()
         } else {
             "off: nuPlan's comfort bounds, told as the largest share of a bound that is used".to_owned()
         }
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
-        let (share, name) = largest_share(&trial.candidate.track);
-        Verdict::new(Some(share), !settings.comfort || share <= 1.0, || {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
+        let history = trial.bench.scenario.start.history[0].iter().rev().skip(1).map_while(|f| *f);
+        let mut track: Vec<AgentState> = history.collect();
+        track.reverse();
+        track.extend(&trial.candidate.track);
+        let (share, name) = largest_share(&track);
+        Verdict::new(Some(share), !trial.settings.comfort || share <= 1.0, || {
             format!("{name}: {share:.2} of the bound")
         })
     }

@@ -15,10 +15,10 @@ impl CandidateFilter for EarlyContact {
         format!("no contact within the first {} s", settings.earliest_contact)
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let first = trial.touches.iter().map(|t| t.step as f64 * DT).reduce(f64::min);
         // A step ends at its time: the tolerance is for the rounding of k * 0.1.
-        let passes = first.is_none_or(|t| t > settings.earliest_contact + 1e-9);
+        let passes = first.is_none_or(|t| t > trial.settings.earliest_contact + 1e-9);
         Verdict::new(first, passes, || format!("contact after {:.1} s", first.unwrap_or_default()))
     }
 }
@@ -33,17 +33,19 @@ impl CandidateFilter for ActiveCollision {
 
     fn rule(&self, settings: &FilterSettings) -> String {
         format!(
-            "the AV touches no pedestrian, cyclist or obstacle, and its front drives into no vehicle below {} m/s and into none that \
-             goes ahead of it",
+            "the AV touches no pedestrian, cyclist, obstacle or standing vehicle, and its front drives into no vehicle that is slower than {} m/s \
+             and than the AV, that goes ahead of it or comes towards it, or that the metrics would not blame",
             settings.slow
         )
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let why = |touch: &crate::curation::replay::Touch| match touch.kind {
             None => Some("drives into an obstacle".to_owned()),
+            Some(AgentKind::Vehicle) if touch.stands() => Some("touches a standing vehicle".to_owned()),
+            Some(AgentKind::Vehicle) if touch.head_on() => Some("drives head on into a vehicle".to_owned()),
             Some(AgentKind::Vehicle) if touch.rear_end() => Some("drives into a vehicle ahead".to_owned()),
-            Some(AgentKind::Vehicle) if touch.av_bumper && touch.speed < settings.slow => {
+            Some(AgentKind::Vehicle) if touch.driven_into(trial.settings.slow) => {
                 Some(format!("drives into a vehicle at {:.1} m/s", touch.speed))
             }
             Some(AgentKind::Vehicle) => None,

@@ -1,6 +1,7 @@
 //! Far enough from the log, on the road, and drivable.
 
 use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
+use crate::curation::ground::lateral_acceleration;
 use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 
 /// Differs from the log.
@@ -15,9 +16,9 @@ impl CandidateFilter for LogDistance {
         format!("the ADE to the log is at least {} m", settings.min_ade)
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let ade = trial.offsets().ade;
-        Verdict::new(Some(ade), ade >= settings.min_ade, || {
+        Verdict::new(Some(ade), ade >= trial.settings.min_ade, || {
             format!("only {ade:.2} m from the log on average")
         })
     }
@@ -38,12 +39,12 @@ impl CandidateFilter for DrivableArea {
         )
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let depth = trial.bench.ground.depth(trial.candidate.future(), f64::INFINITY);
         let off = trial.own.agent_scores(0).ground.hits > 0;
-        let passes = depth.is_none_or(|d| d <= settings.drivable_tolerance) && !off;
+        let passes = depth.is_none_or(|d| d <= trial.settings.drivable_tolerance) && !off;
         Verdict::new(depth, passes, || match depth {
-            Some(d) if d > settings.drivable_tolerance => format!("a corner is {d:.2} m off the road"),
+            Some(d) if d > trial.settings.drivable_tolerance => format!("a corner is {d:.2} m off the road"),
             _ => "the centre is off the road".to_owned(),
         })
     }
@@ -61,12 +62,31 @@ impl CandidateFilter for Kinematics {
         format!("no transition beyond {MAX_ACCELERATION} m/s² or {MAX_CURVATURE} 1/m")
     }
 
-    fn judge(&self, trial: &Trial<'_>, _: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let found = trial.own.agent_scores(0).infeasible;
         let hits = found.acceleration.hits + found.curvature.hits;
         Verdict::new(Some(hits as f64), hits == 0, || {
             let (a, c) = (found.acceleration.hits, found.curvature.hits);
             format!("{a} infeasible accelerations, {c} infeasible curvatures")
         })
+    }
+}
+
+/// Takes no bend faster than a driver would.
+pub(super) struct LateralAcceleration;
+
+impl CandidateFilter for LateralAcceleration {
+    fn id(&self) -> &'static str {
+        "lateral-acceleration"
+    }
+
+    fn rule(&self, settings: &FilterSettings) -> String {
+        format!("the lateral acceleration is at most {} m/s²", settings.max_lateral_acceleration)
+    }
+
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
+        let largest = lateral_acceleration(&trial.candidate.track[0], trial.candidate.future());
+        let passes = largest <= trial.settings.max_lateral_acceleration;
+        Verdict::new(Some(largest), passes, || format!("lateral acceleration of {largest:.1} m/s²"))
     }
 }

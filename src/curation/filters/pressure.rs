@@ -17,9 +17,11 @@ impl CandidateFilter for Pressing {
         )
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let ttc = trial.smallest_ttc();
-        Verdict::new(ttc, ttc.is_some_and(|t| t < settings.pressing_ttc), || "nobody has to react".to_owned())
+        Verdict::new(ttc, ttc.is_some_and(|t| t < trial.settings.pressing_ttc), || {
+            "nobody has to react".to_owned()
+        })
     }
 }
 
@@ -40,10 +42,14 @@ impl CandidateFilter for Avoidable {
         )
     }
 
-    fn judge(&self, trial: &Trial<'_>, settings: &FilterSettings) -> Verdict {
-        match trial.certificate(&settings.avoidance) {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
+        match trial.certificate() {
             Ok(certificate) => Verdict { figure: Some(certificate.peak_deceleration()), rejected: None },
             Err(error) => Verdict { figure: None, rejected: Some(error.to_string()) },
         }
+    }
+
+    fn is_dear(&self) -> bool {
+        true
     }
 }

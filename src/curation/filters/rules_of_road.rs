@@ -15,7 +15,7 @@ impl CandidateFilter for WrongWay {
         "the AV does not drive against its lane by the rule that agents are judged by".to_owned()
     }
 
-    fn judge(&self, trial: &Trial<'_>, _: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let wrong = !trial.own.agent_scores(0).direction.spells.is_empty();
         Verdict::new(Some(f64::from(u8::from(wrong))), !wrong, || "drives against its lane".to_owned())
     }
@@ -33,7 +33,7 @@ impl CandidateFilter for RedLight {
         "the AV crosses no stopping point on red, but where the logged AV does".to_owned()
     }
 
-    fn judge(&self, trial: &Trial<'_>, _: &FilterSettings) -> Verdict {
+    fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let step = trial.bench.signals.run(&trial.candidate.track[0], trial.candidate.future());
         let time = step.map(|s| s as f64 * DT);
         Verdict::new(time, time.is_none(), || {

@@ -48,8 +48,10 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
         free
     };
     let waits = if wait > 0.0 { format!(" after {wait:.1} s") } else { String::new() };
-    let maneuver = format!("{} at {cruise:.1} m/s{waits}", branch.name());
-    Ok(Draft { maneuver, future: drive(survey, branch, &manner, cruise) })
+    let future = drive(survey, branch, &manner, cruise);
+    let fastest = future.iter().map(AgentState::speed).fold(0.0, f64::max);
+    let maneuver = format!("{} at up to {fastest:.1} m/s{waits}", branch.name());
+    Ok(Draft { maneuver, future })
 }
 
 /// The cruising speed, up to `most`, with which the AV comes to `s` metres of the way at `time`, or nearly.
@@ -77,6 +79,5 @@ fn drive(survey: &Survey<'_>, branch: &Branch, manner: &Manner, cruise: f64) -> 
     let wanted = |k: usize| if (k as f64) * DT < manner.wait { log[k].min(speed) } else { cruise };
     let mut desired: Vec<f64> = (1..=FUTURE).map(wanted).collect();
     speeds::bound(speed, &mut desired, manner.gain, 3.0);
-    speeds::soften(speed, &mut desired);
     survey.follow(&branch.path, &desired)
 }

@@ -16,6 +16,11 @@ const BEND: f64 = 0.1;
 /// Lateral acceleration that it may take, m/s².
 const ASIDE: f64 = 1.8;
 
+/// How much sooner or later a merge is, metres.
+const SOONER: (f64, f64) = (8.0, 35.0);
+/// Way over which the AV sets out from where it is, metres.
+const SET_OUT: f64 = 12.0;
+
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
     let log = survey.drive.speeds();
     let factor = if stream.random_bool(0.4) { 1.0 } else { between(stream, 0.55, 1.25) };
@@ -24,6 +29,11 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     let travel = desired.iter().sum::<f64>() * DT;
     if travel < 4.0 {
         return Err("the AV hardly moves".into());
+    }
+    if let Some(offsets) = &survey.merge
+        && stream.random_bool(0.4)
+    {
+        return Ok(merge(survey, offsets, &desired, stream));
     }
     let change = !survey.beside.is_empty() && stream.random_bool(0.65);
     let target = if change {
@@ -59,4 +69,17 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     };
     let pace = if factor == 1.0 { String::new() } else { format!(", {factor:.2} of the speed") };
     Ok(Draft { maneuver: format!("{what} after {after:.1} s{pace}"), future: survey.follow(&path, &desired) })
+}
+
+/// The logged change of lanes, sooner or later by some metres.
+fn merge(survey: &Survey<'_>, offsets: &[f64], desired: &[f64], stream: &mut Stream) -> Draft {
+    let travel = desired.iter().sum::<f64>() * DT;
+    let by = between(stream, SOONER.0, SOONER.1) * if stream.random_bool(0.5) { 1.0 } else { -1.0 };
+    let at = |s: f64| offsets[(s.max(0.0) as usize).min(offsets.len() - 1)];
+    // Whole metres are enough: the AV does not follow kinks. It sets out where it is.
+    let aside = |s: f64| (at(s - by) - at(s)) * smooth_step(s / SET_OUT);
+    let path = survey.aside(&aside, travel);
+    let what = if by > 0.0 { "later" } else { "earlier" };
+    let maneuver = format!("merge {:.0} m {what}", by.abs());
+    Draft { maneuver, future: survey.follow(&path, desired) }
 }

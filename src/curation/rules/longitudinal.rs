@@ -33,13 +33,18 @@ enum Kind {
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
     let log = survey.drive.speeds();
     let Some(kind) = pick(stream, KINDS) else { return Err("no speed profile".into()) };
-    let (maneuver, desired) = profile(*kind, log, survey.limit, stream)?;
+    let (maneuver, desired) = profile(*kind, log, survey, stream)?;
     Ok(Draft { maneuver, future: survey.follow(&survey.logged, &desired) })
 }
 
 /// Speeds of the steps 1 to 80 (m/s), with their name.
-fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(String, Vec<f64>), String> {
-    let now = log[0];
+fn profile(
+    kind: Kind,
+    log: &[f64],
+    survey: &Survey<'_>,
+    stream: &mut Stream,
+) -> Result<(String, Vec<f64>), String> {
+    let (now, limit) = (log[0], survey.limit);
     let top = log.iter().fold(0.0_f64, |a, &v| a.max(v));
     let logged = |t: f64| {
         let k = (t / DT).clamp(0.0, FUTURE as f64);
@@ -49,7 +54,6 @@ fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(
     let shape = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
         let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT).max(0.0)).collect();
         speeds::bound(now, &mut speeds, gain, loss);
-        speeds::soften(now, &mut speeds);
         speeds
     };
     match kind {
@@ -68,7 +72,6 @@ fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(
                 speeds.push(speed);
             }
             speeds::bound_ahead(now, &mut speeds, speeds::ACCELERATION, speeds::DECELERATION);
-            speeds::soften(now, &mut speeds);
             Ok((format!("stop: {loss:.1} m/s² after {after:.1} s"), speeds))
         }
         Kind::Slow => {
@@ -123,7 +126,6 @@ fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(
             };
             let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
             speeds::bound_ahead(now, &mut speeds, 2.5, loss);
-            speeds::soften(now, &mut speeds);
             Ok((format!("late braking: by {late:.1} s"), speeds))
         }
         Kind::Creep => {
@@ -132,7 +134,6 @@ fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(
             let wanted = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
             let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
             speeds::bound_ahead(now, &mut speeds, 1.5, loss);
-            speeds::soften(now, &mut speeds);
             Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
         }
         Kind::Dip => {
@@ -146,7 +147,6 @@ fn profile(kind: Kind, log: &[f64], limit: f64, stream: &mut Stream) -> Result<(
             };
             let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
             speeds::bound_ahead(now, &mut speeds, 2.0, loss);
-            speeds::soften(now, &mut speeds);
             Ok((format!("brake and go on: {loss:.1} m/s² for {lasts:.1} s after {after:.1} s"), speeds))
         }
     }

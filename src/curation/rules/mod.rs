@@ -32,8 +32,8 @@ const IN_TIME: usize = 65;
 const AWAY: f64 = 2.0;
 /// Beside the logged way from this distance on, metres.
 const OFF_WAY: f64 = 1.0;
-/// Who moves slower is not pressed by being driven into, m/s.
-const SLOW: f64 = 0.5;
+/// Who moves slower than this, and than the AV, is not pressed by being driven into, m/s.
+const SLOW: f64 = 2.0;
 
 /// What one draw gives.
 struct Draft {
@@ -128,9 +128,9 @@ fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
     }
 }
 
-/// Whether a draw leaves the road or runs a red light.
+/// Whether a draw swerves, leaves the road or runs a red light.
 fn breaks_rules(survey: &Survey<'_>, draft: &Draft) -> bool {
-    !survey.on_road(&draft.future) || survey.runs_red(&draft.future)
+    !survey.grips(&draft.future) || !survey.on_road(&draft.future) || survey.runs_red(&draft.future)
 }
 
 /// Whether a contact is one that no driver would make: early, with somebody on foot or on a bicycle, or by driving into what is slow
@@ -138,7 +138,10 @@ fn breaks_rules(survey: &Survey<'_>, draft: &Draft) -> bool {
 fn breaks(touch: &Touch) -> bool {
     touch.step <= TOO_EARLY
         || touch.kind != Some(AgentKind::Vehicle)
-        || touch.av_bumper && (touch.speed < SLOW || touch.rear_end())
+        || touch.stands()
+        || touch.rear_end()
+        || touch.head_on()
+        || touch.driven_into(SLOW)
 }
 
 /// Uniform in a range.

@@ -1,6 +1,6 @@
 //! Other ways over the lane graph than the logged one.
 
-use super::survey::LATERAL;
+use super::survey::{LATERAL, Limits};
 use crate::dynamics::{AxlePath, Departure, Pose, REAR_AXLE};
 use crate::geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
 use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
@@ -13,6 +13,10 @@ const MOST: usize = 48;
 const APART: f64 = 2.5;
 /// Angle between them, there or at the end, radians.
 const TURNED: f64 = 0.26;
+/// Another lane is at least so far aside, metres.
+const CHANGED: f64 = 2.5;
+/// No lane that is followed has more points.
+const MOST_POINTS: usize = 4000;
 /// Somebody is on a way who is closer to it than this, metres.
 const CLOSE: f64 = 2.5;
 /// Who is slower stands, m/s.
@@ -116,6 +120,9 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
     let pace = now.speed().clamp(5.0, 12.0);
     let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, |_| pace);
     path.limit_lateral(LATERAL);
+    // Who is faster now than a lane ahead allows has to slow down, but not at once.
+    let limits = Limits::along(&scenario.start.road(), &path, 0.0);
+    path.limit_speed(|s| limits.at(s));
     path.stop_at(guide.length());
     path
 }
@@ -144,20 +151,20 @@ fn guide(road: &Road<'_>, chain: &[usize], hit: &LaneHit, axle: Vec2, reach: f64
     let offset = hit.projection.offset;
     let (mut points, mut way) = (vec![axle], 0.0);
     let mut s = hit.projection.s;
-    let (mut first, mut last) = (None, 0.0);
+    let (mut last, mut turn) = (None, 0.0);
     for &lane in chain {
         let line = &road.lane(lane).baseline;
         while s < line.length() && way < reach {
             (s, way) = (s + 1.0, way + 1.0);
             let at = s.min(line.length());
             let heading = line.heading_at(at);
-            first.get_or_insert(heading);
-            last = heading;
+            turn += last.map_or(0.0, |l| wrap(heading - l));
+            last = Some(heading);
             points.push(line.at(at) + left(direction(heading)) * (offset * (1.0 - smooth_step(way / 20.0))));
         }
         s = (s - line.length()).max(0.0);
     }
-    Some((Polyline::new(&points).ok()?, wrap(last - first?)))
+    Some((Polyline::new(&points).ok()?, turn))
 }
 
 /// Whether a way leaves the logged one for another direction: somewhere it is aside of it and turned against it.
@@ -207,4 +214,44 @@ pub(super) fn beside(road: &Road<'_>, logged: &Polyline) -> Vec<f64> {
         }
     }
     found
+}
+
+/// The logged change of lanes: offsets of the logged way from the lane that the AV is on now, gone on with over its successors, metres,
+/// one per metre of the way; `None` where it keeps to that lane, or turns off.
+pub(super) fn merge(scenario: &Scenario, logged: &Polyline) -> Option<Vec<f64>> {
+    let road = scenario.start.road();
+    let now = scenario.start.now(0);
+    let mut hits: Vec<LaneHit> = Vec::new();
+    road.lanes_near(now.position(), OWN_LANE.0, &mut hits);
+    let off =
+        |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - now.heading).abs();
+    let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
+    let own = hits.iter().filter(|h| off(h) < OWN_LANE.1).min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    let mut points = road.lane(own.lane).baseline.points().to_vec();
+    let (mut lane, mut length) = (own.lane, road.lane(own.lane).baseline.length() - own.projection.s);
+    while length < logged.length() {
+        let last = points[points.len() - 1];
+        let end = road.lane(lane).baseline.heading(road.lane(lane).baseline.segments() - 1);
+        let turn = |&l: &usize| wrap(road.lane(l).baseline.heading_at(20.0) - end).abs();
+        let next = road.lane(lane).successors.iter().copied();
+        let Some(next) = next.min_by(|a, b| turn(a).total_cmp(&turn(b))) else { break };
+        let line = &road.lane(next).baseline;
+        points.extend(line.points().iter().filter(|p| (*p - last).norm() > 1e-6));
+        (lane, length) = (next, length + line.length());
+        if points.len() > MOST_POINTS {
+            break;
+        }
+    }
+    let line = Polyline::new(&points).ok()?;
+    let (mut offsets, mut s) = (Vec::new(), 0.0);
+    while s < logged.length().min(length) {
+        let near = line.project(logged.at(s));
+        if wrap(logged.heading_at(s) - line.heading(near.segment)).abs() > OWN_LANE.1 {
+            break;
+        }
+        offsets.push(near.offset);
+        s += 1.0;
+    }
+    let (first, last) = (*offsets.first()?, *offsets.last()?);
+    ((last - first).abs() > CHANGED).then_some(offsets)
 }

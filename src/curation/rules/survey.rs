@@ -1,20 +1,20 @@
 //! What all draws of one scenario share: the logged drive, what the others do, where else the AV could go.
 
 use super::routes::{self, Branch};
-use crate::curation::ground::Ground;
+use crate::curation::ground::{Ground, lateral_acceleration};
 use crate::curation::replay::LogReplay;
 use crate::curation::signals::Signals;
-use crate::dynamics::{AxlePath, follow};
-use crate::geometry::{Polyline, wrap};
+use crate::dynamics::{AxlePath, follow_smoothly};
+use crate::geometry::{Polyline, Vec2, wrap};
 use crate::rollout::{AvError, LoggedDrive};
 use crate::scene::{AgentState, CURRENT, DT, LaneHit, Road, Scenario};
 
 /// Corners may leave the drivable ground by this, metres: a little less than the filter allows.
 const OFF_ROAD: f64 = 0.25;
+/// Lateral acceleration that a draw may show, m/s²: a little less than the filter allows.
+const GRIP: f64 = 4.5;
 /// An AV that drives less than this in the log stands, metres.
 const STANDS: f64 = 2.0;
-/// Over how many steps before and after now the curvature is taken.
-const REACH: usize = 4;
 /// Lateral acceleration that a candidate takes, m/s².
 pub(super) const LATERAL: f64 = 2.8;
 
@@ -30,8 +30,14 @@ pub(super) struct Survey<'a> {
     pub(super) branches: Vec<Branch>,
     /// Lateral offsets of the lanes beside the logged way, metres, left positive.
     pub(super) beside: Vec<f64>,
-    /// The highest speed that is taken, m/s.
+    /// The highest speed that is asked for, m/s: the limit of the AV's lane, or the highest speed of its log.
     pub(super) limit: f64,
+    /// Acceleration of the AV until now, m/s².
+    acceleration: f64,
+    /// The logged change of lanes, where there is one: the offset from the first lane by the way, metres, one per metre.
+    pub(super) merge: Option<Vec<f64>>,
+    /// Speed limits along the logged way, one per `Limits::STEP` metres.
+    limits: Limits,
     /// Curvature of the rear axle's path now, 1/m.
     curvature: f64,
     ground: Ground<'a>,
@@ -44,11 +50,14 @@ impl<'a> Survey<'a> {
         let road = scenario.start.road();
         let curvature = curvature_now(scenario, &drive);
         let top = drive.speeds().iter().fold(0.0_f64, |a, &v| a.max(v));
-        let limit = speed_limit(&road, scenario).map_or(top.max(8.0), |l| (1.1 * l).max(top));
+        let now = scenario.start.now(0);
+        let limit = lane_limit(&road, now.position(), now.heading).map_or(top.max(8.0), |l| l.max(top));
         // Far enough for the fastest candidate.
         let reach = (8.0 * (top + 4.0).min(limit.max(top))).max(30.0);
         let mut logged = drive.path(scenario, None, Some(curvature), reach);
         logged.limit_lateral(LATERAL);
+        let limits = Limits::along(&road, &logged, top);
+        logged.limit_speed(|s| limits.at(s));
         let line = logged.centre_line();
         let (branches, beside) = if drive.reverses() {
             (Vec::new(), Vec::new())
@@ -57,6 +66,9 @@ impl<'a> Survey<'a> {
         };
         Ok(Self {
             scenario,
+            acceleration: acceleration_now(scenario),
+            merge: routes::merge(scenario, &line),
+            limits,
             replay: LogReplay::new(scenario),
             logged,
             line,
@@ -86,13 +98,14 @@ impl<'a> Survey<'a> {
 
     /// Drives a path at the desired speeds.
     pub(super) fn follow(&self, path: &AxlePath, desired: &[f64]) -> Vec<AgentState> {
-        follow(self.now(), self.speed(), path, desired)
+        follow_smoothly(self.now(), self.speed(), self.acceleration, path, desired)
     }
 
     /// The logged way moved sideways, with its limits.
     pub(super) fn aside(&self, aside: &dyn Fn(f64) -> f64, travel: f64) -> AxlePath {
         let mut path = self.drive.path(self.scenario, Some(aside), Some(self.curvature), travel);
         path.limit_lateral(LATERAL);
+        path.limit_speed(|s| self.limits.at(s));
         path
     }
 
@@ -108,6 +121,10 @@ impl<'a> Survey<'a> {
         sum / future.len().max(1) as f64
     }
 
+    pub(super) fn grips(&self, future: &[AgentState]) -> bool {
+        lateral_acceleration(&self.now(), future) <= GRIP
+    }
+
     pub(super) fn on_road(&self, future: &[AgentState]) -> bool {
         self.ground.depth(future, OFF_ROAD).is_none_or(|d| d <= OFF_ROAD)
     }
@@ -117,28 +134,62 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// The curvature of the AV's way now by the logged headings around it, 1/m; 0 for one that hardly moves.
+/// The curvature of the AV's way now by the logged headings around it, 1/m: over so long a time that it has moved a metre, 2 s at most; 0
+/// for one that hardly moves.
 fn curvature_now(scenario: &Scenario, drive: &LoggedDrive) -> f64 {
     let history = &scenario.start.history[0];
-    let (Some(before), after) = (history[CURRENT - REACH], drive.states()[REACH]) else { return 0.0 };
-    let way = (after.position() - before.position()).norm();
-    if way < 1.0 {
-        return 0.0;
+    for reach in [4, 7, CURRENT] {
+        let (Some(before), after) = (history[CURRENT - reach], drive.states()[reach]) else { return 0.0 };
+        let way = (after.position() - before.position()).norm();
+        if way >= 1.0 {
+            let sign = if drive.reverses() { -1.0 } else { 1.0 };
+            return (sign * wrap(after.heading - before.heading) / way).clamp(-0.25, 0.25);
+        }
     }
-    let sign = if drive.reverses() { -1.0 } else { 1.0 };
-    (sign * wrap(after.heading - before.heading) / way).clamp(-0.25, 0.25)
+    0.0
 }
 
-/// The speed limit of the lane under the AV, m/s.
-fn speed_limit(road: &Road<'_>, scenario: &Scenario) -> Option<f64> {
-    let now = scenario.start.now(0);
+/// The acceleration of the AV over the last half second, m/s²; 0 where it is not known.
+fn acceleration_now(scenario: &Scenario) -> f64 {
+    const REACH: usize = 5;
+    let speed = |frame: usize| scenario.logged_velocity(0, frame).map(|v| v.norm());
+    let (now, before) = (speed(CURRENT), speed(CURRENT - REACH));
+    now.zip(before).map_or(0.0, |(a, b)| ((a - b) / (REACH as f64 * DT)).clamp(-4.0, 4.0))
+}
+
+/// Speed limits along a way.
+pub(super) struct Limits(Vec<f64>);
+
+impl Limits {
+    /// Metres between two of them.
+    const STEP: f64 = 5.0;
+
+    /// The limits of the lanes under a way, m/s, but nowhere below `least`; no limit off the lanes and on lanes that tell none.
+    pub(super) fn along(road: &Road<'_>, path: &AxlePath, least: f64) -> Self {
+        let mut limits = Vec::new();
+        for i in 0..path.poses() {
+            let (pose, s) = path.pose(i);
+            if s >= limits.len() as f64 * Self::STEP {
+                let limit = lane_limit(road, pose.position, pose.heading);
+                limits.push(limit.map_or(f64::INFINITY, |l| l.max(least)));
+            }
+        }
+        Self(limits)
+    }
+
+    /// The limit after so many metres, m/s.
+    pub(super) fn at(&self, s: f64) -> f64 {
+        let i = (s / Self::STEP) as usize;
+        self.0.get(i).or(self.0.last()).copied().unwrap_or(f64::INFINITY)
+    }
+}
+
+/// The speed limit of the lane at a pose, m/s, where it is told.
+fn lane_limit(road: &Road<'_>, p: Vec2, heading: f64) -> Option<f64> {
     let mut hits: Vec<LaneHit> = Vec::new();
-    road.lanes_near(now.position(), 3.0, &mut hits);
-    let off =
-        |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - now.heading).abs();
-    let best = hits.iter().filter(|h| off(h) < 0.6).min_by(|a, b| {
-        let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
-        cost(a).total_cmp(&cost(b))
-    })?;
+    road.lanes_near(p, 3.0, &mut hits);
+    let off = |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - heading).abs();
+    let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
+    let best = hits.iter().filter(|h| off(h) < 0.6).min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
     road.lane(best.lane).speed_limit
 }

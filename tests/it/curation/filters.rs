@@ -4,13 +4,13 @@ use reactsim::curation::{Bench, Candidate, FILTERS, FilterSettings, Trial, Verdi
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, LightState, LoggedAgent, Scenario};
 
 use super::road::{braked, candidate, map, on_road};
-use crate::scenes::{agent, car, light, parts, scene, state};
+use crate::scenes::{agent, car, lane, light, line, parts, scene, state};
 
 /// What a filter says.
 fn verdict(filter: &str, scenario: &Scenario, candidate: &Candidate, settings: &FilterSettings) -> Verdict {
     let bench = Bench::new(scenario).unwrap();
-    let trial = Trial::new(&bench, candidate);
-    FILTERS.iter().find(|f| f.id() == filter).unwrap().judge(&trial, settings)
+    let trial = Trial::new(&bench, candidate, settings);
+    FILTERS.iter().find(|f| f.id() == filter).unwrap().judge(&trial)
 }
 
 #[track_caller]
@@ -51,10 +51,11 @@ fn standing(scenario: &Scenario) -> Candidate {
 }
 
 #[test]
-fn ids_are_unique_and_avoidability_is_asked_last() {
+fn ids_are_unique_and_only_avoidability_is_dear() {
     let ids: std::collections::BTreeSet<_> = FILTERS.iter().map(|f| f.id()).collect();
     assert_eq!(ids.len(), FILTERS.len());
-    assert_eq!(FILTERS.last().unwrap().id(), "avoidable");
+    let dear: Vec<_> = FILTERS.iter().filter(|f| f.is_dear()).map(|f| f.id()).collect();
+    assert_eq!(dear, ["avoidable"]);
     for filter in FILTERS {
         assert!(!filter.rule(&FilterSettings::default()).is_empty());
     }
@@ -128,6 +129,19 @@ fn red_light() {
     passes("red-light", &red, &candidate(&red, |_| (20.0, 0.0, 0.0)));
     let green = lit(|f| if f < CURRENT + 5 { LightState::Stop } else { LightState::Go }, waiting());
     passes("red-light", &green, &goes);
+    // Of two lanes that lead over the line together, one whose colour is not known is no leave.
+    let mut both = parts("both", vec![waiting()], map());
+    both.map.lanes.push(lane("twin", line((20.0, 0.2), (400.0, 0.2)), None));
+    let shown = |twin: LightState| {
+        let mut both = both.clone();
+        both.lights = vec![
+            light("right", (30.0, 0.0), |_| LightState::Stop),
+            light("twin", (30.0, 0.2), move |_| twin),
+        ];
+        Scenario::assemble(both).unwrap()
+    };
+    rejects("red-light", &shown(LightState::Unknown), &goes, "runs a red light after 0.8 s");
+    passes("red-light", &shown(LightState::Go), &goes);
     // Where the logged AV goes on red, too, the light is taken for a wrong one.
     let ran = lit(|_| LightState::Stop, car("av", 0.0, 0.0, 0.0, 10.0));
     passes("red-light", &ran, &stopping(&ran, 1.0));
@@ -160,7 +174,10 @@ fn active_collision() {
         let why = verdict("active-collision", &scenario, &steady(&scenario), &FilterSettings::default());
         assert!(why.rejected.as_deref().is_some_and(|w| w.starts_with(reason)), "{why:?}");
     };
-    into(car("parked", 40.0, 0.0, 1.5, 0.0), "drives into a vehicle at 0.0 m/s");
+    into(car("parked", 40.0, 0.0, 1.5, 0.0), "touches a standing vehicle");
+    into(car("beside", 40.0, 1.8, 0.0, 0.0), "touches a standing vehicle");
+    into(car("crawling", 40.0, 0.5, 1.5, 0.3), "drives into a vehicle at 0.3 m/s");
+    into(car("towards", 60.0, 0.0, std::f64::consts::PI, 5.0), "drives head on into a vehicle");
     into(car("slower", 30.0, 0.0, 0.0, 4.0), "drives into a vehicle ahead");
     into(agent("walker", AgentKind::Pedestrian, state(40.0, 0.0, 1.5, 0.0)), "touches a pedestrian");
     into(agent("rider", AgentKind::Cyclist, state(40.0, 0.0, 0.0, 3.0)), "touches a cyclist");
@@ -187,4 +204,15 @@ fn an_absent_log_is_refused() {
     let mut gone = av();
     gone.track[FRAMES - 1] = None;
     assert!(Bench::new(&scene("gone", vec![gone], map())).is_err());
+}
+
+#[test]
+fn unknown_velocities_are_position_differences() {
+    let mut parked = car("parked", 40.0, 0.0, 1.5, 0.0);
+    for state in parked.track.iter_mut().flatten() {
+        (state.vx, state.vy) = (f64::NAN, f64::NAN);
+    }
+    let scenario = on_road("unknown", vec![av(), parked]);
+    let why = verdict("active-collision", &scenario, &steady(&scenario), &FilterSettings::default());
+    assert!(why.rejected.is_some_and(|w| w.starts_with("touches a standing vehicle")));
 }

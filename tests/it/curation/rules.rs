@@ -4,7 +4,7 @@ use reactsim::curation::{CandidateSource, Curated, CurationSettings, Rules, SOUR
 use reactsim::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use reactsim::geometry::wrap;
 use reactsim::rollout::{Purpose, Stream, stream};
-use reactsim::scene::{AgentState, DT, Deviation, FUTURE, MapParts, Scenario};
+use reactsim::scene::{AgentState, CURRENT, DT, Deviation, FUTURE, MapParts, Scenario};
 
 use super::road::on_road;
 use crate::scenes::{car, mini, real, scene};
@@ -13,12 +13,17 @@ fn streams(scenario: &Scenario, seed: u64) -> Vec<Stream> {
     (0..16).map(|n| stream(seed, &scenario.id, n, Purpose::Candidate)).collect()
 }
 
+/// Largest jerk, m/s³, and largest change of the acceleration from the log's to the first step's, m/s².
+const JERK: f64 = 30.0;
+const JUMP: f64 = 2.5;
+
 /// Sections 7 and 8 of the metrics, and that the AV neither jumps nor trembles.
 #[track_caller]
 fn drivable(scenario: &Scenario, maneuver: &str, future: &[AgentState]) {
     assert_eq!(future.len(), FUTURE);
     let mut before = scenario.start.now(0);
     let (mut v0, mut a0) = (before.speed(), None::<f64>);
+    let known = scenario.start.history[0].iter().all(Option::is_some);
     for (k, state) in future.iter().enumerate() {
         let about = || format!("{} `{maneuver}` at step {}", scenario.id, k + 1);
         let v1 = (state.position() - before.position()).norm() / DT;
@@ -28,10 +33,14 @@ fn drivable(scenario: &Scenario, maneuver: &str, future: &[AgentState]) {
             let bend = wrap(state.heading - before.heading) / (v0 * DT + 0.5 * a * DT * DT);
             assert!(bend.abs() <= MAX_CURVATURE + 1e-9, "{}: {bend} 1/m", about());
         }
-        // A recorded speed may be off by some tenths from what the positions say; from the second step on the jerk is bounded.
-        if let Some(a0) = a0.filter(|_| k > 1) {
+        if let Some(a0) = a0 {
             let jerk = (a - a0) / DT;
-            assert!(jerk.abs() < 75.0, "{}: {jerk} m/s3", about());
+            assert!(jerk.abs() <= JERK, "{}: {jerk} m/s3", about());
+        } else if known {
+            // From what the log shows until now.
+            let earlier = scenario.logged_velocity(0, CURRENT - 5).unwrap().norm();
+            let jump = a - ((v0 - earlier) / 0.5).clamp(-4.0, 4.0);
+            assert!(jump.abs() <= JUMP, "{}: {jump} m/s2 at once", about());
         }
         if v1 == 0.0 {
             assert_eq!((state.heading, state.vx, state.vy), (before.heading, 0.0, 0.0), "{}", about());

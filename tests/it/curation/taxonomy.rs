@@ -2,8 +2,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use reactsim::curation::{Taxonomy, classify};
-use reactsim::geometry::{Polyline, Vec2};
+use reactsim::curation::{Conflict, Taxonomy, classify};
+use reactsim::geometry::{OrientedBox, Polyline, Vec2};
 use reactsim::scene::{AgentState, DT, Deviation, FUTURE, MapParts, Scenario};
 
 use super::road::braked;
@@ -59,7 +59,9 @@ fn changing() -> Vec<Vec2> {
 fn read(logged: &[Vec2], track: &[AgentState], conflict: Option<usize>) -> Taxonomy {
     let scenario = fork();
     let log = along(logged, |t| 8.0 * t);
-    classify(&scenario.start.road(), &Polyline::new(logged).unwrap(), &log, track, conflict)
+    let conflict = conflict.map(|step| Conflict { step, touched: None });
+    let (way, av) = (Polyline::new(logged).unwrap(), &scenario.start.agents[0]);
+    classify(&scenario.start.road(), &way, &log, track, av, conflict)
 }
 
 #[test]
@@ -108,4 +110,48 @@ fn of_several_cues_the_one_at_the_conflict_counts() {
     let changed = |conflict| read(&straight(), &along(&changing(), |t| 4.0 * t), conflict).category;
     assert_eq!(changed(Some(15)), Deviation::Longitudinal);
     assert_eq!(changed(Some(75)), Deviation::Lateral);
+}
+
+#[test]
+fn who_is_met_only_beside_the_logged_way_is_met_by_the_shift() {
+    // 0.9 m to the left and slower; a box alongside at 2.6 m is touched from there, but not from the logged way.
+    let aside: Vec<Vec2> = straight().iter().map(|p| Vec2::new(p.x, (0.03 * p.x).min(1.2))).collect();
+    let track = along(&aside, |t| 6.0 * t);
+    let scenario = fork();
+    let log = along(&straight(), |t| 8.0 * t);
+    let (way, av) = (Polyline::new(&straight()).unwrap(), &scenario.start.agents[0]);
+    let met = |y: f64| {
+        let touched = Some(OrientedBox::new(Vec2::new(track[50].x, y), 0.0, 4.6, 1.9));
+        let conflict = Some(Conflict { step: 50, touched });
+        classify(&scenario.start.road(), &way, &log, &track, av, conflict).category
+    };
+    assert!((track[50].y - 0.9).abs() < 0.01, "{}", track[50].y);
+    assert_eq!(met(2.6), Deviation::Lateral);
+    assert_eq!(met(1.5), Deviation::Longitudinal);
+}
+
+#[test]
+fn a_lane_change_that_is_met_long_before_the_turn_is_lateral() {
+    // To the lane beside within 20 m, and off to the left after 80 m.
+    let mut points = changing();
+    points.retain(|p| p.x < 60.0);
+    points.extend(line((61.0, -3.5), (80.0, -3.5)));
+    points.extend(arc((80.0, -3.5), 0.0, 12.0, FRAC_PI_2).into_iter().skip(1));
+    points.extend(line((92.0, 9.5), (92.0, 60.0)));
+    let track = along(&points, |t| 13.0 * t);
+    assert_eq!(read(&straight(), &track, Some(25)).category, Deviation::Lateral);
+    assert_eq!(read(&straight(), &track, Some(72)).category, Deviation::Directional);
+}
+
+#[test]
+fn backwards_is_no_other_direction() {
+    let back: Vec<Vec2> = line((0.0, 0.0), (-100.0, 0.0));
+    let reversing = |speed: f64| -> Vec<AgentState> {
+        (0..=FUTURE).map(|k| state(-speed * k as f64 * DT, 0.0, 0.0, -speed)).collect()
+    };
+    let scenario = fork();
+    let (way, av) = (Polyline::new(&back).unwrap(), &scenario.start.agents[0]);
+    let read = classify(&scenario.start.road(), &way, &reversing(2.0), &reversing(1.0), av, None);
+    assert_eq!(read.category, Deviation::Longitudinal);
+    assert!(read.heading_change < 1e-6);
 }
