@@ -53,6 +53,12 @@ pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Res
         "\nCertificates: {} of {} chosen candidates, {} responses, {} of them with a sideways shift.",
         c.certified, statistics.chosen, c.responses, c.nudged
     )?;
+    if statistics.chosen_without_certificate > 0 {
+        writeln!(out, "Chosen without a certificate: {}.", statistics.chosen_without_certificate)?;
+    }
+    for (filter, n) in &statistics.chosen_although_rejected {
+        writeln!(out, "Chosen although rejected by {}: {n}.", escape(filter))?;
+    }
     if !statistics.reviewed.is_empty() {
         let each: Vec<String> =
             statistics.reviewed.iter().map(|(what, n)| format!("{} {n}", escape(what))).collect();

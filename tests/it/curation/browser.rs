@@ -8,7 +8,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use std::{env, fs, thread};
 
-use reactsim::curation::review::{Decision, Journal};
+use reactsim::curation::Decision;
+use reactsim::curation::review::Journal;
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use reactsim::curation::store;
+use reactsim::curation::{Decision, store};
 
 use super::hand::{scenario, write};
 use crate::generated::{deviating, write as write_scenarios};
@@ -187,6 +187,16 @@ fn decisions_go_into_a_new_file() {
     let (code, said) = apply(&["--reviews", text(&theirs)]);
     assert_eq!(code, Some(0), "{said}");
     insta::assert_snapshot!(said, @r"
+    0 picked, 1 dropped, 0 only marked
+    warning: 1 pick not applied: rejected by a filter, such as candidate 2 of scenario `a` by `pressure`; give --allow-rejected to take them all the same
+    warning: reviewers disagree about 1 scenario; the latest decision holds
+    warning: 2 decisions not applied: the file does not have the scenario, or another content of it
+    HOME/d.parquet: 3 of 4 scenarios chosen
+    ");
+    assert_eq!(store::Store::open(&out).unwrap().scenarios()[0].chosen().map(|c| c.number), Some(1));
+    let (code, said) = apply(&["--reviews", text(&theirs), "--allow-rejected"]);
+    assert_eq!(code, Some(0), "{said}");
+    insta::assert_snapshot!(said, @r"
     1 picked, 1 dropped, 0 only marked
     warning: 1 candidate picked that a filter had rejected
     warning: reviewers disagree about 1 scenario; the latest decision holds
@@ -197,8 +207,12 @@ fn decisions_go_into_a_new_file() {
     let chosen: Vec<_> = opened.scenarios().iter().map(|s| s.chosen().map(|c| c.number)).collect();
     assert_eq!(chosen, [Some(2), Some(1), None, Some(1)]);
     let mark = opened.scenarios()[0].chosen().unwrap().review.clone().unwrap();
-    assert_eq!((mark.reviewer.as_str(), mark.decision.as_str()), ("ben", "pick"));
-    assert_eq!(opened.provenance().reviews.len(), 2);
+    assert_eq!((mark.reviewer.as_str(), mark.decision), ("ben", Decision::Pick));
+    let applied = &opened.provenance().applied[0];
+    assert_eq!((applied.version.as_str(), applied.reviews.len()), (env!("CARGO_PKG_VERSION"), 2));
+    let digest_of = |path: &Path| blake3::hash(&fs::read(path).unwrap()).to_hex().to_string();
+    assert_eq!((applied.file.name.as_str(), &applied.file.digest), ("c.parquet", &digest_of(&file)));
+    assert_eq!(applied.reviews[1].digest, digest_of(&theirs));
     assert_eq!(opened.provenance().funnel.chosen, 3);
     // A line that is no decision ends it before anything is written.
     fs::remove_file(&out).unwrap();

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::{Duration, UNIX_EPOCH};
 
-use reactsim::curation::ScenarioRecord;
 use reactsim::curation::review::{
-    Decision, Journal, ReviewError, ReviewOptions, ReviewServer, Stop, candidate_digest, scene,
+    Journal, ReviewError, ReviewOptions, ReviewServer, Stop, candidate_digest, scene,
 };
 use reactsim::curation::store::Store;
+use reactsim::curation::{Decision, ScenarioRecord};
 use reactsim::formats;
 use serde_json::{Value, json};
 

@@ -89,6 +89,27 @@ fn figures_are_those_of_a_calculation_by_hand() {
 }
 
 #[test]
+fn what_a_person_picked_against_the_filters_is_counted() {
+    let mut collector = Collector::default();
+    for (i, number) in [1, 2, 2, 3].into_iter().enumerate() {
+        let mut record = scenario(&format!("s{i}"), 6);
+        record.candidates.iter_mut().for_each(|c| c.chosen = c.candidate.number == number);
+        collector.add(&record);
+    }
+    let s = collector.finish(&provenance());
+    assert_eq!(s.chosen_although_rejected, [("pressure".to_owned(), 2)].into());
+    // Candidate 3 has none.
+    assert_eq!((s.chosen, s.chosen_without_certificate), (4, 1));
+    let mut text = Vec::new();
+    curation_tables::write_statistics(&mut text, &s).unwrap();
+    let text = String::from_utf8(text).unwrap();
+    assert!(
+        text.contains("\nChosen without a certificate: 1.\nChosen although rejected by pressure: 2.\n"),
+        "{text}"
+    );
+}
+
+#[test]
 fn tables_are_for_people() {
     let mut text = Vec::new();
     curation_tables::write_statistics(&mut text, &known()).unwrap();
