@@ -195,7 +195,7 @@ struct Kept {
 }
 
 impl Collector {
-    /// Takes a scenario in.
+    /// Takes a scenario of the file in.
     pub fn add(&mut self, record: &ScenarioRecord) {
         self.scenarios += 1;
         self.with_survivor += usize::from(record.candidates.iter().any(|c| c.rejected_by.is_none()));

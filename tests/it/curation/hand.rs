@@ -102,6 +102,6 @@ pub(super) fn provenance() -> CurationProvenance {
 /// Writes a file of such records.
 pub(super) fn write(path: &std::path::Path, records: &[ScenarioRecord]) {
     let mut writer = reactsim::curation::store::Writer::create(path).unwrap();
-    records.iter().for_each(|r| writer.write(r).unwrap());
+    records.iter().for_each(|r| _ = writer.write(r).unwrap());
     writer.finish(&provenance()).unwrap();
 }
