@@ -20,13 +20,13 @@ pub(super) struct ApplyArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Journals of other reviewers, besides the one that lies beside FILE
+    /// Decisions of other reviewers, besides FILE.reviews.jsonl, which `curate review` writes
     #[arg(long, num_args = 1.., value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
-    /// Take picked candidates into the set even where a filter had rejected them
+    /// Take in picked candidates that a filter had rejected too
     #[arg(long)]
     allow_rejected: bool,
-    /// The file to write
+    /// The file to write, with all candidates
     #[arg(long, value_name = "FILE2")]
     out: PathBuf,
 }
