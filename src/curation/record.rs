@@ -133,7 +133,7 @@ pub struct ReviewMark {
 pub struct Taxonomy {
     /// The category.
     pub category: Deviation,
-    /// Difference of the last headings, degrees, 0 to 180.
+    /// Last heading against the logged way at the nearest point of it, degrees, 0 to 180.
     pub heading_change: f64,
     /// Whether the way over the lane graph is another one: another successor at a split.
     pub other_branch: bool,
