@@ -12,9 +12,20 @@ use clap::{Args, Subcommand};
 
 use super::ExitStatus;
 
+const AFTER: &str = "\
+Step 1 keeps scenarios with vehicles around the AV; step 2 proposes candidates; step 3 drops
+those that are not feasible, press nobody or can not be avoided; step 4 chooses at most one per
+scenario.
+
+  reactsim curate LOGS --out a.parquet             make candidates, filter and choose
+  reactsim curate stats a.parquet                  see what came out
+  reactsim curate review a.parquet                 decide by hand, in a browser
+  reactsim curate apply a.parquet --out b.parquet  fold the decisions in
+  reactsim run LOGS --deviations b.parquet         run simulators against the set";
+
 /// Arguments of `curate`.
 #[derive(Debug, Args)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, after_help = AFTER)]
 pub(super) struct CurateArgs {
     #[command(subcommand)]
     command: Option<CurateCommand>,
@@ -24,11 +35,11 @@ pub(super) struct CurateArgs {
 
 #[derive(Debug, Subcommand)]
 enum CurateCommand {
-    /// Print the figures of a file of candidates: categories, distances, pressure, what fell where
+    /// Print what a file of candidates is like: categories, distances to the log, what fell where
     Stats(stats::StatsArgs),
     /// Verify candidates by hand in a browser
     Review(review::ReviewArgs),
-    /// Write a file anew with what reviewers decided
+    /// Fold the decisions of a review into a new file of candidates
     Apply(apply::ApplyArgs),
 }
 

@@ -43,7 +43,7 @@ enum Command {
     Run(run::RunArgs),
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
-    /// Make deviated AVs from logs, step by step, and look at what came out
+    /// Make AV trajectories that leave the log (deviated AVs), review and analyse them
     Curate(curate::CurateArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),

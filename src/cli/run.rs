@@ -34,7 +34,7 @@ pub(super) struct RunArgs {
     /// shift:<m> or file:<path> [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
-    /// Deviated AVs by scenario id, Parquet or JSON
+    /// Deviated AVs by scenario id, Parquet or JSON; scenarios that it does not name are passed over
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
     /// How often simulators plan anew, such as 2hz or 5steps
@@ -148,7 +148,7 @@ fn tell_left_out(summary: &Summary) {
     }
     if p.unused_deviations > 0 {
         let n = count(p.unused_deviations, "deviation");
-        say(format_args!("warning: {n} not used: no input has the scenario"));
+        say(format_args!("warning: {n} not used: for scenarios that are not among those that were read"));
     }
 }
 

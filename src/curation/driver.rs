@@ -177,8 +177,10 @@ impl<'a> Desk<'a> {
                 for (reason, n) in unproposed {
                     *funnel.unproposed.entry(reason).or_default() += n;
                 }
-                self.collector.add(&record);
-                writer.write(&record)?;
+                // What the file holds is for the writer to say, so that figures of the file are the same.
+                if writer.write(&record)? {
+                    self.collector.add(&record);
+                }
             }
         }
         Ok(())

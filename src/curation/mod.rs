@@ -30,8 +30,8 @@ pub use filters::FILTERS;
 pub use pipeline::{Curated, CurationSettings, SOURCES, curate_scenario};
 pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
 pub use record::{
-    CandidateRecord, CurationProvenance, Figure, Funnel, InputFile, Offsets, Pressure, ReviewMark,
-    ScenarioRecord, Taxonomy,
+    Application, CandidateRecord, CurationProvenance, Decision, Figure, Funnel, InputFile, Offsets, Pressure,
+    ReviewMark, ScenarioRecord, Taxonomy,
 };
 pub use rules::Rules;
 pub use taxonomy::{Conflict, classify};

@@ -90,6 +90,33 @@ pub struct Figure {
     pub passed: Option<bool>,
 }
 
+/// What a reviewer decided about a scenario.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Decision {
+    /// The named candidate belongs into the set.
+    Pick,
+    /// Without a candidate: none of the scenario belongs into the set. With one: this one does not; where it was chosen, no other
+    /// takes its place until one is picked.
+    Reject,
+    /// To be looked at again.
+    Flag,
+    /// Nothing: takes back what was decided before. Stands in journals only, never in a [`ReviewMark`] of a file.
+    Clear,
+}
+
+impl Decision {
+    /// The name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pick => "pick",
+            Self::Reject => "reject",
+            Self::Flag => "flag",
+            Self::Clear => "clear",
+        }
+    }
+}
+
 /// Who decided by hand.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReviewMark {
@@ -97,8 +124,8 @@ pub struct ReviewMark {
     pub reviewer: String,
     /// When, RFC 3339, UTC.
     pub at: String,
-    /// `pick`, `reject` or `flag`.
-    pub decision: String,
+    /// What; never [`Decision::Clear`].
+    pub decision: Decision,
 }
 
 /// The category of a deviation, with the cues that it was read from.
@@ -106,7 +133,7 @@ pub struct ReviewMark {
 pub struct Taxonomy {
     /// The category.
     pub category: Deviation,
-    /// Difference of the last headings, degrees, 0 to 180.
+    /// Last heading against the logged way at the nearest point of it, degrees, 0 to 180.
     pub heading_change: f64,
     /// Whether the way over the lane graph is another one: another successor at a split.
     pub other_branch: bool,
@@ -157,9 +184,25 @@ pub struct CurationProvenance {
     pub failures: Vec<String>,
     /// Whether the curation was interrupted: the file holds what was finished until then.
     pub interrupted: bool,
-    /// Journals of decisions that were applied, with their digests.
+    /// What was decided by hand since, in the order in which it was folded in. Program, settings and inputs above are those of the
+    /// curation itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub applied: Vec<Application>,
+}
+
+/// How decisions made by hand came into a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Application {
+    /// Version of the program that folded them in.
+    pub version: String,
+    /// Its commit.
+    pub commit: String,
+    /// The file of candidates that they were folded into.
+    pub file: InputFile,
+    /// The journals that they stand in.
     pub reviews: Vec<InputFile>,
+    /// Whether candidates could be picked that a filter had rejected.
+    pub allow_rejected: bool,
 }
 
 /// An input of a curation.

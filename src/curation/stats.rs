@@ -32,7 +32,11 @@ pub struct Statistics {
     /// Scenarios with a chosen candidate: the set.
     pub chosen: usize,
     /// Chosen candidates that somebody decided on by hand, by decision.
-    pub reviewed: BTreeMap<String, usize>,
+    pub reviewed: BTreeMap<&'static str, usize>,
+    /// Chosen candidates that a filter had rejected, by that filter: picked by hand all the same.
+    pub chosen_although_rejected: BTreeMap<String, usize>,
+    /// Chosen candidates of which it is not shown that the agents can avoid them.
+    pub chosen_without_certificate: usize,
     /// All chosen candidates.
     pub overall: Part,
     /// Chosen candidates by category; all categories are there.
@@ -176,7 +180,8 @@ pub struct Collector {
     filters: Vec<String>,
     chosen: Vec<Kept>,
     agreement: Agreement,
-    reviewed: BTreeMap<String, usize>,
+    reviewed: BTreeMap<&'static str, usize>,
+    although_rejected: BTreeMap<String, usize>,
     certificates: Certificates,
     peaks: Vec<f64>,
     endpoints: Vec<Endpoint>,
@@ -190,7 +195,7 @@ struct Kept {
 }
 
 impl Collector {
-    /// Takes a scenario in.
+    /// Takes a scenario of the file in.
     pub fn add(&mut self, record: &ScenarioRecord) {
         self.scenarios += 1;
         self.with_survivor += usize::from(record.candidates.iter().any(|c| c.rejected_by.is_none()));
@@ -211,7 +216,10 @@ impl Collector {
             pressure: [pressure.at_fault > 0, pressure.overlaps > 0, pressure.risky > 0],
         });
         if let Some(review) = review {
-            *self.reviewed.entry(review.decision.clone()).or_default() += 1;
+            *self.reviewed.entry(review.decision.name()).or_default() += 1;
+        }
+        if let Some(filter) = &chosen.rejected_by {
+            *self.although_rejected.entry(filter.clone()).or_default() += 1;
         }
         if let Some(certificate) = certificate {
             self.certificates.certified += 1;
@@ -262,6 +270,8 @@ impl Collector {
                 ..self.certificates
             },
             reviewed: self.reviewed,
+            chosen_although_rejected: self.although_rejected,
+            chosen_without_certificate: self.chosen.len() - self.certificates.certified,
             bins,
             endpoints: self.endpoints,
         }

@@ -84,7 +84,7 @@ pub struct Plan {
     pub sources: Vec<Source>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<PlannedSimulator>,
-    /// Deviated AVs from a file; they go before those that scenarios carry.
+    /// Deviated AVs from a file. Where there is one, those that scenarios carry do not count: a set is not mixed with another.
     pub deviations: Option<Deviations>,
     /// Settings.
     pub settings: RunSettings,
@@ -158,7 +158,8 @@ impl Plan {
 
     /// The deviated trajectory of a scenario in its frame, where there is one.
     fn deviated(&self, scenario: &Scenario) -> Result<(Option<Deviation>, Vec<AgentState>), NoAv> {
-        if let Some(record) = self.deviations.as_ref().and_then(|d| d.tracks.get(&scenario.id)) {
+        if let Some(deviations) = &self.deviations {
+            let record = deviations.tracks.get(&scenario.id).ok_or(NoAv::Missing)?;
             if let Some(wanted) = &record.scenario_digest {
                 let found = scenario.digest();
                 if found != *wanted {

@@ -79,10 +79,10 @@ pub struct SummaryProvenance {
     pub scenarios: usize,
     /// BLAKE3 digest of their ids and digests, in order.
     pub scenarios_blake3: String,
-    /// Scenarios that were left out because the file of deviations has none for them.
+    /// Scenarios that were left out because the file of deviations does not name them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub passed_over: usize,
-    /// Deviations of the file whose scenario is not among the inputs.
+    /// Deviations of the file whose scenario is not among those that were read: unknown, or beyond the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unused_deviations: usize,
     /// How lanes were assigned for the driving direction: scenarios by the name of the way.

@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use super::markdown::{capital, escape, write_aligned};
 use crate::curation::stats::{Confusion, Distribution, Part, Statistics};
+use crate::curation::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH};
 use crate::scene::Deviation;
 
 /// Writes how many scenarios and candidates were left after each step, and the counts of the categories.
@@ -53,6 +54,12 @@ pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Res
         "\nCertificates: {} of {} chosen candidates, {} responses, {} of them with a sideways shift.",
         c.certified, statistics.chosen, c.responses, c.nudged
     )?;
+    if statistics.chosen_without_certificate > 0 {
+        writeln!(out, "Chosen without a certificate: {}.", statistics.chosen_without_certificate)?;
+    }
+    for (filter, n) in &statistics.chosen_although_rejected {
+        writeln!(out, "Chosen although rejected by {}: {n}.", escape(filter))?;
+    }
     if !statistics.reviewed.is_empty() {
         let each: Vec<String> =
             statistics.reviewed.iter().map(|(what, n)| format!("{} {n}", escape(what))).collect();
@@ -79,8 +86,8 @@ fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
     let mut rows = vec![texts(&["Step", "Scenarios", "Candidates"])];
     let fell = |n: u64| if n > 0 { format!("−{n}") } else { "0".to_owned() };
     rows.push(vec!["Read".into(), funnel.scenarios.to_string(), String::new()]);
-    for (rule, n) in &funnel.preselection {
-        rows.push(vec![format!("– {}", escape(rule)), fell(*n), String::new()]);
+    for (rule, n) in dropped(statistics) {
+        rows.push(vec![format!("– {}", escape(rule)), fell(n), String::new()]);
     }
     let streams = funnel.candidates + funnel.unproposed.values().sum::<u64>();
     rows.push(vec!["1 Pre-selected".into(), funnel.preselected.to_string(), streams.to_string()]);
@@ -95,6 +102,16 @@ fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
     rows.push(vec!["3 Survived".into(), survived, funnel.survivors.to_string()]);
     rows.push(vec!["4 Chosen".into(), statistics.chosen.to_string(), statistics.chosen.to_string()]);
     rows
+}
+
+/// How many scenarios fell at each rule of step 1, in the order in which rules are asked; those that this program does not know last.
+pub(super) fn dropped(statistics: &Statistics) -> Vec<(&str, u64)> {
+    const ASKED: [&str; 3] = [FEW_VEHICLES, NO_APPROACH, AV_ABSENT];
+    let place = |rule: &str| ASKED.iter().position(|asked| *asked == rule).unwrap_or(ASKED.len());
+    let rules = &statistics.funnel.preselection;
+    let mut dropped: Vec<(&str, u64)> = rules.iter().map(|(rule, n)| (rule.as_str(), *n)).collect();
+    dropped.sort_by_key(|(rule, _)| place(rule));
+    dropped
 }
 
 /// How many each filter rejected first, in the order in which filters were asked.

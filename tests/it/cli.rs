@@ -62,7 +62,7 @@ fn help_fits_a_terminal() {
     Commands:
       run      Run simulators on scenarios and print the table of their metrics
       score    Score rollouts that any program produced
-      curate   Make deviated AVs from logs, step by step, and look at what came out
+      curate   Make AV trajectories that leave the log (deviated AVs), review and analyse them
       convert  Convert scenarios of any format to native Parquet
       report   Print the tables of finished runs
       inspect  Print and draw what is in a scenario
@@ -496,8 +496,13 @@ fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     insta::assert_snapshot!(stderr(&output), @r"
     2 scenarios passed over: no deviated AV in the file of deviations
-    warning: 1 deviation not used: no input has the scenario
+    warning: 1 deviation not used: for scenarios that are not among those that were read
     ");
+    // What lies beyond the limit is not unknown.
+    let limited =
+        reactsim(&["run", text(&plain), "--deviations", text(&file), "--models", "stop", "--limit", "1"]);
+    assert_eq!(limited.status.code(), Some(0), "{}", stderr(&limited));
+    insta::assert_snapshot!(stderr(&limited), @"warning: 2 deviations not used: for scenarios that are not among those that were read");
     assert!(stdout(&output).contains("2 scenarios, 2 passed over, "), "{}", stdout(&output));
     let wanted = results(&out);
     let summary: serde_json::Value = serde_json::from_slice(&wanted[0]).unwrap();
@@ -518,7 +523,26 @@ fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
     assert_eq!(output.status.code(), Some(2));
     insta::assert_snapshot!(stderr(&output), @r"
     4 scenarios passed over: no deviated AV in the file of deviations
-    warning: 3 deviations not used: no input has the scenario
+    warning: 3 deviations not used: for scenarios that are not among those that were read
     error: no scenario could be run: see the warnings above
     ");
+}
+
+#[test]
+fn with_a_file_of_deviations_those_that_scenarios_carry_do_not_count() {
+    let home = tempfile::tempdir().unwrap();
+    let (carried, file) = (home.path().join("carried.parquet"), home.path().join("d.json"));
+    write(&carried, (0..3).map(scenario));
+    let track = scenario(1).deviation.unwrap().track;
+    let each = |of: fn(&reactsim::scene::AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
+    let document = serde_json::json!({
+        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": [{
+            "scenario_id": "road-001", "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+        }]
+    });
+    fs::write(&file, document.to_string()).unwrap();
+    let output = reactsim(&["run", text(&carried), "--deviations", text(&file), "--models", "stop"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    insta::assert_snapshot!(stderr(&output), @"2 scenarios passed over: no deviated AV in the file of deviations");
+    assert!(stdout(&output).contains("1 scenario, 2 passed over, "), "{}", stdout(&output));
 }

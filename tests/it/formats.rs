@@ -8,11 +8,11 @@
 
 mod damage;
 mod odd;
-mod proto;
+pub(crate) mod proto;
 mod tables;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use reactsim::formats::{FormatError, find_inputs, native, open};
 use reactsim::scene::Scenario;
@@ -35,11 +35,6 @@ pub(crate) fn refusal(path: &Path) -> String {
     let mut all = digests(path);
     assert_eq!(all.len(), 1, "{all:?}");
     all.remove(0).unwrap_err().to_string()
-}
-
-fn shared(name: &str) -> Option<PathBuf> {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(name);
-    path.exists().then_some(path)
 }
 
 /// A writer that is not dropped unfinished.
@@ -138,10 +133,7 @@ fn real_scenarios_survive_native_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let parquet = folder.path().join("real.parquet");
     for split in ["data/womd/val", "data/womd/train"] {
-        let Some(path) = shared(split) else {
-            println!("skipped: no shared data");
-            return;
-        };
+        let Some(path) = crate::shared(split) else { return };
         // Every fourth scenario: the others differ in nothing that matters here, and this runs in every build.
         let mut before = Vec::new();
         let mut writer = native::Writer::create(&parquet).unwrap();

@@ -14,8 +14,22 @@ mod protocol;
 mod scenes;
 mod scripted_av;
 
-/// Where the shared data lie, if they are there; a test that needs them is passed over otherwise.
+/// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
+#[track_caller]
 pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
-    let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
-    path.exists().then_some(path)
+    let found = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
+    if found.exists() {
+        return Some(found);
+    }
+    skipped(&format!("no {path} beside the repository"));
+    None
+}
+
+/// Says that a test is passed over. Past the harness, which shows nothing of what a test prints that goes well.
+#[track_caller]
+pub(crate) fn skipped(why: &str) {
+    use std::io::Write;
+    let at = std::panic::Location::caller();
+    let test = std::thread::current().name().unwrap_or_default().to_owned();
+    writeln!(std::io::stderr().lock(), "skipped: {test}: {why} ({}:{})", at.file(), at.line()).ok();
 }

@@ -1,18 +1,18 @@
 //! `reactsim curate apply`: decisions of reviewers into a new file.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::Args;
 
 use super::is_same;
 use crate::cli::{ExitStatus, count, say};
-use crate::curation::apply::{self, Applied, Decided};
-use crate::curation::review::{Decision, Journal, ReviewLine};
+use crate::curation::apply::{self, Applied, Decided, Refused};
+use crate::curation::review::{Journal, ReviewLine};
 use crate::curation::store::Store;
-use crate::curation::{InputFile, ScenarioRecord};
-use crate::evaluation::FileRecord;
+use crate::curation::{Application, Decision, InputFile, ScenarioRecord};
+use crate::evaluation::{FileRecord, program_commit, program_version};
 
 /// Arguments of `curate apply`.
 #[derive(Debug, Args)]
@@ -20,10 +20,13 @@ pub(super) struct ApplyArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Journals of other reviewers, besides the one that lies beside FILE
+    /// Decisions of other reviewers, besides FILE.reviews.jsonl, which `curate review` writes
     #[arg(long, num_args = 1.., value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
-    /// The file to write
+    /// Take in picked candidates that a filter had rejected too
+    #[arg(long)]
+    allow_rejected: bool,
+    /// The file to write, with all candidates
     #[arg(long, value_name = "FILE2")]
     out: PathBuf,
 }
@@ -39,11 +42,17 @@ pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
     for warning in warnings {
         say(format_args!("warning: {warning}"));
     }
-    let mut reviews = Vec::new();
-    for journal in &journals {
-        let FileRecord { name, blake3: digest, .. } = FileRecord::of(journal, "reviews")?;
-        reviews.push(InputFile { name, digest });
-    }
+    let file = |path: &Path| -> anyhow::Result<InputFile> {
+        let FileRecord { name, blake3: digest, .. } = FileRecord::of(path, "")?;
+        Ok(InputFile { name, digest })
+    };
+    let application = Application {
+        version: program_version().to_owned(),
+        commit: program_commit().to_owned(),
+        file: file(&args.file)?,
+        reviews: journals.iter().map(|journal| file(journal)).collect::<Result<_, _>>()?,
+        allow_rejected: args.allow_rejected,
+    };
     let (mut known, mut disagreements, mut outdated) = (BTreeSet::new(), 0, 0);
     let decided = |record: &ScenarioRecord| {
         let (id, opinions) = decisions.get_key_value(&record.scenario_id)?;
@@ -56,7 +65,7 @@ pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
         };
         Some(Decided { mark: line.mark(), candidate: line.candidate, fits })
     };
-    let applied = apply::apply(&args.file, &args.out, &reviews, decided)?;
+    let applied = apply::apply(&args.file, &args.out, application, decided)?;
     tell(&applied, disagreements, outdated + decisions.len() - known.len());
     let n = store.scenarios().len();
     say(format_args!("{}: {} of {} chosen", args.out.display(), applied.chosen, count(n, "scenario")));
@@ -86,12 +95,20 @@ fn journals(args: &ApplyArgs) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Says what became of the decisions.
 fn tell(applied: &Applied, disagreements: usize, unknown: usize) {
-    let Applied { picked, picked_rejected, dropped, marked, unfit, .. } = applied;
+    let Applied { picked, picked_rejected, refused, dropped, marked, unfit, .. } = applied;
     say(format_args!("{picked} picked, {dropped} dropped, {marked} only marked"));
     if *picked_rejected > 0 {
         say(format_args!(
             "warning: {} picked that a filter had rejected",
             count(*picked_rejected, "candidate")
+        ));
+    }
+    if let Some(first) = refused.first() {
+        let n = count(refused.len(), "pick");
+        let Refused { scenario_id, candidate, rejected_by } = first;
+        say(format_args!(
+            "warning: {n} not applied: rejected by a filter, such as candidate {candidate} of scenario \
+             `{scenario_id}` by `{rejected_by}`; give --allow-rejected to take them all the same"
         ));
     }
     if disagreements > 0 {

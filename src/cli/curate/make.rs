@@ -27,13 +27,13 @@ pub(super) struct MakeArgs {
     /// Files or folders of scenarios
     #[arg(required = true, value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
-    /// The file of candidates to write (Parquet); `run --deviations` takes it
+    /// The file to write (Parquet): all candidates; `run --deviations` takes the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Who proposes candidates
+    /// What proposes candidates
     #[arg(long, default_value = "rules", value_parser = sources())]
     source: String,
-    /// Candidates per scenario
+    /// Candidates per scenario, at most
     #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     candidates: u32,
     /// Seed of all random choices
@@ -45,25 +45,25 @@ pub(super) struct MakeArgs {
     /// Threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Leave out what the review page draws: a smaller file that can not be reviewed
+    /// Leave out what the review page draws: a smaller file, of which it shows the AV alone
     #[arg(long)]
     without_scenes: bool,
-    /// Least number of vehicles near the AV (step 1)
+    /// Step 1: keep scenarios with at least so many vehicles near the logged AV
     #[arg(long, default_value_t = Preselection::default().min_vehicles, value_name = "N")]
     min_vehicles: u32,
-    /// How near that is, m
+    /// Step 1: near is up to this distance, m
     #[arg(long, default_value_t = Preselection::default().radius, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
     radius: f64,
-    /// The smallest TTC to one of them in the log must be below this, s
+    /// Step 1: keep scenarios in which one of them has a time to collision below this, s
     #[arg(long, default_value_t = Preselection::default().max_ttc, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     max_ttc: f64,
-    /// Least mean distance of a candidate to the log, m (step 3)
+    /// Step 3: drop candidates that are closer to the log on average, m
     #[arg(long, default_value_t = FilterSettings::default().min_ade, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
     min_ade: f64,
-    /// How far a corner of the AV may be off the drivable area, m
+    /// Step 3: drop candidates with a corner further off the drivable area, m
     #[arg(long, default_value_t = FilterSettings::default().drivable_tolerance, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
     drivable_tolerance: f64,
-    /// Candidates must be comfortable too (nuPlan's bounds)
+    /// Step 3: drop candidates that are uncomfortable by nuPlan's bounds too
     #[arg(long)]
     comfort: bool,
 }

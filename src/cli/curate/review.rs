@@ -16,13 +16,13 @@ pub(super) struct ReviewArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Port on 127.0.0.1; 0 for any free one
+    /// Port of the page, on this machine only; 0 for any free one
     #[arg(long, default_value_t = 0, value_name = "PORT")]
     port: u16,
-    /// Who decides [default: the page asks]
+    /// Your name, as it will stand beside your decisions [default: the page asks]
     #[arg(long, value_name = "NAME")]
     reviewer: Option<String>,
-    /// Decisions of another reviewer, which are shown and counted; may be repeated
+    /// Decisions of another reviewer, to be shown beside your own; may be repeated
     #[arg(long, value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
 }

@@ -16,10 +16,10 @@ pub(super) struct StatsArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Form of the figures on stdout
+    /// Form of what is printed
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Draw charts (SVG) into this folder too
+    /// Draw charts into this folder too, as SVG
     #[arg(long, value_name = "FOLDER")]
     svg: Option<PathBuf>,
 }

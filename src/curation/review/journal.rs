@@ -15,9 +15,10 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::ReviewError;
+use crate::curation::Decision;
 
 pub use decisions::{Decisions, Opinions};
-pub use line::{Decision, ReviewLine, candidate_digest};
+pub use line::{ReviewLine, candidate_digest};
 
 /// The journal of one file of candidates, open for writing. One program at a time.
 #[derive(Debug)]

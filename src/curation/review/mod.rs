@@ -14,6 +14,6 @@ mod server;
 
 pub use clock::{Clock, is_rfc3339, rfc3339, system_clock};
 pub use error::ReviewError;
-pub use journal::{Decision, Decisions, Journal, Opinions, ReviewLine, candidate_digest};
+pub use journal::{Decisions, Journal, Opinions, ReviewLine, candidate_digest};
 pub use scene::scene;
 pub use server::{ReviewOptions, ReviewServer, Stop};

@@ -6,7 +6,7 @@ use arrow_array::RecordBatch;
 
 use super::columns::{RESPONSE, STATE};
 use crate::curation::{
-    CANDIDATE_STATES, Candidate, CandidateRecord, Certificate, Figure, Offsets, Pressure, Response,
+    CANDIDATE_STATES, Candidate, CandidateRecord, Certificate, Decision, Figure, Offsets, Pressure, Response,
     ReviewMark, ScenarioRecord, Taxonomy,
 };
 use crate::formats::error::Cause;
@@ -75,7 +75,12 @@ impl<'a> Rows<'a> {
         let decisions = self.maybe_texts("decision")?;
         let each = reviewers.into_iter().zip(times).zip(decisions);
         each.map(|((reviewer, at), decision)| match (reviewer, at, decision) {
-            (Some(reviewer), Some(at), Some(decision)) => Ok(Some(ReviewMark { reviewer, at, decision })),
+            (Some(reviewer), Some(at), Some(name)) => {
+                let marks = [Decision::Pick, Decision::Reject, Decision::Flag];
+                let wrong = || Cause::value("`decision`", format!("`{name}`"), "pick, reject or flag");
+                let decision = marks.into_iter().find(|d| d.name() == name).ok_or_else(wrong)?;
+                Ok(Some(ReviewMark { reviewer, at, decision }))
+            }
             (None, None, None) => Ok(None),
             _ => {
                 Err(Cause::value("`reviewer`, `reviewed_at`, `decision`", "partly null", "all or none given"))
@@ -287,4 +292,40 @@ fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<Ag
         Ok(AgentState { x: value(0)?, y: value(1)?, heading: value(2)?, vx: value(3)?, vy: value(4)? })
     };
     (0..CANDIDATE_STATES).map(state).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use std::sync::Arc;
+
+    use arrow_array::{ArrayRef, StringArray};
+
+    use super::*;
+
+    fn reviews(decision: &str) -> Result<Vec<Option<ReviewMark>>, Cause> {
+        let columns =
+            [("reviewer", "ana"), ("reviewed_at", "2026-01-01T12:00:00.000Z"), ("decision", decision)];
+        let column = |(name, text)| (name, Arc::new(StringArray::from(vec![Some(text), None])) as ArrayRef);
+        Rows::new(
+            &RecordBatch::try_from_iter_with_nullable(columns.map(|c| {
+                let (name, array) = column(c);
+                (name, array, true)
+            }))
+            .unwrap(),
+        )
+        .reviews()
+    }
+
+    #[test]
+    fn decisions_that_nobody_can_take_are_refused() {
+        for decision in [Decision::Pick, Decision::Reject, Decision::Flag] {
+            let read = reviews(decision.name()).unwrap();
+            assert_eq!((read[0].as_ref().map(|r| r.decision), &read[1]), (Some(decision), &None));
+        }
+        for wrong in ["love", "clear", ""] {
+            let expected = format!("`decision` is `{wrong}`, expected pick, reject or flag");
+            assert_eq!(reviews(wrong).unwrap_err().to_string(), expected);
+        }
+    }
 }

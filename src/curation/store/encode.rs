@@ -40,7 +40,7 @@ pub(super) fn candidate(t: &mut TableWriter, of: &ScenarioRecord, record: &Candi
     t.column("mean_speed_difference").push(Value::Number(offsets.mean_speed_difference));
     t.column("reviewer").push(Value::from(review.as_ref().map(|r| r.reviewer.as_str())));
     t.column("reviewed_at").push(Value::from(review.as_ref().map(|r| r.at.as_str())));
-    t.column("decision").push(Value::from(review.as_ref().map(|r| r.decision.as_str())));
+    t.column("decision").push(Value::from(review.as_ref().map(|r| r.decision.name())));
     certificate(t, record.certificate.as_ref());
     t.column("scene").push(Value::from(of.scene.as_deref().filter(|_| first)));
 }

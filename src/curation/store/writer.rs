@@ -31,14 +31,15 @@ impl Writer {
         Ok(Self { path: path.to_owned(), table, ids: BTreeSet::new(), waiting: 0, written: 0 })
     }
 
-    /// Adds a scenario with its candidates. Of one without candidates there is nothing to be kept but its place in the counts.
+    /// Adds a scenario with its candidates; whether it is in the file now: of one without candidates there is nothing to be kept but its
+    /// place in the counts.
     ///
     /// # Errors
     /// [`FormatError`] when the file can not be written, when the scenario is already in it, or when a track does not have 81
     /// states.
-    pub fn write(&mut self, record: &ScenarioRecord) -> Result<(), FormatError> {
+    pub fn write(&mut self, record: &ScenarioRecord) -> Result<bool, FormatError> {
         if record.candidates.is_empty() {
-            return Ok(());
+            return Ok(false);
         }
         self.check(record).map_err(|cause| {
             FormatError::record(&self.path, self.written, Some(record.scenario_id.clone()), cause)
@@ -50,11 +51,11 @@ impl Writer {
         }
         self.written += 1;
         self.waiting += 1;
-        if self.waiting < GROUP {
-            return Ok(());
+        if self.waiting >= GROUP {
+            self.waiting = 0;
+            self.table.flush()?;
         }
-        self.waiting = 0;
-        self.table.flush()
+        Ok(true)
     }
 
     /// What would make a file that can not be read back.

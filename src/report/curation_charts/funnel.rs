@@ -5,7 +5,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::{Area, Drawn, FONT, color, palette, text, title};
 use crate::curation::stats::Statistics;
-use crate::report::curation_tables::rejections;
+use crate::report::curation_tables::{dropped, rejections};
 
 /// A line: what is left, and what fell just before.
 struct Line {
@@ -38,12 +38,11 @@ const LEFT: i32 = 300;
 const LONGEST: i32 = 360;
 
 fn scenarios(statistics: &Statistics) -> Vec<Line> {
-    let funnel = &statistics.funnel;
-    let mut left = funnel.scenarios;
+    let mut left = statistics.funnel.scenarios;
     let mut lines = vec![Line { name: "read".into(), left, fell: 0 }];
-    for (rule, n) in &funnel.preselection {
-        left = left.saturating_sub(*n);
-        lines.push(Line { name: format!("1: {rule}"), left, fell: *n });
+    for (rule, n) in dropped(statistics) {
+        left = left.saturating_sub(n);
+        lines.push(Line { name: format!("1: {rule}"), left, fell: n });
     }
     for (name, n) in [("3: with a survivor", statistics.with_survivor), ("4: chosen", statistics.chosen)] {
         let fell = left.saturating_sub(n as u64);

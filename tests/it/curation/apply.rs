@@ -2,28 +2,38 @@
 
 use std::collections::BTreeMap;
 
-use reactsim::curation::apply::{Applied, Decided, apply};
-use reactsim::curation::{InputFile, ReviewMark, ScenarioRecord, store};
+use reactsim::curation::apply::{Applied, Decided, Refused, apply};
+use reactsim::curation::{Application, Decision, InputFile, ReviewMark, ScenarioRecord, store};
 
 use super::hand::{scenario, write};
 
-fn decided(decision: &str, candidate: Option<u32>) -> Decided {
-    let mark = ReviewMark {
-        reviewer: "ben".into(),
-        at: "2026-02-02T08:00:00.000Z".into(),
-        decision: decision.into(),
-    };
+fn decided(decision: Decision, candidate: Option<u32>) -> Decided {
+    let mark = ReviewMark { reviewer: "ben".into(), at: "2026-02-02T08:00:00.000Z".into(), decision };
     Decided { mark, candidate, fits: true }
 }
 
+fn application(allow_rejected: bool) -> Application {
+    Application {
+        version: "9.9.9".into(),
+        commit: "abc".into(),
+        file: InputFile { name: "a.parquet".into(), digest: "22".into() },
+        reviews: vec![InputFile { name: "a.parquet.reviews.jsonl".into(), digest: "11".into() }],
+        allow_rejected,
+    }
+}
+
 /// Applies decisions to scenarios of five candidates, of which the second is chosen.
-fn applied(decisions: &[(&str, Decided)]) -> (Applied, Vec<ScenarioRecord>, store::Reader) {
+fn applied(
+    allow_rejected: bool,
+    decisions: &[(&str, Decided)],
+) -> (Applied, Vec<ScenarioRecord>, store::Reader) {
     let folder = tempfile::tempdir().unwrap();
     let (from, out) = (folder.path().join("a.parquet"), folder.path().join("b.parquet"));
     write(&from, &["a", "b", "c"].map(|id| scenario(id, 5)));
     let decisions: BTreeMap<&str, Decided> = decisions.iter().cloned().collect();
-    let journal = InputFile { name: "a.parquet.reviews.jsonl".into(), digest: "11".into() };
-    let done = apply(&from, &out, &[journal], |r| decisions.get(r.scenario_id.as_str()).cloned()).unwrap();
+    let done =
+        apply(&from, &out, application(allow_rejected), |r| decisions.get(r.scenario_id.as_str()).cloned())
+            .unwrap();
     let records = store::read(&out).unwrap().map(|r| r.unwrap()).collect();
     (done, records, store::read(&out).unwrap())
 }
@@ -36,12 +46,15 @@ fn state(record: &ScenarioRecord) -> (Option<u32>, Vec<u32>) {
 
 #[test]
 fn picks_rejections_and_flags() {
-    let (done, records, file) = applied(&[
-        ("a", decided("pick", Some(3))),
-        ("b", decided("reject", Some(1))),
-        ("c", decided("flag", Some(1))),
-        ("unknown", decided("pick", Some(0))),
-    ]);
+    let (done, records, file) = applied(
+        false,
+        &[
+            ("a", decided(Decision::Pick, Some(3))),
+            ("b", decided(Decision::Reject, Some(1))),
+            ("c", decided(Decision::Flag, Some(1))),
+            ("unknown", decided(Decision::Pick, Some(0))),
+        ],
+    );
     assert_eq!(
         records.iter().map(state).collect::<Vec<_>>(),
         [(Some(3), vec![3]), (None, vec![1]), (Some(1), vec![1]),]
@@ -49,17 +62,20 @@ fn picks_rejections_and_flags() {
     assert_eq!(records[0].candidates[1].review, None, "the mark of an earlier decision gives way");
     assert_eq!(done, Applied { picked: 1, dropped: 1, marked: 1, chosen: 2, ..Applied::default() });
     assert_eq!(file.provenance().funnel.chosen, 2);
-    assert_eq!(file.provenance().reviews.len(), 1);
-    assert!(file.provenance().reviews[0].name.ends_with(".reviews.jsonl"));
+    assert_eq!(file.provenance().version, "0.1.0", "of the curation itself");
+    assert_eq!(file.provenance().applied, [application(false)]);
 }
 
 #[test]
 fn a_rejected_candidate_that_is_not_chosen_changes_nothing_else() {
-    let (done, records, _) = applied(&[
-        ("a", decided("reject", Some(0))),
-        ("b", decided("reject", None)),
-        ("c", decided("pick", Some(2))),
-    ]);
+    let (done, records, _) = applied(
+        true,
+        &[
+            ("a", decided(Decision::Reject, Some(0))),
+            ("b", decided(Decision::Reject, None)),
+            ("c", decided(Decision::Pick, Some(2))),
+        ],
+    );
     assert_eq!(state(&records[0]), (Some(1), vec![0]));
     assert_eq!(state(&records[1]), (None, vec![0, 1, 2, 3, 4]), "none of the scenario belongs into the set");
     assert_eq!(state(&records[2]), (Some(2), vec![2]));
@@ -68,12 +84,45 @@ fn a_rejected_candidate_that_is_not_chosen_changes_nothing_else() {
 
 #[test]
 fn what_was_decided_about_something_else_is_not_applied() {
-    let elsewhere = Decided { fits: false, ..decided("reject", Some(1)) };
-    let (done, records, _) =
-        applied(&[("a", decided("pick", Some(9))), ("b", elsewhere), ("c", decided("pick", None))]);
+    let elsewhere = Decided { fits: false, ..decided(Decision::Reject, Some(1)) };
+    let (done, records, _) = applied(
+        true,
+        &[("a", decided(Decision::Pick, Some(9))), ("b", elsewhere), ("c", decided(Decision::Pick, None))],
+    );
     assert_eq!(done.unfit, ["a", "b", "c"]);
     for record in &records {
         assert_eq!(state(record), (Some(1), vec![]));
         assert_eq!(record.candidates[1].review.as_ref().unwrap().reviewer, "ana", "earlier marks stay");
     }
+}
+
+#[test]
+fn what_a_filter_rejected_is_not_picked_unless_that_is_wanted() {
+    let picks = [
+        ("a", decided(Decision::Pick, Some(2))),
+        ("b", decided(Decision::Pick, Some(3))),
+        ("c", decided(Decision::Clear, None)),
+    ];
+    let (done, records, _) = applied(false, &picks);
+    let refused = Refused { scenario_id: "a".into(), candidate: 2, rejected_by: "pressure".into() };
+    assert_eq!(done, Applied { picked: 1, refused: vec![refused], chosen: 3, ..Applied::default() });
+    assert_eq!(state(&records[0]), (Some(1), vec![]), "what was chosen stays, and its mark");
+    assert_eq!(records[0].candidates[1].review.as_ref().unwrap().reviewer, "ana");
+    assert_eq!(state(&records[1]), (Some(3), vec![3]));
+    assert_eq!(state(&records[2]), (Some(1), vec![]));
+    let (done, records, file) = applied(true, &picks);
+    assert_eq!(done, Applied { picked: 2, picked_rejected: 1, chosen: 3, ..Applied::default() });
+    assert_eq!(state(&records[0]), (Some(2), vec![2]));
+    assert!(file.provenance().applied[0].allow_rejected);
+}
+
+#[test]
+fn every_application_leaves_its_trace() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    write(&path("a.parquet"), &[scenario("a", 5)]);
+    apply(&path("a.parquet"), &path("b.parquet"), application(false), |_| None).unwrap();
+    apply(&path("b.parquet"), &path("c.parquet"), application(true), |_| None).unwrap();
+    let file = store::read(path("c.parquet")).unwrap();
+    assert_eq!(file.provenance().applied, [application(false), application(true)]);
 }

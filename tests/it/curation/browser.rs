@@ -8,10 +8,12 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use std::{env, fs, thread};
 
-use reactsim::curation::review::{Decision, Journal};
+use reactsim::curation::Decision;
+use reactsim::curation::review::Journal;
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
+use super::hand;
 use super::review::{file, records};
 
 /// How long anything may take on a slow machine.
@@ -200,10 +202,7 @@ fn decided(file: &Path) -> Vec<Option<(Decision, Option<u32>)>> {
 
 #[test]
 fn decisions_survive_a_killed_server() {
-    let Some(chromium) = chromium() else {
-        eprintln!("skipped: no Chromium on this machine");
-        return;
-    };
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
     let (_folder, file) = file(5);
     let mut program = Program::new(&file);
     let mut page = Browser::new(&chromium);
@@ -299,4 +298,24 @@ fn an_interrupt_ends_the_review() {
     let mut said = String::new();
     program.process.stderr.take().unwrap().read_to_string(&mut said).unwrap();
     assert!(said.contains("decisions are in ") && said.contains("set.parquet.reviews.jsonl"), "{said}");
+}
+
+#[test]
+fn a_scene_of_another_form_is_not_drawn_and_the_page_says_so() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let (_folder, file) = file(2);
+    let mut all = records(2);
+    all[0].scene = all[0].scene.as_ref().map(|scene| scene.replacen("{\"v\":1,", "{\"v\":7,", 1));
+    hand::write(&file, &all);
+    let program = Program::new(&file);
+    let mut page = Browser::new(&chromium);
+    page.open(&program.url);
+    page.shows(0);
+    let said = page.text("modes");
+    assert!(said.contains("the scene has form 7, this page draws form 1"), "{said}");
+    // Candidates are there, and can be decided on.
+    page.press("p");
+    page.shows(1);
+    assert_eq!(page.text("modes"), "");
+    assert_eq!(page.errors, Vec::<String>::new());
 }

@@ -4,10 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use reactsim::curation::store;
+use reactsim::curation::{Decision, store};
+use reactsim::scene::Scenario;
 
 use super::hand::{scenario, write};
-use crate::generated::{deviating, write as write_scenarios};
+use crate::formats::proto::{self, Proto};
+use crate::generated::{deviating, parts, write as write_scenarios};
 
 fn reactsim(arguments: &[&str]) -> Output {
     Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
@@ -63,6 +65,16 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     }
 }
 
+/// A scenario in which the AV comes closer to the vehicle ahead.
+fn closing(i: usize) -> Scenario {
+    let mut parts = parts(i, false);
+    for (f, frame) in parts.agents[2].track.iter_mut().enumerate() {
+        let state = frame.as_mut().unwrap();
+        (state.x, state.vx) = (state.x - 0.2 * (f as f64 - 10.0), state.vx - 2.0);
+    }
+    Scenario::assemble(parts).unwrap()
+}
+
 #[test]
 fn help_fits_a_terminal() {
     for verb in [
@@ -81,9 +93,9 @@ fn help_fits_a_terminal() {
 fn scenarios_become_a_file_of_candidates() {
     let home = tempfile::tempdir().unwrap();
     let (input, again) = (home.path().join("s.parquet"), home.path().join("t.parquet"));
-    write_scenarios(&input, (0..40).map(|i| deviating(i, false)));
+    write_scenarios(&input, (0..40).map(closing));
     // One of them a second time, and a file that is none.
-    write_scenarios(&again, (39..42).map(|i| deviating(i, false)));
+    write_scenarios(&again, (39..42).map(closing));
     let broken = home.path().join("u.json");
     fs::write(&broken, r#"{"format": "reactsim-scenario-v1"}"#).unwrap();
     let mut files = Vec::new();
@@ -126,6 +138,7 @@ fn scenarios_become_a_file_of_candidates() {
     assert!(!said.contains(text(home.path())), "paths are nobody else's concern: {said}");
     let dropped: u64 = provenance.funnel.preselection.values().sum();
     assert_eq!(provenance.funnel.preselected + dropped, 42);
+    assert!(!opened.scenarios().is_empty(), "nothing has candidates: {:?}", provenance.funnel);
     // Nothing can be read: nothing is written.
     let none = home.path().join("none.parquet");
     let output = reactsim(&["curate", text(&broken), "--out", text(&none)]);
@@ -187,6 +200,16 @@ fn decisions_go_into_a_new_file() {
     let (code, said) = apply(&["--reviews", text(&theirs)]);
     assert_eq!(code, Some(0), "{said}");
     insta::assert_snapshot!(said, @r"
+    0 picked, 1 dropped, 0 only marked
+    warning: 1 pick not applied: rejected by a filter, such as candidate 2 of scenario `a` by `pressure`; give --allow-rejected to take them all the same
+    warning: reviewers disagree about 1 scenario; the latest decision holds
+    warning: 2 decisions not applied: the file does not have the scenario, or another content of it
+    HOME/d.parquet: 3 of 4 scenarios chosen
+    ");
+    assert_eq!(store::Store::open(&out).unwrap().scenarios()[0].chosen().map(|c| c.number), Some(1));
+    let (code, said) = apply(&["--reviews", text(&theirs), "--allow-rejected"]);
+    assert_eq!(code, Some(0), "{said}");
+    insta::assert_snapshot!(said, @r"
     1 picked, 1 dropped, 0 only marked
     warning: 1 candidate picked that a filter had rejected
     warning: reviewers disagree about 1 scenario; the latest decision holds
@@ -197,8 +220,12 @@ fn decisions_go_into_a_new_file() {
     let chosen: Vec<_> = opened.scenarios().iter().map(|s| s.chosen().map(|c| c.number)).collect();
     assert_eq!(chosen, [Some(2), Some(1), None, Some(1)]);
     let mark = opened.scenarios()[0].chosen().unwrap().review.clone().unwrap();
-    assert_eq!((mark.reviewer.as_str(), mark.decision.as_str()), ("ben", "pick"));
-    assert_eq!(opened.provenance().reviews.len(), 2);
+    assert_eq!((mark.reviewer.as_str(), mark.decision), ("ben", Decision::Pick));
+    let applied = &opened.provenance().applied[0];
+    assert_eq!((applied.version.as_str(), applied.reviews.len()), (env!("CARGO_PKG_VERSION"), 2));
+    let digest_of = |path: &Path| blake3::hash(&fs::read(path).unwrap()).to_hex().to_string();
+    assert_eq!((applied.file.name.as_str(), &applied.file.digest), ("c.parquet", &digest_of(&file)));
+    assert_eq!(applied.reviews[1].digest, digest_of(&theirs));
     assert_eq!(opened.provenance().funnel.chosen, 3);
     // A line that is no decision ends it before anything is written.
     fs::remove_file(&out).unwrap();
@@ -234,8 +261,7 @@ fn interrupted_it_keeps_what_is_finished() {
     let mut said = String::new();
     child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
     if status.code() == Some(0) {
-        println!("skipped: it was done before it was interrupted");
-        return;
+        return crate::skipped("it was done before it was interrupted");
     }
     assert_eq!(status.code(), Some(130), "{said}");
     assert!(said.contains("interrupted: writing what is finished; once more ends at once"), "{said}");
@@ -246,4 +272,78 @@ fn interrupted_it_keeps_what_is_finished() {
     assert!(scenarios < 4000, "{scenarios}");
     let records: Vec<_> = kept.map(|r| r.unwrap()).collect();
     assert!(records.len() as u64 <= scenarios);
+}
+
+#[test]
+fn a_scenario_of_the_wrong_length_does_not_stop_the_others() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("s.tfrecord"), home.path().join("c.parquet"));
+    let made = |id: &str, frames: usize| Proto { id: id.into(), frames, ..Proto::default() };
+    fs::write(&input, proto::records(&[made("a", 91), made("short", 90), made("b", 91)])).unwrap();
+    let output = reactsim(&["curate", text(&input), "--out", text(&out)]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    let said = stderr(&output);
+    let expected = "s.tfrecord: record 1: scenario `short`: timestamps_seconds is 90 entries, expected 91";
+    assert!(said.contains(&format!("warning: failed: {expected}")), "{said}");
+    let file = store::read(&out).unwrap();
+    let provenance = file.provenance();
+    assert_eq!((provenance.funnel.scenarios, provenance.failures.len()), (2, 1));
+    assert!(provenance.failures[0].starts_with(expected), "{:?}", provenance.failures);
+}
+
+#[test]
+fn truncated_and_foreign_files_are_refused_everywhere() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (scenarios, sound, out) = (path("s.parquet"), path("sound.parquet"), path("out.parquet"));
+    write_scenarios(&scenarios, (0..2).map(|i| deviating(i, false)));
+    write(&sound, &["a", "b", "c"].map(|id| scenario(id, 4)));
+    let bytes = fs::read(&sound).unwrap();
+    fs::write(path("half.parquet"), &bytes[..bytes.len() / 2]).unwrap();
+    fs::write(path("short.parquet"), &bytes[..bytes.len() - 1]).unwrap();
+    fs::write(path("empty.parquet"), "").unwrap();
+    fs::write(path("text.parquet"), "a,b\n1,2\n").unwrap();
+    let foreign = "is `reactsim-scenarios`, expected `reactsim-deviations`";
+    let files = [("half", ""), ("short", ""), ("empty", ""), ("text", ""), ("s", foreign)];
+    for (name, expected) in files {
+        let file = path(&format!("{name}.parquet"));
+        for verb in [
+            &["curate", "stats", text(&file)][..],
+            &["curate", "review", text(&file)],
+            &["curate", "apply", text(&file), "--out", text(&out)],
+            &["run", text(&scenarios), "--models", "stop", "--deviations", text(&file)],
+        ] {
+            let output = reactsim(verb);
+            let said = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{verb:?}: {said}");
+            assert!(output.stdout.is_empty(), "{verb:?} printed a result");
+            assert!(said.starts_with("error: ") && said.contains(text(&file)), "{verb:?}: {said}");
+            assert!(said.contains(expected), "{verb:?}: {said}");
+            assert!(!out.exists());
+        }
+    }
+}
+
+#[test]
+fn candidates_for_unknown_scenarios_are_told() {
+    let home = tempfile::tempdir().unwrap();
+    let (scenarios, file) = (home.path().join("s.parquet"), home.path().join("c.parquet"));
+    write_scenarios(&scenarios, (0..2).map(|i| deviating(i, true)));
+    write(&file, &["a", "b", "c"].map(|id| scenario(id, 4)));
+    let output = reactsim(&["run", text(&scenarios), "--models", "stop", "--deviations", text(&file)]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(stderr(&output), @r"
+    2 scenarios passed over: no deviated AV in the file of deviations
+    warning: 3 deviations not used: for scenarios that are not among those that were read
+    error: no scenario could be run: see the warnings above
+    ");
+    // The id is known, but the scenario is another one.
+    write(&file, &["road-000", "b"].map(|id| scenario(id, 4)));
+    let output = reactsim(&["run", text(&scenarios), "--models", "stop", "--deviations", text(&file)]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    assert!(
+        said.contains("scenario `road-000`: the deviated AV was made for a scenario with the digest"),
+        "{said}"
+    );
 }

@@ -1,8 +1,8 @@
 //! Records made by hand.
 
 use reactsim::curation::{
-    Candidate, CandidateRecord, Certificate, CurationProvenance, Figure, Funnel, InputFile, Offsets,
-    Pressure, Response, ReviewMark, ScenarioRecord, Taxonomy,
+    Candidate, CandidateRecord, Certificate, CurationProvenance, Decision, Figure, Funnel, InputFile,
+    Offsets, Pressure, Response, ReviewMark, ScenarioRecord, Taxonomy,
 };
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentState, Deviation};
@@ -64,7 +64,7 @@ pub(super) fn candidate(number: u32) -> CandidateRecord {
         review: (number == 1).then(|| ReviewMark {
             reviewer: "ana".into(),
             at: "2026-01-01T12:00:00.123Z".into(),
-            decision: "pick".into(),
+            decision: Decision::Pick,
         }),
         certificate: match number % 3 {
             0 => None,
@@ -95,13 +95,13 @@ pub(super) fn provenance() -> CurationProvenance {
         funnel: Funnel { scenarios: 20, preselected: 19, candidates: 19 * 16, ..Funnel::default() },
         failures: vec!["a.json: record 3: is \"odd\" ü".into()],
         interrupted: false,
-        reviews: Vec::new(),
+        applied: Vec::new(),
     }
 }
 
 /// Writes a file of such records.
 pub(super) fn write(path: &std::path::Path, records: &[ScenarioRecord]) {
     let mut writer = reactsim::curation::store::Writer::create(path).unwrap();
-    records.iter().for_each(|r| writer.write(r).unwrap());
+    records.iter().for_each(|r| _ = writer.write(r).unwrap());
     writer.finish(&provenance()).unwrap();
 }

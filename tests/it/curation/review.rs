@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::{Duration, UNIX_EPOCH};
 
-use reactsim::curation::ScenarioRecord;
 use reactsim::curation::review::{
-    Decision, Journal, ReviewError, ReviewOptions, ReviewServer, Stop, candidate_digest, scene,
+    Journal, ReviewError, ReviewOptions, ReviewServer, Stop, candidate_digest, scene,
 };
 use reactsim::curation::store::Store;
+use reactsim::curation::{Decision, ScenarioRecord};
 use reactsim::formats;
 use serde_json::{Value, json};
 
@@ -264,10 +264,7 @@ fn a_scene_is_the_same_every_time_and_gives_the_tracks_back() {
 
 #[test]
 fn scenes_of_real_logs_are_small() {
-    let Some(folder) = crate::shared("data/womd/train") else {
-        eprintln!("skipped: no data/womd/train");
-        return;
-    };
+    let Some(folder) = crate::shared("data/womd/train") else { return };
     for scenario in formats::open(&folder).unwrap().filter_map(Result::ok).take(20) {
         let text = scene(&scenario);
         assert!(text.len() < 150_000, "{}: {} bytes", scenario.id, text.len());

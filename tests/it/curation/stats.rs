@@ -1,13 +1,22 @@
 //! Figures of sets whose numbers are known.
 
 use std::fs;
+use std::sync::atomic::AtomicBool;
 
+use reactsim::curation::driver::{Curation, CurationObserver, Input};
 use reactsim::curation::stats::{Collector, Statistics};
-use reactsim::curation::{CurationProvenance, Funnel, Offsets, Pressure, ScenarioRecord};
+use reactsim::curation::{
+    CandidateSource, CurationProvenance, CurationSettings, FEW_VEHICLES, Funnel, InputFile, NO_APPROACH,
+    NoProposal, Offsets, Preselection, Pressure, Proposal, ScenarioRecord, store,
+};
+use reactsim::formats::decoded;
 use reactsim::report::{curation_charts, curation_tables};
-use reactsim::scene::Deviation;
+use reactsim::rollout::Stream;
+use reactsim::scene::{Deviation, Scenario};
 
 use super::hand::{provenance, scenario};
+use super::road::on_road;
+use crate::scenes::{car, later};
 
 /// A scenario with one chosen candidate of this category and ADE.
 fn chosen(id: usize, category: Deviation, ade: f64) -> ScenarioRecord {
@@ -89,6 +98,27 @@ fn figures_are_those_of_a_calculation_by_hand() {
 }
 
 #[test]
+fn what_a_person_picked_against_the_filters_is_counted() {
+    let mut collector = Collector::default();
+    for (i, number) in [1, 2, 2, 3].into_iter().enumerate() {
+        let mut record = scenario(&format!("s{i}"), 6);
+        record.candidates.iter_mut().for_each(|c| c.chosen = c.candidate.number == number);
+        collector.add(&record);
+    }
+    let s = collector.finish(&provenance());
+    assert_eq!(s.chosen_although_rejected, [("pressure".to_owned(), 2)].into());
+    // Candidate 3 has none.
+    assert_eq!((s.chosen, s.chosen_without_certificate), (4, 1));
+    let mut text = Vec::new();
+    curation_tables::write_statistics(&mut text, &s).unwrap();
+    let text = String::from_utf8(text).unwrap();
+    assert!(
+        text.contains("\nChosen without a certificate: 1.\nChosen although rejected by pressure: 2.\n"),
+        "{text}"
+    );
+}
+
+#[test]
 fn tables_are_for_people() {
     let mut text = Vec::new();
     curation_tables::write_statistics(&mut text, &known()).unwrap();
@@ -137,11 +167,7 @@ fn large() -> Statistics {
     let text = |s: &str| s.to_owned();
     let funnel = Funnel {
         scenarios: 2636,
-        preselection: [
-            (text("too few vehicles near the AV"), 612),
-            (text("no vehicle comes close in time"), 251),
-        ]
-        .into(),
+        preselection: [(text(FEW_VEHICLES), 612), (text(NO_APPROACH), 251)].into(),
         preselected: 1773,
         candidates: 26_103,
         unproposed: [(text("no lane to change to"), 2265)].into(),
@@ -186,4 +212,62 @@ fn charts_are_drawn_and_always_the_same() {
     }
     assert!(funnel.contains("3: avoidable") && funnel.contains("−2133"));
     curation_charts::charts(&known()).unwrap();
+}
+
+/// Has nothing to propose for every other scenario.
+struct Shy;
+
+impl CandidateSource for Shy {
+    fn id(&self) -> &'static str {
+        "shy"
+    }
+
+    fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
+        let propose = |_: &mut Stream| {
+            if scenario.id.ends_with(['1', '3', '5']) {
+                return Err(NoProposal("shy".to_owned()));
+            }
+            let future = (1..=80).map(|k| later(&scenario.start.now(0), 0.1 * f64::from(k))).collect();
+            Ok(Proposal { intent: None, maneuver: "goes on".to_owned(), future })
+        };
+        streams.iter_mut().map(propose).collect()
+    }
+}
+
+struct Quiet;
+
+impl CurationObserver for Quiet {}
+
+#[test]
+fn what_is_counted_is_what_the_file_holds() {
+    let made = |i: usize| {
+        on_road(&format!("s{i}"), vec![car("av", 0.0, 0.0, 0.0, 10.0), car("ahead", 40.0, 0.0, 0.0, 6.0)])
+    };
+    let inputs = [Input {
+        file: InputFile { name: "made".into(), digest: String::new() },
+        open: Box::new(move || Ok(Box::new((0..6).map(move |i| Ok(decoded(made(i))))))),
+    }];
+    let preselection = Preselection { min_vehicles: 1, radius: 50.0, max_ttc: 100.0 };
+    let settings = CurationSettings { candidates: 2, preselection, ..CurationSettings::default() };
+    let curation = Curation { inputs: &inputs, source: &Shy, settings: &settings, jobs: 1 };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.parquet");
+    let mut writer = store::Writer::create(&path).unwrap();
+    let stop = AtomicBool::new(false);
+    let (provenance, told) = curation.run(CurationProvenance::default(), &mut writer, &Quiet, &stop).unwrap();
+    writer.finish(&provenance).unwrap();
+    assert_eq!((provenance.funnel.preselected, told.scenarios), (6, 3), "{:?}", provenance.funnel);
+    assert_eq!(provenance.funnel.unproposed["shy"], 6);
+    assert_eq!(Statistics::of_file(&path).unwrap(), told);
+}
+
+#[test]
+fn rules_of_the_preselection_stand_in_the_order_in_which_they_are_asked() {
+    let mut text = Vec::new();
+    curation_tables::write_overview(&mut text, &large()).unwrap();
+    let text = String::from_utf8(text).unwrap();
+    let place = |rule: &str| text.find(rule).unwrap_or_else(|| panic!("{rule} is not in\n{text}"));
+    assert!(place(FEW_VEHICLES) < place(NO_APPROACH), "{text}");
+    let funnel = curation_charts::charts(&large()).unwrap().pop().unwrap().svg;
+    assert!(funnel.find(FEW_VEHICLES).unwrap() < funnel.find(NO_APPROACH).unwrap());
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::proto::{self, Proto};
-use super::{digests, good, shared, write_native};
+use super::{digests, good, write_native};
 
 /// Reads a file with every `stride`-th byte changed, and cut at every `stride`-th byte.
 fn hurt(path: &Path, stride: usize, exact: bool) {
@@ -89,10 +89,7 @@ fn damaged_json() {
 
 #[test]
 fn damaged_real_record() {
-    let Some(source) = shared("data/womd/val/womd-val-00000-of-00002.tfrecord.zst") else {
-        println!("skipped: no shared data");
-        return;
-    };
+    let Some(source) = crate::shared("data/womd/val/womd-val-00000-of-00002.tfrecord.zst") else { return };
     // The first record alone, decoded.
     let mut data = Vec::new();
     let decoder = zstd::stream::read::Decoder::new(fs::File::open(source).unwrap()).unwrap();

@@ -1,6 +1,8 @@
 // From what the server sends to what is drawn. Lengths come as centimetres, angles as milliradians; here all is metres and radians.
 
 export const FRAMES = 91;
+/** The form of scenes that is understood here. */
+const FORM = 1;
 /** The frame that is now: step 0. */
 export const NOW = 10;
 export const KINDS = ["vehicle", "pedestrian", "cyclist", "other"];
@@ -127,7 +129,8 @@ function onFrames(track, before) {
 
 /** A scenario as the server sends it, ready to be drawn. */
 export function decode(raw) {
-  const scene = raw.scene;
+  // Another form would be drawn, and be wrong.
+  const scene = raw.scene?.v === FORM ? raw.scene : null;
   const agents = scene ? scene.agents.map(agent) : [];
   // Without a scene there is still the AV.
   if (!agents.length) agents.push({ id: "AV", kind: "vehicle", length: 4.8, width: 2, track: new Array(FRAMES).fill(null) });
@@ -150,6 +153,10 @@ export function decode(raw) {
     index: raw.index,
     id: raw.id,
     stale: raw.stale,
+    /** Why there is no scene; null where there is one. */
+    bare: scene ? null : raw.scene
+      ? `the scene has form ${raw.scene.v ?? "?"}, this page draws form ${FORM}: only the AV is drawn; make the file anew, or review it with the program that made it`
+      : "this file holds no scenes (--without-scenes): only the AV is drawn",
     candidates,
     agents,
     context: scene ? scene.context.map(agent) : [],

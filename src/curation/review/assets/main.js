@@ -172,7 +172,7 @@ function refreshPanel() {
   panel.candidates($("candidates"), scenario, selected, standing?.verdict, (candidate) => select(candidate));
   panel.details($("details"), selected);
   const modes = [];
-  if (!scenario.map) modes.push("this file holds no scenes (--without-scenes): only the AV is drawn");
+  if (scenario.bare) modes.push(scenario.bare);
   if (show.certificate) modes.push(selected?.certificate ? "certificate’s responses" : "no certificate: log replay");
   if (!show.ghost) modes.push("log hidden");
   if (!show.others) modes.push("others hidden");
@@ -236,11 +236,13 @@ async function write(send) {
 
 async function decide(decision, candidate, note) {
   const { index } = scenario ?? {};
+  const decided = scenario?.candidates.find((c) => c.number === candidate);
   const done = await write(() => api.decide({ index, candidate, decision, note }));
   if (!done) return;
   queue.set(done.standing);
   if (scenario.index === index) scenario.stale = false;
-  toast(`${panel.words({ decision, candidate })} · u undoes`);
+  const against = decision === "pick" && decided?.rejected_by;
+  toast(`${panel.words({ decision, candidate })}${against ? `, against ${against}: only apply --allow-rejected takes it` : ""} · u undoes`);
   // The candidate alone was rejected, or nothing holds any more: the scenario is still to be decided.
   const stays = decision === "clear" || (decision === "reject" && candidate !== null);
   const next = stays ? null : queue.step(index, 1);

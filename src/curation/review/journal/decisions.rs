@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
 
-use super::{Decision, ReviewLine, read};
-use crate::curation::ScenarioRecord;
+use super::{ReviewLine, read};
 use crate::curation::review::{ReviewError, candidate_digest};
+use crate::curation::{Decision, ScenarioRecord};
 
 /// Decisions by scenario id.
 pub type Decisions = BTreeMap<String, Opinions>;

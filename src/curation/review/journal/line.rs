@@ -3,34 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::curation::review::{ReviewError, is_rfc3339};
-use crate::curation::{Candidate, ReviewMark};
-
-/// What a reviewer decided about a scenario.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Decision {
-    /// The named candidate belongs into the set.
-    Pick,
-    /// Without a candidate: none of the scenario belongs into the set. With one: this one does not; where it was chosen, no other
-    /// takes its place until one is picked.
-    Reject,
-    /// To be looked at again.
-    Flag,
-    /// Nothing: takes back what was decided before.
-    Clear,
-}
-
-impl Decision {
-    /// The name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Pick => "pick",
-            Self::Reject => "reject",
-            Self::Flag => "flag",
-            Self::Clear => "clear",
-        }
-    }
-}
+use crate::curation::{Candidate, Decision, ReviewMark};
 
 /// A line of a journal: who decided what, when.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,11 +68,7 @@ impl ReviewLine {
 
     /// What records keep of it.
     pub fn mark(&self) -> ReviewMark {
-        ReviewMark {
-            reviewer: self.reviewer.clone(),
-            at: self.at.clone(),
-            decision: self.decision.name().to_owned(),
-        }
+        ReviewMark { reviewer: self.reviewer.clone(), at: self.at.clone(), decision: self.decision }
     }
 }
 

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::curation::Decision;
 use crate::curation::review::page::{Overview, Standing, scenario_json};
 use crate::curation::review::{
-    Clock, Decision, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, rfc3339,
+    Clock, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, rfc3339,
 };
 use crate::curation::store::Store;
 
