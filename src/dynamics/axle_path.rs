@@ -227,8 +227,8 @@ pub fn follow(now: AgentState, speed_now: f64, path: &AxlePath, desired: &[f64])
     drive(now, speed_now, path, desired, Some(&path.allowed_speeds()))
 }
 
-/// As [`follow`], smoothly: for a vehicle that speeds up by `acceleration` (m/s²) until now, with changes of the acceleration spread over
-/// half a second on either side. Bends are taken and the path's end is reached nearly at the speeds that [`follow`] finds.
+/// As [`follow`], smoothly: for a vehicle that speeds up by `acceleration` (m/s²) until now, with changes of the acceleration spread
+/// ([`speeds::soften_from`]). Bends are taken, and the path's end is reached, nearly at the speeds that [`follow`] finds.
 pub fn follow_smoothly(
     now: AgentState,
     speed_now: f64,
@@ -238,9 +238,7 @@ pub fn follow_smoothly(
 ) -> Vec<AgentState> {
     let found = follow(now, speed_now, path, desired);
     let mut found: Vec<f64> = found.iter().map(AgentState::speed).collect();
-    for _ in 0..2 {
-        speeds::soften_from(speed_now, acceleration, &mut found);
-    }
+    speeds::soften_from(speed_now, acceleration, &mut found);
     drive(now, speed_now, path, &found, None)
 }
 

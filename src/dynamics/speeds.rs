@@ -111,22 +111,56 @@ pub fn bound_ahead(now: f64, speeds: &mut [f64], acceleration: f64, deceleration
 /// at `now` and turned over, so that they go on from it.
 pub fn soften(now: f64, speeds: &mut [f64]) {
     let raw = speeds.to_vec();
-    average(speeds, |k| if k == 1 { now } else { 2.0 * now - raw[k - 2] });
-}
-
-/// As [`soften`], for a vehicle that speeds up by `acceleration` (m/s²) until now: the speeds go on from that, too.
-pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
-    average(speeds, |k| (now - acceleration * (k - 1) as f64 * DT).max(0.0));
-}
-
-/// Averages over five steps; `before` gives the speeds before the first step: 1 is now, 2 the one before it.
-fn average(speeds: &mut [f64], before: impl Fn(usize) -> f64) {
-    let raw = speeds.to_vec();
-    let at = |k: isize| {
-        if k < 0 { before(k.unsigned_abs()) } else { raw[(k as usize).min(raw.len() - 1)] }
+    let at = |k: isize| match k {
+        k if k < 0 => 2.0 * now - if k == -1 { now } else { raw[(-k - 2) as usize] },
+        k => raw[(k as usize).min(raw.len() - 1)],
     };
     for (k, speed) in speeds.iter_mut().enumerate() {
         let k = k as isize;
         *speed = halted((at(k - 2) + at(k - 1) + at(k) + at(k + 1) + at(k + 2)) / 5.0);
+    }
+}
+
+/// Steps over which a change of the acceleration is spread.
+const SPREAD: usize = 7;
+/// Time in which an acceleration fades that nobody asks for any more, s.
+const FADE: f64 = 0.4;
+
+/// Spreads every change of the acceleration over 0.7 s, for a vehicle that speeds up by `acceleration` (m/s²) until now: the speeds go on
+/// from it. They come 0.3 s late, as those of somebody who reacts.
+///
+/// What is averaged, over the last steps, is how far the speeds are from those of a vehicle whose acceleration only fades.
+pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
+    let faded = |k: usize| now + acceleration * FADE * (1.0 - (-((k + 1) as f64) * DT / FADE).exp());
+    let raw = speeds.to_vec();
+    for (k, speed) in speeds.iter_mut().enumerate() {
+        let first = (k + 1).saturating_sub(SPREAD);
+        let asked = &raw[first..=k];
+        let apart: f64 = asked.iter().enumerate().map(|(i, v)| v - faded(first + i)).sum();
+        let stands = asked.len() == SPREAD && asked.iter().all(|&v| v == 0.0);
+        *speed = if stands { 0.0 } else { halted((faded(k) + apart / SPREAD as f64).max(0.0)) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn softened_speeds_go_on_from_the_acceleration() {
+        for (now, before) in [(10.0, 1.5), (10.0, -3.0), (3.0, 0.0)] {
+            let mut speeds = vec![now; FUTURE];
+            for (k, v) in speeds.iter_mut().enumerate() {
+                *v = (now - 0.5 * (k + 1) as f64).max(0.0);
+            }
+            soften_from(now, before, &mut speeds);
+            let (mut v0, mut a0) = (now, before);
+            for &v in &speeds {
+                let a = (v - v0) / DT;
+                assert!((a - a0).abs() / DT <= 18.0, "from {before}: {a0} to {a} m/s2");
+                (v0, a0) = (v, a);
+            }
+            assert_eq!(speeds[FUTURE - 1], 0.0);
+        }
     }
 }

@@ -14,7 +14,7 @@ fn streams(scenario: &Scenario, seed: u64) -> Vec<Stream> {
 }
 
 /// Largest jerk, m/s³, and largest change of the acceleration from the log's to the first step's, m/s².
-const JERK: f64 = 30.0;
+const JERK: f64 = 25.0;
 const JUMP: f64 = 2.5;
 
 /// Sections 7 and 8 of the metrics, and that the AV neither jumps nor trembles.
