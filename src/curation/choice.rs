@@ -21,7 +21,7 @@ const COMFORT: f64 = 0.5;
 /// Weight of a deviation of that many metres on average, or more.
 const DISTANCE: (f64, f64) = (0.5, 8.0);
 /// How much the share that a category lacks to a third weighs.
-const BALANCE: f64 = 12.0;
+const BALANCE: f64 = 20.0;
 
 /// How good a survivor is: pressure that the log can not answer, early enough, that asks for a firm reaction and no emergency, by an AV
 /// that drives as one would, well away from the log. 0 to 6.

@@ -17,6 +17,9 @@ const AHEAD: f64 = 0.5;
 /// Headings within this angle lead the same way, radians.
 const ALONG: f64 = 0.8;
 
+/// Headings within this angle of opposite ones lead head on, radians: less than that of a turn across the oncoming lane.
+const HEAD_ON: f64 = 0.35;
+
 /// The logged future of all agents but the AV, and the static obstacles, as boxes.
 pub(super) struct LogReplay<'a> {
     av: &'a Agent,
@@ -60,7 +63,7 @@ impl Touch {
 
     /// Whether the AV's front drives into somebody who comes towards it.
     pub(super) fn head_on(&self) -> bool {
-        self.av_bumper && self.bearing < AHEAD && self.turned > PI - ALONG
+        self.av_bumper && self.bearing < AHEAD && self.turned > PI - HEAD_ON
     }
 
     /// Whether the AV's front drives into somebody who is slower than `slow` (m/s) and than the AV, or whom the metrics would not blame.

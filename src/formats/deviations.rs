@@ -20,8 +20,19 @@ const JSON: &str = "reactsim-deviations-v1";
 pub(crate) const KIND: &str = "reactsim-deviations";
 pub(crate) const VERSION: u32 = 1;
 /// The columns that are read; files of curations have many more.
-const COLUMNS: &[&str] =
-    &["scenario_id", "category", "scenario_digest", "chosen", "x", "y", "heading", "vx", "vy"];
+const COLUMNS: &[&str] = &[
+    "scenario_id",
+    "category",
+    "scenario_digest",
+    "chosen",
+    "origin_x",
+    "origin_y",
+    "x",
+    "y",
+    "heading",
+    "vx",
+    "vy",
+];
 /// Longest JSON file that is read.
 const LONGEST: u64 = 1 << 30;
 
@@ -130,6 +141,8 @@ impl Records<'_> {
         let digests = View::find(batch, "scenario_digest", Leaf::Text, 0).map_err(file)?;
         let chosen = View::find(batch, "chosen", Leaf::Flag, 0).map_err(file)?;
         let columns = States::find(batch, 1).map_err(file)?;
+        let x = View::find(batch, "origin_x", Leaf::Number, 0).map_err(file)?;
+        let y = View::find(batch, "origin_y", Leaf::Number, 0).map_err(file)?;
         let mut passed_over = 0;
         for row in 0..batch.num_rows() {
             if chosen.as_ref().is_some_and(|c| c.flag(row) != Some(true)) {
@@ -143,6 +156,9 @@ impl Records<'_> {
                 let cause = Cause::value("scenario_id", "null", "the id of a scenario");
                 return Err(FormatError::record(self.path, self.next, None, cause));
             };
+            // What a row says of itself goes before what the file says, which other programs lose when they write it anew.
+            let own = |c: &Option<View>| c.as_ref().and_then(|c| c.number(row));
+            let origin = own(&x).zip(own(&y)).map(|(x, y)| Vec2::new(x, y)).or(origin);
             self.add(id, category, digest, origin, frames)?;
         }
         Ok(passed_over)

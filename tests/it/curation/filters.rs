@@ -96,6 +96,18 @@ fn kinematics() {
 }
 
 #[test]
+fn lateral_acceleration() {
+    let scenario = alone();
+    // On a circle of 25 m at 10 m/s: 4 m/s²; of 20 m: 5 m/s².
+    let circling = |r: f64| {
+        let turned = move |t: f64| 10.0 * t / r;
+        candidate(&scenario, move |t| (r * turned(t).sin(), r * (1.0 - turned(t).cos()), turned(t)))
+    };
+    assert!((passes("lateral-acceleration", &scenario, &circling(25.0)).unwrap() - 4.0).abs() < 0.01);
+    rejects("lateral-acceleration", &scenario, &circling(20.0), "lateral acceleration of 5.0 m/s²");
+}
+
+#[test]
 fn comfort_is_an_option() {
     let scenario = alone();
     let hard = stopping(&scenario, 5.5);

@@ -95,6 +95,52 @@ fn a_parked_av_stands_exactly_still_or_sets_off() {
 }
 
 #[test]
+fn a_logged_change_of_lanes_is_merged_sooner_and_later() {
+    // The log changes to the left lane between x = 30 and 60.
+    let mut av = car("av", 0.0, 0.0, 0.0, 10.0);
+    for state in av.track.iter_mut().flatten() {
+        let u = ((state.x - 30.0) / 30.0).clamp(0.0, 1.0);
+        state.y = 3.5 * u * u * (3.0 - 2.0 * u);
+        let slope = 3.5 * 6.0 * u * (1.0 - u) / 30.0;
+        (state.heading, state.vy) = (slope.atan(), state.vx * slope);
+    }
+    let scenario = on_road("merging", vec![av, car("b", -20.0, 3.5, 0.0, 11.0)]);
+    let mut offsets = std::collections::BTreeMap::new();
+    for seed in 0..6 {
+        for proposal in Rules.propose(&scenario, &mut streams(&scenario, seed)).into_iter().flatten() {
+            if proposal.maneuver.starts_with("merge") {
+                let middle = proposal.future.iter().find(|s| s.x >= 45.0).map(|s| s.y);
+                let word = proposal.maneuver.rsplit(' ').next().unwrap().to_owned();
+                offsets.entry(word).or_insert_with(Vec::new).extend(middle);
+            }
+        }
+    }
+    assert!(offsets["earlier"].iter().all(|&y| y > 1.75), "{offsets:?}");
+    assert!(offsets["later"].iter().all(|&y| y < 1.75), "{offsets:?}");
+}
+
+#[test]
+fn no_two_candidates_are_the_same() {
+    // An AV that is to stand at a red light leaves little to vary.
+    for scenario in mini().iter().chain(&real(6)) {
+        let Curated::Kept(record, unproposed) =
+            curate_scenario(scenario, SOURCES[0], &CurationSettings::default())
+        else {
+            continue;
+        };
+        let tracks: Vec<_> = record.candidates.iter().map(|c| &c.candidate.track).collect();
+        for (i, a) in tracks.iter().enumerate() {
+            for b in &tracks[..i] {
+                let apart = a.iter().zip(b.iter()).map(|(a, b)| (a.position() - b.position()).norm());
+                assert!(apart.fold(0.0, f64::max) > 0.2, "{}", scenario.id);
+            }
+        }
+        let missing: u64 = unproposed.values().sum();
+        assert_eq!(record.candidates.len() as u64 + missing, 16);
+    }
+}
+
+#[test]
 fn odd_scenes_are_no_trouble() {
     let around = || vec![car("av", 0.0, 0.0, 0.3, 9.0), car("b", -15.0, -4.0, 0.3, 9.0)];
     // No map at all; an AV off its lane, across the road; nobody else.
