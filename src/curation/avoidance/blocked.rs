@@ -1,7 +1,7 @@
 //! Where on its path an agent can not be, and when.
 
 use super::own_path::OwnPath;
-use super::traffic::{Boxes, nearer, radius};
+use super::traffic::{Boxes, nearer};
 use crate::geometry::{Bounds, OrientedBox};
 
 /// Distance of the places of a path that are tried, metres.
@@ -45,7 +45,7 @@ impl<'p> Places<'p> {
     pub(super) fn new(path: &'p OwnPath, reach: Vec<(f64, f64)>) -> Self {
         let length = reach.iter().fold(0.0_f64, |a, r| a.max(r.1));
         let (boxes, segments) = path.footprints(SPACING, length + SPACING);
-        let around = boxes.first().map_or(0.0, radius);
+        let around = boxes.first().map_or(0.0, OrientedBox::radius);
         let bounds = Bounds::of(boxes.iter().map(|b| b.center)).inflated(around);
         Self { path, boxes, segments, bounds, reach }
     }
@@ -96,7 +96,7 @@ impl<'p> Places<'p> {
         let (low, high) = self.reach[step];
         let first = (low / SPACING).floor() as usize;
         let last = ((high / SPACING).ceil() as usize).min(self.boxes.len() - 1);
-        let reach = radius(&self.boxes[first]) + radius(other) + clearance;
+        let reach = self.boxes[first].radius() + other.radius() + clearance;
         let mut found = Vec::new();
         let mut open: Option<f64> = None;
         let mut i = first;

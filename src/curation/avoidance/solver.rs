@@ -12,6 +12,7 @@ use super::sides::{Choice, Side, combinations};
 use super::traffic::{Planned, Traffic, distance, extent, nearer};
 use super::{AvoidanceSettings, Unavoidable};
 use crate::curation::Response;
+use crate::metrics::pair_counts;
 use crate::scene::{AgentKind, AgentState, DT, FUTURE};
 
 /// Rounds of adding what a solution was found to break.
@@ -52,12 +53,8 @@ impl<'t> Solver<'t> {
         let now = distance(&driver.path.footprint(0.0), &traffic.av_box(driver.reaction));
         let to_av = settings.clearance.min(now - 2.0 * MARGIN).max(0.0);
         let kinds = |i: usize| traffic.scenario.start.agents[i].kind;
-        let light = |k: AgentKind| matches!(k, AgentKind::Pedestrian | AgentKind::Cyclist);
-        // Pairs that the metric does not judge.
-        let judged = |i: usize| {
-            let (a, b) = (kinds(driver.agent), kinds(i));
-            !(light(a) && light(b) && (a, b) != (AgentKind::Cyclist, AgentKind::Cyclist))
-        };
+        // Pairs that the metric does not judge are not kept apart.
+        let judged = |i: usize| pair_counts(kinds(driver.agent), kinds(i));
         let other = |i: usize| {
             let apart = traffic.log_distance(driver.agent, i);
             let clearance = settings.clearance_to_others.min(apart - TOUCHING);

@@ -95,14 +95,9 @@ pub(super) fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
     rounded_distance(a, b, Options::default().corner_rounding)
 }
 
-/// [`OrientedBox::radius`] without the care for overflow that makes `hypot` slow.
-pub(super) fn radius(b: &OrientedBox) -> f64 {
-    (b.half_length * b.half_length + b.half_width * b.half_width).sqrt()
-}
-
 /// Whether two boxes are nearer to each other than `clearance`.
 pub(super) fn nearer(a: &OrientedBox, b: &OrientedBox, clearance: f64) -> bool {
-    let reach = radius(a) + radius(b) + clearance;
+    let reach = a.radius() + b.radius() + clearance;
     (a.center - b.center).norm_squared() < reach * reach && distance(a, b) < clearance
 }
 
