@@ -2,7 +2,7 @@
 //! looked for: another speed profile, else a small shift aside too. Those behind an agent that responds may have to respond likewise.
 //!
 //! The steps: who conflicts, and from when on it can react (`cascade`); what blocks an agent's path, and when (`blocked`); on which
-//! side of each blob to pass, and the smoothest profile there (`sides`, `profile`, `solver`); and in the end the metrics themselves, on the
+//! side of each blob to pass, and the smoothest profile there (`sides`, `profile`, `pace`, `solver`); and in the end the metrics themselves, on the
 //! whole scene (`check`).
 
 mod blocked;
@@ -11,6 +11,7 @@ mod check;
 mod driver;
 mod front;
 mod own_path;
+mod pace;
 mod profile;
 mod respond;
 mod settings;
@@ -19,6 +20,6 @@ mod solver;
 mod traffic;
 mod unavoidable;
 
-pub use cascade::certify;
+pub use cascade::{certify, certify_case};
 pub use settings::AvoidanceSettings;
 pub use unavoidable::Unavoidable;

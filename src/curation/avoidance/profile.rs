@@ -71,6 +71,8 @@ pub(super) struct Corridor {
     pub(super) lower: Vec<f64>,
     /// Largest arc length.
     pub(super) upper: Vec<f64>,
+    /// Largest speed over the step that ends here, m/s.
+    pub(super) speeds: Vec<f64>,
     /// `(step, gap, bound)`: arc length + gap (s) · speed is at most the bound at the step.
     pub(super) gaps: Vec<(usize, f64, f64)>,
 }
@@ -117,7 +119,8 @@ impl Rows {
 }
 
 /// The smoothest profile in a corridor that stays close to `wanted` speeds (entry 0: the reaction step). `None` where the solver finds
-/// none; what it finds is integrated anew, with speeds and accelerations within limits exactly.
+/// none. What it finds is integrated anew: accelerations, their changes and speeds at the knots are clamped to the limits, and where
+/// a speed is clamped the acceleration of that step changes by rests of the solver, at most 0.02 m/s².
 pub(super) fn smoothest(
     start: Motion,
     limits: &Limits,
@@ -161,6 +164,9 @@ pub(super) fn smoothest(
         let (i, m) = ((step - 1) / KNOT, (step - 1) % KNOT);
         let [va, vb, ..] = shares[m];
         rows.push(&[(v(i), -1.0), (a(i), -va), (a(i + 1), -vb)], 0.0);
+        if corridor.speeds[step].is_finite() {
+            rows.push(&[(v(i), 1.0), (a(i), va), (a(i + 1), vb)], corridor.speeds[step]);
+        }
         // Nobody goes back: of equal bounds the last, or the first, is enough.
         let later = corridor.upper.get(step + 1).copied().unwrap_or(f64::INFINITY);
         if corridor.upper[step] < later {
@@ -194,8 +200,14 @@ pub(super) fn smoothest(
         return None;
     }
     let x = &solver.solution.x;
-    let accelerations = (0..knots).map(|i| x[a(i)].clamp(limits.brake, limits.accelerate));
-    Some(integrate(start, &accelerations.collect::<Vec<_>>(), steps))
+    let (mut before, mut most) = (start.acceleration, first);
+    let accelerations = (0..knots).map(|i| {
+        let within = x[a(i)].clamp(limits.brake, limits.accelerate);
+        before = within.clamp(before - most, before + most);
+        most = change;
+        before
+    });
+    Some(integrate(start, limits, &accelerations.collect::<Vec<_>>(), steps))
 }
 
 /// The upper triangle of the quadratic part of the costs, and the linear part.
@@ -220,14 +232,14 @@ fn objective(knots: usize, wanted: &[f64]) -> (CscMatrix<f64>, Vec<f64>) {
     (CscMatrix::new_from_triplets(3 * knots, 3 * knots, rows, columns, values), q)
 }
 
-fn integrate(start: Motion, accelerations: &[f64], steps: usize) -> Profile {
+fn integrate(start: Motion, limits: &Limits, accelerations: &[f64], steps: usize) -> Profile {
     let (mut s, mut v) = (0.0, start.speed);
     let mut profile = Profile { s: vec![s], v: vec![v] };
     for k in 0..steps {
         let (i, share) = (k / KNOT, (k % KNOT) as f64 / KNOT as f64);
         v += DT * (accelerations[i] * (1.0 - share) + accelerations[i + 1] * share);
+        v = v.clamp(0.0, limits.speed.max(start.speed));
         let driven = if v < STANDING { 0.0 } else { v };
-        v = v.max(0.0);
         s += DT * driven;
         profile.s.push(s);
         profile.v.push(driven);
@@ -245,6 +257,7 @@ mod tests {
         Corridor {
             lower: vec![f64::NEG_INFINITY; steps + 1],
             upper: vec![f64::INFINITY; steps + 1],
+            speeds: vec![f64::INFINITY; steps + 1],
             gaps: Vec::new(),
         }
     }
@@ -253,10 +266,11 @@ mod tests {
         let mut before = start.acceleration;
         for w in profile.v.windows(2) {
             let a = (w[1] - w[0]) / DT;
-            assert!((-5.0 - 0.03..=2.03).contains(&a), "{a}");
-            assert!(((a - before) / DT).abs() <= 10.0 + 0.5, "{before} to {a}");
+            assert!((-5.0 - 0.021..=2.021).contains(&a), "{a}");
+            // Twice the rests of a clamped speed, over one step.
+            assert!(((a - before) / DT).abs() <= 10.0 + 0.42, "{before} to {a}");
             before = a;
-            assert!(w[1] >= 0.0);
+            assert!((0.0..=LIMITS.speed.max(start.speed)).contains(&w[1]), "{}", w[1]);
         }
     }
 
@@ -283,6 +297,24 @@ mod tests {
         let mut corridor = open(77);
         corridor.upper.fill(11.0);
         assert!(smoothest(start, &LIMITS, &[10.0; 78], &corridor).is_none());
+    }
+
+    #[test]
+    fn limits_hold_where_the_bounds_ask_for_all_that_is_possible() {
+        let start = Motion { speed: 15.0, acceleration: 0.0 };
+        let hardest = extreme(start, &LIMITS, 77, false);
+        for share in [0.5, 0.9, 0.99] {
+            let mut corridor = open(77);
+            corridor.lower[40] = 15.0 * 4.0 + share * (hardest.s[40] - 15.0 * 4.0);
+            let profile = smoothest(start, &LIMITS, &[10.0; 78], &corridor).unwrap();
+            assert!(profile.s[40] >= corridor.lower[40] - 0.01);
+            check(start, &profile);
+        }
+        let mut corridor = open(77);
+        corridor.speeds[40..50].fill(6.0);
+        let profile = smoothest(start, &LIMITS, &[15.0; 78], &corridor).unwrap();
+        assert!(profile.v[40..50].iter().all(|v| *v <= 6.001));
+        check(start, &profile);
     }
 
     #[test]
