@@ -21,6 +21,8 @@ use crate::scene::{AgentKind, AgentState, DT, FUTURE};
 const MOST_ROUNDS: usize = 4;
 /// ... and speeds on bends.
 const MOST_PACE_ROUNDS: usize = 5;
+/// What positions on the chords of a path may add to the acceleration of the profile, m/s².
+const CHORDS: f64 = 0.15;
 /// How far a corner of a shifted vehicle may leave the drivable ground, metres.
 const OFF_ROAD: f64 = 0.3;
 /// What blocked stretches are larger than what is asked for, metres.
@@ -213,6 +215,9 @@ impl<'t> Solver<'t> {
     ) -> Option<Planned> {
         let who = &self.traffic.scenario.start.agents[self.driver.agent];
         let first = self.driver.reaction;
+        if !self.drivable(&track) {
+            return None;
+        }
         let boxes = track.iter().enumerate().map(|(k, s)| {
             if k <= first { self.traffic.logged[self.driver.agent][k] } else { Some(s.footprint(who)) }
         });
@@ -254,6 +259,18 @@ impl<'t> Solver<'t> {
         let (scenario, agent) = (self.traffic.scenario, self.driver.agent);
         let seen = reaction_step(self.settings, |k| response.track[k], |k| logged_at(scenario, agent, k));
         Some(Planned { response, boxes, extent: bounds, seen: seen.map_or(FUTURE, |k| k.min(FUTURE)) })
+    }
+
+    /// Whether the states keep the limits of braking and acceleration: on the inside of a bend less way is driven than along the path,
+    /// so that a shift that begins or ends in a bend may ask for more than the profile.
+    fn drivable(&self, track: &[AgentState]) -> bool {
+        let limits = &self.driver.limits;
+        let mut before = self.driver.motion.speed;
+        track[self.driver.reaction + 1..].iter().all(|state| {
+            let gain = (state.speed() - before) / DT;
+            before = state.speed();
+            (limits.brake - CHORDS..=limits.accelerate + CHORDS).contains(&gain)
+        })
     }
 
     /// Whether no corner leaves the drivable ground, unless it is off the ground on the logged path as well. Only where the agent is

@@ -498,26 +498,30 @@ fn bend(s: f64) -> (Vec2, f64) {
     (corner, turned)
 }
 
+/// The AV's log as a candidate that goes along the x axis from `from` on, at a speed by time.
+fn eastward(scenario: &Scenario, from: f64, speed: impl Fn(f64) -> f64) -> Vec<AgentState> {
+    let mut x = from;
+    let now = scenario.start.now(0);
+    candidate(scenario, |_, s| s)
+        .iter()
+        .enumerate()
+        .map(|(k, _)| {
+            let v = speed(k as f64 * DT);
+            x += if k == 0 { 0.0 } else { v * DT };
+            AgentState { x, vx: v, vy: 0.0, ..now }
+        })
+        .collect()
+}
+
 #[test]
-fn nobody_takes_a_bend_faster_than_its_own_log_or_its_tyres_allow() {
-    // From 12 to 5 m/s before the bend, and 5 m/s through it.
+fn nobody_escapes_through_a_bend_faster_than_its_tyres_allow() {
+    // From 12 to 5 m/s before the bend, and 5 m/s through it. The AV behind it does likewise, but as a candidate goes on at 11 m/s: the
+    // quickest way out is to take 8 m of radius at 12 m/s.
     let speed = |t: f64| (12.0 - 2.5 * (t - 0.5).max(0.0)).max(5.0);
-    // The AV is behind it, brakes in its log too, but goes on at 11 m/s as a candidate: one could get away at 12 m/s.
-    let follow = |t: f64| (12.0 - 2.5 * (t - 0.5).max(0.0)).max(4.5);
-    for (gap, fast) in [(16.0, 10.0), (18.0, 9.0), (20.0, 8.5), (22.0, 8.0), (24.0, 8.0), (26.0, 7.5)] {
-        let agents = vec![along("av", |s| (Vec2::new(s - gap, 0.0), 0.0), follow), along("own", bend, speed)];
-        let scenario = scene(&format!("bend {gap}"), agents, straight());
-        let mut x = -gap;
-        let av = candidate(&scenario, |_, s| s);
-        let av: Vec<AgentState> = av
-            .iter()
-            .enumerate()
-            .map(|(k, s)| {
-                let v = (12.0 - 2.5 * (k as f64 * DT - 0.5).max(0.0)).max(fast);
-                x += if k == 0 { 0.0 } else { v * DT };
-                AgentState { x, vx: v, ..*s }
-            })
-            .collect();
+    for gap in [12.0, 14.0, 16.0, 18.0, 20.0, 22.0] {
+        let av = along("av", |s| (Vec2::new(s - gap, 0.0), 0.0), speed);
+        let scenario = scene(&format!("bend {gap}"), vec![av, along("own", bend, speed)], straight());
+        let av = eastward(&scenario, -gap, |t| speed(t).max(11.0));
         if let Ok(certificate) = certify(&scenario, &av, &AvoidanceSettings::default()) {
             recheck(&scenario, &av, &certificate);
         }
@@ -525,18 +529,32 @@ fn nobody_takes_a_bend_faster_than_its_own_log_or_its_tyres_allow() {
 }
 
 #[test]
+fn who_comes_late_to_a_bend_takes_it_slowly_all_the_same() {
+    // After the bend it is at 12 m/s again; the AV ahead, which goes straight on, delays it, so that it is in the bend by then.
+    let speed = |t: f64| match t < 5.9 {
+        true => (12.0 - 2.5 * (t - 0.5).max(0.0)).max(5.0),
+        false => (5.0 + 3.5 * (t - 5.9)).min(12.0),
+    };
+    let agents = vec![car("av", 14.0, 0.0, 0.0, 12.0), along("own", bend, speed)];
+    let scenario = scene("late to the bend", agents, straight());
+    let braked = |t: f64| (12.0 - 5.0 * t).max(1.0);
+    let av =
+        eastward(&scenario, 14.0, |t| if t < 3.5 { braked(t) } else { (1.0 + 3.0 * (t - 3.5)).min(12.0) });
+    let certificate = found(&scenario, &av);
+    let own = response(&certificate, "own");
+    assert!(own.track[FUTURE].y > 0.5, "it is in the bend: {}", own.track[FUTURE].y);
+}
+
+#[test]
 fn who_stops_in_its_log_does_not_drive_on() {
-    // It stops at 30 m; the AV comes down on that place from the left and stops there. Going on for long would be a way out.
+    // Both stop in the log; the candidate does not, and drives into the other from behind. Driving on before it would be a way out.
     let speed = |t: f64| (10.0 - 5.0 / 3.0 * t).max(0.0);
     let at = |s: f64| (Vec2::new(s, 0.0), 0.0);
-    let agents = vec![car("av", 29.0, 40.0, -FRAC_PI_2, 8.0), along("own", at, speed)];
-    let scenario = scene("stopping", agents, straight());
-    for rate in [0.7, 0.8, 0.9] {
-        let av = braking(&scenario, rate, 0.0);
-        if let Ok(certificate) = certify(&scenario, &av, &AvoidanceSettings::default()) {
-            recheck(&scenario, &av, &certificate);
-        }
-    }
+    let own = along("own", at, speed);
+    let av = along("av", |s| (Vec2::new(s - 14.0, 0.0), 0.0), speed);
+    let scenario = scene("stopping", vec![av, own], straight());
+    let why = refused(&scenario, &eastward(&scenario, -14.0, |t| speed(t).max(6.0)));
+    assert!(matches!(why, Unavoidable::TooClose { .. }), "{why}");
 }
 
 #[test]
