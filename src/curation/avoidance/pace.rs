@@ -27,12 +27,12 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// `lateral`: the largest lateral acceleration, m/s². Pedestrians turn as they like.
-    pub(super) fn new(driver: &Driver, kind: AgentKind, path: &OwnPath, lateral: f64) -> Self {
+    /// Up to the arc length `furthest`, metres. `lateral`: the largest lateral acceleration, m/s². Pedestrians turn as they like.
+    pub(super) fn new(driver: &Driver, kind: AgentKind, path: &OwnPath, furthest: f64, lateral: f64) -> Self {
         if kind == AgentKind::Pedestrian {
             return Self { caps: Vec::new() };
         }
-        let last = (driver.furthest / SPACING).ceil() as usize + 1;
+        let last = (furthest / SPACING).ceil() as usize + 1;
         let reach = (0.5 * WINDOW / SPACING) as usize;
         let headings = path.headings(SPACING, last + reach);
         let mut caps: Vec<f64> = (0..=last)

@@ -84,7 +84,11 @@ impl<'t> Solver<'t> {
         let places = Places::new(path, reach);
         let (choices, followers) = self.choices(path, &places, courtesy)?;
         let cap = self.end_of_road(path).min(self.driver.furthest);
-        let pace = Pace::new(self.driver, self.kind(), path, self.settings.max_lateral_acceleration);
+        let pace = {
+            let (furthest, lateral) =
+                (self.fastest.s[self.driver.steps()], self.settings.max_lateral_acceleration);
+            Pace::new(self.driver, self.kind(), path, furthest, lateral)
+        };
         for sides in combinations(&choices) {
             if let Some(planned) = self.attempt(path, &pace, &choices, &followers, &sides, cap) {
                 return Ok(planned);
