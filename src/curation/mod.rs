@@ -21,7 +21,7 @@ pub mod stats;
 pub mod store;
 mod taxonomy;
 
-pub use avoidance::{AvoidanceSettings, Unavoidable, certify};
+pub use avoidance::{AvoidanceSettings, Unavoidable, certify, certify_case};
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use certificate::{Certificate, Response};
 pub use choice::{Chooser, score};

@@ -45,7 +45,8 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
         (0..n).filter(|&i| partner(i)).map(|i| (i, extent(case, i))).collect();
     for (at, &(i, a)) in partners.iter().enumerate() {
         for &(j, b) in &partners[at + 1..] {
-            if excluded(case, i, j) || !(case.evaluated(i) || case.evaluated(j)) {
+            let counts = pair_counts(case.objects[i].agent.kind, case.objects[j].agent.kind);
+            if !counts || !(case.evaluated(i) || case.evaluated(j)) {
                 continue;
             }
             let reach = motion.radius[i] + motion.radius[j] + 1e-6;
@@ -79,13 +80,11 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
     found
 }
 
-/// Pedestrians walk close to one another and to cyclists: such pairs do not count. Two cyclists do.
-fn excluded(case: &Case<'_>, i: usize, j: usize) -> bool {
+/// Whether overlaps of agents of these kinds count. Pedestrians walk close to one another and to cyclists: such pairs do not. Two
+/// cyclists do.
+pub const fn pair_counts(a: AgentKind, b: AgentKind) -> bool {
     use AgentKind::{Cyclist, Pedestrian};
-    matches!(
-        (case.objects[i].agent.kind, case.objects[j].agent.kind),
-        (Pedestrian, Pedestrian) | (Pedestrian, Cyclist) | (Cyclist, Pedestrian)
-    )
+    !matches!((a, b), (Pedestrian, Pedestrian) | (Pedestrian, Cyclist) | (Cyclist, Pedestrian))
 }
 
 /// Share of agent-steps with a collision.

@@ -20,7 +20,7 @@ mod spec;
 mod ttc;
 
 pub use ade::Displacement;
-pub use agent_agent::Overlaps;
+pub use agent_agent::{Overlaps, pair_counts};
 pub use case::{Case, LoggedTrack, Object};
 pub use collision::{Contact, Fault};
 pub use deviation::DeviationStats;
@@ -36,4 +36,4 @@ pub use options::{
 pub use score::Score;
 pub use scores::{AgentScores, METRICS, RolloutScores, Scores, metric, score_case, score_rollouts};
 pub use spec::{Metric, MetricSpec, Unit};
-pub use ttc::Approach;
+pub use ttc::{Approach, is_front, placement};

@@ -4,7 +4,7 @@
 use super::boxes::av_overlap;
 use super::options::TtcSpeed;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
-use crate::geometry::wrap;
+use crate::geometry::{OrientedBox, wrap};
 use crate::scene::DT;
 
 /// Time to collision where nothing is closing, seconds.
@@ -71,21 +71,37 @@ fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize) -> f64 {
     if !(closing > 0.0) {
         return NO_RISK;
     }
-    let (mine, other) = (&case.objects[agent].agent, &case.objects[case.av].agent);
-    let d = motion.position(case.av, frame) - motion.position(agent, frame);
-    let (dx, dy) = (d.dot(&motion.axis[me]), motion.axis[me].perp(&d));
-    let cos = motion.axis[me].dot(&motion.axis[av]).abs();
-    let sin = motion.axis[me].perp(&motion.axis[av]).abs();
-    let gap = dx - mine.length / 2.0 - (other.length / 2.0 * cos + other.width / 2.0 * sin);
-    let beside = dy.abs() - mine.width / 2.0 - (other.length / 2.0 * sin + other.width / 2.0 * cos);
+    let (mine, other) = (motion.footprint(agent, frame), motion.footprint(case.av, frame));
+    let (gap, beside) = placement(&mine, &other);
     if !(gap > 0.0 && beside < 0.0) {
         return NO_RISK;
     }
     let difference = motion.heading[av] - motion.heading[me];
     let turned = if case.options.ttc_wrap_heading { wrap(difference) } else { difference }.abs();
-    let ahead = turned <= FRONT_DEGREES.to_radians()
-        && (beside < -LATERAL_OVERLAP || turned <= ALIGNED_DEGREES.to_radians());
-    if ahead { (gap / closing).min(NO_RISK) } else { NO_RISK }
+    if is_front(gap, beside, turned) { (gap / closing).min(NO_RISK) } else { NO_RISK }
+}
+
+/// How `other` lies as seen from `me`, metres: how far its nearest extent lies ahead of the front of `me`, and how far beside its side
+/// (negative: they overlap laterally).
+#[inline]
+pub fn placement(me: &OrientedBox, other: &OrientedBox) -> (f64, f64) {
+    let d = other.center - me.center;
+    let (dx, dy) = (d.dot(&me.axis), me.axis.perp(&d));
+    let cos = me.axis.dot(&other.axis).abs();
+    let sin = me.axis.perp(&other.axis).abs();
+    let gap = dx - me.half_length - (other.half_length * cos + other.half_width * sin);
+    let beside = dy.abs() - me.half_width - (other.half_length * sin + other.half_width * cos);
+    (gap, beside)
+}
+
+/// Whether something that lies there ([`placement`]) is a front object: ahead, not turned away too far (`turned`: difference of the
+/// headings, radians, not negative), and enough in the way (Waymo sim-agents metrics).
+#[inline]
+pub fn is_front(gap: f64, beside: f64, turned: f64) -> bool {
+    gap > 0.0
+        && beside < 0.0
+        && turned <= FRONT_DEGREES.to_radians()
+        && (beside < -LATERAL_OVERLAP || turned <= ALIGNED_DEGREES.to_radians())
 }
 
 fn speed(case: &Case<'_>, object: usize, frame: usize) -> f64 {

@@ -1,7 +1,7 @@
 //! Where on its path an agent can not be, and when.
 
 use super::own_path::OwnPath;
-use super::traffic::{Boxes, nearer, radius};
+use super::traffic::{Boxes, nearer};
 use crate::geometry::{Bounds, OrientedBox};
 
 /// Distance of the places of a path that are tried, metres.
@@ -45,12 +45,12 @@ impl<'p> Places<'p> {
     pub(super) fn new(path: &'p OwnPath, reach: Vec<(f64, f64)>) -> Self {
         let length = reach.iter().fold(0.0_f64, |a, r| a.max(r.1));
         let (boxes, segments) = path.footprints(SPACING, length + SPACING);
-        let around = boxes.first().map_or(0.0, radius);
+        let around = boxes.first().map_or(0.0, OrientedBox::radius);
         let bounds = Bounds::of(boxes.iter().map(|b| b.center)).inflated(around);
         Self { path, boxes, segments, bounds, reach }
     }
 
-    /// Where the obstacle (boxes at the steps from `first` on) comes nearer than `clearance`.
+    /// Where the obstacle (boxes at the steps from `first` on) comes nearer than `clearance`, at steps that are not `exempt`.
     pub(super) fn blobs(
         &self,
         by: usize,
@@ -58,13 +58,16 @@ impl<'p> Places<'p> {
         extent: &Bounds,
         first: usize,
         clearance: f64,
+        exempt: impl Fn(usize) -> bool,
     ) -> Vec<Blob> {
         if !self.bounds.intersects(&extent.inflated(clearance)) {
             return Vec::new();
         }
         let mut blobs: Vec<Blob> = Vec::new();
         for step in 1..self.reach.len() {
-            let Some(other) = &obstacle[first + step] else { continue };
+            let Some(other) = obstacle[first + step].as_ref().filter(|_| !exempt(first + step)) else {
+                continue;
+            };
             let found = self.stretches(step, other, clearance);
             for stretch in found {
                 // Blobs that reach this stretch from the step before become one.
@@ -96,7 +99,7 @@ impl<'p> Places<'p> {
         let (low, high) = self.reach[step];
         let first = (low / SPACING).floor() as usize;
         let last = ((high / SPACING).ceil() as usize).min(self.boxes.len() - 1);
-        let reach = radius(&self.boxes[first]) + radius(other) + clearance;
+        let reach = self.boxes[first].radius() + other.radius() + clearance;
         let mut found = Vec::new();
         let mut open: Option<f64> = None;
         let mut i = first;
@@ -164,7 +167,7 @@ mod tests {
         // From the right at 5 m/s, over x = 20 after 3 s.
         let at = |k: usize| Some(OrientedBox::new(Vec2::new(20.0, -15.0 + 0.5 * k as f64), 1.57, 4.0, 2.0));
         let boxes: Boxes = (0..=60).map(at).collect();
-        let blobs = places.blobs(3, &boxes, &extent(&boxes), 0, 0.2);
+        let blobs = places.blobs(3, &boxes, &extent(&boxes), 0, 0.2, |_| false);
         assert_eq!(blobs.len(), 1);
         assert_eq!(blobs[0].by, 3);
         for s in &blobs[0].stretches {
@@ -186,7 +189,7 @@ mod tests {
         let there = |k: usize| (5..15).contains(&k) || (30..40).contains(&k);
         let at = |k: usize| there(k).then(|| OrientedBox::new(Vec2::new(20.0, 0.0), 0.0, 4.0, 2.0));
         let boxes: Boxes = (0..=60).map(at).collect();
-        let blobs = places.blobs(1, &boxes, &extent(&boxes), 0, 0.0);
+        let blobs = places.blobs(1, &boxes, &extent(&boxes), 0, 0.0, |_| false);
         assert_eq!(blobs.iter().map(|b| b.stretches.len()).collect::<Vec<_>>(), [10, 10]);
     }
 
@@ -195,7 +198,7 @@ mod tests {
         let path = path();
         let places = Places::new(&path, vec![(18.0, 22.0); 3]);
         let boxes: Boxes = vec![Some(OrientedBox::new(Vec2::new(20.0, 0.0), 0.0, 4.0, 2.0)); 3];
-        let blobs = places.blobs(1, &boxes, &extent(&boxes), 0, 0.0);
+        let blobs = places.blobs(1, &boxes, &extent(&boxes), 0, 0.0, |_| false);
         let ends = blobs[0].stretches[0];
         assert_eq!((ends.from, ends.to), (f64::NEG_INFINITY, f64::INFINITY));
     }

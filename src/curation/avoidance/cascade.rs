@@ -1,12 +1,13 @@
 //! Who responds, in which order, and who must respond to that.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::respond::respond;
-use super::traffic::{Traffic, logged_at, nearer, reaction_step};
+use super::traffic::{Traffic, logged_at, reaction_step};
 use super::{AvoidanceSettings, Unavoidable, check};
 use crate::curation::{CANDIDATE_STATES, Certificate};
-use crate::scene::{AgentState, FUTURE, Scenario};
+use crate::metrics::{Case, pair_counts};
+use crate::scene::{AgentKind, AgentState, FUTURE, Scenario};
 
 /// How often one agent's response is looked for anew.
 const MOST_ATTEMPTS: usize = 4;
@@ -17,8 +18,8 @@ const MOST_RESTARTS: usize = 2;
 /// whom these responses disturb.
 ///
 /// With the responses found, and everybody else as in the log, no vehicle touches the AV or comes within half a second of it, no
-/// pedestrian or cyclist touches it, and no two agents overlap that do not overlap in the log: the metrics say so on the whole scene. A
-/// candidate that disturbs nobody has a certificate without responses.
+/// pedestrian or cyclist touches it, and no two agents overlap, but for those that the log itself lets overlap (then, or as little): the
+/// metrics say so on the whole scene. A candidate that disturbs nobody has a certificate without responses.
 ///
 /// # Errors
 /// [`Unavoidable`] with the agent for which no response was found, and why.
@@ -27,12 +28,40 @@ pub fn certify(
     candidate: &[AgentState],
     settings: &AvoidanceSettings,
 ) -> Result<Certificate, Unavoidable> {
+    let traffic = prepare(scenario, candidate)?;
+    let replayed = check::case(&traffic);
+    resolve(traffic, &replayed, settings)
+}
+
+/// As [`certify`], for callers that hold the log replay around the candidate as a [`Case`] already. `replayed` must be just that (the
+/// agents of `scenario` in its order, all but the AV as in the log), with the default options.
+///
+/// # Errors
+/// As [`certify`].
+pub fn certify_case(
+    scenario: &Scenario,
+    candidate: &[AgentState],
+    replayed: &Case<'_>,
+    settings: &AvoidanceSettings,
+) -> Result<Certificate, Unavoidable> {
+    resolve(prepare(scenario, candidate)?, replayed, settings)
+}
+
+fn prepare<'a>(scenario: &'a Scenario, candidate: &'a [AgentState]) -> Result<Traffic<'a>, Unavoidable> {
     let found = candidate.iter().filter(|s| s.is_finite()).count();
     if found != CANDIDATE_STATES || candidate.len() != CANDIDATE_STATES {
         return Err(Unavoidable::Malformed { found });
     }
-    let mut traffic = Traffic::new(scenario, candidate);
-    let conflicts = check::conflicts(&traffic);
+    Ok(Traffic::new(scenario, candidate))
+}
+
+fn resolve(
+    mut traffic: Traffic<'_>,
+    replayed: &Case<'_>,
+    settings: &AvoidanceSettings,
+) -> Result<Certificate, Unavoidable> {
+    let (scenario, candidate) = (traffic.scenario, traffic.av);
+    let conflicts = check::conflicts(&traffic, replayed);
     if conflicts.is_empty() {
         return Ok(Certificate::default());
     }
@@ -56,26 +85,21 @@ pub fn certify(
             }
         }
     }
-    check::settled(&traffic)?;
+    check::settled(&traffic, &order, reaction)?;
     Ok(Certificate { responses: traffic.planned.into_values().map(|p| p.response).collect() })
-}
-
-/// An agent that has to respond.
-#[derive(Clone, Copy)]
-struct Task {
-    agent: usize,
-    /// Step up to which it moves as in the log.
-    reaction: usize,
-    /// Whose response it responds to; `None`: the AV.
-    leader: Option<usize>,
 }
 
 struct Cascade<'c, 'a> {
     traffic: &'c mut Traffic<'a>,
     settings: &'c AvoidanceSettings,
-    tasks: VecDeque<Task>,
-    /// The earliest reaction of everybody who had a task.
-    reactions: BTreeMap<usize, usize>,
+    /// Who conflicts with the AV under log replay.
+    direct: &'c [usize],
+    /// Step up to which these move as in the log.
+    reaction: usize,
+    /// Agents whose response is to be found, or found anew.
+    tasks: VecDeque<usize>,
+    /// Whose responses have disturbed an agent so far.
+    disturbers: BTreeMap<usize, BTreeSet<usize>>,
     attempts: BTreeMap<usize, usize>,
 }
 
@@ -84,17 +108,16 @@ impl<'c, 'a> Cascade<'c, 'a> {
         traffic: &'c mut Traffic<'a>,
         settings: &'c AvoidanceSettings,
         reaction: usize,
-        order: &[usize],
+        direct: &'c [usize],
     ) -> Self {
         traffic.planned.clear();
-        let tasks = order.iter().map(|&agent| Task { agent, reaction, leader: None }).collect();
-        let reactions = order.iter().map(|&agent| (agent, reaction)).collect();
-        Self { traffic, settings, tasks, reactions, attempts: BTreeMap::new() }
+        let tasks = direct.iter().copied().collect();
+        let (disturbers, attempts) = (BTreeMap::new(), BTreeMap::new());
+        Self { traffic, settings, direct, reaction, tasks, disturbers, attempts }
     }
 
     fn run(&mut self) -> Result<(), (usize, Unavoidable)> {
-        while let Some(task) = self.tasks.pop_front() {
-            let agent = task.agent;
+        while let Some(agent) = self.tasks.pop_front() {
             let id = |i: usize| self.traffic.scenario.start.agents[i].id.clone();
             let attempts = self.attempts.entry(agent).or_default();
             *attempts += 1;
@@ -102,11 +125,13 @@ impl<'c, 'a> Cascade<'c, 'a> {
                 return Err((agent, Unavoidable::Unsettled { agent: id(agent) }));
             }
             self.traffic.planned.remove(&agent);
+            // Whom nobody disturbs any more moves as in its log, until somebody does.
+            let Some((reaction, leader)) = self.cause(agent) else { continue };
             if self.traffic.planned.len() == self.settings.max_agents {
                 return Err((agent, Unavoidable::TooMany { limit: self.settings.max_agents }));
             }
-            let planned = respond(self.traffic, agent, task.reaction, self.settings).map_err(|reason| {
-                let why = match task.leader {
+            let planned = respond(self.traffic, agent, reaction, self.settings).map_err(|reason| {
+                let why = match leader {
                     None => reason,
                     Some(leader) => Unavoidable::Follower {
                         agent: id(agent),
@@ -122,33 +147,34 @@ impl<'c, 'a> Cascade<'c, 'a> {
         Ok(())
     }
 
-    /// Gives a task to everybody whom a new response disturbs.
+    /// The step up to which an agent moves as in its log, and whose response it responds to (`None`: the AV's deviation). It sees
+    /// responses as they are planned now. `None` where there is nothing to respond to.
+    fn cause(&self, agent: usize) -> Option<(usize, Option<usize>)> {
+        if self.direct.contains(&agent) {
+            return Some((self.reaction, None));
+        }
+        let planned =
+            self.disturbers.get(&agent)?.iter().filter_map(|j| Some((j, self.traffic.planned.get(j)?)));
+        planned.map(|(&j, p)| (p.seen, Some(j))).min()
+    }
+
+    /// Gives a task to everybody whom a new response disturbs, and to those who have reacted to an earlier one too early for this one.
     fn disturbed_by(&mut self, agent: usize) {
-        let Some(planned) = self.traffic.planned.get(&agent) else { return };
-        let scenario = self.traffic.scenario;
-        let track = &planned.response.track;
-        let seen = reaction_step(self.settings, |k| track[k], |k| logged_at(scenario, agent, k));
-        let disturbed: Vec<usize> = (1..self.traffic.len())
-            .filter(|&i| i != agent && self.overlaps(agent, i) && self.traffic.log_distance(agent, i) >= 0.0)
-            .collect();
-        for i in disturbed {
-            let seen = seen.unwrap_or(FUTURE).min(FUTURE);
-            let reaction = self.reactions.get(&i).map_or(seen, |&r| r.min(seen));
-            self.reactions.insert(i, reaction);
-            let again = self.tasks.iter().any(|t| t.agent == i);
-            if !again {
-                self.tasks.push_back(Task { agent: i, reaction, leader: Some(agent) });
+        for i in (1..self.traffic.len()).filter(|&i| i != agent) {
+            let counts = pair_counts(self.kind(agent), self.kind(i));
+            let disturbed = counts && self.traffic.breach(agent, i).is_some();
+            if disturbed {
+                self.disturbers.entry(i).or_default().insert(agent);
+            }
+            let from = self.traffic.planned.get(&i).map(|p| p.response.reaction_step);
+            let early = from.is_some_and(|from| self.cause(i).is_none_or(|(reaction, _)| from < reaction));
+            if (disturbed || early) && !self.tasks.contains(&i) {
+                self.tasks.push_back(i);
             }
         }
     }
 
-    fn overlaps(&self, a: usize, b: usize) -> bool {
-        let ((mine, extent), (theirs, other)) = (self.traffic.boxes(a), self.traffic.boxes(b));
-        extent.intersects(other)
-            && mine
-                .iter()
-                .zip(theirs)
-                .skip(1)
-                .any(|(a, b)| a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| nearer(a, b, 0.0)))
+    fn kind(&self, agent: usize) -> AgentKind {
+        self.traffic.scenario.start.agents[agent].kind
     }
 }

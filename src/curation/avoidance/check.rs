@@ -7,9 +7,8 @@ use crate::scene::{AgentKind, CURRENT, FRAMES, FUTURE, Frame, Scenario};
 
 /// Who conflicts with the AV, with the first step, in order of the steps: vehicles that come within half a second of it or touch it,
 /// pedestrians and cyclists that touch it.
-pub(super) fn conflicts(traffic: &Traffic<'_>) -> Vec<(usize, usize)> {
-    let case = case(traffic);
-    let mut found: Vec<(usize, usize)> = vehicles(traffic.scenario, &case);
+pub(super) fn conflicts(traffic: &Traffic<'_>, case: &Case<'_>) -> Vec<(usize, usize)> {
+    let mut found: Vec<(usize, usize)> = vehicles(traffic.scenario, case);
     for i in (1..traffic.len()).filter(|&i| case.evaluated(i)) {
         if traffic.scenario.start.agents[i].kind != AgentKind::Vehicle {
             found.extend(first_touch(traffic, traffic.boxes(i).0).map(|step| (i, step)));
@@ -19,8 +18,10 @@ pub(super) fn conflicts(traffic: &Traffic<'_>) -> Vec<(usize, usize)> {
     found
 }
 
-/// Fails where anything is left: a contact with the AV or a risky approach, or an overlap of agents that is not in the log.
-pub(super) fn settled(traffic: &Traffic<'_>) -> Result<(), Unavoidable> {
+/// Fails where anything is left: a contact with the AV or a risky approach, an overlap of agents, or of one that responds and an
+/// obstacle, that the log does not excuse; or a response to what can not have been seen. `direct`: who conflicts with the AV; these react
+/// to the AV after the step `reaction`, and everybody else to the response of somebody.
+pub(super) fn settled(traffic: &Traffic<'_>, direct: &[usize], reaction: usize) -> Result<(), Unavoidable> {
     let case = case(traffic);
     let agents = &traffic.scenario.start.agents;
     let fail = |i: usize, metric: &str, step: usize| Unavoidable::Check {
@@ -44,8 +45,19 @@ pub(super) fn settled(traffic: &Traffic<'_>) -> Result<(), Unavoidable> {
         let slot = |id: &str| agents.iter().position(|a| a.id == id);
         let partner = event.partner.as_deref().and_then(slot);
         let Some((i, j)) = slot(&event.agent).zip(partner) else { continue };
-        if traffic.log_distance(i, j) >= 0.0 {
-            return Err(fail(i, "aa-collision", event.step));
+        if let Some(step) = traffic.breach(i, j) {
+            return Err(fail(i, "aa-collision", step));
+        }
+    }
+    for (&i, planned) in &traffic.planned {
+        if let Some(step) = (traffic.len()..traffic.bodies()).find_map(|o| traffic.breach(i, o)) {
+            return Err(fail(i, "obstacle", step));
+        }
+        let from = planned.response.reaction_step;
+        let seen = traffic.planned.iter().any(|(&j, other)| j != i && other.seen <= from);
+        let may = if direct.contains(&i) { from >= reaction } else { seen };
+        if !may {
+            return Err(Unavoidable::Unsettled { agent: agents[i].id.clone() });
         }
     }
     Ok(())
@@ -66,7 +78,7 @@ fn first_touch(traffic: &Traffic<'_>, boxes: &Boxes) -> Option<usize> {
 }
 
 /// The scene as everybody moves now.
-fn case<'a>(traffic: &Traffic<'a>) -> Case<'a> {
+pub(super) fn case<'a>(traffic: &Traffic<'a>) -> Case<'a> {
     let scenario = traffic.scenario;
     let track = |i: usize| -> Vec<Frame> {
         let mut track = scenario.logged(i);

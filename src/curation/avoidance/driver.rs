@@ -16,6 +16,10 @@ pub(super) struct Driver {
     pub(super) limits: Limits,
     /// Arc length in the log at the reaction step and every step after it.
     pub(super) logged: Vec<f64>,
+    /// Speed in the log at the reaction step and every step after it, m/s; that of the last state where the log has ended.
+    pub(super) speeds: Vec<f64>,
+    /// The furthest that a response may go, metres of arc length: a little further than the log.
+    pub(super) furthest: f64,
     /// The states of the log up to the reaction step.
     pub(super) before: Vec<AgentState>,
 }
@@ -26,6 +30,11 @@ const WINDOW: usize = 3;
 const STANDING: f64 = 0.1;
 /// Acceleration of a log that is still believed, m/s².
 const BELIEVED: f64 = 3.5;
+/// How much further than in its log an agent may go: so many metres ...
+const FURTHER: f64 = 2.0;
+/// ... and this share of what the last speed of its log covers from the reaction to the end. Who stops in its log (before a light, in a
+/// queue) does not drive on, who drives on at the end may be one tenth further.
+const FURTHER_SHARE: f64 = 0.1;
 
 impl Driver {
     /// `None` where the agent is not in the log at `reaction` or later.
@@ -66,14 +75,29 @@ impl Driver {
             speed: (share * fastest).max(least),
         };
         let motion = motion.within(&limits);
-        let logged = path.arc_lengths(log, motion.speed * DT);
+        let last_speed = speeds.iter().rev().flatten().next().copied().unwrap_or(0.0);
+        let logged = path.arc_lengths(log, last_speed * DT);
+        // Frames without a speed have that of the next one that has one.
+        let mut next = last_speed;
+        let mut speeds: Vec<f64> = speeds[now..]
+            .iter()
+            .rev()
+            .map(|v| {
+                next = v.unwrap_or(next);
+                next
+            })
+            .collect();
+        speeds.reverse();
+        let remaining = (FUTURE - reaction) as f64 * DT;
+        let furthest =
+            logged.last().copied().unwrap_or(0.0) + FURTHER + FURTHER_SHARE * last_speed * remaining;
         let mut last = traffic.scenario.start.now(agent);
         let before = track[CURRENT..=now].iter().map(|f| {
             last = f.unwrap_or(last);
             last
         });
         let before = before.collect();
-        Some(Self { agent, reaction, path, motion, limits, logged, before })
+        Some(Self { agent, reaction, path, motion, limits, logged, speeds, furthest, before })
     }
 
     /// Steps after the reaction step.

@@ -1,30 +1,21 @@
-//! When the AV is in front of a vehicle: the front-object filter of the risky approaches (ReactSim-Bench, "Metric Computation
-//! Details"), as the metric `aav-ttc` has it.
+//! When the AV is in front of a vehicle: the front-object filter of the risky approaches, as the metric `aav-ttc` has it.
 
-use crate::geometry::OrientedBox;
+use crate::geometry::{OrientedBox, signed_angle_between};
+use crate::metrics::{is_front, placement};
 
-/// Cosine of the largest heading difference of a front object (75 degrees).
-const FRONT_COS: f64 = 0.258_819_045_102_520_74;
-/// Cosine of the heading difference up to which any lateral overlap is enough (10 degrees).
-const ALIGNED_COS: f64 = 0.984_807_753_012_208;
-/// Lateral overlap that is enough at larger heading differences, metres.
-const LATERAL_OVERLAP: f64 = 0.5;
+/// Radians that the filter is wider per metre of slack.
+const SLACK_ANGLE: f64 = 0.1;
 
 /// The gap between the front of `me` and `av`, metres, where `av` is a front object of `me`. With `slack` (metres) the filter takes
 /// in a little more than the metric does.
 pub(super) fn gap_to_front(me: &OrientedBox, av: &OrientedBox, slack: f64) -> Option<f64> {
-    let d = av.center - me.center;
-    let (dx, dy) = (d.dot(&me.axis), me.axis.perp(&d));
-    let (turn, sin) = (me.axis.dot(&av.axis), me.axis.perp(&av.axis).abs());
-    let cos = turn.abs();
-    let gap = dx - me.half_length - (av.half_length * cos + av.half_width * sin);
-    let beside = dy.abs() - me.half_width - (av.half_length * sin + av.half_width * cos) - slack;
-    let turn = turn + 0.1 * slack;
-    let front = gap > -slack
-        && beside < 0.0
-        && turn >= FRONT_COS
-        && (beside < -LATERAL_OVERLAP || turn >= ALIGNED_COS);
-    front.then_some(gap)
+    let (gap, beside) = placement(me, av);
+    // Headings are dear, and mostly not needed.
+    if gap + slack <= 0.0 || beside - slack >= 0.0 {
+        return None;
+    }
+    let turned = (signed_angle_between(me.axis, av.axis).abs() - SLACK_ANGLE * slack).max(0.0);
+    is_front(gap + slack, beside - slack, turned).then_some(gap)
 }
 
 #[cfg(test)]

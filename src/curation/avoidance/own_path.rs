@@ -22,7 +22,8 @@ pub(super) struct OwnPath {
 
 /// Points of the log nearer to each other than this are jitter, metres.
 const SPACING: f64 = 0.4;
-/// How far a path goes on beyond the end of the log, metres.
+/// Length of the straight segment beyond the end of the log, metres: it can be evaluated beyond that too. How far an agent may go there
+/// is not for the path to say.
 const BEYOND: f64 = 200.0;
 
 impl OwnPath {
@@ -72,8 +73,8 @@ impl OwnPath {
         Self { nudge, ramp, ..self.clone() }
     }
 
-    /// Arc length of every logged frame from the start on. Frames without a state lie between their neighbours; at the end the
-    /// agent keeps its last speed, `step` metres per frame.
+    /// Arc length of every logged frame from the start on. Frames without a state lie between their neighbours; where the log has ended
+    /// the agent goes on by `step` metres per frame.
     pub(super) fn arc_lengths(&self, log: &[Frame], step: f64) -> Vec<f64> {
         let mut found: Vec<f64> = Vec::with_capacity(log.len());
         let (mut segment, mut s) = (0, 0.0_f64);
@@ -96,6 +97,11 @@ impl OwnPath {
             }
         }
         found
+    }
+
+    /// The same path without a shift.
+    pub(super) fn plain(&self) -> Self {
+        self.nudged(0.0, 1.0)
     }
 
     /// Position and heading at an arc length.
@@ -135,6 +141,17 @@ impl OwnPath {
     /// As [`Self::footprint`], for an arc length on or soon after a segment.
     pub(super) fn footprint_near(&self, s: f64, segment: usize) -> OrientedBox {
         self.footprint_on(s, self.line.segment_from(s, segment))
+    }
+
+    /// Headings at the multiples 0 to `count` of `spacing`.
+    pub(super) fn headings(&self, spacing: f64, count: usize) -> Vec<f64> {
+        let mut segment = 0;
+        let at = |i: usize| {
+            let s = i as f64 * spacing;
+            segment = self.line.segment_from(s, segment);
+            self.pose_on(s, segment).1
+        };
+        (0..=count).map(at).collect()
     }
 
     /// Boxes at the multiples of `spacing` up to `length`, with the segments of the path that they are on.

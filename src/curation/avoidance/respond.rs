@@ -32,6 +32,9 @@ pub(super) fn respond(
     settings: &AvoidanceSettings,
 ) -> Result<Planned, Unavoidable> {
     let who = &traffic.scenario.start.agents[agent];
+    if traffic.stands(agent) {
+        return Err(Unavoidable::Standing { agent: who.id.clone() });
+    }
     let Some(driver) = Driver::new(traffic, agent, reaction, settings) else {
         return Err(Unavoidable::Absent { agent: who.id.clone() });
     };

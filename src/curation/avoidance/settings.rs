@@ -9,7 +9,8 @@ pub struct AvoidanceSettings {
     pub max_acceleration: f64,
     /// Largest change of acceleration, m/s³.
     pub max_jerk: f64,
-    /// From the step at which something is visible to the first step that may differ from the log, seconds.
+    /// From the step at which something is visible to the last step at which the agent still moves as in the log, seconds: the step after
+    /// it is the first that may differ.
     pub reaction: f64,
     /// A deviation from the log is visible beyond this distance, metres.
     pub visible_offset: f64,
@@ -19,7 +20,8 @@ pub struct AvoidanceSettings {
     pub visible_speed: f64,
     /// Largest sideways shift of a vehicle, metres; half of it is tried first. 0: never.
     pub max_nudge: f64,
-    /// Lateral acceleration of a sideways shift, m/s².
+    /// Lateral acceleration, m/s²: where the path bends, no response is faster than that allows, or than 1.1 times the speed of the log
+    /// there, whichever is more. A shift takes as long as it takes with 0.6 of it.
     pub max_lateral_acceleration: f64,
     /// Distance that is kept from the AV (rounded boxes), metres.
     pub clearance: f64,

@@ -8,7 +8,7 @@ use super::front::gap_to_front;
 use super::own_path::OwnPath;
 use super::profile::Corridor;
 use super::respond::Courtesy;
-use super::solver::{MARGIN, Solver};
+use super::solver::{MARGIN, STOPS, Solver};
 
 /// Combinations of sides that are tried on one path.
 const MOST_COMBINATIONS: usize = 6;
@@ -45,12 +45,13 @@ impl Solver<'_> {
         let first = self.driver.reaction;
         let (boxes, extent) = self.traffic.boxes(0);
         let (mut choices, mut followers) = (Vec::new(), BTreeSet::new());
-        for blob in places.blobs(0, boxes, extent, first, self.to_av + MARGIN) {
+        for blob in places.blobs(0, boxes, extent, first, self.to_av + MARGIN, |_| false) {
             choices.push(self.choice(path, blob)?);
         }
         for other in &self.others {
             let (boxes, extent) = self.traffic.boxes(other.slot);
-            for mut blob in places.blobs(other.slot, boxes, extent, first, other.clearance) {
+            let exempt = |step: usize| other.pair.exempt(step);
+            for mut blob in places.blobs(other.slot, boxes, extent, first, other.clearance, exempt) {
                 let all = blob.stretches.len();
                 let later = courtesy == Courtesy::OfAllWhoComeLater
                     && self.comes_later(&blob)
@@ -80,8 +81,12 @@ impl Solver<'_> {
         now.zip(then).is_none_or(|(a, b)| (b.center - a.center).norm() > COMES_FROM)
     }
 
-    /// Whether somebody comes from behind in the log: it must not run into this agent, whatever that does.
+    /// Whether somebody comes from behind in the log: it must not run into this agent, whatever that does. Who never moves comes
+    /// from nowhere.
     fn followed_by(&self, other: usize, step: usize) -> bool {
+        if self.traffic.stands(other) {
+            return false;
+        }
         let logged = &self.traffic.logged;
         let (Some(me), Some(them)) = (&logged[self.driver.agent][step], &logged[other][step]) else {
             return false;
@@ -130,7 +135,7 @@ impl Solver<'_> {
         let mut gaps = Vec::new();
         if cap.is_finite() {
             // Who can not stop on the road need not.
-            let stop = self.slowest.s[steps] + 0.5;
+            let stop = self.slowest.s[steps] + STOPS;
             upper.fill(cap.max(stop));
         }
         for (choice, side) in choices.iter().zip(sides) {
@@ -153,7 +158,8 @@ impl Solver<'_> {
         }
         let possible =
             |k: usize| lower[k] <= upper[k] && self.slowest.s[k] <= upper[k] && lower[k] <= self.fastest.s[k];
-        (1..=steps).all(possible).then_some(Corridor { lower, upper, gaps })
+        let speeds = vec![f64::INFINITY; steps + 1];
+        (1..=steps).all(possible).then_some(Corridor { lower, upper, speeds, gaps })
     }
 }
 

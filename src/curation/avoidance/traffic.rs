@@ -1,4 +1,4 @@
-//! Everybody's boxes at every step: the AV's candidate, the log of the others, and the responses found so far.
+//! Everybody's boxes at every step: the AV's candidate, the log of the others, what stands around, and the responses found so far.
 
 use std::collections::BTreeMap;
 
@@ -16,9 +16,11 @@ pub(super) struct Traffic<'a> {
     pub(super) scenario: &'a Scenario,
     /// The AV's 81 states.
     pub(super) av: &'a [AgentState],
-    /// Boxes of all agents: of the AV those of the candidate, of the others those of the log.
+    /// Boxes of all agents: of the AV those of the candidate, of the others those of the log. After them the static obstacles.
     pub(super) logged: Vec<Boxes>,
     extents: Vec<Bounds>,
+    /// Who never moves in the log.
+    stands: Vec<bool>,
     /// What was found so far, by slot.
     pub(super) planned: BTreeMap<usize, Planned>,
 }
@@ -28,6 +30,34 @@ pub(super) struct Planned {
     pub(super) response: Response,
     pub(super) boxes: Boxes,
     pub(super) extent: Bounds,
+    /// Step up to which those move as in the log who respond to this response.
+    pub(super) seen: usize,
+}
+
+/// Who moves less than this in the whole log stands, metres: recorded positions of parked vehicles jitter.
+const STILL: f64 = 0.5;
+/// Steps around an overlap in the log at which the same two may overlap.
+const AROUND: usize = 2;
+/// Overlap of two in the log that may occur at other steps too, as they pass later or earlier, metres.
+const DEEPEST: f64 = 0.2;
+/// How much deeper than in the log they may overlap then: the log is known at its frames only, metres.
+const BETWEEN_FRAMES: f64 = 0.02;
+
+/// What the log says of two bodies.
+pub(super) struct Pair {
+    /// Their smallest distance (negative: they overlap), at least [`DEEPEST`] below 0; infinite where they are never near.
+    pub(super) closest: f64,
+    /// Distance below which they are in each other's way.
+    pub(super) limit: f64,
+    /// Steps at which they may overlap, since they do in the log or nearly then; empty: none.
+    exempt: Vec<bool>,
+}
+
+impl Pair {
+    /// Whether the two may overlap at a step.
+    pub(super) fn exempt(&self, step: usize) -> bool {
+        self.exempt.get(step).copied().unwrap_or(false)
+    }
 }
 
 impl<'a> Traffic<'a> {
@@ -39,14 +69,27 @@ impl<'a> Traffic<'a> {
                 .map(|k| state(k).filter(|s| s.is_finite()).map(|s| s.footprint(&agents[i])))
                 .collect()
         };
-        let logged: Vec<Boxes> = (0..agents.len()).map(of).collect();
+        let static_ones = scenario.start.obstacles.iter().map(|&o| vec![Some(o); FUTURE + 1]);
+        let logged: Vec<Boxes> = (0..agents.len()).map(of).chain(static_ones).collect();
         let extents = logged.iter().map(extent).collect();
-        Self { scenario, av, logged, extents, planned: BTreeMap::new() }
+        let stands = (0..logged.len()).map(|i| i >= agents.len() || i > 0 && never_moves(scenario, i));
+        let stands = stands.collect();
+        Self { scenario, av, logged, extents, stands, planned: BTreeMap::new() }
     }
 
     /// Number of agents, the AV included.
     pub(super) fn len(&self) -> usize {
+        self.scenario.start.agents.len()
+    }
+
+    /// Number of agents and static obstacles.
+    pub(super) fn bodies(&self) -> usize {
         self.logged.len()
+    }
+
+    /// Whether something never moves in the log.
+    pub(super) fn stands(&self, body: usize) -> bool {
+        self.stands[body]
     }
 
     /// The boxes of an agent as it moves now, and the bounds of them.
@@ -62,13 +105,52 @@ impl<'a> Traffic<'a> {
         self.av[step].footprint(&self.scenario.start.agents[0])
     }
 
-    /// The smallest distance of two agents in the log (not of the AV), metres; infinite where they are far apart.
-    pub(super) fn log_distance(&self, a: usize, b: usize) -> f64 {
+    /// What the log says of two bodies (not of the AV).
+    pub(super) fn pair(&self, a: usize, b: usize) -> Pair {
+        let mut pair = Pair { closest: f64::INFINITY, limit: 0.0, exempt: Vec::new() };
         if !self.extents[a].intersects(&self.extents[b].inflated(1.0)) {
-            return f64::INFINITY;
+            return pair;
         }
-        closest(&self.logged[a], &self.logged[b], 1.0)
+        for (k, (a, b)) in self.logged[a].iter().zip(&self.logged[b]).enumerate() {
+            let Some((a, b)) = a.as_ref().zip(b.as_ref()).filter(|(a, b)| nearer(a, b, 1.0)) else {
+                continue;
+            };
+            let apart = distance(a, b);
+            pair.closest = pair.closest.min(apart);
+            if apart < 0.0 {
+                pair.exempt.resize(FUTURE + 1, false);
+                pair.exempt[k.saturating_sub(AROUND)..=(k + AROUND).min(FUTURE)].fill(true);
+            }
+        }
+        if pair.closest < 0.0 {
+            pair.closest = pair.closest.max(-DEEPEST);
+            pair.limit = pair.closest - BETWEEN_FRAMES;
+        }
+        pair
     }
+
+    /// The first step at which two bodies, as they move now, overlap although the log does not excuse it.
+    pub(super) fn breach(&self, a: usize, b: usize) -> Option<usize> {
+        let ((mine, extent), (theirs, other)) = (self.boxes(a), self.boxes(b));
+        if !extent.intersects(other) {
+            return None;
+        }
+        let overlap =
+            |k: usize| mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| nearer(a, b, 0.0));
+        let first = (1..=FUTURE).find(|&k| overlap(k))?;
+        let pair = self.pair(a, b);
+        let deep = |k: usize| {
+            mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| nearer(a, b, pair.limit))
+        };
+        (first..=FUTURE).find(|&k| !pair.exempt(k) && deep(k))
+    }
+}
+
+/// Whether an agent stays where it is now in all frames of its log.
+fn never_moves(scenario: &Scenario, agent: usize) -> bool {
+    let now = scenario.start.now(agent).position();
+    let frames = scenario.start.history[agent].iter().chain(&scenario.log_future.tracks[agent]);
+    frames.flatten().filter(|s| s.is_finite()).all(|s| (s.position() - now).norm() < STILL)
 }
 
 /// The logged state of an agent at a step, 0 to 80.
@@ -95,22 +177,10 @@ pub(super) fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
     rounded_distance(a, b, Options::default().corner_rounding)
 }
 
-/// [`OrientedBox::radius`] without the care for overflow that makes `hypot` slow.
-pub(super) fn radius(b: &OrientedBox) -> f64 {
-    (b.half_length * b.half_length + b.half_width * b.half_width).sqrt()
-}
-
 /// Whether two boxes are nearer to each other than `clearance`.
 pub(super) fn nearer(a: &OrientedBox, b: &OrientedBox, clearance: f64) -> bool {
-    let reach = radius(a) + radius(b) + clearance;
+    let reach = a.radius() + b.radius() + clearance;
     (a.center - b.center).norm_squared() < reach * reach && distance(a, b) < clearance
-}
-
-/// The smallest distance over all steps, or infinite where it is more than `limit`.
-fn closest(a: &Boxes, b: &Boxes, limit: f64) -> f64 {
-    let pairs = a.iter().zip(b).filter_map(|(a, b)| a.as_ref().zip(b.as_ref()));
-    let near = pairs.filter(|(a, b)| nearer(a, b, limit));
-    near.map(|(a, b)| distance(a, b)).fold(f64::INFINITY, f64::min)
 }
 
 /// Steps of the reaction time.

@@ -44,6 +44,12 @@ pub enum Unavoidable {
         /// The agent.
         agent: String,
     },
+    /// The agent stands throughout its log: nobody is in it who would drive off.
+    #[error("agent `{agent}` stands throughout its log and can not make way")]
+    Standing {
+        /// The agent.
+        agent: String,
+    },
     /// An agent behind one that brakes, or shifts, can not do likewise.
     #[error("agent `{agent}` runs into agent `{leader}`, which makes way for the AV: {reason}")]
     Follower {
@@ -87,6 +93,7 @@ impl Unavoidable {
             Self::TooClose { .. } => "too-close",
             Self::HemmedIn { .. } => "hemmed-in",
             Self::Absent { .. } => "absent",
+            Self::Standing { .. } => "standing",
             Self::Follower { .. } => "follower",
             Self::TooMany { .. } => "too-many",
             Self::Unsettled { .. } => "unsettled",
