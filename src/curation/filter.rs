@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use super::avoidance::{AvoidanceSettings, Unavoidable, certify};
+use super::avoidance::{AvoidanceSettings, Unavoidable, certify_case};
 use super::ground::Ground;
 use super::replay::{LogReplay, Touch};
 use super::signals::Signals;
@@ -47,7 +47,7 @@ impl Verdict {
 }
 
 /// Limits of the filters (defaults: 10.4 of the metrics' definition, where it gives any).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FilterSettings {
     /// Least ADE to the log, metres.
     pub min_ade: f64,
@@ -208,7 +208,10 @@ impl<'a> Trial<'a> {
     /// # Errors
     /// [`Unavoidable`] names the agent.
     pub fn certificate(&self) -> &Result<Certificate, Unavoidable> {
-        let find = || certify(self.bench.scenario, &self.candidate.track, &self.settings.avoidance);
+        let find = || {
+            let (scenario, candidate) = (self.bench.scenario, &self.candidate.track);
+            certify_case(scenario, candidate, &self.replayed, &self.settings.avoidance)
+        };
         self.certificate.get_or_init(find)
     }
 }

@@ -42,19 +42,29 @@ impl Default for CurationSettings {
 }
 
 impl CurationSettings {
-    /// All settings by name, as they stand in files.
+    /// All settings by name, as they stand in files; and beside them what every filter asks for, in words.
     pub fn named(&self) -> BTreeMap<String, String> {
         let mut named = BTreeMap::new();
-        let mut add = |name: &str, value: String| named.insert(name.to_owned(), value);
-        add("seed", self.seed.to_string());
-        add("candidates", self.candidates.to_string());
-        add("min_vehicles", self.preselection.min_vehicles.to_string());
-        add("radius", self.preselection.radius.to_string());
-        add("max_ttc", self.preselection.max_ttc.to_string());
+        named.insert("seed".to_owned(), self.seed.to_string());
+        named.insert("candidates".to_owned(), self.candidates.to_string());
+        flatten("preselection", &serde_json::json!(self.preselection), &mut named);
+        flatten("filters", &serde_json::json!(self.filters), &mut named);
         for filter in FILTERS {
-            add(&format!("filter.{}", filter.id()), filter.rule(&self.filters));
+            named.insert(format!("rule.{}", filter.id()), filter.rule(&self.filters));
         }
         named
+    }
+}
+
+/// Puts the values of nested settings into a list, with their names joined by dots.
+fn flatten(name: &str, value: &serde_json::Value, named: &mut BTreeMap<String, String>) {
+    match value {
+        serde_json::Value::Object(fields) => {
+            fields.iter().for_each(|(field, value)| flatten(&format!("{name}.{field}"), value, named));
+        }
+        value => {
+            named.insert(name.to_owned(), value.to_string());
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use crate::geometry::Vec2;
 use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
 
 /// Which scenarios are worth proposing candidates for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Preselection {
     /// At least so many vehicles come near the logged AV in the steps 0 to 80.
     pub min_vehicles: u32,

@@ -1,7 +1,7 @@
 //! What a driver who gets out of the way may do, and from when on.
 
 /// Bounds of a response. The defaults are those of a driver who brakes hard but not to the limit of the tyres.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct AvoidanceSettings {
     /// Hardest braking, m/s².
     pub max_deceleration: f64,
