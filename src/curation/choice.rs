@@ -22,6 +22,8 @@ const COMFORT: f64 = 0.5;
 const DISTANCE: (f64, f64) = (0.5, 8.0);
 /// How much the share that a category lacks to a third weighs.
 const BALANCE: f64 = 20.0;
+/// How much the share of the same maneuver among those chosen before weighs against a candidate: a set of stops would be a poor one.
+const VARIETY: f64 = 4.0;
 
 /// How good a survivor is: pressure that the log can not answer, early enough, that asks for a firm reaction and no emergency, by an AV
 /// that drives as one would, well away from the log. 0 to 6.
@@ -42,6 +44,7 @@ pub fn score(record: &CandidateRecord) -> f64 {
 #[derive(Clone, Debug, Default)]
 pub struct Chooser {
     chosen: BTreeMap<Deviation, u64>,
+    maneuvers: BTreeMap<String, u64>,
 }
 
 impl Chooser {
@@ -50,8 +53,8 @@ impl Chooser {
         Self::default()
     }
 
-    /// Marks the best survivor: by its score, and by how much its category lacks to a third of what was chosen so far. The first one on
-    /// ties.
+    /// Marks the best survivor: by its score, by how much its category lacks to a third of what was chosen so far, and by how seldom its
+    /// maneuver was. The first one on ties.
     pub fn choose(&mut self, record: &mut ScenarioRecord) {
         let total: u64 = self.chosen.values().sum();
         let lack = |category: Deviation| {
@@ -63,14 +66,18 @@ impl Chooser {
             if candidate.rejected_by.is_some() {
                 continue;
             }
-            let value = candidate.score + BALANCE * lack(candidate.taxonomy.category);
+            let same = self.maneuvers.get(name(candidate)).copied().unwrap_or(0);
+            let worn = same as f64 / total.max(1) as f64;
+            let value = candidate.score + BALANCE * lack(candidate.taxonomy.category) - VARIETY * worn;
             if best.is_none_or(|b| value > b.0) {
                 best = Some((value, i));
             }
         }
         if let Some((_, i)) = best {
             record.candidates[i].chosen = true;
-            *self.chosen.entry(record.candidates[i].taxonomy.category).or_default() += 1;
+            let candidate = &record.candidates[i];
+            *self.chosen.entry(candidate.taxonomy.category).or_default() += 1;
+            *self.maneuvers.entry(name(candidate).to_owned()).or_default() += 1;
         }
     }
 
@@ -78,4 +85,10 @@ impl Chooser {
     pub fn counts(&self) -> &BTreeMap<Deviation, u64> {
         &self.chosen
     }
+}
+
+/// The words of a maneuver before its first number: what it is, however hard or far.
+fn name(candidate: &CandidateRecord) -> &str {
+    let text = &candidate.candidate.maneuver;
+    text.split(|c: char| c.is_ascii_digit()).next().unwrap_or(text)
 }

@@ -4,6 +4,7 @@
 mod apply;
 mod avoidance;
 mod browser;
+mod choice;
 mod cli;
 mod filters;
 mod hand;

@@ -18,8 +18,9 @@ const KINDS: &[(f64, Kind)] = &[
     (1.5, Kind::Dip),
 ];
 
+/// A speed profile.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+pub(super) enum Kind {
     Stop,
     Slow,
     Faster,
@@ -30,10 +31,15 @@ enum Kind {
     Dip,
 }
 
-pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
-    let log = survey.drive.speeds();
-    let Some(kind) = pick(stream, KINDS) else { return Err("no speed profile".into()) };
-    let (maneuver, desired) = profile(*kind, log, survey, stream)?;
+/// A speed profile for a stream: without it the one that presses somebody most easily, a stop, would be proposed nearly always.
+pub(super) fn kind(stream: &mut Stream) -> Kind {
+    pick(stream, KINDS).copied().unwrap_or(Kind::Stop)
+}
+
+/// A draw of that kind, or of any.
+pub(super) fn draw(survey: &Survey<'_>, kind: Option<Kind>, stream: &mut Stream) -> Result<Draft, String> {
+    let kind = kind.unwrap_or_else(|| self::kind(stream));
+    let (maneuver, desired) = profile(kind, survey.drive.speeds(), survey, stream)?;
     Ok(Draft { maneuver, future: survey.follow(&survey.logged, &desired) })
 }
 

@@ -24,6 +24,8 @@ pub struct Rules;
 
 /// Draws from one stream at most.
 const DRAWS: usize = 20;
+/// Draws of one speed profile before any other is tried.
+const OF_ITS_KIND: usize = 12;
 /// A contact up to this step is none that anybody could avoid.
 const TOO_EARLY: usize = 8;
 /// A contact up to this step leaves time to see how it goes on.
@@ -75,9 +77,12 @@ fn families(survey: &Survey<'_>) -> Vec<Deviation> {
 fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Result<Proposal, NoProposal> {
     let mut best: Option<(u8, Draft)> = None;
     let mut reason = String::new();
-    for _ in 0..DRAWS {
+    let kind = longitudinal::kind(stream);
+    for attempt in 0..DRAWS {
         let draft = match family {
-            Deviation::Longitudinal => longitudinal::draw(survey, stream),
+            Deviation::Longitudinal => {
+                longitudinal::draw(survey, (attempt < OF_ITS_KIND).then_some(kind), stream)
+            }
             Deviation::Lateral => lateral::draw(survey, stream),
             Deviation::Directional => directional::draw(survey, stream),
         };

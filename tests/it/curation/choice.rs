@@ -1,0 +1,55 @@
+//! The automatic choice: survivors only, categories in balance, not always the same maneuver.
+
+use reactsim::curation::{Chooser, ScenarioRecord};
+use reactsim::scene::Deviation;
+
+use super::hand;
+
+/// A scenario whose candidates survive, of these categories, maneuvers and scores.
+fn scenario(candidates: &[(Deviation, &str, f64)]) -> ScenarioRecord {
+    let mut record = hand::scenario("s", candidates.len() as u32);
+    for (candidate, &(category, maneuver, score)) in record.candidates.iter_mut().zip(candidates) {
+        candidate.taxonomy.category = category;
+        candidate.candidate.maneuver = maneuver.to_owned();
+        candidate.score = score;
+        (candidate.rejected_by, candidate.chosen) = (None, false);
+    }
+    record
+}
+
+fn chosen(chooser: &mut Chooser, mut record: ScenarioRecord) -> Option<u32> {
+    record.candidates.iter_mut().for_each(|c| c.chosen = false);
+    chooser.choose(&mut record);
+    assert!(record.candidates.iter().filter(|c| c.chosen).count() <= 1);
+    record.chosen().map(|c| c.candidate.number)
+}
+
+const LONG: Deviation = Deviation::Longitudinal;
+
+#[test]
+fn the_best_survivor_is_chosen_and_nobody_else() {
+    let mut record = scenario(&[(LONG, "stop 1", 1.0), (LONG, "stop 2", 3.0), (LONG, "stop 3", 2.0)]);
+    assert_eq!(chosen(&mut Chooser::new(), record.clone()), Some(1));
+    record.candidates[1].rejected_by = Some("pressure".into());
+    assert_eq!(chosen(&mut Chooser::new(), record.clone()), Some(2));
+    record.candidates.iter_mut().for_each(|c| c.rejected_by = Some("pressure".into()));
+    assert_eq!(chosen(&mut Chooser::new(), record), None);
+}
+
+#[test]
+fn the_category_that_lacks_most_goes_before_a_better_score() {
+    let mut chooser = Chooser::new();
+    let both = || scenario(&[(LONG, "stop", 4.0), (Deviation::Directional, "turn left", 3.0)]);
+    let sequence: Vec<_> = (0..6).map(|_| chosen(&mut chooser, both()).unwrap()).collect();
+    assert_eq!(sequence, [0, 1, 0, 1, 0, 1]);
+    assert_eq!(chooser.counts()[&LONG], 3);
+}
+
+#[test]
+fn the_same_maneuver_wears_off() {
+    let mut chooser = Chooser::new();
+    let both = || scenario(&[(LONG, "stop: 3.1 m/s²", 4.0), (LONG, "creep: 1.2 m/s", 2.5)]);
+    let sequence: Vec<_> = (0..8).map(|_| chosen(&mut chooser, both()).unwrap()).collect();
+    // In the long run the shares differ by as much as makes up for the scores: (4 - 2.5) / 4.
+    assert_eq!(sequence, [0, 1, 0, 0, 1, 0, 0, 1]);
+}
