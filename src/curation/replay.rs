@@ -17,6 +17,10 @@ const AHEAD: f64 = 0.5;
 /// Headings within this angle lead the same way, radians.
 const ALONG: f64 = 0.8;
 
+/// Who is touched in this angle is straight ahead, radians.
+const STRAIGHT_AHEAD: f64 = 0.2;
+/// Slower than this is crawling, m/s.
+const CRAWLING: f64 = 1.0;
 /// Headings within this angle of opposite ones lead head on, radians: less than that of a turn across the oncoming lane.
 const HEAD_ON: f64 = 0.35;
 
@@ -61,9 +65,12 @@ impl Touch {
         self.av_bumper && self.bearing < AHEAD && self.turned < ALONG
     }
 
-    /// Whether the AV's front drives into somebody who comes towards it.
+    /// Whether the AV's front drives into somebody who comes towards it: straight ahead, or at least exactly the other way.
     pub(super) fn head_on(&self) -> bool {
-        self.av_bumper && self.bearing < AHEAD && self.turned > PI - HEAD_ON
+        let opposite = PI - self.turned;
+        self.av_bumper
+            && (self.bearing < STRAIGHT_AHEAD && opposite < ALONG
+                || self.bearing < AHEAD && opposite < HEAD_ON)
     }
 
     /// Whether the AV's front drives into somebody who is slower than `slow` (m/s) and than the AV, or whom the metrics would not blame.
@@ -74,6 +81,11 @@ impl Touch {
     /// Whether the other one stands.
     pub(super) fn stands(&self) -> bool {
         self.speed <= STOPPED
+    }
+
+    /// Whether the other one hardly moves, and less than the AV: wherever they touch, the AV came to it.
+    pub(super) fn crawls(&self) -> bool {
+        self.speed < CRAWLING && self.speed < self.av_speed
     }
 }
 

@@ -55,7 +55,12 @@ pub struct Departure {
     pub reverse: bool,
     /// Curvature of the rear axle's path, 1/m; `None` takes what the guide asks for.
     pub curvature: Option<f64>,
+    /// How fast the wheel is turned at most: change of that curvature, 1/m per second.
+    pub steering_speed: f64,
 }
+
+/// A calm turn of the wheel, 1/m per second: about 40 degrees per second at the road wheels of a car.
+pub const CALM_STEERING: f64 = 0.25;
 
 impl AxlePath {
     /// Drives the rear axle along `guide` (its own way, metres) from the exact pose of `from`, for `reach` metres: pure pursuit
@@ -83,9 +88,10 @@ impl AxlePath {
             // Beyond the last segment the projection stops; the way beyond it goes on straight.
             let s = nearest.s + if nearest.t >= 1.0 { past_end(guide, axle) } else { 0.0 };
             let driven = path.arc[path.arc.len() - 1];
-            let target = guide.at(s + (0.5 * pace(driven)).clamp(2.2, 10.0)) - axle;
+            let pace = pace(driven);
+            let target = guide.at(s + (0.5 * pace).clamp(2.2, 10.0)) - axle;
             let bend = 2.0 * direction(course).perp(&target) / target.norm_squared().max(1.0);
-            let change = STEERING_RATE * STEP;
+            let change = STEERING_RATE.min(from.steering_speed / pace.max(0.1)) * STEP;
             let bend =
                 curvature.map_or(bend, |c| bend.clamp(c - change, c + change)).clamp(-STEERING, STEERING);
             curvature = Some(bend);

@@ -33,7 +33,7 @@ impl CandidateFilter for ActiveCollision {
 
     fn rule(&self, settings: &FilterSettings) -> String {
         format!(
-            "the AV touches no pedestrian, cyclist, obstacle or standing vehicle, and its front drives into no vehicle that is slower than {} m/s \
+            "the AV touches no pedestrian, cyclist, obstacle, or vehicle that stands or crawls, and its front drives into no vehicle that is slower than {} m/s \
              and than the AV, that goes ahead of it or comes towards it, or that the metrics would not blame",
             settings.slow
         )
@@ -43,6 +43,9 @@ impl CandidateFilter for ActiveCollision {
         let why = |touch: &crate::curation::replay::Touch| match touch.kind {
             None => Some("drives into an obstacle".to_owned()),
             Some(AgentKind::Vehicle) if touch.stands() => Some("touches a standing vehicle".to_owned()),
+            Some(AgentKind::Vehicle) if touch.crawls() => {
+                Some(format!("touches a vehicle at {:.1} m/s", touch.speed))
+            }
             Some(AgentKind::Vehicle) if touch.head_on() => Some("drives head on into a vehicle".to_owned()),
             Some(AgentKind::Vehicle) if touch.rear_end() => Some("drives into a vehicle ahead".to_owned()),
             Some(AgentKind::Vehicle) if touch.driven_into(trial.settings.slow) => {

@@ -144,6 +144,7 @@ fn breaks(touch: &Touch) -> bool {
     touch.step <= TOO_EARLY
         || touch.kind != Some(AgentKind::Vehicle)
         || touch.stands()
+        || touch.crawls()
         || touch.rear_end()
         || touch.head_on()
         || touch.driven_into(SLOW)

@@ -1,7 +1,7 @@
 //! Other ways over the lane graph than the logged one.
 
 use super::survey::{LATERAL, Limits};
-use crate::dynamics::{AxlePath, Departure, Pose, REAR_AXLE};
+use crate::dynamics::{AxlePath, CALM_STEERING, Departure, Pose, REAR_AXLE};
 use crate::geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
 use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
 
@@ -116,6 +116,7 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
         rear: REAR_AXLE * scenario.start.agents[0].length,
         reverse: false,
         curvature: Some(curvature),
+        steering_speed: CALM_STEERING,
     };
     let pace = now.speed().clamp(5.0, 12.0);
     let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, |_| pace);

@@ -297,7 +297,9 @@ fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<Group>, Cause> 
             return Err(wrong("a checksum has another form"));
         };
         if rows != group.rows || start > group.start || end < group.end || end > length {
-            return Err(wrong("checksums and row groups differ"));
+            return Err(wrong(
+                "checksums and row groups differ; if another program wrote the file anew, take the original, or leave out the metadata that begin with `reactsim.`",
+            ));
         }
         (group.start, group.end, group.sum) = (start, end, Some(sum));
     }

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use super::{AvError, LONGEST_STEP, check_steps};
-use crate::dynamics::{AxlePath, Departure, Pose, REAR_AXLE};
+use crate::dynamics::{AxlePath, CALM_STEERING, Departure, Pose, REAR_AXLE};
 use crate::geometry::{OrientedBox, Polyline, Vec2, direction, left, smooth_step, wrap};
 use crate::scene::{AgentState, CURRENT, DT, Frame, LaneHit, Road, Scenario};
 
@@ -69,7 +69,8 @@ impl LoggedDrive {
     }
 
     /// The logged path for an AV that is to travel `travel` metres, moved sideways by `aside`: metres to the left after so many metres
-    /// of the way. `curvature` is that of the rear axle's path now (1/m); `None` takes what the path asks for.
+    /// of the way. `curvature` is that of the rear axle's path now (1/m), from which the wheel is turned calmly; `None` takes what the path
+    /// asks for.
     pub fn path(
         &self,
         scenario: &Scenario,
@@ -86,6 +87,7 @@ impl LoggedDrive {
             rear,
             reverse: self.reverses(),
             curvature,
+            steering_speed: if curvature.is_some() { CALM_STEERING } else { f64::INFINITY },
         };
         let paces = paces(self);
         let pace = |driven: f64| paces[paces.partition_point(|p| p.0 <= driven).clamp(1, paces.len()) - 1].1;
