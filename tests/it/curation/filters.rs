@@ -189,7 +189,7 @@ fn active_collision() {
     into(car("parked", 40.0, 0.0, 1.5, 0.0), "touches a standing vehicle");
     into(car("beside", 40.0, 1.8, 0.0, 0.0), "touches a standing vehicle");
     into(car("crawling", 40.0, 1.5, 3.0, 0.3), "touches a vehicle at 0.3 m/s");
-    into(car("slow", 40.0, 0.0, 1.5, 1.5), "drives into a vehicle at 1.5 m/s");
+    into(car("slow", 40.0, -5.0, 1.5, 1.5), "drives into a vehicle at 1.5 m/s");
     into(car("towards", 60.0, 0.0, std::f64::consts::PI, 5.0), "drives head on into a vehicle");
     into(car("slower", 30.0, 0.0, 0.0, 4.0), "drives into a vehicle ahead");
     into(agent("walker", AgentKind::Pedestrian, state(40.0, 0.0, 1.5, 0.0)), "touches a pedestrian");
