@@ -31,7 +31,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     let branch = &survey.branches[stream.random_range(0..survey.branches.len())];
     let speed = survey.speed();
     let wait = if speed < 1.0 {
-        between(stream, 0.0, 3.0)
+        between(stream, 0.0, 4.0)
     } else if stream.random_bool(0.3) {
         between(stream, 0.5, 2.5)
     } else {
@@ -56,28 +56,33 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
 
 /// The cruising speed, up to `most`, with which the AV comes to `s` metres of the way at `time`, or nearly.
 fn meet(survey: &Survey<'_>, branch: &Branch, manner: &Manner, s: f64, time: f64, most: f64) -> f64 {
+    let allowed = branch.path.allowed_speeds();
+    // Nearly: what the way allows is taken, but not how the speed gets there.
+    let arrival = |cruise: f64| {
+        let mut way = 0.0;
+        let reached = wanted(survey, manner, cruise).iter().position(|speed| {
+            way += speed.min(allowed.at(way)) * DT;
+            way >= s
+        });
+        reached.map_or(f64::INFINITY, |k| (k + 1) as f64 * DT)
+    };
     let (mut slow, mut fast) = (CRUISE.0, most);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (slow + fast);
-        if arrival(&drive(survey, branch, manner, middle), s) > time { slow = middle } else { fast = middle }
+        if arrival(middle) > time { slow = middle } else { fast = middle }
     }
     0.5 * (slow + fast)
 }
 
-/// When a trajectory has covered so many metres, seconds; infinite where it does not.
-fn arrival(future: &[AgentState], s: f64) -> f64 {
-    let mut way = 0.0;
-    let reached = future.iter().position(|state| {
-        way += state.speed() * DT;
-        way >= s
-    });
-    reached.map_or(f64::INFINITY, |k| (k + 1) as f64 * DT)
+/// The speeds that are wanted at the steps, m/s.
+fn wanted(survey: &Survey<'_>, manner: &Manner, cruise: f64) -> Vec<f64> {
+    let (log, speed) = (survey.drive.speeds(), survey.speed());
+    let at = |k: usize| if (k as f64) * DT < manner.wait { log[k].min(speed) } else { cruise };
+    let mut wanted: Vec<f64> = (1..=FUTURE).map(at).collect();
+    speeds::bound(speed, &mut wanted, manner.gain, 3.0);
+    wanted
 }
 
 fn drive(survey: &Survey<'_>, branch: &Branch, manner: &Manner, cruise: f64) -> Vec<AgentState> {
-    let (log, speed) = (survey.drive.speeds(), survey.speed());
-    let wanted = |k: usize| if (k as f64) * DT < manner.wait { log[k].min(speed) } else { cruise };
-    let mut desired: Vec<f64> = (1..=FUTURE).map(wanted).collect();
-    speeds::bound(speed, &mut desired, manner.gain, 3.0);
-    survey.follow(&branch.path, &desired)
+    survey.follow(&branch.path, &wanted(survey, manner, cruise))
 }

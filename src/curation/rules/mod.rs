@@ -22,7 +22,7 @@ use crate::scene::{AgentKind, AgentState, Deviation, Scenario};
 #[derive(Debug)]
 pub struct Rules;
 
-/// Draws from one stream at most.
+/// Draws from one stream at most; twice as many for another way.
 const DRAWS: usize = 20;
 /// Draws of one speed profile before any other is tried.
 const OF_ITS_KIND: usize = 12;
@@ -78,7 +78,9 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
     let mut best: Option<(u8, Draft)> = None;
     let mut reason = String::new();
     let kind = longitudinal::kind(stream);
-    for attempt in 0..DRAWS {
+    // Another way meets others at few places and times: it takes longer to find one.
+    let draws = if family == Deviation::Directional { 2 * DRAWS } else { DRAWS };
+    for attempt in 0..draws {
         let draft = match family {
             Deviation::Longitudinal => {
                 longitudinal::draw(survey, (attempt < OF_ITS_KIND).then_some(kind), stream)

@@ -7,12 +7,21 @@ use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
 
 /// A lane counts as the AV's own up to this distance (metres) and angle (radians).
 const OWN_LANE: (f64, f64) = (2.2, 0.6);
+/// A lane beside it, from which the AV may turn off, too.
+const NEXT_LANE: (f64, f64) = (4.5, 0.3);
+/// Way within which the AV leads onto the centre line of its lane, metres; to the next lane it takes that time, s, if that is farther.
+const JOIN: f64 = 20.0;
+const CHANGE: f64 = 2.5;
 /// Ways that are looked at.
 const MOST: usize = 48;
 /// Two ways leave one another where they are this far apart, metres.
 const APART: f64 = 2.5;
 /// Angle between them, there or at the end, radians.
 const TURNED: f64 = 0.26;
+/// Length over which a bend is measured, and within which it is foreseen, metres.
+const BEND: f64 = 6.0;
+/// No bend is taken slower, m/s.
+const SLOWEST: f64 = 2.5;
 /// Another lane is at least so far aside, metres.
 const CHANGED: f64 = 2.5;
 /// No lane that is followed has more points.
@@ -69,10 +78,12 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
     let axle = now.position() - direction(now.heading) * (REAR_AXLE * scenario.start.agents[0].length);
     let mut found: Vec<Branch> = Vec::new();
     let mut hits: Vec<LaneHit> = Vec::new();
-    road.lanes_near(axle, OWN_LANE.0, &mut hits);
+    road.lanes_near(axle, NEXT_LANE.0, &mut hits);
     let off =
         |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - now.heading).abs();
-    hits.retain(|h| off(h) < OWN_LANE.1 && road.lane(h.lane).class != LaneClass::Bike);
+    let angle = |h: &LaneHit| if h.projection.distance <= OWN_LANE.0 { OWN_LANE.1 } else { NEXT_LANE.1 };
+    hits.retain(|h| off(h) < angle(h) && road.lane(h.lane).class != LaneClass::Bike);
+    // The AV's own lane first: what can be reached from it is not reached from another one.
     hits.sort_by(|a, b| a.projection.distance.total_cmp(&b.projection.distance));
     let mut looked = 0;
     for hit in &hits {
@@ -95,7 +106,9 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
             if looked > MOST {
                 return found;
             }
-            let Some((guide, turn)) = guide(&road, &chain, hit, axle, reach) else { continue };
+            let aside = hit.projection.distance > OWN_LANE.0;
+            let join = if aside { JOIN.max(CHANGE * now.speed()) } else { JOIN };
+            let Some((guide, turn)) = guide(&road, &chain, hit, axle, join, reach) else { continue };
             let end = guide.at(guide.length());
             let known =
                 found.iter().any(|other| (other.guide.at(other.guide.length()) - end).norm() <= SAME_END);
@@ -118,14 +131,28 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
         curvature: Some(curvature),
         steering_speed: CALM_STEERING,
     };
+    let bends = bend_speeds(guide);
     let pace = now.speed().clamp(5.0, 12.0);
-    let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, |_| pace);
+    let expected = |s: f64| bends[(s as usize).min(bends.len() - 1)].min(pace);
+    let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, expected);
     path.limit_lateral(LATERAL);
     // Who is faster now than a lane ahead allows has to slow down, but not at once.
     let limits = Limits::along(&scenario.start.road(), &path, 0.0);
     path.limit_speed(|s| limits.at(s));
     path.stop_at(guide.length());
     path
+}
+
+/// The speed that the bends of a way allow, m/s, one per metre: that of the sharpest within the next few metres.
+fn bend_speeds(guide: &Polyline) -> Vec<f64> {
+    let metres = guide.length().ceil() as usize + 1;
+    let turn =
+        |s: f64| wrap(guide.heading_at(s + 0.5 * BEND) - guide.heading_at((s - 0.5 * BEND).max(0.0))).abs();
+    let at = |i: usize| (LATERAL * BEND / turn(i as f64).max(1e-6)).sqrt().max(SLOWEST);
+    let alone: Vec<f64> = (0..metres).map(at).collect();
+    let ahead =
+        |i: usize| alone[i..(i + BEND as usize).min(metres)].iter().copied().fold(f64::INFINITY, f64::min);
+    (0..metres).map(ahead).collect()
 }
 
 /// Where and when vehicles come onto a way: the first time that each is closer to it than `CLOSE`, while it moves.
@@ -147,8 +174,16 @@ fn meetings(scenario: &Scenario, path: &AxlePath) -> Vec<Meeting> {
     first.filter(|m| m.s > AHEAD).collect()
 }
 
-/// The way along a chain of lanes from where the rear axle is, leading onto the centre line smoothly; and how much it turns, radians.
-fn guide(road: &Road<'_>, chain: &[usize], hit: &LaneHit, axle: Vec2, reach: f64) -> Option<(Polyline, f64)> {
+/// The way along a chain of lanes from where the rear axle is, leading onto the centre line within `join`
+/// metres; and how much it turns, radians.
+fn guide(
+    road: &Road<'_>,
+    chain: &[usize],
+    hit: &LaneHit,
+    axle: Vec2,
+    join: f64,
+    reach: f64,
+) -> Option<(Polyline, f64)> {
     let offset = hit.projection.offset;
     let (mut points, mut way) = (vec![axle], 0.0);
     let mut s = hit.projection.s;
@@ -161,7 +196,7 @@ fn guide(road: &Road<'_>, chain: &[usize], hit: &LaneHit, axle: Vec2, reach: f64
             let heading = line.heading_at(at);
             turn += last.map_or(0.0, |l| wrap(heading - l));
             last = Some(heading);
-            points.push(line.at(at) + left(direction(heading)) * (offset * (1.0 - smooth_step(way / 20.0))));
+            points.push(line.at(at) + left(direction(heading)) * (offset * (1.0 - smooth_step(way / join))));
         }
         s = (s - line.length()).max(0.0);
     }
