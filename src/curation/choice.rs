@@ -21,7 +21,7 @@ const COMFORT: f64 = 0.5;
 /// Weight of a deviation of that many metres on average, or more.
 const DISTANCE: (f64, f64) = (0.5, 8.0);
 /// How much the share that a category lacks to a third weighs.
-const BALANCE: f64 = 20.0;
+const BALANCE: f64 = 60.0;
 /// How much the share of the same maneuver among those chosen before weighs against a candidate: a set of stops would be a poor one.
 const VARIETY: f64 = 4.0;
 

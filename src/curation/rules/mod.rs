@@ -115,10 +115,10 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
 }
 
 /// Rank of a draw that is proposed at once.
-const PRESSES: u8 = 3;
+const PRESSES: u8 = 4;
 
-/// How useful a draw is that breaks no rule: 3 presses somebody in time and well away from the log, 2 presses somebody, 1 does not; 0
-/// makes a contact that no driver would make.
+/// How useful a draw is that breaks no rule: 4 makes somebody collide by its own fault, in time and well away from the log; 3 makes
+/// somebody collide so; 2 touches somebody; 1 does not; 0 makes a contact that no driver would make.
 fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
     let touches = survey.replay.touches(&draft.future);
     if touches.iter().any(breaks) {
@@ -130,7 +130,8 @@ fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
     };
     match touches.iter().filter(|t| t.at_fault).map(|t| t.step).min() {
         Some(step) if step <= IN_TIME && in_family(step) && survey.ade(&draft.future) >= AWAY => PRESSES,
-        Some(_) => 2,
+        Some(_) => 3,
+        None if !touches.is_empty() => 2,
         None => 1,
     }
 }
