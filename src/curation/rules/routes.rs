@@ -20,6 +20,9 @@ const APART: f64 = 2.5;
 const TURNED: f64 = 0.26;
 /// Length over which a bend is measured, and within which it is foreseen, metres.
 const BEND: f64 = 6.0;
+/// Acceleration of one who sets off, m/s², and the least speed that is steered for, m/s.
+const SET_OFF: f64 = 1.5;
+const CREEP: f64 = 1.5;
 /// No bend is taken slower, m/s.
 const SLOWEST: f64 = 2.5;
 /// Another lane is at least so far aside, metres.
@@ -133,7 +136,9 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
     };
     let bends = bend_speeds(guide);
     let pace = now.speed().clamp(5.0, 12.0);
-    let expected = |s: f64| bends[(s as usize).min(bends.len() - 1)].min(pace);
+    // Who sets off is slow at first, and turns the wheel on the way.
+    let setting_off = |s: f64| (now.speed().powi(2) + 2.0 * SET_OFF * s).sqrt().max(CREEP);
+    let expected = |s: f64| bends[(s as usize).min(bends.len() - 1)].min(pace).min(setting_off(s));
     let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, expected);
     path.limit_lateral(LATERAL);
     // Who is faster now than a lane ahead allows has to slow down, but not at once.
