@@ -13,6 +13,9 @@ use crate::scene::{AgentState, DT, FUTURE};
 const CRUISE: (f64, f64) = (2.5, 16.0);
 /// How long before somebody comes onto the way the AV wants to be there, seconds.
 const BEFORE: (f64, f64) = (-0.3, 1.2);
+/// Where it stops who hesitates, against where others come onto the way, metres; and how hard it brakes, m/s².
+const BESIDE: (f64, f64) = (-2.0, 2.0);
+const CALM: f64 = 2.5;
 /// Halvings of the range of speeds.
 const HALVINGS: usize = 7;
 
@@ -22,6 +25,8 @@ struct Manner {
     gain: f64,
     /// Seconds during which it goes on as in the log.
     wait: f64,
+    /// Where it stops as one who hesitates, metres of the way, if anywhere.
+    halt: Option<f64>,
 }
 
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
@@ -37,20 +42,27 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     } else {
         0.0
     };
-    let manner = Manner { gain: between(stream, 1.2, 2.5), wait };
+    let mut manner = Manner { gain: between(stream, 1.2, 2.5), wait, halt: None };
     let most = survey.limit.clamp(4.0, CRUISE.1);
     // Cruise somewhere between walking and the limit, rather near the speed now; or so as to be where somebody comes.
     let free = (speed.max(4.0) * between(stream, 0.5, 1.5)).clamp(3.0, most);
     let cruise = if !branch.meetings.is_empty() && stream.random_bool(0.75) {
         let Meeting { s, time } = branch.meetings[stream.random_range(0..branch.meetings.len())];
-        meet(survey, branch, &manner, s, time - between(stream, BEFORE.0, BEFORE.1), most)
+        if stream.random_bool(0.3) {
+            // One who hesitates in the way of others.
+            manner.halt = Some(s + between(stream, BESIDE.0, BESIDE.1));
+            free
+        } else {
+            meet(survey, branch, &manner, s, time - between(stream, BEFORE.0, BEFORE.1), most)
+        }
     } else {
         free
     };
     let waits = if wait > 0.0 { format!(" after {wait:.1} s") } else { String::new() };
     let future = drive(survey, branch, &manner, cruise);
     let fastest = future.iter().map(AgentState::speed).fold(0.0, f64::max);
-    let maneuver = format!("{} at up to {fastest:.1} m/s{waits}", branch.name());
+    let stops = if manner.halt.is_some() { " and stop" } else { "" };
+    let maneuver = format!("{}{stops}, up to {fastest:.1} m/s{waits}", branch.name());
     Ok(Draft { maneuver, future })
 }
 
@@ -80,6 +92,16 @@ fn wanted(survey: &Survey<'_>, manner: &Manner, cruise: f64) -> Vec<f64> {
     let at = |k: usize| if (k as f64) * DT < manner.wait { log[k].min(speed) } else { cruise };
     let mut wanted: Vec<f64> = (1..=FUTURE).map(at).collect();
     speeds::bound(speed, &mut wanted, manner.gain, 3.0);
+    if let Some(halt) = manner.halt {
+        let (mut way, mut before) = (0.0, speed);
+        for v in &mut wanted {
+            // From where it takes a calm braking to stop in time.
+            if way + before * before / (2.0 * CALM) >= halt {
+                *v = (before - CALM * DT).max(0.0);
+            }
+            (way, before) = (way + *v * DT, *v);
+        }
+    }
     wanted
 }
 
