@@ -3,14 +3,8 @@
 use std::f64::consts::PI;
 
 use crate::geometry::{OrientedBox, rounded_distance, signed_angle_between};
+use crate::metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
 use crate::scene::{Agent, AgentKind, AgentState, FUTURE, HISTORY, Scenario};
-
-/// Share of the smaller half extent by which corners are rounded (metrics, "rounded boxes").
-const ROUNDING: f64 = 0.7;
-/// A vehicle up to this speed stands, m/s (metrics, "A-AV collision").
-const STOPPED: f64 = 0.05;
-/// The AV is behind an agent from this angle on, degrees (metrics, "A-AV collision").
-const BEHIND: f64 = 150.0;
 
 /// Who is touched in this angle of the AV's heading is ahead of it, radians.
 const AHEAD: f64 = 0.5;
@@ -27,6 +21,8 @@ const HEAD_ON: f64 = 0.35;
 /// The logged future of all agents but the AV, and the static obstacles, as boxes.
 pub(super) struct LogReplay<'a> {
     av: &'a Agent,
+    /// How far corners are rounded: as the metrics do it.
+    rounding: f64,
     others: Vec<Other>,
 }
 
@@ -80,7 +76,7 @@ impl Touch {
 
     /// Whether the other one stands.
     pub(super) fn stands(&self) -> bool {
-        self.speed <= STOPPED
+        self.speed <= STOPPED_SPEED
     }
 
     /// Whether the other one hardly moves, and less than the AV: wherever they touch, the AV came to it.
@@ -104,7 +100,7 @@ impl<'a> LogReplay<'a> {
             let steps = vec![Some((*obstacle, 0.0)); FUTURE];
             others.push(Other { kind: None, radius: obstacle.radius(), steps });
         }
-        Self { av: &start.agents[0], others }
+        Self { av: &start.agents[0], rounding: Options::default().corner_rounding, others }
     }
 
     /// The first contact with everybody whom the AV touches on `future` (states at the steps 1 to 80), in the order of the agents.
@@ -116,7 +112,8 @@ impl<'a> LogReplay<'a> {
             let reach = (radius + other.radius) * (radius + other.radius);
             let first = boxes.iter().zip(&other.steps).position(|(av, step)| {
                 step.is_some_and(|(o, _)| {
-                    (o.center - av.center).norm_squared() <= reach && rounded_distance(&o, av, ROUNDING) < 0.0
+                    (o.center - av.center).norm_squared() <= reach
+                        && rounded_distance(&o, av, self.rounding) < 0.0
                 })
             });
             let Some(k) = first else { continue };
@@ -137,12 +134,12 @@ fn judge(
     step: usize,
 ) -> Touch {
     let to_av = av.center - other.center;
-    let behind = signed_angle_between(other.axis, to_av).abs() > BEHIND.to_radians();
+    let behind = signed_angle_between(other.axis, to_av).abs() > BEHIND_DEGREES.to_radians();
     let [front_left, front_right, ..] = other.corners();
     let at_fault = kind == Some(AgentKind::Vehicle)
-        && !(speed <= STOPPED)
+        && !(speed <= STOPPED_SPEED)
         && !behind
-        && (av_speed <= STOPPED || av.intersects_segment(front_left, front_right));
+        && (av_speed <= STOPPED_SPEED || av.intersects_segment(front_left, front_right));
     let [av_left, av_right, ..] = av.corners();
     Touch {
         step,

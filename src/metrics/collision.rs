@@ -6,9 +6,9 @@ use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::geometry::signed_angle_between;
 
 /// An agent or AV up to this speed is stopped, m/s (nuPlan's stopped-speed threshold; the comparison is `<=`).
-const STOPPED_SPEED: f64 = 0.05;
+pub const STOPPED_SPEED: f64 = 0.05;
 /// The AV is behind an agent from this angle between the agent's heading and the direction to the AV, degrees.
-const BEHIND_DEGREES: f64 = 150.0;
+pub const BEHIND_DEGREES: f64 = 150.0;
 
 /// Why a collision counts or not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

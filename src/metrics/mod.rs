@@ -22,7 +22,7 @@ mod ttc;
 pub use ade::Displacement;
 pub use agent_agent::{Overlaps, pair_counts};
 pub use case::{Case, LoggedTrack, Object};
-pub use collision::{Contact, Fault};
+pub use collision::{BEHIND_DEGREES, Contact, Fault, STOPPED_SPEED};
 pub use deviation::DeviationStats;
 pub use direction::{WrongWay, WrongWaySpell};
 pub use event::Event;
