@@ -1,7 +1,7 @@
 //! Step 1: scenarios in which the AV has vehicles around it.
 
 use crate::geometry::Vec2;
-use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
+use crate::scene::{AgentKind, CURRENT, FUTURE, Scenario};
 
 /// Which scenarios are worth proposing candidates for.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -46,15 +46,10 @@ impl Preselection {
     }
 }
 
-/// The logged state of an agent at a step.
-fn logged(scenario: &Scenario, agent: usize, step: usize) -> Option<AgentState> {
-    if step == 0 { Some(scenario.start.now(agent)) } else { scenario.log_future.tracks[agent][step - 1] }
-}
-
 /// Whether the centre of an agent comes that close to the logged AV's at a step.
 fn comes_within(scenario: &Scenario, agent: usize, radius: f64) -> bool {
     (0..=FUTURE).any(|step| {
-        let (av, other) = (logged(scenario, 0, step), logged(scenario, agent, step));
+        let (av, other) = (scenario.logged_at(0, CURRENT + step), scenario.logged_at(agent, CURRENT + step));
         av.zip(other).is_some_and(|(a, b)| (b.position() - a.position()).norm() <= radius)
     })
 }
@@ -72,7 +67,8 @@ fn smallest_ttc(scenario: &Scenario, agent: usize) -> f64 {
     let velocity = |i: usize, step: usize| scenario.logged_velocity(i, CURRENT + step);
     let mut smallest = f64::INFINITY;
     for step in 0..=FUTURE {
-        if let (Some(av), Some(other)) = (logged(scenario, 0, step), logged(scenario, agent, step))
+        if let (Some(av), Some(other)) =
+            (scenario.logged_at(0, CURRENT + step), scenario.logged_at(agent, CURRENT + step))
             && let (Some(va), Some(vb)) = (velocity(0, step), velocity(agent, step))
         {
             smallest = smallest.min(time_to_meet(other.position() - av.position(), vb - va, reach));

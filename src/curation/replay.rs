@@ -10,7 +10,6 @@ use crate::scene::{Agent, AgentKind, AgentState, FUTURE, HISTORY, Scenario};
 const AHEAD: f64 = 0.5;
 /// Headings within this angle lead the same way, radians.
 const ALONG: f64 = 0.8;
-
 /// Who is touched in this angle is straight ahead, radians.
 const STRAIGHT_AHEAD: f64 = 0.2;
 /// Slower than this is crawling, m/s.

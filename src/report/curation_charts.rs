@@ -4,7 +4,9 @@ mod funnel;
 mod histogram;
 mod scatter;
 
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -39,6 +41,25 @@ pub struct ChartError {
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 type Draw = fn(&Area<'_>, &Statistics) -> Drawn;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// The place of the axes and of what they span, below title and legend.
+fn layout<'a, 'b>(area: &'a Area<'b>) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
+    let mut builder = ChartBuilder::on(area);
+    builder.margin_top(98).margin_right(28).margin_bottom(12).margin_left(12);
+    builder.x_label_area_size(48).y_label_area_size(62);
+    builder
+}
+
+/// How axes, their labels and the lines between look.
+fn style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) -> Drawn {
+    mesh.label_style((FONT, 14))
+        .axis_desc_style((FONT, 15))
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(color(palette::ROAD))
+        .axis_style(color(palette::GHOST))
+        .draw()?;
+    Ok(())
+}
 
 /// All charts.
 ///

@@ -123,13 +123,18 @@ impl Scenario {
         self.start.history[agent].iter().chain(&self.log_future.tracks[agent]).copied().collect()
     }
 
+    /// The logged state of an agent at a frame; beyond the last one it is absent.
+    pub fn logged_at(&self, agent: usize, frame: usize) -> Frame {
+        match frame.checked_sub(HISTORY) {
+            None => self.start.history[agent][frame],
+            Some(k) => self.log_future.tracks[agent].get(k).copied().flatten(),
+        }
+    }
+
     /// The logged velocity of an agent at a frame, m/s: the recorded one, else the backward difference of its positions, else the forward
     /// difference (the rule of the metrics). `None` where it is absent or alone.
     pub fn logged_velocity(&self, agent: usize, frame: usize) -> Option<Vec2> {
-        let at = |f: usize| match f.checked_sub(HISTORY) {
-            None => self.start.history[agent][f],
-            Some(k) => self.log_future.tracks[agent].get(k).copied().flatten(),
-        };
+        let at = |f: usize| self.logged_at(agent, f);
         let here = at(frame)?;
         let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
         let before = || frame.checked_sub(1).and_then(at).map(|b| step(b, here));

@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::respond::respond;
-use super::traffic::{Traffic, logged_at, reaction_step};
+use super::traffic::{Traffic, reaction_step};
 use super::{AvoidanceSettings, Unavoidable, check};
 use crate::curation::{CANDIDATE_STATES, Certificate};
 use crate::metrics::{Case, pair_counts};
-use crate::scene::{AgentKind, AgentState, FUTURE, Scenario};
+use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
 
 /// How often one agent's response is looked for anew.
 const MOST_ATTEMPTS: usize = 4;
@@ -65,7 +65,8 @@ fn resolve(
     if conflicts.is_empty() {
         return Ok(Certificate::default());
     }
-    let reaction = reaction_step(settings, |k| candidate[k], |k| logged_at(scenario, 0, k)).unwrap_or(FUTURE);
+    let reaction =
+        reaction_step(settings, |k| candidate[k], |k| scenario.logged_at(0, CURRENT + k)).unwrap_or(FUTURE);
     if let Some(&(i, step)) = conflicts.iter().find(|c| c.1 <= reaction) {
         return Err(Unavoidable::TooEarly { agent: scenario.start.agents[i].id.clone(), step, reaction });
     }

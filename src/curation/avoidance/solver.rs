@@ -11,12 +11,12 @@ use super::profile::{Profile, extreme};
 use super::respond::Courtesy;
 use super::sides::{Choice, Side, combinations};
 use super::smoothest::smoothest;
-use super::traffic::{Boxes, Pair, Planned, Traffic, distance, extent, logged_at, nearer, reaction_step};
+use super::traffic::{Boxes, Pair, Planned, Traffic, distance, extent, nearer, reaction_step};
 use super::{AvoidanceSettings, Unavoidable};
 use crate::curation::Response;
 use crate::geometry::OrientedBox;
 use crate::metrics::pair_counts;
-use crate::scene::{AgentKind, AgentState, DT, FUTURE};
+use crate::scene::{AgentKind, AgentState, CURRENT, DT, FUTURE};
 
 /// Rounds of adding what a solution was found to break: time gaps ...
 const MOST_ROUNDS: usize = 4;
@@ -262,7 +262,8 @@ impl<'t> Solver<'t> {
             track,
         };
         let (scenario, agent) = (self.traffic.scenario, self.driver.agent);
-        let seen = reaction_step(self.settings, |k| response.track[k], |k| logged_at(scenario, agent, k));
+        let seen =
+            reaction_step(self.settings, |k| response.track[k], |k| scenario.logged_at(agent, CURRENT + k));
         Some(Planned { response, boxes, extent: bounds, seen: seen.map_or(FUTURE, |k| k.min(FUTURE)) })
     }
 

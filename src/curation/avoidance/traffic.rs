@@ -64,7 +64,7 @@ impl<'a> Traffic<'a> {
     pub(super) fn new(scenario: &'a Scenario, av: &'a [AgentState]) -> Self {
         let agents = &scenario.start.agents;
         let of = |i: usize| -> Boxes {
-            let state = |k: usize| if i == 0 { Some(av[k]) } else { logged_at(scenario, i, k) };
+            let state = |k: usize| if i == 0 { Some(av[k]) } else { scenario.logged_at(i, CURRENT + k) };
             (0..=FUTURE)
                 .map(|k| state(k).filter(|s| s.is_finite()).map(|s| s.footprint(&agents[i])))
                 .collect()
@@ -151,14 +151,6 @@ fn never_moves(scenario: &Scenario, agent: usize) -> bool {
     let now = scenario.start.now(agent).position();
     let frames = scenario.start.history[agent].iter().chain(&scenario.log_future.tracks[agent]);
     frames.flatten().filter(|s| s.is_finite()).all(|s| (s.position() - now).norm() < STILL)
-}
-
-/// The logged state of an agent at a step, 0 to 80.
-pub(super) fn logged_at(scenario: &Scenario, agent: usize, step: usize) -> Frame {
-    match step {
-        0 => scenario.start.history[agent][CURRENT],
-        k => scenario.log_future.tracks[agent][k - 1],
-    }
 }
 
 /// Bounds of the boxes of a track.

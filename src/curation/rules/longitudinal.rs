@@ -57,9 +57,18 @@ fn profile(
         let i = (k as usize).min(FUTURE - 1);
         log[i] + (log[i + 1] - log[i]) * (k - i as f64)
     };
-    let shape = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
-        let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT).max(0.0)).collect();
+    let sampled = |wanted: &dyn Fn(f64) -> f64| -> Vec<f64> {
+        (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT).max(0.0)).collect()
+    };
+    // Of one who looks ahead, and of one who does not.
+    let foreseen = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds = sampled(wanted);
         speeds::bound(now, &mut speeds, gain, loss);
+        speeds
+    };
+    let unforeseen = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds = sampled(wanted);
+        speeds::bound_ahead(now, &mut speeds, gain, loss);
         speeds
     };
     match kind {
@@ -68,13 +77,12 @@ fn profile(
             if top < 1.0 {
                 return Err("the AV hardly moves".into());
             }
-            let wanted = |t: f64| if t < after { logged(t) } else { 0.0 };
-            // The profile is bounded backwards, too: braking begins after the time, not before.
+            // Braking begins after the time, not before.
             let mut speed = now;
             let mut speeds = Vec::with_capacity(FUTURE);
             for k in 1..=FUTURE {
                 let t = (k as f64 - 0.5) * DT;
-                speed = if t < after { wanted(t) } else { speed.min(logged(t)).max(loss * DT) - loss * DT };
+                speed = if t < after { logged(t) } else { speed.min(logged(t)).max(loss * DT) - loss * DT };
                 speeds.push(speed);
             }
             speeds::bound_ahead(now, &mut speeds, speeds::ACCELERATION, speeds::DECELERATION);
@@ -98,7 +106,7 @@ fn profile(
             let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 4.0, 11.0).min(limit));
             let go = (slow as f64 * DT + between(stream, -1.0, 2.5)).max(0.0);
             let wanted = |t: f64| if t < go { logged(t) } else { cruise.max(logged(t)) };
-            Ok((format!("early start: after {go:.1} s to {cruise:.0} m/s"), shape(&wanted, gain, 4.0)))
+            Ok((format!("early start: after {go:.1} s to {cruise:.0} m/s"), foreseen(&wanted, gain, 4.0)))
         }
         Kind::LateStart => {
             let starts = (1..=FUTURE).find(|&k| log[k] > log[k - 1].max(0.3) && log[k - 1] < 2.0);
@@ -114,7 +122,7 @@ fn profile(
                     logged(t - late)
                 }
             };
-            Ok((format!("late start: by {late:.1} s"), shape(&wanted, 2.5, 4.0)))
+            Ok((format!("late start: by {late:.1} s"), foreseen(&wanted, 2.5, 4.0)))
         }
         Kind::LateBraking => {
             let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
@@ -130,16 +138,14 @@ fn profile(
                     logged(t).min(speed)
                 }
             };
-            let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
-            speeds::bound_ahead(now, &mut speeds, 2.5, loss);
+            let speeds = unforeseen(&wanted, 2.5, loss);
             Ok((format!("late braking: by {late:.1} s"), speeds))
         }
         Kind::Creep => {
             let (after, loss) = (between(stream, 0.0, 2.5), between(stream, 1.2, 3.5));
             let creep = between(stream, 0.8, 2.5);
             let wanted = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
-            let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
-            speeds::bound_ahead(now, &mut speeds, 1.5, loss);
+            let speeds = unforeseen(&wanted, 1.5, loss);
             Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
         }
         Kind::Dip => {
@@ -151,8 +157,7 @@ fn profile(
             let wanted = |t: f64| {
                 if t < after || t > after + lasts { logged(t) } else { share * logged(t) }
             };
-            let mut speeds: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
-            speeds::bound_ahead(now, &mut speeds, 2.0, loss);
+            let speeds = unforeseen(&wanted, 2.0, loss);
             Ok((format!("brake and go on: {loss:.1} m/s² for {lasts:.1} s after {after:.1} s"), speeds))
         }
     }

@@ -124,6 +124,21 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
     found
 }
 
+/// The lane that suits a pose best, of those within a distance (metres) and an angle (radians).
+pub(super) fn lane_along(
+    road: &Road<'_>,
+    p: Vec2,
+    heading: f64,
+    (reach, angle): (f64, f64),
+) -> Option<LaneHit> {
+    let mut hits: Vec<LaneHit> = Vec::new();
+    road.lanes_near(p, reach, &mut hits);
+    let off = |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - heading).abs();
+    let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
+    let along = hits.into_iter().filter(|h| off(h) < angle);
+    along.min_by(|a, b| cost(a).total_cmp(&cost(b)))
+}
+
 /// The way that an AV drives along a guide, from where it is.
 fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
     let now = scenario.start.now(0);
@@ -262,12 +277,7 @@ pub(super) fn beside(road: &Road<'_>, logged: &Polyline) -> Vec<f64> {
 pub(super) fn merge(scenario: &Scenario, logged: &Polyline) -> Option<Vec<f64>> {
     let road = scenario.start.road();
     let now = scenario.start.now(0);
-    let mut hits: Vec<LaneHit> = Vec::new();
-    road.lanes_near(now.position(), OWN_LANE.0, &mut hits);
-    let off =
-        |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - now.heading).abs();
-    let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
-    let own = hits.iter().filter(|h| off(h) < OWN_LANE.1).min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    let own = lane_along(&road, now.position(), now.heading, OWN_LANE)?;
     let mut points = road.lane(own.lane).baseline.points().to_vec();
     let (mut lane, mut length) = (own.lane, road.lane(own.lane).baseline.length() - own.projection.s);
     while length < logged.length() {

@@ -7,12 +7,14 @@ use crate::curation::signals::Signals;
 use crate::dynamics::{AxlePath, follow_smoothly};
 use crate::geometry::{Polyline, Vec2, wrap};
 use crate::rollout::{AvError, LoggedDrive};
-use crate::scene::{AgentState, CURRENT, DT, LaneHit, Road, Scenario};
+use crate::scene::{AgentState, CURRENT, DT, Road, Scenario};
 
 /// Corners may leave the drivable ground by this, metres: a little less than the filter allows.
 const OFF_ROAD: f64 = 0.25;
 /// Lateral acceleration that a draw may show, m/s²: a little less than the filter allows.
 const GRIP: f64 = 4.5;
+/// A lane within this distance (metres) and angle (radians) tells its speed limit.
+const UNDER: (f64, f64) = (3.0, 0.6);
 /// An AV that drives less than this in the log stands, metres.
 const STANDS: f64 = 2.0;
 /// Lateral acceleration that a candidate takes, m/s².
@@ -186,10 +188,5 @@ impl Limits {
 
 /// The speed limit of the lane at a pose, m/s, where it is told.
 fn lane_limit(road: &Road<'_>, p: Vec2, heading: f64) -> Option<f64> {
-    let mut hits: Vec<LaneHit> = Vec::new();
-    road.lanes_near(p, 3.0, &mut hits);
-    let off = |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - heading).abs();
-    let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
-    let best = hits.iter().filter(|h| off(h) < 0.6).min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
-    road.lane(best.lane).speed_limit
+    road.lane(routes::lane_along(road, p, heading, UNDER)?.lane).speed_limit
 }

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, FONT, category_color, color, legend, nothing, palette, tick, title};
+use super::{Area, Drawn, category_color, color, layout, legend, nothing, palette, style, tick, title};
 use crate::curation::stats::{Bins, Distribution, Part, Statistics};
 use crate::scene::Deviation;
 
@@ -47,27 +47,16 @@ fn stacked(
     })?;
     let highest = of(&statistics.overall).histogram.iter().copied().max().unwrap_or(0).max(1);
     let (left, right) = (bins.edge(0), bins.edge(bins.count));
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(98)
-        .margin_right(28)
-        .margin_bottom(12)
-        .margin_left(12)
-        .x_label_area_size(48)
-        .y_label_area_size(62)
-        .build_cartesian_2d(left..right, 0.0..1.06 * highest as f64)?;
-    chart
-        .configure_mesh()
-        .disable_x_mesh()
-        .x_desc(label)
-        .y_desc("Chosen candidates")
-        .y_label_formatter(&|n| if n.fract() == 0.0 { format!("{n:.0}") } else { String::new() })
-        .x_label_formatter(&tick)
-        .label_style((FONT, 14))
-        .axis_desc_style((FONT, 15))
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(color(palette::ROAD))
-        .axis_style(color(palette::GHOST))
-        .draw()?;
+    let mut chart = layout(area).build_cartesian_2d(left..right, 0.0..1.06 * highest as f64)?;
+    style(
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .x_desc(label)
+            .y_desc("Chosen candidates")
+            .y_label_formatter(&|n| if n.fract() == 0.0 { format!("{n:.0}") } else { String::new() })
+            .x_label_formatter(&tick),
+    )?;
     let gap = 0.04 * bins.width;
     let mut below = vec![0; bins.count];
     for category in Deviation::ALL {

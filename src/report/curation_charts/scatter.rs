@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, FONT, category_color, color, legend, nothing, palette, tick, title};
+use super::{Area, Drawn, category_color, color, layout, legend, nothing, palette, style, tick, title};
 use crate::curation::stats::Statistics;
 use crate::scene::Deviation;
 
@@ -29,26 +29,15 @@ pub(super) fn endpoints(area: &Area<'_>, statistics: &Statistics) -> Drawn {
         })
     })?;
     let (x, y) = (range(points.iter().map(|p| p.1.0)), range(points.iter().map(|p| p.1.1)));
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(98)
-        .margin_right(28)
-        .margin_bottom(12)
-        .margin_left(12)
-        .x_label_area_size(48)
-        .y_label_area_size(62)
-        .build_cartesian_2d(x.clone(), y.clone())?;
-    chart
-        .configure_mesh()
-        .x_desc("Longitudinal offset (m, ahead positive)")
-        .y_desc("Lateral offset (m, left positive)")
-        .x_label_formatter(&tick)
-        .y_label_formatter(&tick)
-        .label_style((FONT, 14))
-        .axis_desc_style((FONT, 15))
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(color(palette::ROAD))
-        .axis_style(color(palette::GHOST))
-        .draw()?;
+    let mut chart = layout(area).build_cartesian_2d(x.clone(), y.clone())?;
+    style(
+        chart
+            .configure_mesh()
+            .x_desc("Longitudinal offset (m, ahead positive)")
+            .y_desc("Lateral offset (m, left positive)")
+            .x_label_formatter(&tick)
+            .y_label_formatter(&tick),
+    )?;
     // The place of the log.
     let axis = color(palette::GHOST).stroke_width(1);
     chart.draw_series([
