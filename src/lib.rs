@@ -10,6 +10,7 @@ pub mod dynamics;
 pub mod formats;
 pub mod rollout;
 
+pub mod generation;
 pub mod metrics;
 
 pub mod curation;

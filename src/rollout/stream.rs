@@ -17,6 +17,10 @@ pub enum Purpose {
     Bootstrap,
     /// What a source of deviated AVs draws; the number of the candidate stands in the place of the rollout.
     Candidate,
+    /// What a generated map is drawn from; the number of the attempt stands in the place of the rollout.
+    Map,
+    /// What generated traffic is drawn from.
+    Traffic,
 }
 
 /// The stream named by seed, scenario, rollout and purpose: ChaCha8 keyed by the BLAKE3 digest of the name.

@@ -1,0 +1,87 @@
+//! Random values from a stream.
+
+use rand::RngExt;
+
+use crate::rollout::Stream;
+
+/// Draws from a [`Stream`]. Nothing here depends on the platform's mathematical library but through [`crate::geometry`].
+pub trait Draw {
+    /// Uniform between the bounds.
+    fn uniform(&mut self, low: f64, high: f64) -> f64;
+
+    /// A whole number of `low..=high`.
+    fn count(&mut self, low: usize, high: usize) -> usize;
+
+    /// Standard normal (mean 0, deviation 1).
+    fn normal(&mut self) -> f64;
+
+    /// Normal of this mean and deviation, drawn again until it lies within the bounds.
+    ///
+    /// The bounds must hold a fair share of the distribution, such as two deviations about the mean.
+    fn normal_within(&mut self, mean: f64, deviation: f64, low: f64, high: f64) -> f64 {
+        loop {
+            let value = mean + deviation * self.normal();
+            if (low..=high).contains(&value) {
+                return value;
+            }
+        }
+    }
+
+    /// True with this probability.
+    fn chance(&mut self, probability: f64) -> bool {
+        self.uniform(0.0, 1.0) < probability
+    }
+
+    /// An index, each with the probability of its weight; the last one where all weights are 0. At least one weight.
+    fn weighted(&mut self, weights: &[f64]) -> usize {
+        let mut left = self.uniform(0.0, 1.0) * weights.iter().sum::<f64>();
+        for (i, weight) in weights.iter().enumerate() {
+            if left < *weight {
+                return i;
+            }
+            left -= weight;
+        }
+        weights.len() - 1
+    }
+
+    /// One of the items, which are at least one.
+    fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
+        &items[self.count(0, items.len() - 1)]
+    }
+}
+
+impl Draw for Stream {
+    fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.random::<f64>()
+    }
+
+    fn count(&mut self, low: usize, high: usize) -> usize {
+        self.random_range(low..=high)
+    }
+
+    fn normal(&mut self) -> f64 {
+        // Irwin-Hall: the sum of twelve uniform values is near enough to normal, bounded (6 deviations), and exact arithmetic.
+        (0..12).map(|_| self.random::<f64>()).sum::<f64>() - 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rollout::{Purpose, stream};
+
+    #[test]
+    fn normal_has_mean_and_deviation() {
+        let mut rng = stream(0, "draw", 0, Purpose::Begin);
+        let values: Vec<f64> = (0..20_000).map(|_| rng.normal()).collect();
+        let mean = values.iter().sum::<f64>() / 20_000.0;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 20_000.0;
+        assert!(mean.abs() < 0.03 && (variance - 1.0).abs() < 0.04, "{mean} {variance}");
+    }
+
+    #[test]
+    fn weights_decide() {
+        let mut rng = stream(0, "draw", 1, Purpose::Begin);
+        assert!((0..100).all(|_| rng.weighted(&[0.0, 2.0, 0.0]) == 1));
+    }
+}

@@ -1,0 +1,128 @@
+//! From settings and a number to a scenario: a map, traffic on it, one of its drivers as the AV.
+
+use super::traffic::Recording;
+use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, maps, traffic};
+use crate::geometry::Vec2;
+use crate::rollout::{Purpose, Stream, stream};
+use crate::scene::{
+    CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
+};
+
+/// Maps and traffic that are drawn until one of the drivers can be the AV.
+const ATTEMPTS: u32 = 40;
+/// Agents who stay farther than this from the AV are not recorded, as a sensor would not see them, metres.
+const RANGE: f64 = 100.0;
+/// Positions, headings and velocities are rounded to multiples of these (powers of two): finer than any sensor, and files stay small.
+const POSITION_STEP: f64 = 1.0 / 8192.0;
+const HEADING_STEP: f64 = 1.0 / 16384.0;
+const VELOCITY_STEP: f64 = 1.0 / 4096.0;
+
+/// Makes the scenario of this number.
+pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Scenario, GenerationError> {
+    let id = format!("{}-{}-{number:06}", settings.preset.name(), settings.seed);
+    for attempt in 0..ATTEMPTS {
+        let mut rng = stream(settings.seed, &id, attempt, Purpose::Map);
+        let layout = draw_layout(settings, number, &mut rng);
+        let density = settings.density.unwrap_or_else(|| draw_density(settings.preset, &mut rng));
+        let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
+        let recording = traffic::record(&layout, density, &mut rng);
+        if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
+            return Ok(Scenario::assemble(parts(id, layout, &recording, av))?);
+        }
+    }
+    Err(GenerationError::Fruitless { id, attempts: ATTEMPTS })
+}
+
+/// Benchmarks take the map types in turn, so that all are there; training sets by weight.
+fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> Layout {
+    let allowed: Vec<&maps::MapType> = maps::MAP_TYPES
+        .iter()
+        .filter(|m| settings.maps.is_empty() || settings.maps.iter().any(|name| name == m.id))
+        .collect();
+    let which = match settings.preset {
+        Preset::Bench => (number % allowed.len() as u64) as usize,
+        Preset::Train => rng.weighted(&allowed.iter().map(|m| m.weight).collect::<Vec<_>>()),
+    };
+    (allowed[which].draw)(rng)
+}
+
+/// From next to nobody to a queue that grows; benchmarks are never empty.
+fn draw_density(preset: Preset, rng: &mut Stream) -> f64 {
+    match preset {
+        Preset::Bench => rng.uniform(0.5, 1.3),
+        Preset::Train => rng.uniform(0.05, 1.3),
+    }
+}
+
+/// The driver who is the AV. Of those who may be: for benchmarks one who moves and has others around.
+fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<usize> {
+    let weight = |&i: &usize| {
+        let track = &recording.agents[i].1;
+        let (Some(first), Some(last)) = (track[CURRENT], track[FRAMES - 1]) else { return 0.0 };
+        let way = (last.position() - first.position()).norm();
+        let near = recording
+            .agents
+            .iter()
+            .filter(|(_, t)| t[CURRENT].is_some_and(|s| (s.position() - first.position()).norm() < 40.0));
+        match preset {
+            Preset::Bench if way < 10.0 => 0.0,
+            Preset::Bench => near.count().saturating_sub(1) as f64,
+            Preset::Train => 1.0,
+        }
+    };
+    let weights: Vec<f64> = recording.drivers.iter().map(weight).collect();
+    if weights.iter().sum::<f64>() > 0.0 { Some(recording.drivers[rng.weighted(&weights)]) } else { None }
+}
+
+fn parts(id: String, layout: Layout, recording: &Recording, av: usize) -> ScenarioParts {
+    let lights = layout.signals.iter().zip(&recording.lights);
+    let kept = kept(recording, av);
+    ScenarioParts {
+        id,
+        source: format!("generated/{}", layout.kind),
+        origin: None,
+        timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
+        av: 0,
+        agents: kept.into_iter().map(|i| rounded(&recording.agents[i])).collect(),
+        lights: lights
+            .map(|(plan, states)| LightParts {
+                lane: plan.lane.clone(),
+                stop_point: plan.stop_point,
+                states: states.iter().copied().map(Some).collect(),
+            })
+            .collect(),
+        map: layout.map,
+        ..ScenarioParts::default()
+    }
+}
+
+/// The AV, then who comes near it: of those present now the nearest who can take part, and those who come later.
+fn kept(recording: &Recording, av: usize) -> Vec<usize> {
+    let position = |i: usize, f: usize| recording.agents[i].1[f].map(|s| s.position());
+    let distance = |i: usize, f: usize| Some((position(i, f)? - position(av, f)?).norm());
+    let nearest = |i: usize| (0..FRAMES).filter_map(|f| distance(i, f)).fold(f64::INFINITY, f64::min);
+    let others = (0..recording.agents.len()).filter(|&i| i != av && nearest(i) <= RANGE);
+    let (mut now, mut later): (Vec<usize>, Vec<usize>) =
+        others.partition(|&i| recording.agents[i].1[CURRENT].is_some());
+    now.sort_by(|&a, &b| {
+        let key = |i| distance(i, CURRENT).unwrap_or(f64::INFINITY);
+        key(a).total_cmp(&key(b)).then(a.cmp(&b))
+    });
+    now.truncate(MAX_AGENTS - 1);
+    later.retain(|&i| recording.agents[i].1[HISTORY..].iter().any(Option::is_some));
+    [vec![av], now, later].concat()
+}
+
+fn rounded((agent, track): &(crate::scene::Agent, Vec<Frame>)) -> LoggedAgent {
+    let to = |value: f64, step: f64| (value / step).round() * step;
+    let round = |state: &Frame| {
+        state.map(|mut s| {
+            let p = Vec2::new(to(s.x, POSITION_STEP), to(s.y, POSITION_STEP));
+            (s.x, s.y) = (p.x, p.y);
+            s.heading = to(s.heading, HEADING_STEP);
+            (s.vx, s.vy) = (to(s.vx, VELOCITY_STEP), to(s.vy, VELOCITY_STEP));
+            s
+        })
+    };
+    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect() }
+}
