@@ -65,6 +65,28 @@ impl Draw for Stream {
     }
 }
 
+/// Exponential of mean 1 (von Neumann 1951: comparisons of uniform values only, no logarithm).
+pub(super) fn exponential(rng: &mut Stream) -> f64 {
+    let mut whole = 0.0;
+    loop {
+        let first: f64 = rng.random();
+        let mut last = first;
+        let mut odd = true;
+        loop {
+            let next: f64 = rng.random();
+            if next > last {
+                break;
+            }
+            last = next;
+            odd = !odd;
+        }
+        if odd {
+            return whole + first;
+        }
+        whole += 1.0;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,6 +99,15 @@ mod tests {
         let mean = values.iter().sum::<f64>() / 20_000.0;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 20_000.0;
         assert!(mean.abs() < 0.03 && (variance - 1.0).abs() < 0.04, "{mean} {variance}");
+    }
+
+    #[test]
+    fn exponential_has_mean_and_deviation() {
+        let mut rng = stream(0, "draw", 2, Purpose::Begin);
+        let values: Vec<f64> = (0..20_000).map(|_| exponential(&mut rng)).collect();
+        let mean = values.iter().sum::<f64>() / 20_000.0;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 20_000.0;
+        assert!((mean - 1.0).abs() < 0.03 && (variance - 1.0).abs() < 0.08, "{mean} {variance}");
     }
 
     #[test]

@@ -1,23 +1,17 @@
-//! Microscopic traffic on a generated map.
+//! Microscopic traffic on a generated map: individual drivers with their own parameters, car following with reaction times and errors of
+//! perception (Gipps), lane changes (MOBIL), gap acceptance, lights and signs. Sources of models and parameters: `src/generation/README.md`.
 
-use super::Layout;
-use crate::rollout::Stream;
-use crate::scene::{Agent, Frame, LightState};
+mod arrivals;
+mod changing;
+mod driver;
+mod fleet;
+mod following;
+mod lists;
+mod network;
+mod recording;
+mod routes;
+mod vehicle;
+mod world;
+mod yielding;
 
-/// What is recorded of traffic: 91 frames at 10 Hz.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Recording {
-    /// Everybody who was there at some frame, with 91 frames each.
-    pub agents: Vec<(Agent, Vec<Frame>)>,
-    /// Per signal plan of the layout, what it showed at each frame.
-    pub lights: Vec<Vec<LightState>>,
-    /// Indices into `agents` of the drivers who may be taken for the AV: there at every frame, not parked.
-    pub drivers: Vec<usize>,
-}
-
-/// Lets traffic run on a map until it has settled, then records it.
-///
-/// `density` is the multiple of the entries' flows. The result depends on the arguments only.
-pub fn record(_layout: &Layout, _density: f64, _rng: &mut Stream) -> Recording {
-    Recording::default()
-}
+pub use recording::{Recording, record};

@@ -1,0 +1,265 @@
+//! Traffic from one step to the next.
+
+use super::arrivals::{self, Arrivals};
+use super::changing::{self, Wish};
+use super::following::Leader;
+use super::lists::Lists;
+use super::network::Network;
+use super::routes::Routes;
+use super::vehicle::Vehicle;
+use super::yielding::{Notes, Sight, Walker};
+use crate::generation::Layout;
+use crate::rollout::Stream;
+use crate::scene::LightState;
+
+/// Drivers decide every 0.1 s; the motion goes on in halves of that.
+pub(super) const DECISION: f64 = 0.1;
+const MOTIONS: usize = 2;
+/// Lane changes are weighed every so many decisions, and how long after a change not at all, s.
+const WEIGH_EVERY: u32 = 5;
+const REST: f64 = 4.0;
+/// Braking to let somebody in, m/s², times what the politeness allows.
+const LET_IN: f64 = 1.2;
+
+/// A map with its traffic.
+pub(super) struct World<'a> {
+    layout: &'a Layout,
+    pub(super) network: Network,
+    routes: Routes,
+    arrivals: Arrivals,
+    pub(super) vehicles: Vec<Vehicle>,
+    lists: Lists,
+    lights: Vec<LightState>,
+    walkers: Vec<Walker>,
+    pub(super) time: f64,
+    tick: u32,
+    rng: Stream,
+}
+
+/// What one driver has decided.
+struct Decision {
+    acceleration: f64,
+    held: Option<usize>,
+    notes: Notes,
+    wish: Wish,
+}
+
+impl<'a> World<'a> {
+    /// A map with vehicles on it.
+    pub(super) fn new(layout: &'a Layout, density: f64, mut rng: Stream) -> Self {
+        let network = Network::new(layout);
+        let routes = Routes::new(&network);
+        let mut arrivals = Arrivals::new(&network, layout, density, &mut rng);
+        let vehicles = arrivals.fill(&network, &routes, &mut rng);
+        let mut world = Self {
+            layout,
+            network,
+            routes,
+            arrivals,
+            vehicles,
+            lists: Lists::default(),
+            lights: Vec::new(),
+            walkers: Vec::new(),
+            time: 0.0,
+            tick: 0,
+            rng,
+        };
+        world.look();
+        world
+    }
+
+    /// What the signal plans show now.
+    pub(super) fn lights(&self) -> &[LightState] {
+        &self.lights
+    }
+
+    /// One decision of everybody, and the motion until the next.
+    pub(super) fn step(&mut self) {
+        let decisions: Vec<Decision> = (0..self.vehicles.len()).map(|i| self.decide(i)).collect();
+        let mut accelerations: Vec<f64> = decisions.iter().map(|d| d.acceleration).collect();
+        for (i, decision) in decisions.iter().enumerate() {
+            self.note(i, decision);
+            match decision.wish {
+                Wish::Stay => {}
+                Wish::Change(ref to) => self.change(i, to.way, to.s),
+                Wish::LetIn { way, s } => self.let_in(i, way, s, &mut accelerations),
+            }
+        }
+        for (v, &acceleration) in self.vehicles.iter_mut().zip(&accelerations) {
+            v.drift(DECISION, &mut self.rng);
+            for _ in 0..MOTIONS {
+                v.advance(&self.network, acceleration, DECISION / MOTIONS as f64);
+            }
+        }
+        self.time += DECISION;
+        self.tick += 1;
+        self.come_and_go();
+        self.look();
+    }
+
+    /// Takes note of where everybody is and what the lights show.
+    fn look(&mut self) {
+        let time = self.time;
+        self.lights = self.layout.signals.iter().map(|s| s.at(time).unwrap_or(LightState::Unknown)).collect();
+        self.lists.update(&self.network, &self.vehicles);
+    }
+
+    fn decide(&mut self, i: usize) -> Decision {
+        let ahead = {
+            let v = &self.vehicles[i];
+            self.lists.leader(&self.network, &self.vehicles, &v.path, (i, v.s, v.body.length))
+        };
+        let seen = self.vehicles[i].perceive(ahead.map(|a| a.0), DECISION);
+        let sight = Sight {
+            network: &self.network,
+            vehicles: &self.vehicles,
+            lists: &self.lists,
+            lights: &self.lights,
+            walkers: &self.walkers,
+            time: self.time,
+        };
+        let (wait, notes) = sight.wait(i);
+        let v = &self.vehicles[i];
+        let mut acceleration = self.unhindered(v);
+        if let Some(leader) = seen {
+            acceleration = acceleration.min(v.driver.behind(v.speed, leader));
+        }
+        if let Some(wait) = wait {
+            acceleration = acceleration.min(v.driver.stop_in(v.speed, wait.distance));
+        }
+        let weighs = (v.id + self.tick).is_multiple_of(WEIGH_EVERY)
+            && v.change.is_none()
+            && self.time - v.changed_at > REST
+            && !self.network.ways[v.path[0]].connector;
+        let wish = if weighs {
+            let map = (&self.network, &self.routes, &self.lists);
+            changing::weigh(map, &self.vehicles, i, acceleration)
+        } else {
+            Wish::Stay
+        };
+        Decision { acceleration, held: wait.and_then(|w| w.way), notes, wish }
+    }
+
+    /// Acceleration on an empty road: speed limits and bends.
+    fn unhindered(&self, v: &Vehicle) -> f64 {
+        let way = &self.network.ways[v.path[0]];
+        let wanted = (v.driver.haste * way.limit).min(v.driver.top);
+        let here = wanted.min(v.driver.in_bend(way.bend_at(v.s)));
+        let mut acceleration = v.driver.free(v.speed, here);
+        let comfortable = 0.8 * v.driver.braking;
+        let horizon = v.speed * v.speed / (2.0 * comfortable) + 8.0;
+        let mut start = 0.0;
+        for (k, &w) in v.path.iter().enumerate() {
+            let way = &self.network.ways[w];
+            if start - v.s > horizon {
+                break;
+            }
+            if k > 0 {
+                let limit = (v.driver.haste * way.limit).min(v.driver.top);
+                if limit < v.speed {
+                    acceleration = acceleration.min(v.driver.for_limit(v.speed, limit, start - v.s));
+                }
+            }
+            if !way.is_straight() {
+                let mut s = (v.s - start).max(0.0);
+                while s < way.length && s + start - v.s < horizon {
+                    let limit = v.driver.in_bend(way.bend_at(s));
+                    let distance = s + start - v.s;
+                    if limit < v.speed + 1.0 && distance > 0.5 {
+                        let needed = v.driver.for_limit(v.speed, limit, distance);
+                        if needed < -0.5 * comfortable || distance < 10.0 {
+                            acceleration = acceleration.min(needed);
+                        }
+                    }
+                    s += 2.0;
+                }
+            }
+            start += way.length;
+        }
+        acceleration.max(-2.0 * comfortable)
+    }
+
+    fn note(&mut self, i: usize, decision: &Decision) {
+        let time = self.time;
+        let v = &mut self.vehicles[i];
+        v.held = decision.held;
+        v.passes_yellow = decision.notes.passes_yellow;
+        if let Some(way) = decision.notes.stands_at_sign
+            && v.stopped.is_none_or(|s| s.0 != way)
+        {
+            v.stopped = Some((way, time));
+        }
+        if v.stopped.is_some_and(|(way, _)| !v.path.contains(&way)) {
+            v.stopped = None;
+        }
+        if v.speed > 0.3 {
+            v.standing_since = f64::INFINITY;
+        } else if v.standing_since.is_infinite() {
+            v.standing_since = time;
+        }
+    }
+
+    fn change(&mut self, i: usize, way: usize, s: f64) {
+        let path = arrivals::path_from(&self.network, &self.routes, self.vehicles[i].goal, way);
+        let (time, v) = (self.time, &mut self.vehicles[i]);
+        let found = self.network.ways[way].line.project(v.pose().position);
+        // Two may have decided for the same room at once: the list of those who are there knows only the first.
+        let taken = self.lists.on(way).iter().any(|&(at, j)| j != i && (at - s).abs() < 2.0);
+        if !taken {
+            v.begin_change(found.s, found.offset, path);
+            v.changed_at = time;
+            self.lists.update(&self.network, &self.vehicles);
+        }
+    }
+
+    /// Who is behind on the lane that somebody must change to leaves room for it.
+    fn let_in(&self, i: usize, way: usize, s: f64, accelerations: &mut [f64]) {
+        let v = &self.vehicles[i];
+        if let Some((at, j)) = self.lists.last_before(way, s - 1.0, i) {
+            let f = &self.vehicles[j];
+            let gap = s - at - 0.5 * (v.body.length + f.body.length);
+            let wished = f.driver.behind(f.speed, Leader { gap, speed: v.speed });
+            accelerations[j] = accelerations[j].min(wished.max(-LET_IN * (0.5 + f.driver.politeness)));
+        }
+        // And who wants in falls in behind the one who is ahead there.
+        if let Some((at, j)) = self.lists.first_after(way, s - 1.0, i) {
+            let l = &self.vehicles[j];
+            let gap = at - s - 0.5 * (v.body.length + l.body.length);
+            let wished = v.driver.behind(v.speed, Leader { gap: gap.max(0.5), speed: l.speed });
+            accelerations[i] = accelerations[i].min(wished.max(-LET_IN));
+        }
+    }
+
+    fn come_and_go(&mut self) {
+        let (network, routes) = (&self.network, &self.routes);
+        for v in &mut self.vehicles {
+            let last = v.path[v.path.len() - 1];
+            if v.path.len() < 3 && !network.ways[last].next.is_empty() || v.path.len() < 2 {
+                arrivals::extend(network, routes, v.goal, &mut v.path);
+                if v.path.len() == 1
+                    && v.s > network.ways[last].length - 15.0
+                    && !network.ways[last].next.is_empty()
+                {
+                    // Too late for the lane that leads to the goal: it goes where this one leads.
+                    if let Some(goal) = routes.draw_goal_from(network, last, &mut self.rng) {
+                        v.goal = goal;
+                        arrivals::extend(network, routes, v.goal, &mut v.path);
+                    }
+                }
+            }
+        }
+        self.vehicles.retain(|v| v.path.len() > 1 || v.s < network.ways[v.path[0]].length);
+        let lists = |way: usize| {
+            let mut last: Option<(f64, f64)> = None;
+            for v in self.vehicles.iter().filter(|v| v.path[0] == way) {
+                let end = v.s - 0.5 * v.body.length;
+                if last.is_none_or(|l| end < l.0) {
+                    last = Some((end, v.speed));
+                }
+            }
+            last
+        };
+        let new = self.arrivals.step((network, routes), self.time, lists, &mut self.rng);
+        self.vehicles.extend(new);
+    }
+}
