@@ -63,7 +63,7 @@ impl Driver {
             wandering: rng.uniform(0.05, 0.2),
             noise: (0.2, 0.03),
             change_time: rng.normal_within(4.5, 1.0, 2.8, 7.0),
-            preview: (rng.uniform(2.6, 3.6), rng.uniform(0.45, 0.7)),
+            preview: (rng.uniform(2.6, 3.4), rng.uniform(0.7, 0.95)),
         }
     }
 

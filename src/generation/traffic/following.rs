@@ -106,7 +106,7 @@ mod tests {
             x += v * 0.1;
             assert!(x < ahead, "collision");
         }
-        assert!(v == 0.0 && ahead - x < driver.gap + 3.0, "{v} {}", ahead - x);
+        assert!(v < 1e-3 && ahead - x < driver.gap + 3.0, "{v} {}", ahead - x);
         assert!(hardest > -HARDEST, "{hardest}");
     }
 

@@ -16,8 +16,8 @@ const URGENT_JERK: f64 = 20.0;
 /// From this braking on it is urgent, m/s².
 const URGENT: f64 = 3.2;
 /// How fast the wheel is turned: change of the curvature, 1/m per second; and lateral jerk, m/s³.
-const STEERING: f64 = 0.16;
-const LATERAL_JERK: f64 = 3.0;
+const STEERING: f64 = 0.22;
+const LATERAL_JERK: f64 = 6.0;
 /// Observations that are remembered, one per decision.
 const MEMORY: usize = 8;
 /// How long errors of perception and of lane keeping last, s.

@@ -263,3 +263,35 @@ impl<'a> World<'a> {
         self.vehicles.extend(new);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generation::maps::MAP_TYPES;
+    use crate::rollout::{Purpose, stream};
+
+    /// On every map type nobody loses the way, and nobody stands for ever.
+    #[test]
+    fn drivers_stay_on_their_ways() {
+        for kind in MAP_TYPES {
+            for seed in 0..4 {
+                let layout = (kind.draw)(&mut stream(seed, kind.id, 0, Purpose::Map));
+                let mut world = World::new(&layout, 1.0, stream(seed, kind.id, 0, Purpose::Traffic));
+                for _ in 0..900 {
+                    world.step();
+                    for v in &world.vehicles {
+                        let way = &world.network.ways[v.path[0]];
+                        let astray = v.change.is_none() && v.offset.abs() > way.half_width + 0.3;
+                        assert!(
+                            !astray,
+                            "{} seed {seed} time {:.1}: vehicle {} is {:.1} m beside {} at {:.1} of {:.1}, {:.1} m/s",
+                            kind.id, world.time, v.id, v.offset, layout.map.lanes[v.path[0]].id, v.s, way.length, v.speed
+                        );
+                        let stands = world.time - v.standing_since;
+                        assert!(stands < 120.0, "{} seed {seed}: vehicle {} stands for ever", kind.id, v.id);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -10,6 +10,8 @@ use crate::scene::LightState;
 
 /// Who would have to brake harder than this for a light that turns yellow goes on, m/s² (ITE: 3.05 m/s² for the yellow interval).
 const FOR_YELLOW: f64 = 3.0;
+/// Who would not be over the line within this time stops for a yellow light, s: it is the shortest yellow.
+const YELLOW_LEFT: f64 = 2.8;
 /// Nobody brakes harder than this for a line or for people who might step out, m/s²: it is too late then.
 const FOR_LINE: f64 = 4.5;
 /// How near the line one must have stopped, metres, and how slow that is, m/s.
@@ -126,8 +128,7 @@ impl Sight<'_> {
     fn light_stops(&self, v: &Vehicle, way: usize, line: f64, notes: &mut Notes) -> bool {
         let Some(light) = self.light(way) else { return false };
         if light.is_red() {
-            // Who has decided to pass goes on through the first moment of red.
-            return notes.passes_yellow != Some(way) || v.speed < 3.0;
+            return true;
         }
         if !light.is_yellow() {
             notes.passes_yellow = None;
@@ -138,12 +139,12 @@ impl Sight<'_> {
         }
         let room = (line - 0.5).max(0.1);
         // The reaction takes its time too.
-        let can_stop =
-            v.speed < 2.0 || v.speed * v.speed / (2.0 * (room - 0.4 * v.speed).max(0.1)) < FOR_YELLOW;
-        if !can_stop {
+        let can_stop = v.speed * v.speed / (2.0 * (room - 0.4 * v.speed).max(0.1)) < FOR_YELLOW;
+        let in_time = line < YELLOW_LEFT * v.speed;
+        if !can_stop && in_time {
             notes.passes_yellow = Some(way);
         }
-        can_stop
+        can_stop || !in_time
     }
 
     fn sign_stops(&self, v: &Vehicle, way: usize, line: f64, notes: &mut Notes) -> bool {
