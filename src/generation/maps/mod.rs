@@ -1,6 +1,10 @@
 //! Generated road maps: parametric, random within engineering ranges, checked.
 
 pub mod build;
+mod lanes;
+mod motorway;
+mod plain;
+mod ranges;
 
 use super::Layout;
 use crate::rollout::Stream;
@@ -18,4 +22,14 @@ pub struct MapType {
 }
 
 /// All map types.
-pub const MAP_TYPES: &[MapType] = &[];
+#[rustfmt::skip]
+pub const MAP_TYPES: &[MapType] = &[
+    MapType { id: "straight-road", title: "straight road of several lanes", weight: 3.0, draw: plain::straight },
+    MapType { id: "curved-road", title: "winding road of several lanes", weight: 3.0, draw: plain::curved },
+    MapType { id: "narrow-street", title: "narrow street between parked cars", weight: 2.0, draw: plain::narrow },
+    MapType { id: "lane-drop", title: "road on which the rightmost lane ends", weight: 1.0, draw: lanes::dropped },
+    MapType { id: "lane-addition", title: "road on which a lane begins on the right", weight: 1.0, draw: lanes::added },
+    MapType { id: "on-ramp", title: "on-ramp with an acceleration lane", weight: 1.0, draw: motorway::on_ramp },
+    MapType { id: "off-ramp", title: "off-ramp with a deceleration lane", weight: 1.0, draw: motorway::off_ramp },
+    MapType { id: "weaving", title: "weaving section between two ramps", weight: 1.0, draw: motorway::weaving },
+];

@@ -2,7 +2,7 @@
 
 use super::lanes::{LaneRef, Spec};
 use super::path::{Path, Station};
-use super::{MARGIN, MapBuilder, OVERHANG, Profile};
+use super::{MapBuilder, OVERHANG, Profile};
 use crate::generation::{Draw, ParkingSpot};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;
@@ -47,7 +47,7 @@ pub struct Side {
     pub bike: Option<f64>,
     /// Width of a parking strip, metres.
     pub parking: Option<f64>,
-    /// From the outermost of these to the edge of the ground, metres; at least [`MARGIN`].
+    /// From the outermost of these to the edge of the ground, metres; at least [`super::MARGIN`].
     pub shoulder: f64,
     /// A pavement.
     pub pavement: Option<Pavement>,
@@ -63,8 +63,10 @@ impl Side {
 /// What lies between the directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Median {
-    /// From lane to lane, metres: of raised medians more than two [`MARGIN`]s.
+    /// From lane to lane, metres: of raised medians more than two shoulders. Of no meaning for one-way roads.
     pub width: f64,
+    /// Ground beside the innermost lanes of roads with a raised median and of one-way roads, metres, at least [`super::MARGIN`].
+    pub shoulder: f64,
     /// Whether it is an island, not paint.
     pub raised: bool,
 }
@@ -80,7 +82,7 @@ pub struct Section {
     pub forward: Side,
     /// Lanes against it, of two-way roads.
     pub backward: Option<Side>,
-    /// Between the directions. Of one-way roads half of its width is the shoulder on the left of the reference line.
+    /// Between the directions; of one-way roads on the left of the lanes, which begin at the reference line.
     pub median: Median,
 }
 
@@ -98,6 +100,22 @@ pub struct RoadLanes {
 }
 
 impl RoadLanes {
+    /// Links the lanes of successive stretches, by number from the middle outwards, where both have them.
+    pub fn link(&self, b: &mut MapBuilder, next: &Self) {
+        for (&here, &there) in self.forward.iter().zip(&next.forward) {
+            b.link(here, there);
+        }
+        for (&here, &there) in self.backward.iter().zip(&next.backward) {
+            b.link(there, here);
+        }
+        if let (Some(here), Some(there)) = (self.forward_bike, next.forward_bike) {
+            b.link(here, there);
+        }
+        if let (Some(here), Some(there)) = (self.backward_bike, next.backward_bike) {
+            b.link(there, here);
+        }
+    }
+
     /// The lanes of a direction, from the middle outwards.
     pub fn of(&self, way: Way) -> &[LaneRef] {
         match way {
@@ -115,8 +133,14 @@ impl RoadLanes {
     }
 }
 
-/// Longest distance of points on lanes, metres.
+/// Codes of paint.
+const BROKEN_WHITE: u8 = 1;
+const SOLID_WHITE: u8 = 2;
+const SOLID_YELLOW: u8 = 6;
+const DOUBLE_YELLOW: u8 = 7;
+/// Longest distance of points on lanes, metres, and where offsets change.
 const LONGEST: f64 = 5.0;
+const TAPER: f64 = 2.0;
 /// Cyclists are not held to more than this, m/s.
 const BIKE_SPEED: f64 = 8.0;
 /// How far parked vehicles stand from the lane and from the kerb, metres.
@@ -181,7 +205,7 @@ impl Road {
     pub fn kerb(&self, way: Way) -> f64 {
         match self.side(way) {
             Some(side) => self.parking_edge(way) + way.sign() * (side.parking.unwrap_or(0.0) + side.shoulder),
-            None => 0.5 * self.section.median.width,
+            None => self.section.median.shoulder,
         }
     }
 
@@ -191,14 +215,27 @@ impl Road {
         self.kerb(way) + way.sign() * beyond
     }
 
+    /// Half the width of the lanes of a direction, metres.
+    pub fn lane_half(&self, way: Way) -> f64 {
+        self.side(way).map_or(0.0, |s| 0.5 * s.lane_width)
+    }
+
     /// The places of the path that the lanes from `from` to `to` have points at.
     pub fn stations(&self, from: f64, to: f64) -> Vec<Station> {
         self.path.stations(from, to, LONGEST)
     }
 
+    /// The same, dense enough for offsets that change.
+    pub fn taper_stations(&self, from: f64, to: f64) -> Vec<Station> {
+        self.path.stations(from, to, TAPER)
+    }
+
     /// A line beside the path, in driving direction of `way`.
-    pub fn line(&self, way: Way, offset: f64, from: f64, to: f64) -> Vec<Vec2> {
-        let mut points: Vec<Vec2> = self.stations(from, to).iter().map(|p| p.aside(offset)).collect();
+    pub fn line(&self, way: Way, offset: impl Into<Profile>, from: f64, to: f64) -> Vec<Vec2> {
+        let offset = offset.into();
+        let longest = if offset.changes_within(from, to) { TAPER } else { LONGEST };
+        let stations = self.path.stations(from, to, longest);
+        let mut points: Vec<Vec2> = stations.iter().map(|p| p.aside(offset.at(p.s))).collect();
         if way == Way::Backward {
             points.reverse();
         }
@@ -261,7 +298,7 @@ impl Road {
         let (right, left) = (self.kerb(Way::Forward), self.kerb(Way::Backward));
         let median = self.section.median;
         if self.section.backward.is_some() && median.raised {
-            let half = 0.5 * median.width - MARGIN - 0.1;
+            let half = 0.5 * median.width - median.shoulder;
             self.slab(b, (right, -half), from, to, border);
             self.slab(b, (half, left), from, to, border);
         } else {
@@ -271,27 +308,51 @@ impl Road {
 
     /// Ground between two offsets (right, left), as in [`Self::surface`].
     pub fn slab(&self, b: &mut MapBuilder, offsets: (f64, f64), from: f64, to: f64, border: (bool, bool)) {
+        self.band(b, &offsets.0.into(), &offsets.1.into(), from, to, border);
+    }
+
+    /// Ground between two edges (right, left) whose offsets change along the road, as in [`Self::surface`].
+    pub fn band(
+        &self,
+        b: &mut MapBuilder,
+        right: &Profile,
+        left: &Profile,
+        from: f64,
+        to: f64,
+        border: (bool, bool),
+    ) {
         let reach = |open: bool| if open { OVERHANG } else { 0.3 };
         let (first, last) = (from - reach(border.0), to + reach(border.1));
-        let stations = self.stations(first, last);
-        let mut ring: Vec<Vec2> = stations.iter().map(|p| p.aside(offsets.0)).collect();
-        ring.extend(stations.iter().rev().map(|p| p.aside(offsets.1)));
+        let tapers = right.changes_within(first, last) || left.changes_within(first, last);
+        let stations = if tapers { self.taper_stations(first, last) } else { self.stations(first, last) };
+        let mut ring: Vec<Vec2> = stations.iter().map(|p| p.aside(right.at(p.s))).collect();
+        ring.extend(stations.iter().rev().map(|p| p.aside(left.at(p.s))));
         b.ground(ring);
         for (open, s) in [(border.0, first), (border.1, last)] {
             if open {
                 let at = self.path.at(s);
-                b.gate(at.aside(offsets.0), at.aside(offsets.1));
+                b.gate(at.aside(right.at(s)), at.aside(left.at(s)));
             }
         }
     }
 
     /// Lane lines, the line in the middle, and edge lines where there is a bicycle lane, a parking strip or a motorway.
     pub fn lines(&self, b: &mut MapBuilder, from: f64, to: f64) {
-        const BROKEN_WHITE: u8 = 1;
-        const SOLID_WHITE: u8 = 2;
-        const SOLID_YELLOW: u8 = 6;
-        const DOUBLE_YELLOW: u8 = 7;
+        self.inner_lines(b, from, to);
+        if let Some(edge) = self.edge_paint(Way::Forward) {
+            b.paint(edge, self.line(Way::Forward, self.lanes_edge(Way::Forward), from, to));
+        }
+    }
+
+    /// The paint at the outer border of a direction's lanes.
+    fn edge_paint(&self, way: Way) -> Option<u8> {
+        let side = self.side(way)?;
         let freeway = self.section.class == LaneClass::Freeway;
+        (side.bike.is_some() || side.parking.is_some() || freeway).then_some(SOLID_WHITE)
+    }
+
+    /// As [`Self::lines`], but without the edge line on the right of the lanes along the path, for roads whose edge changes.
+    pub fn inner_lines(&self, b: &mut MapBuilder, from: f64, to: f64) {
         let two_way = self.section.backward.is_some();
         let wide = self.section.median.width > 0.8;
         if two_way && !wide {
@@ -306,8 +367,10 @@ impl Road {
                 let between = 0.5 * (self.lane_offset(way, i - 1) + self.lane_offset(way, i));
                 b.paint(BROKEN_WHITE, self.line(way, between, from, to));
             }
-            if side.bike.is_some() || side.parking.is_some() || freeway {
-                b.paint(SOLID_WHITE, self.line(way, self.lanes_edge(way), from, to));
+            if way == Way::Backward
+                && let Some(edge) = self.edge_paint(way)
+            {
+                b.paint(edge, self.line(way, self.lanes_edge(way), from, to));
             }
             if side.bike.is_some() && side.parking.is_some() {
                 b.paint(SOLID_WHITE, self.line(way, self.parking_edge(way), from, to));

@@ -19,7 +19,7 @@ fn road() -> Road {
         speed: mph(30.0),
         forward: side,
         backward: Some(Side { lanes: 1, ..side }),
-        median: Median { width: 0.2, raised: false },
+        median: Median { width: 0.2, shoulder: 0.5, raised: false },
     };
     let bend = Piece::bend(0.9, 70.0, 0.5);
     let path = Path::new(&[&[Piece::straight(60.0)], &bend[..], &[Piece::straight(60.0)]].concat());
@@ -34,10 +34,7 @@ fn a_road_becomes_a_layout() {
     let end = road.path.length();
     let first = road.lay(&mut b, "a", 0.0, 80.0, (true, false));
     let second = road.lay(&mut b, "b", 80.0, end, (false, true));
-    for (&from, &to) in first.forward.iter().zip(&second.forward) {
-        b.link(from, to);
-    }
-    b.link(second.backward[0], first.backward[0]);
+    first.link(&mut b, &second);
     let mut rng = stream(0, "road", 0, Purpose::Map);
     road.parking(&mut b, &mut rng, Way::Forward, 0.0, end);
     let layout = b.finish("test");
@@ -70,7 +67,7 @@ fn a_road_becomes_a_layout() {
 #[test]
 fn a_raised_median_parts_the_ground() {
     let mut road = road();
-    road.section.median = Median { width: 3.0, raised: true };
+    road.section.median = Median { width: 3.0, shoulder: 0.5, raised: true };
     let mut b = MapBuilder::new();
     road.lay(&mut b, "a", 0.0, road.path.length(), (true, true));
     assert_eq!(b.finish("test").map.drivable_area.unwrap().len(), 2);
