@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 use reactsim::dynamics::{DrivenPath, Pose};
-use reactsim::geometry::{OrientedBox, Polyline, Vec2, direction, left};
+use reactsim::geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
 use reactsim::rollout::Stream;
 use reactsim::scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind};
 
@@ -381,7 +381,7 @@ fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
             for &(from, to, berth) in &berths {
                 let away = (from - s).max(s - to).max(0.0);
                 let share =
-                    if away < ramp { 0.5 + 0.5 * (std::f64::consts::PI * away / ramp).cos() } else { 0.0 };
+                    if away < ramp { 0.5 + 0.5 * math::cos(std::f64::consts::PI * away / ramp) } else { 0.0 };
                 if (share * berth).abs() > shift.abs() {
                     shift = share * berth;
                 }
@@ -406,8 +406,7 @@ fn beside(line: &Polyline, o: &OrientedBox) -> Option<(f64, f64, f64, f64)> {
     if center.distance > o.radius() + 2.5 {
         return None;
     }
-    let heading = line.heading(center.segment);
-    let axis = Vec2::new(heading.cos(), heading.sin());
+    let axis = direction(line.heading(center.segment));
     let (cos, sin) = (axis.dot(&o.axis).abs(), axis.perp(&o.axis).abs());
     let along = o.half_length * cos + o.half_width * sin;
     let across = o.half_length * sin + o.half_width * cos;

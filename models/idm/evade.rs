@@ -4,7 +4,7 @@
 //! forecasts; what stays clear of the AV, of the others and of the road edge at the least effort is done.
 
 use reactsim::dynamics::{DrivenPath, Pursuit};
-use reactsim::geometry::{Bounds, OrientedBox, Vec2, direction, left};
+use reactsim::geometry::{Bounds, OrientedBox, Vec2, direction, left, math};
 use reactsim::scene::{LaneHit, Road};
 
 use super::actor::Actor;
@@ -288,7 +288,7 @@ impl Surroundings<'_> {
 
 /// What a contact after so many seconds costs: the later, the likelier it is to resolve itself.
 fn price(contact: Option<f64>) -> f64 {
-    contact.map_or(0.0, |t| 100.0 * (-t / PATIENCE).exp())
+    contact.map_or(0.0, |t| 100.0 * math::exp(-t / PATIENCE))
 }
 
 /// Way and speed after `t` seconds at a constant acceleration; nobody rolls back.

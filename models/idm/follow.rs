@@ -1,5 +1,7 @@
 //! Car following: the intelligent driver model with the constant-acceleration heuristic.
 
+use reactsim::geometry::math;
+
 use super::parameters::Class;
 
 /// One driver's parameters.
@@ -31,9 +33,11 @@ impl Style {
     pub(super) fn free(&self, speed: f64, wanted: f64) -> f64 {
         let wanted = wanted.max(0.1);
         if speed <= wanted {
-            self.acceleration * (1.0 - (speed / wanted).powi(4))
+            let square = (speed / wanted) * (speed / wanted);
+            self.acceleration * (1.0 - square * square)
         } else {
-            -self.deceleration * (1.0 - (wanted / speed).powf(4.0 * self.acceleration / self.deceleration))
+            -self.deceleration
+                * (1.0 - math::pow(wanted / speed, 4.0 * self.acceleration / self.deceleration))
         }
     }
 
@@ -45,13 +49,13 @@ impl Style {
         let dynamic =
             speed * self.headway + speed * closing / (2.0 * (self.acceleration * self.deceleration).sqrt());
         let wanted = self.gap + dynamic.max(0.0);
-        let idm = self.acceleration * (1.0 - (wanted / gap).powi(2));
+        let idm = self.acceleration * (1.0 - (wanted / gap) * (wanted / gap));
         let cah = heuristic(speed, gap, leader.max(0.0), leader_acceleration.min(self.acceleration));
         if idm >= cah {
             return idm;
         }
         let (a, b, c) = (self.acceleration, self.deceleration, self.coolness);
-        (1.0 - c) * idm + c * (cah + b * ((idm - cah) / b).tanh()).min(a)
+        (1.0 - c) * idm + c * (cah + b * math::tanh((idm - cah) / b)).min(a)
     }
 
     /// Acceleration to stand at `gap` metres from here.

@@ -1,7 +1,7 @@
 //! Where everybody will be in the next four seconds, as far as anybody can tell.
 
 use reactsim::dynamics::DrivenPath;
-use reactsim::geometry::{Bounds, Vec2, direction};
+use reactsim::geometry::{Bounds, Vec2, direction, math};
 
 use super::actor::Actor;
 use super::driver::Driver;
@@ -52,7 +52,7 @@ impl Forecast {
         let (mut pose, mut gone) = (actor.pose, 0.0);
         Self::of(index, actor, settings, |way| {
             let middle = 0.5 * (gone + way);
-            pose = pose.advance(way - gone, curvature * (-middle / 10.0).exp());
+            pose = pose.advance(way - gone, curvature * math::exp(-middle / 10.0));
             gone = way;
             (pose.position, direction(pose.heading))
         })
@@ -70,7 +70,7 @@ impl Forecast {
     fn of(index: usize, actor: &Actor, settings: &Conflict, mut at: impl FnMut(f64) -> (Vec2, Vec2)) -> Self {
         let now =
             Sample { center: actor.pose.position, axis: direction(actor.pose.heading), speed: actor.speed };
-        let radius = actor.half_length.hypot(actor.half_width);
+        let radius = math::hypot(actor.half_length, actor.half_width);
         let starting = actor.acceleration > 0.3;
         if actor.speed.abs() < STANDING && !starting {
             let bounds = Bounds::around(now.center, radius);

@@ -1,7 +1,7 @@
 //! The traffic of one episode: decisions at every planning interval, motion at every step.
 
 use reactsim::dynamics::{DrivenPath, Pose};
-use reactsim::geometry::{OrientedBox, Vec2, direction, wrap};
+use reactsim::geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 use reactsim::rollout::{Observation, Planning, Stream};
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Start};
 
@@ -78,7 +78,7 @@ impl Traffic {
         actors.extend(start.obstacles.iter().map(|o| Actor {
             kind: AgentKind::Other,
             is_av: false,
-            pose: Pose { position: o.center, heading: o.axis.y.atan2(o.axis.x) },
+            pose: Pose { position: o.center, heading: heading_of(o.axis) },
             speed: 0.0,
             acceleration: 0.0,
             half_length: o.half_length,

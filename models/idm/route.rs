@@ -1,7 +1,7 @@
 //! Routes over the lane graph: chosen from where a vehicle is, how it turns and a random stream, never from the future.
 
 use rand::RngExt;
-use reactsim::geometry::{Polyline, Vec2, direction, wrap};
+use reactsim::geometry::{Polyline, Vec2, direction, math, wrap};
 use reactsim::rollout::Stream;
 use reactsim::scene::{LaneClass, LaneHit, Road};
 
@@ -143,7 +143,7 @@ fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
 /// Draws one of the alternatives, likelier the less it costs.
 pub(super) fn choose(alternatives: Vec<(f64, Route)>, stream: &mut Stream) -> Option<Route> {
     let least = alternatives.iter().map(|a| a.0).fold(f64::INFINITY, f64::min);
-    let weights = alternatives.iter().map(|a| (-(a.0 - least) / TEMPERATURE).exp());
+    let weights = alternatives.iter().map(|a| math::exp(-(a.0 - least) / TEMPERATURE));
     let chosen = draw(&weights.collect::<Vec<f64>>(), stream)?;
     alternatives.into_iter().nth(chosen).map(|(_, route)| route)
 }
@@ -177,7 +177,7 @@ pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: b
         let least = next.iter().map(|&l| leads(l).1.abs()).fold(f64::INFINITY, f64::min);
         let weight = |&l: &usize| {
             let (turn, aside) = leads(l);
-            (-turn / STRAIGHT - (aside.abs() - least) / ASIDE).exp() + LEAST_WEIGHT
+            math::exp(-turn / STRAIGHT - (aside.abs() - least) / ASIDE) + LEAST_WEIGHT
         };
         let weights: Vec<f64> = next.iter().map(weight).collect();
         let Some(lane) = draw(&weights, stream).map(|k| next[k]) else { return };

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::geometry::{OrientedBox, rounded_distance, signed_angle_between};
+use crate::geometry::{OrientedBox, math, rounded_distance, signed_angle_between};
 use crate::metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
 use crate::scene::{Agent, AgentKind, AgentState, FUTURE, HISTORY, Scenario};
 
@@ -92,7 +92,7 @@ impl<'a> LogReplay<'a> {
             let speed = |k: usize| scenario.logged_velocity(i, HISTORY + k).map_or(f64::NAN, |v| v.norm());
             let future = scenario.log_future.tracks[i].iter().enumerate();
             let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
-            let radius = (0.5 * agent.length).hypot(0.5 * agent.width);
+            let radius = math::hypot(0.5 * agent.length, 0.5 * agent.width);
             others.push(Other { kind: Some(agent.kind), radius, steps });
         }
         for obstacle in &start.obstacles {

@@ -207,7 +207,7 @@ impl AxlePath {
         }
         for i in (0..speeds.len() - 1).rev() {
             let way = self.arc[i + 1] - self.arc[i];
-            speeds[i] = speeds[i].min((speeds[i + 1].powi(2) + 2.0 * BRAKE_FOR_CURVE * way).sqrt());
+            speeds[i] = speeds[i].min((speeds[i + 1] * speeds[i + 1] + 2.0 * BRAKE_FOR_CURVE * way).sqrt());
         }
         Allowed { path: self, speeds }
     }

@@ -1,6 +1,6 @@
 //! The kinematic bicycle model, in terms of the curvature of its path.
 
-use crate::geometry::{Vec2, direction, wrap};
+use crate::geometry::{Vec2, direction, math, wrap};
 
 /// Where a vehicle is and where it points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +17,7 @@ impl Pose {
     /// The chord of the arc points along the mean of the two headings; its length is that of the arc times sinc(half the turn).
     pub fn advance(&self, distance: f64, curvature: f64) -> Self {
         let half = 0.5 * curvature * distance;
-        let sinc = if half.abs() < 1e-4 { 1.0 - half * half / 6.0 } else { half.sin() / half };
+        let sinc = if half.abs() < 1e-4 { 1.0 - half * half / 6.0 } else { math::sin(half) / half };
         Self {
             position: self.position + direction(self.heading + half) * (distance * sinc),
             heading: wrap(self.heading + 2.0 * half),

@@ -1,7 +1,7 @@
 //! Paths that a vehicle can drive: chains of short arcs of bounded, slowly changing curvature.
 
 use super::Pose;
-use crate::geometry::{Bounds, Polyline, Vec2, direction, wrap};
+use crate::geometry::{Bounds, Polyline, Vec2, direction, math, wrap};
 
 /// A path of arcs of equal length. Between two points the curvature is that of the first.
 #[derive(Clone, Debug)]
@@ -38,7 +38,7 @@ impl PathPoint {
                 - h2 / 2.0 * (1.0 - h2 / 12.0 * (1.0 - h2 / 30.0 * (1.0 - h2 / 56.0 * (1.0 - h2 / 90.0))));
             (half * sinc, cos)
         } else {
-            half.sin_cos()
+            math::sin_cos(half)
         };
         let turn = |v: Vec2| Vec2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos);
         let middle = turn(self.axis);
@@ -149,7 +149,7 @@ impl DrivenPath {
         let mut points = Vec::with_capacity(count);
         let mut here = PathPoint::new(start, curvature);
         for k in 0..count {
-            here.curvature = curvature * (-(k as f64) * Self::STEP / fade).exp();
+            here.curvature = curvature * math::exp(-(k as f64) * Self::STEP / fade);
             points.push(here);
             here = here.next(Self::STEP);
         }

@@ -1,5 +1,6 @@
 //! Speed profiles of the 80 steps, m/s: `speeds[k]` is the distance of step k + 1 over 0.1 s.
 
+use crate::geometry::math;
 use crate::scene::{DT, FUTURE};
 
 /// Largest change of speed between two steps, m/s: the bound of the acceleration metric, 6 m/s².
@@ -131,7 +132,7 @@ const FADE: f64 = 0.4;
 ///
 /// What is averaged, over the last steps, is how far the speeds are from those of a vehicle whose acceleration only fades.
 pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
-    let faded = |k: usize| now + acceleration * FADE * (1.0 - (-((k + 1) as f64) * DT / FADE).exp());
+    let faded = |k: usize| now + acceleration * FADE * (1.0 - math::exp(-((k + 1) as f64) * DT / FADE));
     let raw = speeds.to_vec();
     for (k, speed) in speeds.iter_mut().enumerate() {
         let first = (k + 1).saturating_sub(SPREAD);

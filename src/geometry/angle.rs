@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::Vec2;
+use super::{Vec2, math};
 
 /// Wraps an angle to [-pi, pi): `((a + pi) mod 2 pi) - pi` with the mathematical modulo. Not finite in, NaN out.
 pub fn wrap(angle: f64) -> f64 {
@@ -11,8 +11,13 @@ pub fn wrap(angle: f64) -> f64 {
 
 /// The unit vector that points along `heading`.
 pub fn direction(heading: f64) -> Vec2 {
-    let (sin, cos) = heading.sin_cos();
+    let (sin, cos) = math::sin_cos(heading);
     Vec2::new(cos, sin)
+}
+
+/// Where `v` points, radians, in [-pi, pi]: the inverse of [`direction`]. The zero vector gives 0.
+pub fn heading_of(v: Vec2) -> f64 {
+    math::atan2(v.y, v.x)
 }
 
 /// `v` turned left by a quarter of a circle.
@@ -22,7 +27,7 @@ pub fn left(v: Vec2) -> Vec2 {
 
 /// The signed angle from `a` to `b`, in (-pi, pi]; positive is counter-clockwise. Zero vectors give 0.
 pub fn signed_angle_between(a: Vec2, b: Vec2) -> f64 {
-    a.perp(&b).atan2(a.dot(&b))
+    math::atan2(a.perp(&b), a.dot(&b))
 }
 
 #[cfg(test)]

@@ -5,11 +5,12 @@
 mod angle;
 mod edges;
 mod grid;
+pub mod math;
 mod obb;
 mod polygon;
 mod polyline;
 
-pub use angle::{direction, left, signed_angle_between, wrap};
+pub use angle::{direction, heading_of, left, signed_angle_between, wrap};
 pub use edges::{NearestEdge, OrientedEdges};
 pub use grid::{Bounds, Grid};
 pub use obb::{OrientedBox, rounded_distance};

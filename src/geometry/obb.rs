@@ -1,6 +1,6 @@
 //! Oriented boxes: corners, containment, sharp and rounded overlap.
 
-use super::{Vec2, direction, left};
+use super::{Vec2, direction, left, math};
 
 /// A rectangle in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +35,7 @@ impl OrientedBox {
 
     /// Radius of the circle around the centre that holds the whole box.
     pub fn radius(&self) -> f64 {
-        self.half_length.hypot(self.half_width)
+        math::hypot(self.half_length, self.half_width)
     }
 
     /// `point` in the frame of the box: x ahead, y to the left of its centre.
@@ -55,7 +55,7 @@ impl OrientedBox {
         let local = self.to_local(point);
         let x = (local.x.abs() - self.half_length).max(0.0);
         let y = (local.y.abs() - self.half_width).max(0.0);
-        x.hypot(y)
+        math::hypot(x, y)
     }
 
     /// Whether the closed segment `a`-`b` meets the closed box (slab test in the frame of the box).

@@ -1,6 +1,6 @@
 //! Polylines with arc length.
 
-use super::{Vec2, left, point_segment};
+use super::{Vec2, heading_of, left, point_segment};
 
 /// A polyline of at least two distinct points, with the arc length at each point.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,8 +89,7 @@ impl Polyline {
 
     /// Direction of segment `i`, radians.
     pub fn heading(&self, i: usize) -> f64 {
-        let d = self.points[i + 1] - self.points[i];
-        d.y.atan2(d.x)
+        heading_of(self.points[i + 1] - self.points[i])
     }
 
     /// The segment that holds arc length `s` (clamped to the polyline).

@@ -1,6 +1,7 @@
 //! Average displacement error to the log, over one or more rollouts (ReactSim-Bench, realism protocol).
 
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use crate::geometry::math;
 use crate::scene::Frame;
 
 /// Displacement errors of one scenario.
@@ -48,7 +49,7 @@ fn compute(case: &Case<'_>) -> Option<Displacement> {
             for f in case.future() {
                 let rolled = case.rolled(rollout, i, f - case.current);
                 if let (Some(logged), Some(rolled)) = (log[i].at(f), rolled) {
-                    error += (rolled.x - logged.x).hypot(rolled.y - logged.y);
+                    error += math::hypot(rolled.x - logged.x, rolled.y - logged.y);
                     steps += 1;
                 }
             }

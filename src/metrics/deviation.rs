@@ -1,7 +1,7 @@
 //! How far the judged AV leaves the logged one (ReactSim-Bench, "Deviation Statistics").
 
 use super::Case;
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, math};
 use crate::scene::DT;
 
 /// Difference of the judged AV from the logged AV over the scored steps.
@@ -33,7 +33,7 @@ pub(super) fn deviation(case: &Case<'_>) -> Option<DeviationStats> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for f in case.future() {
         if let (Some(a), Some(b)) = (judged(f), logged(f)) {
-            sum += (a.x - b.x).hypot(a.y - b.y);
+            sum += math::hypot(a.x - b.x, a.y - b.y);
             n += 1;
         }
     }
@@ -56,7 +56,7 @@ fn mean_speed(case: &Case<'_>, at: impl Fn(usize) -> Option<Vec2>) -> Option<f64
     let (mut sum, mut n) = (0.0, 0_u32);
     for f in case.future() {
         if let (Some(a), Some(b)) = (at(f - 1), at(f)) {
-            sum += (b.x - a.x).hypot(b.y - a.y) / DT;
+            sum += math::hypot(b.x - a.x, b.y - a.y) / DT;
             n += 1;
         }
     }

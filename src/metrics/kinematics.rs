@@ -4,7 +4,7 @@
 use super::options::CurvatureYaw;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
-use crate::geometry::wrap;
+use crate::geometry::{heading_of, wrap};
 use crate::scene::DT;
 
 /// Tolerance of both bounds.
@@ -105,7 +105,7 @@ fn transitions(case: &Case<'_>, agent: usize) -> Infeasible {
         let curvature = |heading: f64| wrap(heading - motion.heading[k0]) / d;
         found.curvature.note(curvature(motion.heading[k1]), MAX_CURVATURE, step);
         let v = motion.velocity[k1];
-        let towards = if v1 > LOW_SPEED { v.y.atan2(v.x) } else { motion.heading[k1] };
+        let towards = if v1 > LOW_SPEED { heading_of(v) } else { motion.heading[k1] };
         found.curvature_velocity.note(curvature(towards), MAX_CURVATURE, step);
     }
     found

@@ -1,7 +1,7 @@
 //! Kinematic likelihood of the log under the rollouts (Waymo sim-agents challenge, configuration of 2024 and 2025).
 
 use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Score, Unit};
-use crate::geometry::wrap;
+use crate::geometry::{math, wrap};
 use crate::scene::{DT, Frame};
 
 /// Likelihoods of one scenario, each in (0, 1]; `None` where no logged sample is valid.
@@ -209,12 +209,12 @@ fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
             let valid = if k % 2 == 0 { &speed_valid } else { &acceleration_valid };
             for (&value, _) in logged.features[k][first..].iter().zip(valid).filter(|s| *s.1) {
                 let count = counts[k][histogram.bin(value)] as f64 + PSEUDOCOUNT;
-                sums[k] += (count / total).ln();
+                sums[k] += math::ln(count / total);
                 samples[k] += 1;
             }
         }
     }
-    let of = |k: usize| (samples[k] > 0).then(|| (sums[k] / samples[k] as f64).exp());
+    let of = |k: usize| (samples[k] > 0).then(|| math::exp(sums[k] / samples[k] as f64));
     Some(KinematicLikelihood {
         linear_speed: of(0),
         linear_acceleration: of(1),

@@ -2,7 +2,7 @@
 
 use super::options::VelocitySource;
 use super::{Object, Options};
-use crate::geometry::{OrientedBox, Vec2, direction};
+use crate::geometry::{OrientedBox, Vec2, direction, math};
 use crate::scene::DT;
 
 /// Arrays over objects × frames (`object * frames + frame`). NaN stands for absent or unknown.
@@ -42,7 +42,7 @@ impl Motion {
         for (i, object) in objects.iter().enumerate() {
             let (length, width) = (object.agent.length, object.agent.width);
             m.half.push((0.5 * length, 0.5 * width));
-            m.radius.push((0.5 * length).hypot(0.5 * width));
+            m.radius.push(math::hypot(0.5 * length, 0.5 * width));
             let now = object.track.get(current).copied().flatten();
             let present = now.is_some_and(|s| s.is_finite()) && length > 0.0 && width > 0.0;
             m.present.push(present);
@@ -71,7 +71,7 @@ impl Motion {
             if self.velocity[k].x.is_nan() {
                 self.velocity[k] = self.difference(base, f);
             }
-            self.speed[k] = self.velocity[k].x.hypot(self.velocity[k].y);
+            self.speed[k] = math::hypot(self.velocity[k].x, self.velocity[k].y);
         }
     }
 

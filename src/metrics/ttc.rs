@@ -4,7 +4,7 @@
 use super::boxes::av_overlap;
 use super::options::TtcSpeed;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
-use crate::geometry::{OrientedBox, wrap};
+use crate::geometry::{OrientedBox, math, wrap};
 use crate::scene::DT;
 
 /// Time to collision where nothing is closing, seconds.
@@ -111,7 +111,7 @@ fn speed(case: &Case<'_>, object: usize, frame: usize) -> f64 {
         TtcSpeed::Central if frame == 0 || frame + 1 >= motion.frames => f64::NAN,
         TtcSpeed::Central => {
             let d = motion.position(object, frame + 1) - motion.position(object, frame - 1);
-            d.x.hypot(d.y) / (2.0 * DT)
+            math::hypot(d.x, d.y) / (2.0 * DT)
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::geometry::{OrientedBox, Vec2, direction};
+use crate::geometry::{OrientedBox, Vec2, direction, math};
 
 /// The class of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -84,7 +84,7 @@ impl AgentState {
 
     /// Magnitude of the velocity, m/s; NaN where unknown.
     pub fn speed(&self) -> f64 {
-        self.vx.hypot(self.vy)
+        math::hypot(self.vx, self.vy)
     }
 
     /// Velocity along the heading, m/s, negative in reverse; 0 where unknown.

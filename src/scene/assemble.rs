@@ -9,7 +9,7 @@ use super::{
     LANE_HALF_WIDTH, Lane, LaneArea, LaneNeighbor, LogFuture, LoggedAgent, MAX_AGENTS, RoadEdge, RoadLine,
     RoadMap, Scenario, SceneError, Start, StopLine, Surface, TrafficLight,
 };
-use crate::geometry::{Polygon, Polyline, Vec2, direction, left};
+use crate::geometry::{Polygon, Polyline, Vec2, left};
 
 /// Coordinates farther than this from the AV are taken for damage.
 const FARTHEST: f64 = 100_000.0;
@@ -83,7 +83,8 @@ impl Scenario {
                 LaneArea::Corridor { half_width } => half_width,
                 LaneArea::Polygon(_) => LANE_HALF_WIDTH,
             };
-            let (on, aside) = (baseline.at(s), left(direction(baseline.heading_at(s))) * half);
+            let (from, to) = baseline.segment(baseline.segment_at(s));
+            let (on, aside) = (baseline.at(s), left((to - from).normalize()) * half);
             stop_lines.push(StopLine { kind: line.kind, lane, s, ends: [on + aside, on - aside] });
         }
 

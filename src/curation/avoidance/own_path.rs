@@ -1,6 +1,6 @@
 //! The path of an agent along its own log, and beyond its end.
 
-use crate::geometry::{OrientedBox, Polyline, Vec2, direction, left, wrap};
+use crate::geometry::{OrientedBox, Polyline, Vec2, direction, left, math, wrap};
 use crate::scene::{Agent, AgentKind, AgentState, Frame};
 
 /// Where an agent goes in its log, from the step at which it may leave it: positions with recorded headings by arc length. Beyond
@@ -120,7 +120,7 @@ impl OwnPath {
         let u = (s / self.ramp).clamp(0.0, 1.0);
         let aside = self.nudge * crate::geometry::smooth_step(u);
         let slope = self.nudge / self.ramp * 30.0 * u * u * (1.0 - u) * (1.0 - u);
-        (position + left(direction(heading)) * aside, wrap(heading + slope.atan()))
+        (position + left(direction(heading)) * aside, wrap(heading + math::atan(slope)))
     }
 
     /// The box of the agent at an arc length.

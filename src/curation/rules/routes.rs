@@ -152,7 +152,7 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
     let bends = bend_speeds(guide);
     let pace = now.speed().clamp(5.0, 12.0);
     // Who sets off is slow at first, and turns the wheel on the way.
-    let setting_off = |s: f64| (now.speed().powi(2) + 2.0 * SET_OFF * s).sqrt().max(CREEP);
+    let setting_off = |s: f64| (now.speed() * now.speed() + 2.0 * SET_OFF * s).sqrt().max(CREEP);
     let expected = |s: f64| bends[(s as usize).min(bends.len() - 1)].min(pace).min(setting_off(s));
     let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, expected);
     path.limit_lateral(LATERAL);

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::geometry::math;
+
 /// Most bins of a histogram.
 const MOST_BINS: f64 = 24.0;
 
@@ -78,7 +80,7 @@ impl Bins {
             return Self { start: 0.0, width: 1.0, count: 0 };
         }
         let least = ((high - low) / MOST_BINS).max(low.abs().max(high.abs()) * 1e-9).max(1e-3);
-        let power = 10f64.powf(least.log10().floor());
+        let power = math::exp10(math::log10(least).floor());
         let widths = [1.0, 2.0, 5.0, 10.0].map(|f| f * power);
         let width = widths.into_iter().find(|w| *w >= least).unwrap_or(widths[3]);
         let first = (low / width).floor();

@@ -2,7 +2,7 @@
 
 use super::raw::{RawArc, RawMotion, RawPast, RawPath, RawPiece};
 use crate::formats::error::Cause;
-use crate::geometry::{Vec2, direction, left, smooth_step};
+use crate::geometry::{Vec2, direction, left, math, smooth_step};
 use crate::scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, HISTORY};
 
 /// Distance between two points of a path, metres.
@@ -24,7 +24,7 @@ impl Mover {
         let turn = curvature * length;
         // The chord of the arc; for a straight piece sin(x)/x is 1.
         let half = 0.5 * turn;
-        let chord = if half == 0.0 { length } else { length * half.sin() / half };
+        let chord = if half == 0.0 { length } else { length * math::sin(half) / half };
         self.at += direction(self.heading + half) * chord;
         self.heading += turn;
     }
@@ -130,7 +130,7 @@ fn future(field: &str, now: Mover, pieces: &[RawPiece]) -> Result<Vec<AgentState
 fn shifted(mover: &Mover, aside: f64, rate: f64) -> AgentState {
     let ahead = direction(mover.heading);
     let left = left(ahead);
-    let turn = if mover.speed > 0.0 { rate.atan2(mover.speed) } else { 0.0 };
+    let turn = if mover.speed > 0.0 { math::atan2(rate, mover.speed) } else { 0.0 };
     let at = mover.at + left * aside;
     let v = ahead * mover.speed + left * rate;
     AgentState { x: at.x, y: at.y, heading: mover.heading + turn, vx: v.x, vy: v.y }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::geometry::{Projection, Vec2, wrap};
+use crate::geometry::{Projection, Vec2, math, wrap};
 use crate::metrics::Case;
 use crate::metrics::options::DirConnector;
 use crate::scene::{LaneClass, LaneHit, LaneKind, Road};
@@ -72,7 +72,7 @@ impl<'c> Tracker<'c> {
         hint: &mut Option<usize>,
     ) -> (bool, bool) {
         // The margin keeps rounding on the safe side: what is close to the bound is judged exactly.
-        let least = degrees.to_radians().cos() + 1e-9;
+        let least = math::cos(degrees.to_radians()) + 1e-9;
         let road = self.road;
         let along = |lane: usize, projection: &Projection| {
             let (a, b) = road.lane(lane).baseline.segment(projection.segment);

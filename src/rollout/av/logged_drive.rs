@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use super::{AvError, LONGEST_STEP, check_steps};
 use crate::dynamics::{AxlePath, CALM_STEERING, Departure, Pose, REAR_AXLE};
-use crate::geometry::{OrientedBox, Polyline, Vec2, direction, left, smooth_step, wrap};
+use crate::geometry::{OrientedBox, Polyline, Vec2, direction, heading_of, left, smooth_step, wrap};
 use crate::scene::{AgentState, CURRENT, DT, Frame, LaneHit, Road, Scenario};
 
 /// Recorded points closer than this are dropped, metres: they tell noise, not direction.
@@ -259,7 +259,7 @@ fn refine(points: &[Vec2], normals: &[Vec2], arc: &[f64], reach: f64) -> (Vec<Ve
 /// They leave the logged direction smoothly and keep the distance from the centre line: there may be parked cars beside the AV.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
     let road = scenario.start.road();
-    let heading = ahead.y.atan2(ahead.x);
+    let heading = heading_of(ahead);
     let mut hits: Vec<LaneHit> = Vec::new();
     if gear > 0.0 {
         road.lanes_near(at, ON_LANE.0, &mut hits);

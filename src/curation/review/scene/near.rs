@@ -32,10 +32,11 @@ impl Near {
 
     fn add(&mut self, around: &BTreeSet<(i32, i32)>, reach: f64) {
         let radius = (reach / CELL).ceil() as i32;
+        // Half a cell more: distances are taken between the middles of cells.
+        let farthest = f64::from(radius) + 0.5;
         for &(x, y) in around {
             for dx in -radius..=radius {
-                // Half a cell more: distances are taken between the middles of cells.
-                let high = ((f64::from(radius) + 0.5).powi(2) - f64::from(dx * dx)).max(0.0).sqrt() as i32;
+                let high = (farthest * farthest - f64::from(dx * dx)).max(0.0).sqrt() as i32;
                 let cells = (-high..=high).map(|dy| (x.saturating_add(dx), y.saturating_add(dy)));
                 self.cells.extend(cells);
             }
