@@ -6,6 +6,6 @@
 //! and which the compiler neither reorders nor fuses. The linter refuses the others, and `powi`, of which not even the order of the
 //! multiplications is promised (`clippy.toml`).
 //!
-//! Errors are below one unit in the last place, but for `tanh` (two). Angles are in radians. Not a number in, not a number out.
+//! Errors are a unit or two in the last place. Angles are in radians. Not a number in, not a number out.
 
 pub use libm::{atan, atan2, cos, exp, exp10, hypot, log as ln, log10, pow, sin, sincos as sin_cos, tanh};
