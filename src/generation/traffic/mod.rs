@@ -1,5 +1,9 @@
 //! Microscopic traffic on a generated map.
 
+pub mod fleet;
+pub mod parked;
+pub mod people;
+
 use super::Layout;
 use crate::rollout::Stream;
 use crate::scene::{Agent, Frame, LightState};
