@@ -1,10 +1,10 @@
 //! Who comes into the map: at the beginning everywhere, later at its entries.
 
 use super::driver::Driver;
-use super::fleet::{self, Body};
+use super::fleet::{Class, Size};
 use super::network::Network;
 use super::routes::Routes;
-use super::vehicle::Vehicle;
+use super::vehicle::{Body, Vehicle};
 use crate::generation::{Draw, Layout};
 use crate::rollout::Stream;
 
@@ -130,9 +130,10 @@ impl Arrivals {
         let goal = routes.draw_goal(network, way, rng)?;
         let path = path_from(network, routes, goal, way);
         let bicycle = network.ways[way].bicycles;
-        let body = if bicycle { fleet::bicycle(rng) } else { fleet::vehicle(rng) };
-        let driver = if bicycle { Driver::of_bicycle(rng) } else { Driver::of_car(body.agility, rng) };
-        let (body, driver) = suited(network, &path, body, driver, rng);
+        let size = if bicycle { Size::bicycle(rng) } else { suited(network, &path, Size::draw(rng), rng) };
+        let driver =
+            if bicycle { Driver::of_bicycle(rng) } else { Driver::of_car(size.acceleration_factor(), rng) };
+        let body = Body::of(&size);
         let bend = driver.in_bend(network.ways[way].bend_at(s));
         let speed = (driver.haste * network.ways[way].limit).min(driver.top).min(bend);
         self.next_id += 1;
@@ -141,10 +142,14 @@ impl Arrivals {
 }
 
 /// Who could not drive round the bends of the path comes in a car instead.
-fn suited(network: &Network, path: &[usize], body: Body, driver: Driver, rng: &mut Stream) -> (Body, Driver) {
+fn suited(network: &Network, path: &[usize], size: Size, rng: &mut Stream) -> Size {
     let tightest = path.iter().map(|&w| network.ways[w].tightest()).fold(0.0, f64::max);
-    let bends_well = body.length < 6.0 || tightest < 1.0 / (body.length + 4.0);
-    if bends_well { (body, driver) } else { (fleet::car(rng), driver) }
+    // Some room for what the tail cuts off.
+    if size.length < 6.2 || tightest * (size.turning_radius() + 0.4 * size.length) < 1.0 {
+        size
+    } else {
+        Size::of(Class::Car, rng)
+    }
 }
 
 /// Seconds until the next one comes: exponential, by a series of coin tosses that needs no logarithm.

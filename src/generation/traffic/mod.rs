@@ -4,10 +4,13 @@
 mod arrivals;
 mod changing;
 mod driver;
-mod fleet;
+pub mod fleet;
 mod following;
 mod lists;
+mod meeting;
 mod network;
+pub mod parked;
+pub mod people;
 mod recording;
 mod routes;
 mod vehicle;

@@ -1,8 +1,11 @@
 //! What is kept of traffic: 91 frames once it has settled.
 
+use super::parked;
 use super::vehicle::Vehicle;
 use super::world::World;
 use crate::generation::{Draw, Layout};
+use rand_chacha::rand_core::SeedableRng;
+
 use crate::rollout::Stream;
 use crate::scene::{Agent, AgentKind, AgentState, FRAMES, Frame, LightState};
 
@@ -25,7 +28,8 @@ pub struct Recording {
 /// `density` is the multiple of the entries' flows. The result depends on the arguments only.
 pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
     let warm_up = rng.uniform(WARM_UP.0, WARM_UP.1);
-    let mut world = World::new(layout, density, rng.clone());
+    let parked = parked::park(&layout.parking, rng);
+    let mut world = World::new(layout, density, Stream::from_rng(rng));
     while world.time < warm_up {
         world.step();
     }
@@ -35,12 +39,14 @@ pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
         recorder.note(&world, frame);
         world.step();
     }
-    recorder.finish()
+    let standing = parked.into_iter().map(|(agent, state)| (agent, vec![Some(state); FRAMES]));
+    recorder.finish(standing)
 }
 
 #[derive(Default)]
 struct Recorder {
-    ids: Vec<u32>,
+    /// Per recorded agent its kind and number.
+    ids: Vec<(AgentKind, u64)>,
     recording: Recording,
 }
 
@@ -50,23 +56,34 @@ impl Recorder {
             list.push(state);
         }
         for v in &world.vehicles {
-            let at = self.ids.iter().position(|&id| id == v.id).unwrap_or_else(|| {
-                self.ids.push(v.id);
-                let kind = if world.network.ways[v.path[0]].bicycles {
-                    AgentKind::Cyclist
-                } else {
-                    AgentKind::Vehicle
-                };
-                let agent =
-                    Agent { id: format!("v{}", v.id), kind, length: v.body.length, width: v.body.width };
-                self.recording.agents.push((agent, vec![None; FRAMES]));
-                self.ids.len() - 1
-            });
-            self.recording.agents[at].1[frame] = Some(state(v));
+            let bicycle = world.network.ways[v.path[0]].bicycles;
+            let kind = if bicycle { AgentKind::Cyclist } else { AgentKind::Vehicle };
+            self.keep((kind, v.id.into()), (v.body.length, v.body.width), frame, state(v));
+        }
+        for p in world.meeting.crowd.people() {
+            let state = AgentState {
+                x: p.position.x,
+                y: p.position.y,
+                heading: p.heading,
+                vx: p.velocity.x,
+                vy: p.velocity.y,
+            };
+            self.keep((AgentKind::Pedestrian, p.id), (p.length, p.width), frame, state);
         }
     }
 
-    fn finish(mut self) -> Recording {
+    fn keep(&mut self, id: (AgentKind, u64), (length, width): (f64, f64), frame: usize, state: AgentState) {
+        let at = self.ids.iter().position(|&known| known == id).unwrap_or_else(|| {
+            let agent = Agent { id: format!("{}-{}", id.0, id.1), kind: id.0, length, width };
+            self.ids.push(id);
+            self.recording.agents.push((agent, vec![None; FRAMES]));
+            self.ids.len() - 1
+        });
+        self.recording.agents[at].1[frame] = Some(state);
+    }
+
+    /// The recording, with those who stand all the time.
+    fn finish(mut self, standing: impl Iterator<Item = (Agent, Vec<Frame>)>) -> Recording {
         let agents = self.recording.agents.iter().enumerate();
         self.recording.drivers = agents
             .filter(|(_, (agent, track))| {
@@ -74,6 +91,7 @@ impl Recorder {
             })
             .map(|(i, _)| i)
             .collect();
+        self.recording.agents.extend(standing);
         self.recording
     }
 }

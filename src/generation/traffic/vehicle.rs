@@ -1,7 +1,7 @@
 //! A vehicle or bicycle on its way: state and motion.
 
 use super::driver::Driver;
-use super::fleet::Body;
+use super::fleet::Size;
 use super::following::{HARDEST, Leader};
 use super::network::Network;
 use crate::dynamics::Pose;
@@ -23,6 +23,26 @@ const MEMORY: usize = 8;
 /// How long errors of perception and of lane keeping last, s.
 const NOISE_TIME: f64 = 3.0;
 const WANDER_TIME: f64 = 7.0;
+
+/// What of a vehicle matters for its motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Body {
+    /// Length and width, metres.
+    pub(super) length: f64,
+    pub(super) width: f64,
+    /// How far the rear axle lies behind the box centre, metres.
+    rear: f64,
+    /// Largest curvature of the rear axle's way, 1/m.
+    curvature: f64,
+}
+
+impl Body {
+    pub(super) fn of(size: &Size) -> Self {
+        let (rear, radius) = (size.rear_axle(), size.turning_radius());
+        let curvature = 1.0 / (radius * radius - rear * rear).sqrt();
+        Self { length: size.length, width: size.width, rear, curvature }
+    }
+}
 
 /// A lane change that is under way.
 #[derive(Clone, Copy, Debug)]

@@ -4,7 +4,9 @@ use super::arrivals::{self, Arrivals};
 use super::changing::{self, Wish};
 use super::following::Leader;
 use super::lists::Lists;
+use super::meeting::Meeting;
 use super::network::Network;
+use super::people::Crowd;
 use super::routes::Routes;
 use super::vehicle::Vehicle;
 use super::yielding::{Notes, Sight, Walker};
@@ -30,6 +32,7 @@ pub(super) struct World<'a> {
     pub(super) vehicles: Vec<Vehicle>,
     lists: Lists,
     lights: Vec<LightState>,
+    pub(super) meeting: Meeting,
     walkers: Vec<Walker>,
     pub(super) time: f64,
     tick: u32,
@@ -51,6 +54,8 @@ impl<'a> World<'a> {
         let routes = Routes::new(&network);
         let mut arrivals = Arrivals::new(&network, layout, density, &mut rng);
         let vehicles = arrivals.fill(&network, &routes, &mut rng);
+        let crowd = Crowd::new(layout, density, &mut rng);
+        let meeting = Meeting::new(layout, &network, crowd);
         let mut world = Self {
             layout,
             network,
@@ -59,6 +64,7 @@ impl<'a> World<'a> {
             vehicles,
             lists: Lists::default(),
             lights: Vec::new(),
+            meeting,
             walkers: Vec::new(),
             time: 0.0,
             tick: 0,
@@ -91,6 +97,7 @@ impl<'a> World<'a> {
                 v.advance(&self.network, acceleration, DECISION / MOTIONS as f64);
             }
         }
+        self.meeting.step(self.layout, &self.network, &self.vehicles, self.time, DECISION);
         self.time += DECISION;
         self.tick += 1;
         self.come_and_go();
@@ -102,6 +109,7 @@ impl<'a> World<'a> {
         let time = self.time;
         self.lights = self.layout.signals.iter().map(|s| s.at(time).unwrap_or(LightState::Unknown)).collect();
         self.lists.update(&self.network, &self.vehicles);
+        self.meeting.walkers(&mut self.walkers);
     }
 
     fn decide(&mut self, i: usize) -> Decision {
@@ -285,7 +293,14 @@ mod tests {
                         assert!(
                             !astray,
                             "{} seed {seed} time {:.1}: vehicle {} is {:.1} m beside {} at {:.1} of {:.1}, {:.1} m/s",
-                            kind.id, world.time, v.id, v.offset, layout.map.lanes[v.path[0]].id, v.s, way.length, v.speed
+                            kind.id,
+                            world.time,
+                            v.id,
+                            v.offset,
+                            layout.map.lanes[v.path[0]].id,
+                            v.s,
+                            way.length,
+                            v.speed
                         );
                         let stands = world.time - v.standing_since;
                         assert!(stands < 120.0, "{} seed {seed}: vehicle {} stands for ever", kind.id, v.id);

@@ -38,6 +38,8 @@ pub(super) struct Walker {
     pub(super) footway: usize,
     pub(super) position: Vec2,
     pub(super) velocity: Vec2,
+    /// Whether they stand at the kerb until drivers let them cross.
+    pub(super) waits: bool,
 }
 
 /// What drivers can see at one moment.
@@ -177,6 +179,13 @@ impl Sight<'_> {
                 let (at, speed) = ((p.position - point).dot(&side), p.velocity.dot(&side));
                 if at.abs() < near + 0.4 {
                     return true;
+                }
+                if p.waits {
+                    // Those who wait at the near kerb are let go by drivers who are polite and not too fast to stop at ease.
+                    let nearly_there = at.abs() < 0.5 * way.half_width + 8.0;
+                    return nearly_there
+                        && v.driver.politeness > 0.15
+                        && v.speed * v.speed < 2.0 * 1.8 * distance;
                 }
                 // Towards the vehicle's path: when do they reach it and leave it?
                 let towards = -speed * at.signum();
