@@ -30,9 +30,8 @@ pub fn park(spots: &[ParkingSpot], rng: &mut Stream) -> Vec<(Agent, AgentState)>
     let mut before: Option<(ParkingSpot, bool)> = None;
     for (i, &spot) in spots.iter().enumerate() {
         let beside = before.filter(|(s, _)| (s.position - spot.position).norm() < NEIGHBOUR);
-        let chance = beside.map_or(share, |(_, taken)| {
-            share + CLUSTERING * (if taken { 1.0 - share } else { -share })
-        });
+        let chance = beside
+            .map_or(share, |(_, taken)| share + CLUSTERING * (if taken { 1.0 - share } else { -share }));
         let taken = rng.chance(chance);
         before = Some((spot, taken));
         if taken && let Some((size, state)) = place(&spot, side_by_side(spots, i), rng) {
@@ -60,7 +59,8 @@ pub fn park(spots: &[ParkingSpot], rng: &mut Stream) -> Vec<(Agent, AgentState)>
 fn side_by_side(spots: &[ParkingSpot], i: usize) -> bool {
     let spot = spots[i];
     let others = spots.iter().enumerate().filter(|&(j, _)| j != i);
-    let nearest = others.map(|(_, s)| s.position - spot.position).min_by(|a, b| a.norm().total_cmp(&b.norm()));
+    let nearest =
+        others.map(|(_, s)| s.position - spot.position).min_by(|a, b| a.norm().total_cmp(&b.norm()));
     nearest.is_some_and(|d| d.norm() < 4.5 && d.dot(&direction(spot.heading)).abs() < d.norm() * 0.7)
 }
 
@@ -114,7 +114,12 @@ mod tests {
             for (i, (agent, state)) in parked.iter().enumerate() {
                 let own = state.footprint(agent);
                 for (other, s) in &parked[..i] {
-                    assert!(rounded_distance(&own, &s.footprint(other), 0.0) > 0.1, "{} and {}", agent.id, other.id);
+                    assert!(
+                        rounded_distance(&own, &s.footprint(other), 0.0) > 0.1,
+                        "{} and {}",
+                        agent.id,
+                        other.id
+                    );
                 }
                 let spot = spots[agent.id["parked-".len()..].parse::<usize>().unwrap()];
                 let bay = OrientedBox::new(spot.position, spot.heading, spot.length + 0.2, spot.width + 0.7);

@@ -82,7 +82,9 @@ impl WalkLight {
                 continue;
             }
             let cycle: f64 = plan.phases.iter().map(|p| p.1).sum();
-            let red = |s: LightState| matches!(s, LightState::Stop | LightState::ArrowStop | LightState::FlashingStop);
+            let red = |s: LightState| {
+                matches!(s, LightState::Stop | LightState::ArrowStop | LightState::FlashingStop)
+            };
             if !(cycle > 0.0) || plan.phases.iter().all(|p| red(p.0)) {
                 continue;
             }
@@ -147,7 +149,11 @@ impl Approach {
 }
 
 /// The vehicles that come to crossings if everybody goes straight on, seen from their boxes alone: for callers who do not know their ways.
-pub fn straight_approaches(layout: &Layout, crossings: &[Crossing], vehicles: &[super::Vehicle]) -> Vec<Approach> {
+pub fn straight_approaches(
+    layout: &Layout,
+    crossings: &[Crossing],
+    vehicles: &[super::Vehicle],
+) -> Vec<Approach> {
     let mut found = Vec::new();
     for (i, crossing) in crossings.iter().enumerate() {
         let footway = &layout.footways[crossing.footway];
@@ -200,5 +206,5 @@ pub(super) fn kerbs(layout: &Layout, footway: usize) -> [f64; 2] {
     let steps = (line.length() / 0.1) as usize;
     let mut on = (0..=steps).map(|k| k as f64 * 0.1).filter(|&s| on_road(line.at(s)));
     let Some(first) = on.next() else { return [0.0, line.length()] };
-    [first, on.last().unwrap_or(first).max(first)]
+    [first, on.next_back().unwrap_or(first).max(first)]
 }

@@ -89,7 +89,8 @@ impl Network {
     /// The node at an end of a footway: one that is near already, or a new one.
     fn node(&mut self, p: Vec2) -> usize {
         let near = |n: &usize| (self.nodes[*n] - p).norm();
-        let found = (0..self.nodes.len()).min_by(|a, b| near(a).total_cmp(&near(b))).filter(|n| near(n) <= JOIN);
+        let found =
+            (0..self.nodes.len()).min_by(|a, b| near(a).total_cmp(&near(b))).filter(|n| near(n) <= JOIN);
         found.unwrap_or_else(|| {
             self.nodes.push(p);
             self.nodes.len() - 1
@@ -104,7 +105,8 @@ impl Network {
         loop {
             let mut changed = false;
             for (i, stretch) in self.stretches.iter().enumerate() {
-                let own = stretch.line.length() + if stretch.crossing.is_some() { CROSSING_COST } else { 0.0 };
+                let own =
+                    stretch.line.length() + if stretch.crossing.is_some() { CROSSING_COST } else { 0.0 };
                 let [a, b] = stretch.ends;
                 for (from, to) in [(a, b), (b, a)] {
                     if cost[to] + own < cost[from] {
@@ -158,7 +160,8 @@ fn pieces(layout: &Layout, crossings: &mut Vec<usize>) -> Vec<(Polyline, f64, Op
         for part in bounds.windows(2) {
             let inner = line.points().iter().zip(line.arc());
             let inner = inner.filter(|(_, s)| **s > part[0] + 0.01 && **s < part[1] - 0.01).map(|(p, _)| *p);
-            let points: Vec<Vec2> = [line.at(part[0])].into_iter().chain(inner).chain([line.at(part[1])]).collect();
+            let points: Vec<Vec2> =
+                [line.at(part[0])].into_iter().chain(inner).chain([line.at(part[1])]).collect();
             if let Ok(piece) = Polyline::new(&points) {
                 pieces.push((piece, half, None));
             }

@@ -2,8 +2,10 @@
 
 use rand::{RngExt, SeedableRng};
 
+use super::motion::{CLEARANCE, Room};
+use super::network::Network;
 use super::walker::{Activity, Walker};
-use super::{CLEARANCE, Crossing, Crowd, Network, Room, crossing};
+use super::{Crossing, Crowd, crossing};
 use crate::generation::{Draw, Layout};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;
@@ -207,7 +209,10 @@ impl Crowd {
             let stretch = &network.stretches[w.stretch];
             let left = if w.forward { stretch.line.length() - w.s } else { w.s };
             let node = stretch.ends[usize::from(w.forward)];
-            if left < 0.4 && network.next(w.goal, node).is_none() && !network.exits.contains(&network.goals[w.goal]) {
+            if left < 0.4
+                && network.next(w.goal, node).is_none()
+                && !network.exits.contains(&network.goals[w.goal])
+            {
                 let goals: Vec<usize> =
                     (0..network.goals.len()).filter(|&g| network.next(g, node).is_some()).collect();
                 if !goals.is_empty() {
