@@ -1,8 +1,8 @@
-//! Where people want to go next, and how fast; and on which ground they are.
+//! Where people want to go next, and how fast.
 
 use super::walker::{Activity, Walker};
 use super::{Crowd, Surroundings, WalkLight};
-use crate::geometry::{Vec2, point_segment};
+use crate::geometry::Vec2;
 
 /// How far ahead people look for their way, metres.
 const LOOK: f64 = 1.4;
@@ -65,14 +65,14 @@ pub(super) struct AtCrossing {
 
 impl Crowd {
     /// What lies ahead of the current stretch: the stretch, and whether it is walked along its line.
-    fn onward(&self, w: &Walker) -> Option<(usize, bool)> {
+    pub(super) fn onward(&self, w: &Walker) -> Option<(usize, bool)> {
         let node = self.network.stretches[w.stretch].ends[usize::from(w.forward)];
         let next = self.network.next(w.goal, node)?;
         Some((next, self.network.stretches[next].ends[0] == node))
     }
 
     /// What is left of the current stretch, metres.
-    fn remaining(&self, w: &Walker) -> f64 {
+    pub(super) fn remaining(&self, w: &Walker) -> f64 {
         if w.forward { self.network.stretches[w.stretch].line.length() - w.s } else { w.s }
     }
 
@@ -95,18 +95,18 @@ impl Crowd {
         }
         let (next, forward) = self.onward(w)?;
         let stretch = &self.network.stretches[next];
+        let which = stretch.crossing?;
+        // As the crow flies: corners are cut.
         let length = stretch.line.length();
-        let way = remaining + self.gap(w, next, forward);
-        stretch.crossing.map(|which| place(which, forward, if forward { -way } else { length + way }))
-    }
-
-    /// From the end of the current stretch to the beginning of the next, metres.
-    fn gap(&self, w: &Walker, next: usize, forward: bool) -> f64 {
-        (self.end(w.stretch, w.forward) - self.end(next, !forward)).norm()
+        let (begin, segment) = if forward { (0.0, 0) } else { (length, stretch.line.segments() - 1) };
+        let from = w.position - self.end(next, !forward);
+        let ahead = from.dot(&stretch.along(segment));
+        let aside = (from.perp(&stretch.along(segment)).abs() - stretch.half).max(0.0);
+        Some(place(which, forward, begin + ahead + if forward { -aside } else { aside }))
     }
 
     /// An end of a stretch: the last point of its line, or the first.
-    fn end(&self, stretch: usize, last: bool) -> Vec2 {
+    pub(super) fn end(&self, stretch: usize, last: bool) -> Vec2 {
         let points = self.network.stretches[stretch].line.points();
         if last { points[points.len() - 1] } else { points[0] }
     }
@@ -147,7 +147,7 @@ impl Crowd {
         let towards = self.target(w, look) - w.position;
         let distance = towards.norm();
         if distance > 1e-6 {
-            aim.towards = towards / distance;
+            aim.towards = w.detoured(towards / distance);
         }
         aim
     }
@@ -247,81 +247,6 @@ impl Crowd {
         let (s, near) =
             if forward { (ahead.min(length), 0) } else { ((length - ahead).max(0.0), usize::MAX) };
         stretch.point(s, w.offset(stretch, forward), near)
-    }
-
-    /// The nearest place to where somebody is that footways cover.
-    pub(super) fn on_ground(&self, w: &Walker) -> Vec2 {
-        let p = w.position;
-        let own = &self.network.stretches[w.stretch];
-        let at = own.line.project_between(p, w.segment.saturating_sub(2), w.segment + 3);
-        if at.distance <= own.half {
-            return p;
-        }
-        let mut best = (at.distance - own.half, own.line.on_segment(at.s, at.segment));
-        let mut offer = |distance: f64, room: f64, nearest: Vec2| {
-            if distance - room < best.0 {
-                best = (distance - room, nearest);
-            }
-        };
-        if let Some(before) = w.before {
-            let stretch = &self.network.stretches[before];
-            let at = stretch.line.project(p);
-            offer(at.distance, stretch.half, stretch.line.on_segment(at.s, at.segment));
-        }
-        match self.onward(w) {
-            Some((next, forward)) => {
-                let stretch = &self.network.stretches[next];
-                let at = stretch.line.project(p);
-                offer(at.distance, stretch.half, stretch.line.on_segment(at.s, at.segment));
-                self.joint(p, (w.stretch, w.forward), (next, !forward), &mut offer);
-            }
-            // Beyond the end of the last stretch lies the border.
-            None => {
-                let (end, last) =
-                    (self.end(w.stretch, w.forward), if w.forward { own.line.segments() - 1 } else { 0 });
-                let out = end + own.along(last) * (2.0 * w.sign());
-                let (square, t) = point_segment(p, end, out);
-                offer(square.sqrt(), own.half, end + (out - end) * t);
-            }
-        }
-        if let Some(before) = w.before {
-            let node = own.ends[usize::from(!w.forward)];
-            let last = self.network.stretches[before].ends[1] == node;
-            self.joint(p, (before, last), (w.stretch, !w.forward), &mut offer);
-        }
-        let (over, nearest) = best;
-        if over <= 0.0 {
-            return p;
-        }
-        let out = p - nearest;
-        p - out * (over / out.norm())
-    }
-
-    /// The ground between two stretches that are joined.
-    fn joint(&self, p: Vec2, a: (usize, bool), b: (usize, bool), offer: &mut impl FnMut(f64, f64, Vec2)) {
-        let (from, to) = (self.end(a.0, a.1), self.end(b.0, b.1));
-        let (square, t) = point_segment(p, from, to);
-        let room = self.network.stretches[a.0].half.min(self.network.stretches[b.0].half);
-        offer(square.sqrt(), room, from + (to - from) * t);
-    }
-
-    /// Keeps book of where somebody is on the network, who has moved.
-    pub(super) fn locate(&mut self, i: usize) {
-        let w = &self.walkers[i];
-        let own = &self.network.stretches[w.stretch].line;
-        let at = own.project_between(w.position, w.segment.saturating_sub(2), w.segment + 3);
-        self.walkers[i].s = at.s;
-        self.walkers[i].segment = at.segment;
-        let w = &self.walkers[i];
-        if self.remaining(w) > 0.4 {
-            return;
-        }
-        if let Some((next, forward)) = self.onward(w) {
-            let at = self.network.stretches[next].line.project(w.position);
-            let w = &mut self.walkers[i];
-            (w.before, w.stretch, w.forward) = (Some(w.stretch), next, forward);
-            (w.s, w.segment) = (at.s, at.segment);
-        }
     }
 }
 

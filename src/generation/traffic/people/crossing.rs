@@ -206,5 +206,5 @@ pub(super) fn kerbs(layout: &Layout, footway: usize) -> [f64; 2] {
     let steps = (line.length() / 0.1) as usize;
     let mut on = (0..=steps).map(|k| k as f64 * 0.1).filter(|&s| on_road(line.at(s)));
     let Some(first) = on.next() else { return [0.0, line.length()] };
-    [first, on.last().unwrap_or(first).max(first)]
+    [first, on.next_back().unwrap_or(first).max(first)]
 }

@@ -24,6 +24,10 @@ fn decay(x: f64) -> f64 {
 pub(super) fn interaction(d: Vec2, own: Vec2, other: Vec2) -> Vec2 {
     let distance = d.norm();
     let e = d / distance.max(1e-6);
+    // Who is neither near nor comes nearer has next to no weight: spares the rest.
+    if distance > 2.2 && (own - other).dot(&e) < 0.3 {
+        return Vec2::zeros();
+    }
     let approach = (own - other) * FORESIGHT + e;
     let strength = approach.norm();
     if strength < 1e-6 {
@@ -64,7 +68,7 @@ mod tests {
     #[test]
     fn decay_is_near_the_exponential() {
         for x in [0.0, 0.3, 1.0, 2.0, 3.5] {
-            assert!((decay(x) / (-x as f64).exp() - 1.0).abs() < 0.05, "{x}");
+            assert!((decay(x) / f64::exp(-x) - 1.0).abs() < 0.05, "{x}");
         }
     }
 

@@ -2,8 +2,10 @@
 
 use rand::{RngExt, SeedableRng};
 
+use super::motion::{CLEARANCE, Room};
+use super::network::Network;
 use super::walker::{Activity, Walker};
-use super::{CLEARANCE, Crossing, Crowd, Network, Room, crossing};
+use super::{Crossing, Crowd, crossing};
 use crate::generation::{Draw, Layout};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 
 use super::network::Stretch;
 use crate::generation::Draw;
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, left};
 use crate::rollout::Stream;
 
 /// Share of people who are old, and how much slower they walk. Knoblauch, Pietrucha & Nitzburg, *Field studies of pedestrian walking
@@ -16,6 +16,8 @@ const RUNNERS: (f64, f64, f64) = (0.012, 2.3, 3.2);
 const COMPANION: f64 = 0.06;
 /// Deviation of the slow wander of the desired speed (a share of it), and of the place beside the line (metres).
 const WANDER: (f64, f64) = (0.05, 0.12);
+/// Who is held up for so long tries to get round, seconds.
+const DETOUR_AFTER: f64 = 0.8;
 /// What of a wander is left after a second.
 const WANDER_KEPT: f64 = 0.8;
 
@@ -58,8 +60,10 @@ pub(super) struct Walker {
     pub(super) before: Option<usize>,
     /// For how long stepping off has looked possible, seconds; steps off from `reaction` on.
     pub(super) looked: f64,
-    /// For how long it has wanted to walk and could not, seconds.
-    pub(super) stuck: f64,
+    /// For how long it has wanted to walk and could not, seconds; falls again as it gets on.
+    stuck: f64,
+    /// The side on which it tries to get round then: +1 left, -1 right.
+    detour: f64,
     /// Number of the group and place in it, 0 for who leads.
     pub(super) group: u64,
     pub(super) rank: usize,
@@ -101,6 +105,7 @@ impl Walker {
                     before: None,
                     looked: 0.0,
                     stuck: 0.0,
+                    detour: -1.0,
                     group: first_id,
                     rank,
                     wander: [rng.normal(), rng.normal()],
@@ -132,9 +137,11 @@ impl Walker {
         // Companions walk abreast where there is room, else one behind the other.
         let abreast = if side < 0.0 { 1.0 } else { -1.0 } * self.rank as f64 * ABREAST;
         let own = side * half;
-        let beside = if (own + abreast).abs() <= half { own + abreast } else { own };
+        let left_most = if stretch.crossing.is_some() { -0.25 * half } else { half };
+        let both = own + abreast;
+        let beside = if both >= -half && both <= left_most { both } else { own };
         let wander = WANDER.1 * self.wander[1] * (half / 0.75).min(1.0);
-        (if forward { 1.0 } else { -1.0 }) * (beside + wander).clamp(-half, half)
+        (if forward { 1.0 } else { -1.0 }) * (beside + wander).clamp(-half, left_most)
     }
 
     /// Whether companions find room beside the one who leads.
@@ -152,11 +159,22 @@ impl Walker {
                 *value = WANDER_KEPT * *value + fresh * self.rng.normal();
             }
         }
-        // Who is held up for long tries another way round.
-        if self.stuck > 2.5 {
-            self.stuck = 0.0;
-            self.side = self.rng.uniform(-1.0, 1.0);
+        // Who does not get round on one side tries the other.
+        if self.stuck > 3.0 {
+            self.stuck = DETOUR_AFTER;
+            self.detour = -self.detour;
         }
+    }
+
+    /// Keeps book of whether it gets on, wanting to walk.
+    pub(super) fn gets_on(&mut self, wants: bool, dt: f64) {
+        let held_up = wants && self.velocity.norm_squared() < 0.04;
+        self.stuck = if held_up { self.stuck + dt } else { (self.stuck - 0.7 * dt).max(0.0) };
+    }
+
+    /// The direction to take for one that leads to the goal: aside, where somebody has been in the way for a while.
+    pub(super) fn detoured(&self, towards: Vec2) -> Vec2 {
+        if self.stuck > DETOUR_AFTER { towards * 0.4 + left(towards) * (0.9 * self.detour) } else { towards }
     }
 
     /// Draws from the person's own stream.

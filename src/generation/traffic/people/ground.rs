@@ -1,0 +1,82 @@
+//! On which ground people are: footways, where they join, and what lies beyond the last end.
+
+use super::Crowd;
+use super::walker::Walker;
+use crate::geometry::{Vec2, point_segment};
+
+impl Crowd {
+    /// The nearest place to where somebody is that footways cover.
+    pub(super) fn on_ground(&self, w: &Walker) -> Vec2 {
+        let p = w.position;
+        let own = &self.network.stretches[w.stretch];
+        let at = own.line.project_between(p, w.segment.saturating_sub(2), w.segment + 3);
+        if at.distance <= own.half {
+            return p;
+        }
+        let mut best = (at.distance - own.half, own.line.on_segment(at.s, at.segment));
+        let mut offer = |distance: f64, room: f64, nearest: Vec2| {
+            if distance - room < best.0 {
+                best = (distance - room, nearest);
+            }
+        };
+        if let Some(before) = w.before {
+            let stretch = &self.network.stretches[before];
+            let at = stretch.line.project(p);
+            offer(at.distance, stretch.half, stretch.line.on_segment(at.s, at.segment));
+        }
+        match self.onward(w) {
+            Some((next, forward)) => {
+                let stretch = &self.network.stretches[next];
+                let at = stretch.line.project(p);
+                offer(at.distance, stretch.half, stretch.line.on_segment(at.s, at.segment));
+                self.joint(p, (w.stretch, w.forward), (next, !forward), &mut offer);
+            }
+            // Beyond the end of the last stretch lies the border.
+            None => {
+                let (end, last) =
+                    (self.end(w.stretch, w.forward), if w.forward { own.line.segments() - 1 } else { 0 });
+                let out = end + own.along(last) * (2.0 * w.sign());
+                let (square, t) = point_segment(p, end, out);
+                offer(square.sqrt(), own.half, end + (out - end) * t);
+            }
+        }
+        if let Some(before) = w.before {
+            let node = own.ends[usize::from(!w.forward)];
+            let last = self.network.stretches[before].ends[1] == node;
+            self.joint(p, (before, last), (w.stretch, !w.forward), &mut offer);
+        }
+        let (over, nearest) = best;
+        if over <= 0.0 {
+            return p;
+        }
+        let out = p - nearest;
+        p - out * (over / out.norm())
+    }
+
+    /// The ground between two stretches that are joined.
+    fn joint(&self, p: Vec2, a: (usize, bool), b: (usize, bool), offer: &mut impl FnMut(f64, f64, Vec2)) {
+        let (from, to) = (self.end(a.0, a.1), self.end(b.0, b.1));
+        let (square, t) = point_segment(p, from, to);
+        let room = self.network.stretches[a.0].half.min(self.network.stretches[b.0].half);
+        offer(square.sqrt(), room, from + (to - from) * t);
+    }
+
+    /// Keeps book of where somebody is on the network, who has moved.
+    pub(super) fn locate(&mut self, i: usize) {
+        let w = &self.walkers[i];
+        let own = &self.network.stretches[w.stretch].line;
+        let at = own.project_between(w.position, w.segment.saturating_sub(2), w.segment + 3);
+        self.walkers[i].s = at.s;
+        self.walkers[i].segment = at.segment;
+        let w = &self.walkers[i];
+        if self.remaining(w) > 0.4 {
+            return;
+        }
+        if let Some((next, forward)) = self.onward(w) {
+            let at = self.network.stretches[next].line.project(w.position);
+            let w = &mut self.walkers[i];
+            (w.before, w.stretch, w.forward) = (Some(w.stretch), next, forward);
+            (w.s, w.segment) = (at.s, at.segment);
+        }
+    }
+}
