@@ -1,5 +1,7 @@
 //! Generated road maps: parametric, random within engineering ranges, checked.
 
+pub mod validate;
+
 use super::Layout;
 use crate::rollout::Stream;
 
