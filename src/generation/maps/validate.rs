@@ -1,7 +1,7 @@
 //! Checks of generated maps: what every [`Layout`] promises, rule by rule.
 
 mod beside;
-mod crossing;
+pub(super) mod crossing;
 mod ground;
 mod lanes;
 mod people;

@@ -11,7 +11,7 @@ pub(super) struct Piece {
 }
 
 /// Where two segments cross. A segment holds its left side's border, so that a line through a corner crosses once.
-pub(super) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2> {
+pub(in super::super) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2> {
     let (ab, cd) = (b - a, d - c);
     let (of_c, of_d) = (ab.perp(&(c - a)), ab.perp(&(d - a)));
     let (of_a, of_b) = (cd.perp(&(a - c)), cd.perp(&(b - c)));

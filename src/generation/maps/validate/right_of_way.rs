@@ -14,8 +14,8 @@ const SAME_TIME: f64 = 1e-6;
 const AT_STOP: f64 = 6.0;
 /// Lanes that do not cross may still be too near to one another for two vehicles, metres.
 const TOO_NEAR: f64 = 2.5;
-/// Lanes begin and end no farther than this from the border of the ground, metres.
-const AT_BORDER: f64 = 0.5;
+/// So far before the lanes that are entered and behind those that are left the ground has ended, metres.
+const BEYOND: f64 = 10.0;
 
 pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     stop_lines(survey, flaws);
@@ -209,11 +209,12 @@ fn entries(survey: &Survey<'_>, flaws: &mut Flaws) {
             if !entered.contains(&i) {
                 flaws.add(Rule::Entry, lane.id(), lane.start(), "nobody can come in: it is no entry");
             }
-            if !survey.at_border(lane.start(), AT_BORDER) {
+            if survey.drivable(lane.start() - lane.unit(0) * BEYOND, 0.0) {
                 flaws.add(Rule::Entry, lane.id(), lane.start(), "begins inside the drivable ground");
             }
         }
-        if lane.part.successors.is_empty() && !survey.at_border(lane.end(), AT_BORDER) {
+        let ahead = lane.end() + lane.unit(lane.line.segments() - 1) * BEYOND;
+        if lane.part.successors.is_empty() && survey.drivable(ahead, 0.0) {
             flaws.add(Rule::Entry, lane.id(), lane.end(), "ends inside the drivable ground");
         }
     }

@@ -102,11 +102,6 @@ impl<'a> Survey<'a> {
         self.drivable(p, 0.0) && !self.ground.iter().any(|g| g.border_within(p, depth))
     }
 
-    /// Whether the border of the drivable ground passes within this distance.
-    pub(super) fn at_border(&self, p: Vec2, distance: f64) -> bool {
-        self.ground.iter().any(|g| g.border_within(p, distance))
-    }
-
     fn find_meetings(&self) -> BTreeMap<(usize, usize), Vec2> {
         let mut pieces: Vec<(usize, Vec2, Vec2)> = Vec::new();
         for (i, lane) in self.lanes.iter().enumerate() {

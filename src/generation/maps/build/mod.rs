@@ -1,0 +1,36 @@
+//! What maps are made of: reference lines, lanes along them, roads with a cross-section, connectors, drivable ground.
+//!
+//! A map type draws its parameters, lays [`Road`]s and connectors into a [`MapBuilder`], says who goes first, and calls
+//! [`MapBuilder::finish`], which unites the surfaces, cuts edges at the border, and moves every point to a grid.
+//!
+//! Angles are radians, lengths metres, speeds m/s. Offsets from a reference line are positive to its left; traffic keeps right.
+
+mod builder;
+mod connector;
+mod ground;
+mod lanes;
+mod path;
+mod profile;
+mod ring;
+mod road;
+#[cfg(test)]
+mod tests;
+
+pub use builder::MapBuilder;
+pub use connector::{Pose, TIGHTEST, connector};
+pub use ground::{GRID, area, edges, on_grid, union};
+pub use lanes::{LaneRef, Spec};
+pub use path::{Path, Piece, Station, sampling_step};
+pub use profile::Profile;
+pub use ring::{fillet, ribbon};
+pub use road::{Median, Pavement, Road, RoadLanes, Section, Side, Way};
+
+/// Ground beside every lane at least, metres: gutters and shoulders, so that wheels beside the line are still on the road.
+pub const MARGIN: f64 = 0.5;
+/// How far the ground goes on beyond the ends of lanes at the border of the map, metres.
+pub const OVERHANG: f64 = 8.0;
+
+/// Metres per second of miles per hour.
+pub fn mph(value: f64) -> f64 {
+    value * 0.44704
+}
