@@ -47,4 +47,8 @@ pub const MAP_TYPES: &[MapType] = &[
         draw: junctions::priority_four_way,
     },
     MapType { id: "all-way-stop", title: "everybody stops", weight: 1.5, draw: junctions::all_way_stop },
+    MapType { id: "roundabout-1", title: "a roundabout with one lane", weight: 1.0, draw: junctions::roundabout_one_lane },
+    MapType { id: "roundabout-2", title: "a roundabout with two lanes", weight: 0.5, draw: junctions::roundabout_two_lanes },
+    MapType { id: "signalised-pair", title: "two junctions with coordinated lights", weight: 1.5, draw: junctions::signalised_pair },
+    MapType { id: "signalised-and-t", title: "a junction with lights, and one of three arms with a sign nearby", weight: 1.0, draw: junctions::signalised_and_t },
 ];

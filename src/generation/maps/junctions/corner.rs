@@ -10,6 +10,8 @@ use crate::geometry::{Vec2, direction, left, wrap};
 pub(super) const CROSSWALK: f64 = 3.0;
 /// From a crosswalk back to the stop line, metres (MUTCD 2009, 3B.16: 4 feet).
 pub(super) const STOP_GAP: f64 = 1.2;
+/// By so much the ground of a corner lies under that of the arms, metres.
+const OVERLAP: f64 = 0.4;
 /// Share of the angle of a right turn that is driven on clothoids.
 const EASING: f64 = 0.35;
 
@@ -20,7 +22,9 @@ pub(super) struct Corner {
     pub(super) radius: f64,
     /// Where it touches the kerbs of both arms: distances from the middle of the junction along the arms, metres.
     pub(super) touches: [f64; 2],
-    /// Surface between the kerbs and the kerb return.
+    /// The kerb return, from the first arm to the second.
+    pub(super) arc: Vec<Vec2>,
+    /// Ground between the kerbs and the kerb return; it reaches onto the ground of the arms.
     pub(super) surface: Vec<Vec2>,
     /// Where the kerbs would meet: distances along the arms.
     kerbs: [f64; 2],
@@ -48,6 +52,8 @@ impl Corner {
         let kerbs = meet(a.heading, b.heading, a.kerb_in, -b.kerb_out);
         let lanes = meet(a.heading, b.heading, a.lane_in, -b.lane_out);
         let corner = centre + ua * kerbs[0] + left(ua) * a.kerb_in;
+        let arc = fillet(corner, ua, ub, radius).split_off(1);
+        let onto = [left(ua) * -OVERLAP, left(ub) * OVERLAP];
         let cos = ua.dot(&ub);
         let touch = radius * ((1.0 + cos) / (1.0 - cos)).sqrt();
         // The lane keeps its distance from the kerb return at its middle.
@@ -61,7 +67,12 @@ impl Corner {
         Some(Self {
             radius,
             touches: kerbs.map(|s| s + touch),
-            surface: fillet(corner, ua, ub, radius),
+            surface: [corner + onto[0] + onto[1], arc[0] + onto[0]]
+                .into_iter()
+                .chain(arc.iter().copied())
+                .chain([arc[arc.len() - 1] + onto[1]])
+                .collect(),
+            arc,
             kerbs,
             turn: lanes.map(|s| s + leg),
             bend,

@@ -98,6 +98,7 @@ impl Junction {
                 (Turn::Right, Some(corner)) => {
                     self.right_turn(b, spec, corner, (lanes[k], behind), (slot, to))
                 }
+                (Turn::Through, _) => straight(b, spec, lanes[k], behind),
                 _ => b.connect(spec, lanes[k], behind).0,
             };
             movements.push(Movement { lane, from: slot, to, turn, bike: false, before: lanes[k], behind });
@@ -123,7 +124,7 @@ impl Junction {
         let bike_out = through.and_then(|p| p.bike_out);
         if let (Some(before), Some(behind)) = (port.bike_in, bike_out) {
             let spec = Spec::connector(format!("{}-{slot}bike", self.name), LaneClass::Bike, 7.0);
-            let lane = b.connect(spec, before, behind).0;
+            let lane = straight(b, spec, before, behind);
             let turn = Turn::Through;
             movements.push(Movement { lane, from: slot, to: arm(2), turn, bike: true, before, behind });
         }
@@ -169,8 +170,7 @@ impl Junction {
             let beyond = |p: Vec2, port: &Port| {
                 (p - self.centre).dot(&direction(port.shape.heading)) > self.setback(port) - 0.05
             };
-            let arc = corner.surface.iter().skip(1);
-            ring.extend(arc.copied().filter(|&p| !beyond(p, port) && !beyond(p, next)));
+            ring.extend(corner.arc.iter().copied().filter(|&p| !beyond(p, port) && !beyond(p, next)));
         }
         ring
     }
@@ -211,6 +211,24 @@ impl Junction {
             }
         }
     }
+}
+
+/// The way straight on, where it is straight.
+fn straight(b: &mut MapBuilder, spec: Spec, before: LaneRef, behind: LaneRef) -> LaneRef {
+    /// Distance of its points, metres.
+    const STEP: f64 = 5.0;
+    let (start, end) = (b.end(before), b.start(behind));
+    let way = end.position - start.position;
+    if direction(start.heading).perp(&way).abs() > 0.001 || direction(end.heading).perp(&way).abs() > 0.001 {
+        return b.connect(spec, before, behind).0;
+    }
+    let count = (way.norm() / STEP).ceil().max(1.0);
+    let points = (0..=count as usize).map(|i| start.position + way * (i as f64 / count)).collect();
+    let half = b.half_width(before).min(b.half_width(behind));
+    let lane = b.lane(spec, points, half, start.heading, end.heading);
+    b.link(before, lane);
+    b.link(lane, behind);
+    lane
 }
 
 /// Pairs of ways that cross or join, the lower index first; not those that part.

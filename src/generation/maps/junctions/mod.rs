@@ -19,9 +19,13 @@ mod control;
 mod corner;
 mod draw;
 mod interior;
+mod joined;
+mod roundabout;
 mod signalised;
 mod street;
 mod unsignalised;
 
+pub(super) use joined::{signalised_and_t, signalised_pair};
+pub(super) use roundabout::{roundabout_one_lane, roundabout_two_lanes};
 pub(super) use signalised::{signalised_permissive, signalised_protected, signalised_t};
 pub(super) use unsignalised::{all_way_stop, priority_four_way, priority_t};

@@ -37,7 +37,7 @@ pub(super) fn plan(rng: &mut Stream, phases: Vec<Phase>) -> Plan {
 }
 
 /// A road that is likely to have lights.
-fn kind(rng: &mut Stream, pocket: bool) -> Kind {
+pub(super) fn kind(rng: &mut Stream, pocket: bool) -> Kind {
     let lanes = 1 + rng.weighted(if pocket { &[1.0, 2.0, 1.0] } else { &[2.0, 1.5, 0.0] });
     let limit = *rng.pick(if lanes == 1 { &[25.0, 30.0, 35.0] } else { &[30.0, 35.0, 40.0, 45.0] });
     Kind {
@@ -52,7 +52,7 @@ fn kind(rng: &mut Stream, pocket: bool) -> Kind {
 }
 
 /// The end of an arm at the junction, with pockets.
-fn end(rng: &mut Stream, kind: &Kind, right_turns: bool) -> End {
+pub(super) fn end(rng: &mut Stream, kind: &Kind, right_turns: bool) -> End {
     let (left, right) = (rng.uniform(35.0, 60.0), rng.uniform(30.0, 50.0));
     let pocket = rng.chance(0.3) && !kind.bike && right_turns;
     End::Junction { left: kind.median.map(|_| left), right: pocket.then_some(right) }
@@ -110,7 +110,7 @@ pub(crate) fn signalised_t(rng: &mut Stream) -> Layout {
     let streets = [0, 1, 2].map(|i| {
         let (kind, path) = (&kinds[i % 2], arm_path(rng, Vec2::zeros(), headings[i], true));
         // Arm 0 turns right into the stem, arm 2 left.
-        let drawn = end(rng, kind, i < 2);
+        let drawn = end(rng, kind, i == 0 || i == 1 && stem.lanes == 1);
         let end = match drawn {
             End::Junction { right, .. } if i == 0 => End::Junction { left: None, right },
             other => other,
