@@ -38,7 +38,8 @@ impl Changing {
         let path = gentle(rng, length, speed);
         let middle = 0.5 * path.length();
         let path = centred(path, middle, rng);
-        let narrow = Section { forward: Side { lanes: section.forward.lanes - 1, ..section.forward }, ..section };
+        let narrow =
+            Section { forward: Side { lanes: section.forward.lanes - 1, ..section.forward }, ..section };
         Self { wide: Road::new(path.clone(), section), narrow: Road::new(path, narrow), speed }
     }
 
@@ -85,7 +86,8 @@ impl Changing {
     fn ground(&self, b: &mut MapBuilder, first: &Road, last: &Road, cuts: [f64; 4]) {
         let [from, start, stop, to] = cuts;
         let road = &self.wide;
-        let edge = |offset: &dyn Fn(&Road) -> f64| Profile::flat(offset(first)).then(start, stop, offset(last));
+        let edge =
+            |offset: &dyn Fn(&Road) -> f64| Profile::flat(offset(first)).then(start, stop, offset(last));
         let kerb = edge(&|r| r.kerb(Way::Forward));
         let two_way = road.section.backward.is_some();
         let inner = 0.5 * road.section.median.width - road.section.median.shoulder;

@@ -1,6 +1,9 @@
 //! Generated road maps: parametric, random within engineering ranges, checked.
 
+mod access;
 pub mod build;
+mod crosswalk;
+mod driveways;
 mod lanes;
 mod motorway;
 mod plain;
@@ -32,4 +35,7 @@ pub const MAP_TYPES: &[MapType] = &[
     MapType { id: "on-ramp", title: "on-ramp with an acceleration lane", weight: 1.0, draw: motorway::on_ramp },
     MapType { id: "off-ramp", title: "off-ramp with a deceleration lane", weight: 1.0, draw: motorway::off_ramp },
     MapType { id: "weaving", title: "weaving section between two ramps", weight: 1.0, draw: motorway::weaving },
+    MapType { id: "mid-block-crosswalk", title: "street with a crosswalk away from junctions", weight: 2.0, draw: crosswalk::mid_block },
+    MapType { id: "driveways", title: "street with driveways", weight: 2.0, draw: driveways::driveways },
+    MapType { id: "car-park-exit", title: "aisle of a car park that joins a street", weight: 2.0, draw: driveways::car_park },
 ];

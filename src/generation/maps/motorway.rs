@@ -4,7 +4,8 @@
 //! weaving section joins an on-ramp to an off-ramp.
 
 use super::build::{
-    LaneRef, MARGIN, MapBuilder, OVERHANG, Path, Piece, Pose, Profile, Road, RoadLanes, Spec, Way, mph, ribbon,
+    LaneRef, MARGIN, MapBuilder, OVERHANG, Path, Piece, Pose, Profile, Road, RoadLanes, Spec, Way, mph,
+    ribbon,
 };
 use super::lanes::gentle;
 use super::plain::enter;
@@ -48,7 +49,10 @@ impl Motorway {
         let mut b = MapBuilder::new();
         let end = road.path.length();
         let parallel = if on && off { rng.uniform(170.0, 320.0) } else { rng.uniform(130.0, 240.0) };
-        let tapers = [if on { 0.0 } else { rng.uniform(60.0, 95.0) }, if off { 0.0 } else { rng.uniform(85.0, 110.0) }];
+        let tapers = [
+            if on { 0.0 } else { rng.uniform(60.0, 95.0) },
+            if off { 0.0 } else { rng.uniform(85.0, 110.0) },
+        ];
         // The middle of the map lies where vehicles merge or part.
         let start = 0.5 * end - parallel * if on { 0.65 } else { 0.35 };
         let cuts = [0.0, start - tapers[0], start, start + parallel, start + parallel + tapers[1], end];
@@ -100,7 +104,14 @@ impl Motorway {
         })
     }
 
-    fn strip(&self, b: &mut MapBuilder, id: &str, (from, to): (f64, f64), centre: Profile, taper: bool) -> LaneRef {
+    fn strip(
+        &self,
+        b: &mut MapBuilder,
+        id: &str,
+        (from, to): (f64, f64),
+        centre: Profile,
+        taper: bool,
+    ) -> LaneRef {
         let (class, speed) = (LaneClass::Freeway, self.road.section.speed);
         let half = self.road.lane_half(Way::Forward).into();
         let (spec, stations) = if taper {
@@ -123,7 +134,8 @@ impl Motorway {
         let bent = rng.uniform(0.05, 0.10) * (1.0 / gore).abs();
         let radius = smallest_radius(speed) * rng.uniform(1.1, 1.6);
         // Ramps turn away from the motorway, or back to be parallel to it, but not across it.
-        let turn = if rng.chance(0.6) { side * rng.uniform(0.3, 1.0) } else { -side * rng.uniform(0.03, 0.08) };
+        let turn =
+            if rng.chance(0.6) { side * rng.uniform(0.3, 1.0) } else { -side * rng.uniform(0.03, 0.08) };
         let mut pieces = vec![
             Piece { length: 40.0, from: along, to: along + gore },
             Piece { length: bent, from: along + gore, to: along + gore },
@@ -141,9 +153,7 @@ impl Motorway {
         let way = if on { Way::Backward } else { Way::Forward };
         let spec = Spec::lane(if on { "on-ramp" } else { "off-ramp" }, LaneClass::Freeway, mph(speed));
         let lane = b.strip(spec, &stations, &0.0.into(), &half.into(), way);
-        let (right, left) = (rng.uniform(1.5, 2.6), rng.uniform(0.8, 1.3));
-        let mut line: Vec<Vec2> = stations.iter().map(|p| p.position).collect();
-        line.push(path.at(length + OVERHANG).position);
+        let (right, left) = (self.road.section.forward.shoulder, rng.uniform(0.8, 1.3));
         // The wider shoulder is on the right of the traffic.
         let shift = 0.5 * if on { right - left } else { left - right };
         let end = path.at(length + OVERHANG);

@@ -40,7 +40,8 @@ pub(super) fn narrow(rng: &mut Stream) -> Layout {
         backward: Some(side),
         median: Median { width: 0.0, shoulder: 0.5, raised: false },
     };
-    let path = if rng.chance(0.5) { Path::straight(rng.uniform(355.0, 430.0)) } else { winding(rng, 355.0, 25.0) };
+    let path =
+        if rng.chance(0.5) { Path::straight(rng.uniform(355.0, 430.0)) } else { winding(rng, 355.0, 25.0) };
     let middle = 0.5 * path.length();
     let road = Road::new(centred(path, middle, rng), section);
     let mut b = MapBuilder::new();
