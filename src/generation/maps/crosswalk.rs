@@ -6,7 +6,7 @@ use super::ranges::{centred, smallest_radius, street};
 use crate::generation::{Draw, Layout};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;
-use crate::scene::LightState;
+use crate::scene::{LightState, StopKind};
 
 /// No parking this far from the edge of a crosswalk, metres (20 ft).
 const DAYLIGHT: f64 = 6.1;
@@ -51,11 +51,12 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
 
     let across: Vec<Vec2> =
         [Way::Forward, Way::Backward].map(|way| road.path.at(at).aside(road.pavement_offset(way))).into();
-    let crossed = b.lanes_across(&across, 0.5 * width);
+    let crossed = b.lanes_across(&across);
     let lights = if rng.chance(0.4) { crossed.clone() } else { Vec::new() };
     b.crossing(across, width, &crossed, &lights);
     let phases = phases(rng, road.kerb(Way::Backward) - road.kerb(Way::Forward));
     for &lane in &lights {
+        b.stop(StopKind::Light, lane);
         b.signal(lane, phases.clone());
     }
     b.finish("mid-block-crosswalk")

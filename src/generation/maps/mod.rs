@@ -4,10 +4,14 @@ mod access;
 pub mod build;
 mod crosswalk;
 mod driveways;
+mod junctions;
 mod lanes;
 mod motorway;
 mod plain;
 mod ranges;
+#[cfg(test)]
+mod tests;
+pub mod validate;
 
 use super::Layout;
 use crate::rollout::Stream;
@@ -38,4 +42,14 @@ pub const MAP_TYPES: &[MapType] = &[
     MapType { id: "mid-block-crosswalk", title: "street with a crosswalk away from junctions", weight: 2.0, draw: crosswalk::mid_block },
     MapType { id: "driveways", title: "street with driveways", weight: 2.0, draw: driveways::driveways },
     MapType { id: "car-park-exit", title: "aisle of a car park that joins a street", weight: 2.0, draw: driveways::car_park },
+    MapType { id: "signalised-protected", title: "four arms, lights, left turns with a phase of their own", weight: 3.0, draw: junctions::signalised_protected },
+    MapType { id: "signalised-permissive", title: "four arms, lights, left turns give way", weight: 3.0, draw: junctions::signalised_permissive },
+    MapType { id: "signalised-t", title: "three arms, lights", weight: 1.5, draw: junctions::signalised_t },
+    MapType {
+        id: "priority-t",
+        title: "three arms, the minor road stops or gives way",
+        weight: 1.5,
+        draw: junctions::priority_t },
+    MapType { id: "priority-four-way", title: "four arms, the minor road stops or gives way", weight: 1.5, draw: junctions::priority_four_way },
+    MapType { id: "all-way-stop", title: "everybody stops", weight: 1.5, draw: junctions::all_way_stop },
 ];
