@@ -155,7 +155,7 @@ impl Access {
         let Some(pavement) = side.and_then(|s| s.pavement) else { return };
         let offset = street.pavement_offset(self.way);
         let line: Vec<Vec2> = street.line(self.way, offset, self.s - PRIVATE.gap, self.s + PRIVATE.gap);
-        let crossed = b.lanes_across(&line);
+        let crossed = b.lanes_across(&line, 0.0);
         b.crossing(line, pavement.width, &crossed, &[]);
     }
 }

@@ -51,7 +51,7 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
 
     let across: Vec<Vec2> =
         [Way::Forward, Way::Backward].map(|way| road.path.at(at).aside(road.pavement_offset(way))).into();
-    let crossed = b.lanes_across(&across);
+    let crossed = b.lanes_across(&across, 0.0);
     let lights = if rng.chance(0.4) { crossed.clone() } else { Vec::new() };
     b.crossing(across, width, &crossed, &lights);
     let phases = phases(rng, road.kerb(Way::Backward) - road.kerb(Way::Forward));

@@ -45,11 +45,7 @@ pub const MAP_TYPES: &[MapType] = &[
     MapType { id: "signalised-protected", title: "four arms, lights, left turns with a phase of their own", weight: 3.0, draw: junctions::signalised_protected },
     MapType { id: "signalised-permissive", title: "four arms, lights, left turns give way", weight: 3.0, draw: junctions::signalised_permissive },
     MapType { id: "signalised-t", title: "three arms, lights", weight: 1.5, draw: junctions::signalised_t },
-    MapType {
-        id: "priority-t",
-        title: "three arms, the minor road stops or gives way",
-        weight: 1.5,
-        draw: junctions::priority_t },
+    MapType { id: "priority-t", title: "three arms, the minor road stops or gives way", weight: 1.5, draw: junctions::priority_t },
     MapType { id: "priority-four-way", title: "four arms, the minor road stops or gives way", weight: 1.5, draw: junctions::priority_four_way },
     MapType { id: "all-way-stop", title: "everybody stops", weight: 1.5, draw: junctions::all_way_stop },
 ];

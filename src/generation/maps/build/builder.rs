@@ -222,10 +222,15 @@ impl MapBuilder {
         (0..self.lanes.len()).map(LaneRef)
     }
 
-    /// The lanes whose centre lines cross a line: those that a crossing crosses.
-    pub fn lanes_across(&self, line: &[Vec2]) -> Vec<LaneRef> {
+    /// The lanes whose centre lines cross a line, or have points within `reach` metres of it: those that a crossing crosses.
+    pub fn lanes_across(&self, line: &[Vec2], reach: f64) -> Vec<LaneRef> {
+        let near = |p: Vec2| {
+            line.windows(2).any(|w| crate::geometry::point_segment(p, w[0], w[1]).0 < reach * reach)
+        };
         let meets = |a: Vec2, b: Vec2| line.windows(2).any(|w| intersect(a, b, w[0], w[1]));
-        self.lanes().filter(|l| self.lanes[l.0].points.windows(2).any(|w| meets(w[0], w[1]))).collect()
+        let hit =
+            |d: &Draft| d.points.iter().any(|&p| near(p)) || d.points.windows(2).any(|w| meets(w[0], w[1]));
+        self.lanes().filter(|l| hit(&self.lanes[l.0])).collect()
     }
 
     /// The map as a layout: surfaces united, edges cut at the border, points on the grid, links by name.

@@ -82,7 +82,7 @@ fn a_connector_joins_lanes() {
     let to = b.lane(spec("out"), vec![Vec2::new(12.0, 12.0), Vec2::new(12.0, 40.0)], 1.8, up, up);
     let (lane, radius) = b.connect(Spec::connector("turn", LaneClass::SurfaceStreet, 7.0), from, to);
     assert!(radius > TIGHTEST && b.half_width(lane) == 1.6);
-    assert_eq!(b.lanes_across(&[Vec2::new(4.0, 5.0), Vec2::new(4.0, -5.0)]), [lane]);
+    assert_eq!(b.lanes_across(&[Vec2::new(4.0, 5.0), Vec2::new(4.0, -5.0)], 0.1), [lane]);
     let map = b.finish("test").map;
     let turn = &map.lanes[2];
     assert_eq!(
