@@ -3,24 +3,16 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::build::{
-    LaneRef, MapBuilder, Median, Path, Pose, Road, RoadLanes, Section, Side, Spec, TIGHTEST, Way, connector,
-    mph,
+    LaneRef, MARGIN, MapBuilder, Median, Path, Pose, Road, RoadLanes, Section, Side, Spec, TIGHTEST, Way,
+    connector, mph, ribbon,
 };
 use crate::generation::{Draw, RightOfWay};
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, direction};
 use crate::rollout::Stream;
 use crate::scene::{LaneClass, StopKind};
 
-/// Sizes of driveways.
-pub(super) struct Private {
-    /// Half of the stretch of pavement that vehicles cross, metres.
-    pub(super) gap: f64,
-    /// Speed on them, mph.
-    speed: f64,
-}
-
-/// Driveways: 10 mph, and wide enough at the pavement for vehicles that turn.
-pub(super) const PRIVATE: Private = Private { gap: 6.5, speed: 10.0 };
+/// Speed on driveways, mph.
+const SPEED: f64 = 10.0;
 
 /// A driveway of two lanes, and where it joins the street.
 pub(super) struct Access {
@@ -32,6 +24,8 @@ pub(super) struct Access {
     pub(super) reach: f64,
     /// From the edge of the street to where vehicles wait, metres.
     pub(super) setback: f64,
+    /// Half of the stretch of pavement that vehicles cross, metres.
+    pub(super) gap: f64,
     /// The driveway, away from the street.
     pub(super) road: Road,
 }
@@ -43,7 +37,7 @@ impl Access {
         let side = Side { shoulder: 0.6, ..Side::plain(1, rng.uniform(2.9, 3.2)) };
         let section = Section {
             class: LaneClass::SurfaceStreet,
-            speed: mph(PRIVATE.speed),
+            speed: mph(SPEED),
             forward: side,
             backward: Some(side),
             median: Median { width: 0.2, shoulder: 0.5, raised: false },
@@ -60,8 +54,10 @@ impl Access {
             let start = at.aside(street.kerb(way) + sign * setback);
             let road =
                 Road::new(path.clone().placed(0.0, start, at.heading + sign * FRAC_PI_2 + skew), section);
-            let access = Self { s: middle, way, reach, setback, road };
-            if access.tightest(street) >= TIGHTEST + 0.2 {
+            let mut access = Self { s: middle, way, reach, setback, gap: 0.0, road };
+            let turns = access.right_turns(street);
+            if turns.iter().all(|t| t.1 >= TIGHTEST + 0.2) {
+                access.gap = access.pavement_gap(street, &turns);
                 return Some(access);
             }
             setback = (setback + 0.6).max(5.0);
@@ -69,8 +65,8 @@ impl Access {
         None
     }
 
-    /// The smallest radius of the right turns, the tighter ones.
-    fn tightest(&self, street: &Road) -> f64 {
+    /// The right turns, the tighter ones, in and out: points and smallest radius.
+    fn right_turns(&self, street: &Road) -> [(Vec<Vec2>, f64); 2] {
         let pose = |road: &Road, s: f64, way: Way, i: usize| {
             let at = road.path.at(s);
             let pose = Pose { position: at.aside(road.lane_offset(way, i)), heading: at.heading };
@@ -85,7 +81,24 @@ impl Access {
         let to = pose(street, self.s + ahead, self.way, lanes - 1);
         let (inwards, outwards) =
             (pose(&self.road, 0.0, Way::Forward, 0), pose(&self.road, 0.0, Way::Backward, 0));
-        connector(from, inwards).1.min(connector(outwards, to).1)
+        [connector(from, inwards), connector(outwards, to)]
+    }
+
+    /// Half of the stretch of pavement that turning vehicles take up.
+    fn pavement_gap(&self, street: &Road, turns: &[(Vec<Vec2>, f64); 2]) -> f64 {
+        let at = street.path.at(self.s);
+        let axis = direction(at.heading);
+        let sign = if self.way == Way::Forward { -1.0 } else { 1.0 };
+        let kerb = street.kerb(self.way).abs();
+        let width = self.road.lane_half(Way::Forward).max(street.lane_half(self.way)) + MARGIN + 0.2;
+        let mut gap: f64 = 4.0;
+        for p in turns.iter().flat_map(|t| ribbon(&t.0, width)) {
+            let d = p - at.position;
+            if axis.perp(&d) * sign > kerb - 0.2 {
+                gap = gap.max(axis.dot(&d).abs() + 0.5);
+            }
+        }
+        gap
     }
 
     /// Lays the driveway and its turns. `stretches` of the street: before it, at it, after it (along the street).
@@ -107,8 +120,7 @@ impl Access {
         let upstream = |way: Way| if way == Way::Forward { before } else { after };
         let downstream = |way: Way| if way == Way::Forward { after } else { before };
         let turn = |b: &mut MapBuilder, name: &str, from: LaneRef, to: LaneRef| {
-            let spec =
-                Spec::connector(format!("d{number}-{name}"), LaneClass::SurfaceStreet, mph(PRIVATE.speed));
+            let spec = Spec::connector(format!("d{number}-{name}"), LaneClass::SurfaceStreet, mph(SPEED));
             b.connect(spec, from, to).0
         };
         let last = at.of(near).len() - 1;
@@ -154,7 +166,7 @@ impl Access {
         };
         let Some(pavement) = side.and_then(|s| s.pavement) else { return };
         let offset = street.pavement_offset(self.way);
-        let line: Vec<Vec2> = street.line(self.way, offset, self.s - PRIVATE.gap, self.s + PRIVATE.gap);
+        let line: Vec<Vec2> = street.line(self.way, offset, self.s - self.gap, self.s + self.gap);
         let crossed = b.lanes_across(&line, 0.0);
         b.crossing(line, pavement.width, &crossed, &[]);
     }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::access::{Access, PRIVATE};
+use super::access::Access;
 use super::build::{MapBuilder, Path, Piece, Road, RoadLanes, Way};
 use super::plain::enter;
 use super::ranges::{centred, flows, smallest_radius, street};
@@ -129,9 +129,9 @@ fn join(b: &mut MapBuilder, rng: &mut Stream, road: &Road, accesses: &[Access]) 
     for way in road.ways() {
         let (mut walked, mut parked) = (0.0, 3.0);
         for access in accesses.iter().filter(|a| a.way == way) {
-            road.pavement(b, way, walked, access.s - PRIVATE.gap);
+            road.pavement(b, way, walked, access.s - access.gap);
             road.parking(b, rng, way, parked, access.s - access.reach);
-            (walked, parked) = (access.s + PRIVATE.gap, access.s + access.reach);
+            (walked, parked) = (access.s + access.gap, access.s + access.reach);
         }
         road.pavement(b, way, walked, end);
         road.parking(b, rng, way, parked, end - 3.0);

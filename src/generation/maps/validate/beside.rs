@@ -76,9 +76,11 @@ fn neighbour(
             return error(own[i], "lies on the other side".into());
         }
         // Half of each width, as far as the outlines tell away from the ends.
-        if i > from && i + step < to {
-            let width = lane.area.border_distance(own[i])
-                + other.area.border_distance(other.line.on_segment(hit.s, hit.segment));
+        let on = other.line.on_segment(hit.s, hit.segment);
+        let clear =
+            |l: &Traced<'_>, p: Vec2| (l.start() - p).norm().min((l.end() - p).norm()) > 0.75 * hit.distance;
+        if i > from && i + step < to && clear(lane, own[i]) && clear(other, on) {
+            let width = lane.area.border_distance(own[i]) + other.area.border_distance(on);
             if !(hit.distance > 0.75 * width && hit.distance < 1.3 * width + 0.3) {
                 return error(
                     own[i],
