@@ -133,6 +133,11 @@ impl RoadLanes {
     }
 }
 
+/// Codes of paint.
+const BROKEN_WHITE: u8 = 1;
+const SOLID_WHITE: u8 = 2;
+const SOLID_YELLOW: u8 = 6;
+const DOUBLE_YELLOW: u8 = 7;
 /// Longest distance of points on lanes, metres, and where offsets change.
 const LONGEST: f64 = 5.0;
 const TAPER: f64 = 2.0;
@@ -333,11 +338,21 @@ impl Road {
 
     /// Lane lines, the line in the middle, and edge lines where there is a bicycle lane, a parking strip or a motorway.
     pub fn lines(&self, b: &mut MapBuilder, from: f64, to: f64) {
-        const BROKEN_WHITE: u8 = 1;
-        const SOLID_WHITE: u8 = 2;
-        const SOLID_YELLOW: u8 = 6;
-        const DOUBLE_YELLOW: u8 = 7;
+        self.inner_lines(b, from, to);
+        if let Some(edge) = self.edge_paint(Way::Forward) {
+            b.paint(edge, self.line(Way::Forward, self.lanes_edge(Way::Forward), from, to));
+        }
+    }
+
+    /// The paint at the outer border of a direction's lanes.
+    fn edge_paint(&self, way: Way) -> Option<u8> {
+        let side = self.side(way)?;
         let freeway = self.section.class == LaneClass::Freeway;
+        (side.bike.is_some() || side.parking.is_some() || freeway).then_some(SOLID_WHITE)
+    }
+
+    /// As [`Self::lines`], but without the edge line on the right of the lanes along the path, for roads whose edge changes.
+    pub fn inner_lines(&self, b: &mut MapBuilder, from: f64, to: f64) {
         let two_way = self.section.backward.is_some();
         let wide = self.section.median.width > 0.8;
         if two_way && !wide {
@@ -352,8 +367,10 @@ impl Road {
                 let between = 0.5 * (self.lane_offset(way, i - 1) + self.lane_offset(way, i));
                 b.paint(BROKEN_WHITE, self.line(way, between, from, to));
             }
-            if side.bike.is_some() || side.parking.is_some() || freeway {
-                b.paint(SOLID_WHITE, self.line(way, self.lanes_edge(way), from, to));
+            if way == Way::Backward
+                && let Some(edge) = self.edge_paint(way)
+            {
+                b.paint(edge, self.line(way, self.lanes_edge(way), from, to));
             }
             if side.bike.is_some() && side.parking.is_some() {
                 b.paint(SOLID_WHITE, self.line(way, self.parking_edge(way), from, to));

@@ -135,7 +135,11 @@ impl Pair {
         let mut laid = Vec::new();
         for i in 0..2 {
             let shapes = [0, 1, 2, 3].map(|slot| {
-                if slot == 2 * i { Some(shared.shape(i)) } else { streets[i][slot].as_ref().map(|s| s.shape(0)) }
+                if slot == 2 * i {
+                    Some(shared.shape(i))
+                } else {
+                    streets[i][slot].as_ref().map(|s| s.shape(0))
+                }
             });
             let (corners, setbacks) = corners(rng, centres[i], &shapes, (7.0, 9.5));
             if i == 0 {
@@ -160,8 +164,7 @@ impl Pair {
                 port
             });
             let name = ["j", "k"][i].to_owned();
-            let junction =
-                Junction { name, centre: centres[i], ports, corners, crosswalks: crosswalks[i] };
+            let junction = Junction { name, centre: centres[i], ports, corners, crosswalks: crosswalks[i] };
             let movements = junction.lay(b);
             (junction, movements)
         });

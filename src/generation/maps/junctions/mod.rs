@@ -4,7 +4,7 @@
 //!
 //! * Lanes are 3.0 to 3.6 wide (AASHTO, *A Policy on Geometric Design of Highways and Streets*, 2018: 10 to 12 feet on urban streets),
 //!   bicycle lanes 1.5 to 1.8 (AASHTO bicycle guide: 5 to 6 feet), parking strips 2.2 to 2.6 (7 to 8.5 feet), medians with a
-//!   pocket 4.2 to 5.2 (AASHTO: at least 12 feet, better 16 to 18). Streets cross at 70 to 110 degrees (AASHTO: at least 60, better 75).
+//!   pocket 4.2 to 5.8 (AASHTO: at least 12 feet, better 16 to 18). Streets cross at 70 to 110 degrees (AASHTO: at least 60, better 75).
 //! * Kerb returns have 6 to 10 m radius (AASHTO: 15 to 25 feet in towns, 30 where lorries turn), so right turns are driven with
 //!   7 to 12 m.
 //! * Pockets are 35 to 60 m with a taper of 22 m (AASHTO: 100 to 200 feet of storage, tapers of 8:1 and shorter in towns).
@@ -23,6 +23,8 @@ mod joined;
 mod roundabout;
 mod signalised;
 mod street;
+#[cfg(test)]
+mod tests;
 mod unsignalised;
 
 pub(super) use joined::{signalised_and_t, signalised_pair};

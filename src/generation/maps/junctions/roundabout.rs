@@ -202,11 +202,11 @@ impl Circle {
         merge: Spec,
     ) -> (LaneRef, LaneRef) {
         let (start, end) = (b.end(from), b.start(behind));
-        let (points, _) = connector(start, end);
+        let points = refined(&connector(start, end).0);
         let last = points.len() - 1;
         let line = points.iter().position(|p| p.norm() < self.rim + LINE).unwrap_or(1).clamp(2, last - 2);
         let half = b.half_width(from);
-        b.ground(ribbon(&points, half + MARGIN));
+        b.ground(ribbon(&points, half + MARGIN + 0.1));
         let there = points[line + 1] - points[line - 1];
         let heading = signed_angle_between(Vec2::new(1.0, 0.0), there);
         let entry = b.lane(
@@ -222,6 +222,26 @@ impl Circle {
         b.link(merge, behind);
         (entry, merge)
     }
+}
+
+/// Twice as many points: between two of them the cubic through them and their neighbours.
+fn refined(points: &[Vec2]) -> Vec<Vec2> {
+    let last = points.len() - 1;
+    let mut out = Vec::with_capacity(2 * points.len());
+    for i in 0..last {
+        let (a, b) = (points[i], points[i + 1]);
+        out.push(a);
+        // At the ends the curve is straight.
+        let middle = (a + b) * 0.5;
+        let bulge = if i > 0 && i + 1 < last {
+            (a + b - points[i - 1] - points[i + 2]) / 16.0
+        } else {
+            Vec2::zeros()
+        };
+        out.push(middle + bulge);
+    }
+    out.push(points[last]);
+    out
 }
 
 /// Give-way lines, and who gives way to whom.

@@ -40,11 +40,14 @@ pub(super) fn plan(rng: &mut Stream, phases: Vec<Phase>) -> Plan {
 pub(super) fn kind(rng: &mut Stream, pocket: bool) -> Kind {
     let lanes = 1 + rng.weighted(if pocket { &[1.0, 2.0, 1.0] } else { &[2.0, 1.5, 0.0] });
     let limit = *rng.pick(if lanes == 1 { &[25.0, 30.0, 35.0] } else { &[30.0, 35.0, 40.0, 45.0] });
+    // Beside a pocket a raised median is still an island.
+    let raised = pocket && lanes > 1 && rng.chance(0.5);
+    let median = if raised { rng.uniform(5.0, 5.8) } else { rng.uniform(4.2, 5.2) };
     Kind {
         lanes,
         limit,
-        median: pocket.then(|| rng.uniform(4.2, 5.2)),
-        raised: pocket && lanes > 1 && rng.chance(0.5),
+        median: pocket.then_some(median),
+        raised,
         bike: rng.chance(0.35),
         parking: limit <= 30.0 && rng.chance(0.5),
         flow: rng.uniform(250.0, 450.0) / if lanes > 2 { 1.3 } else { 1.0 },

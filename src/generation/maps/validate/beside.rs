@@ -9,8 +9,6 @@ use crate::scene::NeighborParts;
 const TOUCH: f64 = 0.1;
 /// Around the ends of linked lanes they may overlap, metres.
 const NEAR_LINK: f64 = 0.5;
-/// So far from the ends of a stretch widths are compared, metres.
-const AWAY: f64 = 4.0;
 /// Distance of the points of borders that are looked at, metres.
 const STEP: f64 = 3.0;
 
@@ -78,10 +76,11 @@ fn neighbour(
             return error(own[i], "lies on the other side".into());
         }
         // Half of each width, as far as the outlines tell away from the ends.
-        let arc = lane.line.arc();
-        if arc[i] > arc[from] + AWAY && arc[i] < arc[to] - AWAY {
-            let width = lane.area.border_distance(own[i])
-                + other.area.border_distance(other.line.on_segment(hit.s, hit.segment));
+        let on = other.line.on_segment(hit.s, hit.segment);
+        let clear =
+            |l: &Traced<'_>, p: Vec2| (l.start() - p).norm().min((l.end() - p).norm()) > 0.75 * hit.distance;
+        if i > from && i + step < to && clear(lane, own[i]) && clear(other, on) {
+            let width = lane.area.border_distance(own[i]) + other.area.border_distance(on);
             if !(hit.distance > 0.75 * width && hit.distance < 1.3 * width + 0.3) {
                 return error(
                     own[i],
