@@ -1,10 +1,17 @@
 //! Generated road maps: parametric, random within engineering ranges, checked.
 
+mod access;
 pub mod build;
+mod crosswalk;
+mod driveways;
+mod junctions;
 mod lanes;
 mod motorway;
 mod plain;
 mod ranges;
+#[cfg(test)]
+mod tests;
+pub mod validate;
 
 use super::Layout;
 use crate::rollout::Stream;
@@ -32,4 +39,17 @@ pub const MAP_TYPES: &[MapType] = &[
     MapType { id: "on-ramp", title: "on-ramp with an acceleration lane", weight: 1.0, draw: motorway::on_ramp },
     MapType { id: "off-ramp", title: "off-ramp with a deceleration lane", weight: 1.0, draw: motorway::off_ramp },
     MapType { id: "weaving", title: "weaving section between two ramps", weight: 1.0, draw: motorway::weaving },
+    MapType { id: "mid-block-crosswalk", title: "street with a crosswalk away from junctions", weight: 2.0, draw: crosswalk::mid_block },
+    MapType { id: "driveways", title: "street with driveways", weight: 2.0, draw: driveways::driveways },
+    MapType { id: "car-park-exit", title: "aisle of a car park that joins a street", weight: 2.0, draw: driveways::car_park },
+    MapType { id: "signalised-protected", title: "four arms, lights, left turns with a phase of their own", weight: 3.0, draw: junctions::signalised_protected },
+    MapType { id: "signalised-permissive", title: "four arms, lights, left turns give way", weight: 3.0, draw: junctions::signalised_permissive },
+    MapType { id: "signalised-t", title: "three arms, lights", weight: 1.5, draw: junctions::signalised_t },
+    MapType { id: "priority-t", title: "three arms, the minor road stops or gives way", weight: 1.5, draw: junctions::priority_t },
+    MapType { id: "priority-four-way", title: "four arms, the minor road stops or gives way", weight: 1.5, draw: junctions::priority_four_way },
+    MapType { id: "all-way-stop", title: "everybody stops", weight: 1.5, draw: junctions::all_way_stop },
+    MapType { id: "roundabout-1", title: "a roundabout with one lane", weight: 1.0, draw: junctions::roundabout_one_lane },
+    MapType { id: "roundabout-2", title: "a roundabout with two lanes", weight: 0.5, draw: junctions::roundabout_two_lanes },
+    MapType { id: "signalised-pair", title: "two junctions with coordinated lights", weight: 1.5, draw: junctions::signalised_pair },
+    MapType { id: "signalised-and-t", title: "a junction with lights, and one of three arms with a sign nearby", weight: 1.0, draw: junctions::signalised_and_t },
 ];

@@ -153,15 +153,14 @@ impl Motorway {
         let way = if on { Way::Backward } else { Way::Forward };
         let spec = Spec::lane(if on { "on-ramp" } else { "off-ramp" }, LaneClass::Freeway, mph(speed));
         let lane = b.strip(spec, &stations, &0.0.into(), &half.into(), way);
-        let (right, left) = (rng.uniform(1.5, 2.6), rng.uniform(0.8, 1.3));
-        let mut line: Vec<Vec2> = stations.iter().map(|p| p.position).collect();
-        line.push(path.at(length + OVERHANG).position);
+        let (right, left) = (self.road.section.forward.shoulder, rng.uniform(0.8, 1.3));
         // The wider shoulder is on the right of the traffic.
         let shift = 0.5 * if on { right - left } else { left - right };
         let end = path.at(length + OVERHANG);
         let line: Vec<Vec2> = stations.iter().chain([&end]).map(|p| p.aside(shift)).collect();
         let reach = half + 0.5 * (right + left).max(2.0 * MARGIN);
         b.ground(ribbon(&line, reach));
+        self.gore(b, &path, if on { -reach } else { reach } + shift);
         b.gate(end.aside(shift - reach), end.aside(shift + reach));
         // Edge lines begin where the ramp has parted from the motorway.
         for (paint, aside) in [(2, half), (6, -half)] {
@@ -170,6 +169,27 @@ impl Motorway {
             b.paint(paint, path.stations(from, length, 5.0).iter().map(|p| p.aside(aside)).collect());
         }
         lane
+    }
+
+    /// Paves the wedge between the motorway and a ramp, whose edge has this offset, until it is as wide as noses are.
+    fn gore(&self, b: &mut MapBuilder, ramp: &Path, edge: f64) {
+        const NOSE: f64 = 1.5;
+        let kerb = self.road.kerb(Way::Forward);
+        let (mut outer, mut inner) = (Vec::new(), Vec::new());
+        for station in ramp.stations(0.0, 140.0_f64.min(ramp.length()), 2.0) {
+            let near = self.road.path.at(self.road.path.nearest(station.position));
+            let (out, on) = (station.aside(edge), near.aside(kerb));
+            // Positive to the right of the motorway.
+            let gap = -crate::geometry::direction(near.heading).perp(&(out - on));
+            if gap > NOSE {
+                break;
+            }
+            outer.push(station.position);
+            // Well within the motorway, so that the ring does not cross itself.
+            inner.push(near.aside(self.road.lanes_edge(Way::Forward)));
+        }
+        outer.extend(inner.into_iter().rev());
+        b.ground(outer);
     }
 
     fn ground(&self, b: &mut MapBuilder, [opens, start, stop, closes]: [f64; 4]) {

@@ -222,10 +222,10 @@ impl MapBuilder {
         (0..self.lanes.len()).map(LaneRef)
     }
 
-    /// The lanes whose centre lines come within `reach` metres of a line: those that a crossing crosses.
+    /// The lanes whose centre lines cross a line, or have points within `reach` metres of it: those that a crossing crosses.
     pub fn lanes_across(&self, line: &[Vec2], reach: f64) -> Vec<LaneRef> {
         let near = |p: Vec2| {
-            line.windows(2).any(|w| crate::geometry::point_segment(p, w[0], w[1]).0 <= reach * reach)
+            line.windows(2).any(|w| crate::geometry::point_segment(p, w[0], w[1]).0 < reach * reach)
         };
         let meets = |a: Vec2, b: Vec2| line.windows(2).any(|w| intersect(a, b, w[0], w[1]));
         let hit =
