@@ -4,6 +4,7 @@
 mod draw;
 mod layout;
 pub mod maps;
+pub mod realism;
 mod scenario;
 mod settings;
 pub mod traffic;
