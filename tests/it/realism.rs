@@ -203,6 +203,39 @@ fn tables_and_pictures_have_every_statistic() {
     assert_eq!(json["rows"][0]["generated"]["histogram"].as_array().unwrap().len(), 16);
 }
 
+#[test]
+fn the_program_compares_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (folder.path().join("a.parquet"), folder.path().join("b.parquet"));
+    let svg = folder.path().join("a.svg");
+    generated::write(&a, (0..10).map(|i| generated::deviating(i, false)));
+    generated::write(&b, (10..14).map(|i| generated::deviating(i, false)));
+    let reactsim = |arguments: &[&std::ffi::OsStr]| {
+        let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin!("reactsim"));
+        program.args(["generate", "compare"]).args(arguments).output().unwrap()
+    };
+    let done =
+        reactsim(&[a.as_ref(), b.as_ref(), "--limit".as_ref(), "6".as_ref(), "--svg".as_ref(), svg.as_ref()]);
+    let printed = String::from_utf8(done.stdout).unwrap();
+    assert!(done.status.success() && done.stderr.is_empty(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(printed.starts_with("a.parquet (6 scenarios) against b.parquet (4 scenarios)."), "{printed}");
+    assert!(std::fs::read_to_string(&svg).unwrap().contains("a.parquet: 6 scenarios"));
+    let missing = reactsim(&[folder.path().join("c.parquet").as_ref(), b.as_ref()]);
+    assert_eq!(missing.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("c.parquet"));
+}
+
+/// A turn over the outer lanes of a junction is no change of lane.
+#[test]
+fn turning_wide_is_no_change() {
+    let mut parts = parts();
+    parts.agents[3] = vehicle("beside", |t| {
+        let u = smooth_step((t - 3.0) / 3.0);
+        AgentState { x: -9.0 + 7.0 * t, y: 3.5 * (1.0 - u), heading: -0.4 * u, vx: 7.0, vy: 0.0 }
+    });
+    near(mean(&measured(parts), Quantity::LaneChanges), 0.0);
+}
+
 /// What chance makes of as few recordings must be far below what generated sets are asked for.
 #[test]
 fn halves_of_the_recordings_are_alike() {

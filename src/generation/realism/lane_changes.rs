@@ -1,6 +1,7 @@
 //! How often vehicles change lanes.
 
 use super::lanes::{self, BESIDE};
+use crate::geometry::wrap;
 use crate::scene::{FRAMES, LaneHit, Road, Scenario};
 
 /// A vehicle has settled in a lane this close to its centre, metres.
@@ -11,6 +12,8 @@ const NEXT: f64 = 5.0;
 const LONGEST: usize = 60;
 /// After a change a vehicle stays in its lane for so many frames, or to the end of its track.
 const STAYS: usize = 10;
+/// A vehicle that turns by more than this meanwhile takes a lane of its choice out of a junction, radians (15°).
+const TURNS: f64 = 0.26;
 /// Every so many frames the lane is looked for.
 const STEP: usize = 2;
 /// So many lanes one after the other are the same lane.
@@ -28,6 +31,8 @@ pub(super) struct InLanes {
 /// A frame at which a vehicle has settled in a lane.
 struct Settled {
     frame: usize,
+    /// Heading of the vehicle, radians.
+    heading: f64,
     /// Index of the lane.
     lane: usize,
     /// The lanes along the vehicle, that one among them, with the signed offset of the vehicle, metres.
@@ -35,7 +40,8 @@ struct Settled {
 }
 
 /// Counts the changes of lane of a vehicle. It leaves a lane to settle in one that ran beside it from before the change until after it, that
-/// can not be come to without a change, and stays there. So neither lanes that part nor connectors that overlap count.
+/// can not be come to without a change, and stays there. So neither lanes that part nor connectors that overlap count, nor wide turns at
+/// junctions.
 pub(super) fn in_lanes(
     scenario: &Scenario,
     road: &Road<'_>,
@@ -58,7 +64,7 @@ pub(super) fn in_lanes(
         }
         if nearest.projection.distance < SETTLED {
             let beside = hits.iter().map(|h| (h.lane, h.projection.offset)).collect();
-            settled.push(Settled { frame, lane: nearest.lane, beside });
+            settled.push(Settled { frame, heading: state.heading, lane: nearest.lane, beside });
         }
     }
     let mut home = 0;
@@ -73,7 +79,8 @@ pub(super) fn in_lanes(
 }
 
 fn is_change(road: &Road<'_>, before: &Settled, now: &Settled) -> bool {
-    if now.frame - before.frame > LONGEST || leads(road, before.lane, now.lane) {
+    let turns = wrap(now.heading - before.heading).abs() > TURNS;
+    if now.frame - before.frame > LONGEST || turns || leads(road, before.lane, now.lane) {
         return false;
     }
     let apart = |at: &Settled, (_, offset): (usize, f64), from: usize| {

@@ -17,11 +17,13 @@ const STAYS: f64 = 1.0;
 /// ... if it was seen in so many frames.
 const SEEN: usize = 30;
 /// A vehicle that drives this far can turn, metres, and turns by more than this, radians (30°).
-const TURN: (f64, f64) = (5.0, 0.5236);
+const TURN: (f64, f64) = (5.0, std::f64::consts::FRAC_PI_6);
 /// Who is this close to the AV is near, metres.
 const NEAR: f64 = 50.0;
 /// Times to collision beyond this do not matter, seconds.
 const NO_RISK: f64 = 10.0;
+/// Who stands farther behind another does not wait behind it, metres.
+const QUEUE: f64 = 20.0;
 /// Lane changes are told where vehicles drove so far together, metres.
 const DRIVEN: f64 = 200.0;
 /// Nobody ahead for this long is a free road, seconds; a yaw rate below this is straight on, rad/s.
@@ -138,10 +140,8 @@ impl Sheet<'_> {
             let leader = leader::leader(self.scenario, &self.road, agent, frame, &mut self.hits);
             let led = leader.and_then(|l| Some((l.gap, self.motions[l.agent][sample]?)));
             if !moves {
-                if let Some((gap, ahead)) = led.filter(|(gap, a)| a.speed.abs() <= MOVING && *gap < 20.0) {
-                    debug_assert!(ahead.speed.abs() <= MOVING);
-                    self.tally.add(Q::StandstillGap, gap);
-                }
+                let queue = led.filter(|(gap, ahead)| ahead.speed.abs() <= MOVING && *gap < QUEUE);
+                self.tally.add(Q::StandstillGap, queue.map_or(f64::NAN, |l| l.0));
                 continue;
             }
             if let Some((gap, ahead)) = led {

@@ -17,40 +17,67 @@ pub struct Spec {
     pub bins: Bins,
 }
 
-/// A statistic of driving. The order is that of tables.
+/// A statistic of driving; [`Quantity::spec`] says exactly what it is taken of. The order is that of tables.
 ///
 /// Bins of what scenarios have one value of are few: the divergence of two samples of `n` values in `k` bins of one and the same
 /// distribution is about `(k - 1) / (2.8 n)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[expect(missing_docs, reason = "the table of specs says what each is")]
 pub enum Quantity {
+    /// Speed of moving vehicles.
     Speed,
+    /// Acceleration along the heading.
     Acceleration,
+    /// Yaw rate.
     YawRate,
+    /// Gap to the leader in the lane.
     Headway,
+    /// Time gap to the leader.
     TimeGap,
+    /// Smallest time to collision with a leader.
     MinTtc,
+    /// Agents near the AV.
     AgentsNear,
+    /// Vehicles near the AV.
     VehiclesNear,
+    /// Pedestrians near the AV.
     PedestriansNear,
+    /// Cyclists near the AV.
     CyclistsNear,
+    /// Share of stopped vehicles.
     Stopped,
+    /// Share of parked vehicles.
     Parked,
+    /// Share of turning vehicles.
     Turning,
+    /// Lane changes per kilometre.
     LaneChanges,
+    /// Offset from the lane's centre.
     LaneOffset,
+    /// Way of the AV.
     AvDistance,
+    /// Jerk along the heading.
     Jerk,
+    /// Curvature of the way.
     Curvature,
+    /// Acceleration across the heading.
     LateralAcceleration,
+    /// Gap between vehicles that stand in a queue.
     StandstillGap,
+    /// Share of vehicles that never move.
     NeverMoving,
+    /// Speed of unhindered vehicles over the speed limit.
     FreeSpeed,
+    /// Speed of the AV.
     AvSpeed,
+    /// Agents of the scenario.
     Agents,
+    /// Speed of pedestrians.
     PedestrianSpeed,
+    /// Speed of cyclists.
     CyclistSpeed,
+    /// Length of vehicles.
     VehicleLength,
+    /// Width of vehicles.
     VehicleWidth,
 }
 
