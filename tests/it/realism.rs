@@ -231,7 +231,13 @@ fn turning_wide_is_no_change() {
     let mut parts = parts();
     parts.agents[3] = vehicle("beside", |t| {
         let u = smooth_step((t - 3.0) / 3.0);
-        AgentState { x: -9.0 + 7.0 * t, y: 3.5 * (1.0 - u), heading: -0.4 * u, vx: 7.0, vy: 0.0 }
+        AgentState {
+            x: -9.0 + 7.0 * t,
+            y: 3.5 * (1.0 - u),
+            heading: 0.45 * (1.0 - 2.0 * u),
+            vx: 7.0,
+            vy: 0.0,
+        }
     });
     near(mean(&measured(parts), Quantity::LaneChanges), 0.0);
 }

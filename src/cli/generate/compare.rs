@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, find_inputs, say, write_result};
 use crate::curation::driver::CurationObserver;
-use crate::formats::{FormatError, PendingScenarios};
+use crate::formats::{FormatError, Input, PendingScenarios};
 use crate::generation::realism::{Comparison, Measured};
 use crate::report::{realism_charts, realism_tables};
 
@@ -48,9 +48,12 @@ enum Format {
 }
 
 pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
+    // Everything that can be wrong is found before the first scenario.
+    let inputs = |path: &PathBuf| find_inputs(std::slice::from_ref(path));
+    let (generated, reference) = (inputs(&args.generated)?, inputs(&args.reference)?);
     let progress = Progress::new();
-    let sets = measured(&args.generated, args, &progress)
-        .and_then(|generated| Ok((generated, measured(&args.reference, args, &progress)?)));
+    let sets = measured(&args.generated, generated, args, &progress)
+        .and_then(|set| Ok((set, measured(&args.reference, reference, args, &progress)?)));
     progress.end();
     let (generated, reference) = sets?;
     let comparison =
@@ -73,12 +76,16 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
 }
 
 /// Reads and measures the scenarios at a path.
-fn measured(path: &Path, args: &CompareArgs, progress: &Progress) -> anyhow::Result<Measured> {
+fn measured(
+    path: &Path,
+    inputs: Vec<Input>,
+    args: &CompareArgs,
+    progress: &Progress,
+) -> anyhow::Result<Measured> {
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
     let jobs =
         args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
     let mut done = 0;
-    let inputs = find_inputs(&[path.to_owned()])?;
     let records = inputs.into_iter().flat_map(|input| -> PendingScenarios {
         match input.format.open_undecoded(&input.path) {
             Ok(records) => Box::new(records.take(most)),
