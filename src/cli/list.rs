@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::{ExitStatus, write_result};
 use crate::formats::FORMATS;
+use crate::generation::maps::MAP_TYPES;
 use crate::metrics::{METRICS, Unit};
 use crate::models::{Card, MODELS};
 
@@ -26,6 +27,8 @@ enum What {
     Formats,
     /// The weights of learned models
     Weights,
+    /// The map types that can be generated
+    Maps,
 }
 
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
@@ -56,6 +59,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
         What::Formats => FORMATS.iter().map(|f| vec![f.id().to_owned(), f.title().to_owned()]).collect(),
         // No model of this version has weights.
         What::Weights => Vec::new(),
+        What::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
     write_result(None, |out| aligned(&rows, out))?;
     Ok(ExitStatus::Done)

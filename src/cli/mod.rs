@@ -2,6 +2,7 @@
 
 mod convert;
 mod curate;
+mod generate;
 mod inspect;
 mod list;
 mod progress;
@@ -45,13 +46,15 @@ enum Command {
     Score(score::ScoreArgs),
     /// Make AV trajectories that leave the log (deviated AVs), review and analyse them
     Curate(curate::CurateArgs),
+    /// Generate scenarios: maps, traffic, and for benchmarks deviated AVs
+    Generate(generate::GenerateArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
     /// Print the tables of finished runs
     Report(report::ReportArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
-    /// List models, metrics, formats or weights
+    /// List models, metrics, formats, weights or map types
     List(list::ListArgs),
 }
 
@@ -90,6 +93,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::score(&args),
         Command::Curate(args) => curate::curate(&args),
+        Command::Generate(args) => generate::generate(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Inspect(args) => inspect::inspect(&args),

@@ -2,13 +2,16 @@
 //! recordings may not be passed on, and what small networks are trained on.
 
 mod draw;
+mod in_order;
 mod layout;
 pub mod maps;
+pub mod realism;
 mod scenario;
 mod settings;
 pub mod traffic;
 
 pub use draw::Draw;
+pub use in_order::{Ending, in_order};
 pub use layout::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
 pub use settings::{GenerationSettings, Preset};
 

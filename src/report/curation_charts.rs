@@ -17,7 +17,7 @@ use crate::scene::Deviation;
 
 /// Size of a chart, pixels.
 const SIZE: (u32, u32) = (800, 500);
-const FONT: &str = "sans-serif";
+pub(super) const FONT: &str = "sans-serif";
 
 /// A chart as a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ pub struct ChartError {
     pub cause: String,
 }
 
-type Drawn = Result<(), Box<dyn std::error::Error>>;
+pub(super) type Drawn = Result<(), Box<dyn std::error::Error>>;
 type Draw = fn(&Area<'_>, &Statistics) -> Drawn;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
@@ -89,7 +89,7 @@ fn chart(name: &'static str, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<Ch
 }
 
 /// A colour of the palette.
-fn color(hex: &str) -> RGBColor {
+pub(super) fn color(hex: &str) -> RGBColor {
     let part = |i: usize| hex.get(i..i + 2).and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
     RGBColor(part(1), part(3), part(5))
 }
@@ -103,7 +103,14 @@ fn text(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos) -> D
     styled(area, what, at, size, side, color(palette::STOP))
 }
 
-fn styled(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos, ink: RGBColor) -> Drawn {
+pub(super) fn styled(
+    area: &Area<'_>,
+    what: &str,
+    at: (i32, i32),
+    size: u32,
+    side: HPos,
+    ink: RGBColor,
+) -> Drawn {
     let style = (FONT, size).into_font().color(&ink).pos(Pos::new(side, VPos::Center));
     area.draw_text(what, &style, at)?;
     Ok(())
@@ -116,7 +123,7 @@ fn title(area: &Area<'_>, what: &str, about: &str) -> Drawn {
 }
 
 /// A number on an axis: no digits that say nothing.
-fn tick(value: &f64) -> String {
+pub(super) fn tick(value: &f64) -> String {
     // What the library counts up is off by some last bits.
     let rounded = (value * 1e6).round() / 1e6;
     if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }

@@ -9,6 +9,8 @@ mod latex;
 mod long;
 mod markdown;
 mod parquet;
+pub mod realism_charts;
+pub mod realism_tables;
 mod table;
 
 use std::io::{self, Write};

@@ -60,14 +60,15 @@ fn help_fits_a_terminal() {
     Usage: reactsim [COMMAND]
 
     Commands:
-      run      Run simulators on scenarios and print the table of their metrics
-      score    Score rollouts that any program produced
-      curate   Make AV trajectories that leave the log (deviated AVs), review and analyse them
-      convert  Convert scenarios of any format to native Parquet
-      report   Print the tables of finished runs
-      inspect  Print and draw what is in a scenario
-      list     List models, metrics, formats or weights
-      help     Print this message or the help of the given subcommand(s)
+      run       Run simulators on scenarios and print the table of their metrics
+      score     Score rollouts that any program produced
+      curate    Make AV trajectories that leave the log (deviated AVs), review and analyse them
+      generate  Generate scenarios: maps, traffic, and for benchmarks deviated AVs
+      convert   Convert scenarios of any format to native Parquet
+      report    Print the tables of finished runs
+      inspect   Print and draw what is in a scenario
+      list      List models, metrics, formats, weights or map types
+      help      Print this message or the help of the given subcommand(s)
 
     Options:
       -h, --help     Print help
@@ -77,7 +78,7 @@ fn help_fits_a_terminal() {
 
     With no arguments at all it runs every baseline on the shipped scenarios.
     ");
-    for verb in ["run", "score", "curate", "convert", "report", "inspect", "list"] {
+    for verb in ["run", "score", "curate", "generate", "convert", "report", "inspect", "list"] {
         let help = stdout(&reactsim(&[verb, "--help"]));
         assert!(help.contains("Usage: reactsim"), "{verb}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();

@@ -15,6 +15,7 @@ mod layers;
 mod metrics;
 mod mini_scenarios;
 mod protocol;
+mod realism;
 mod scenes;
 mod scripted_av;
 

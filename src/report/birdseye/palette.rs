@@ -52,6 +52,10 @@ pub(super) const fn of(kind: AgentKind) -> &'static Paint {
     }
 }
 
+/// What is generated, and what it is held against.
+pub(in crate::report) const GENERATED: &str = AV.line;
+pub(in crate::report) const REFERENCE: &str = "#a9cfea";
+
 /// The colour of a category of deviations.
 pub(in crate::report) const fn category(category: Deviation) -> &'static str {
     match category {

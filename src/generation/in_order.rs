@@ -1,0 +1,105 @@
+//! Work on numbers, side by side, that comes out in the order of the numbers.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rayon::prelude::*;
+
+/// Results per thread that are in memory at a time: enough that threads seldom wait for the slowest.
+const CHUNK: usize = 8;
+/// More threads than this are never started.
+const MOST_JOBS: usize = 512;
+
+/// How the work ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// All numbers were done, or it was said that nothing more is needed.
+    Done,
+    /// It was stopped from outside; what comes before the first number that was not finished was handed over.
+    Stopped,
+}
+
+/// Makes something of every number from 0 to below `end` on `jobs` threads, and hands it over in the order of the numbers on this one.
+///
+/// `make` is shown the state as it was some numbers earlier, how many depends on the threads: it may save work by it, but what is made
+/// of the result must not depend on that. Where `stop` is set meanwhile, numbers that were not begun are left.
+///
+/// # Errors
+/// The first error of `take`, with which the work ends.
+pub fn in_order<S: Sync, T: Send, E>(
+    end: u64,
+    jobs: usize,
+    stop: &AtomicBool,
+    state: &mut S,
+    make: impl Fn(&S, u64) -> T + Sync,
+    mut take: impl FnMut(&mut S, u64, T) -> Result<ControlFlow<()>, E>,
+) -> Result<Ending, E> {
+    let jobs = jobs.clamp(1, MOST_JOBS);
+    // Where the system grants no threads of our own, those that there are do the work.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
+    let mut next = 0;
+    while next < end {
+        let chunk = next..end.min(next + (jobs * CHUNK) as u64);
+        next = chunk.end;
+        let one = |n| (!stop.load(Ordering::Relaxed)).then(|| make(state, n));
+        let all = || chunk.clone().into_par_iter().map(one).collect::<Vec<_>>();
+        let made = match &pool {
+            Some(pool) => pool.install(all),
+            None => all(),
+        };
+        for (number, made) in chunk.zip(made) {
+            let Some(made) = made else { return Ok(Ending::Stopped) };
+            if take(state, number, made)?.is_break() {
+                return Ok(Ending::Done);
+            }
+        }
+    }
+    Ok(Ending::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_in_order_whatever_the_threads() {
+        for jobs in [1, 3, 16] {
+            let mut seen = Vec::new();
+            let take = |seen: &mut Vec<u64>, n, square| {
+                assert_eq!(n * n, square);
+                seen.push(n);
+                Ok::<_, ()>(ControlFlow::Continue(()))
+            };
+            let ended = in_order(100, jobs, &AtomicBool::new(false), &mut seen, |_, n| n * n, take);
+            assert_eq!(ended, Ok(Ending::Done));
+            assert_eq!(seen, (0..100).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn it_ends_when_told_and_when_stopped() {
+        let stop = AtomicBool::new(false);
+        let mut seen = 0;
+        let until_30 = |seen: &mut u64, n, _| {
+            *seen += 1;
+            Ok::<_, ()>(if n == 30 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        };
+        assert_eq!(in_order(u64::MAX, 4, &stop, &mut seen, |_, n| n, until_30), Ok(Ending::Done));
+        assert_eq!(seen, 31);
+        let stop_at_20 = |_: &u64, n| {
+            if n == 20 {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let count = |seen: &mut u64, _, ()| {
+            *seen += 1;
+            Ok::<_, ()>(ControlFlow::Continue(()))
+        };
+        seen = 0;
+        assert_eq!(in_order(1000, 1, &stop, &mut seen, stop_at_20, count), Ok(Ending::Stopped));
+        assert_eq!(seen, 21);
+        let refuse = |_: &mut u64, n, ()| if n == 2 { Err(n) } else { Ok(ControlFlow::Continue(())) };
+        stop.store(false, Ordering::Relaxed);
+        assert_eq!(in_order(1000, 2, &stop, &mut seen, |_, _| (), refuse), Err(2));
+    }
+}
