@@ -11,8 +11,8 @@ use crate::formats::FormatError;
 use crate::generation::{Ending, GenerationError, in_order};
 use crate::scene::{DeviatedTrack, Scenario};
 
-/// Scenarios that are tried for the next one, before it is given up.
-const PATIENCE: u64 = 2000;
+/// Usual [`Recipe::patience`]: as rare as one scenario of the rarest group and category together may be.
+pub const PATIENCE: u64 = 2000;
 
 /// Why there is no benchmark.
 #[derive(Debug, thiserror::Error)]
@@ -29,7 +29,7 @@ pub enum BenchmarkError {
     },
     /// The quotas can not be filled.
     #[error(
-        "{chosen} of {wanted} scenarios were found among {tried}, and none among the last {PATIENCE}; still lacking: {lacking}; try another \
+        "{chosen} of {wanted} scenarios were found among {tried}, and none among the last {patience}; still lacking: {lacking}; try another \
          seed or other map types"
     )]
     Lacking {
@@ -39,6 +39,8 @@ pub enum BenchmarkError {
         wanted: u64,
         /// Scenarios that were tried.
         tried: u64,
+        /// Scenarios that were tried for the next one.
+        patience: u64,
         /// Categories and groups.
         lacking: String,
     },
@@ -65,6 +67,8 @@ pub struct Recipe<'a> {
     pub source: &'a dyn CandidateSource,
     /// What decides the deviated AVs.
     pub settings: &'a CurationSettings,
+    /// Scenarios that are tried for the next one, before it is given up.
+    pub patience: u64,
     /// Threads; decide no byte of the result.
     pub jobs: usize,
 }
@@ -116,11 +120,13 @@ impl Recipe<'_> {
                 state.chosen += 1;
                 observer.scenario_done(usize::try_from(state.chosen).unwrap_or(usize::MAX));
             }
-            match (state.quota.left(), state.fruitless) {
-                (0, _) => Ok(ControlFlow::Break(())),
-                (_, PATIENCE..) => Err(state.give_up(wanted)),
-                _ => Ok(ControlFlow::Continue(())),
+            if state.quota.left() == 0 {
+                return Ok(ControlFlow::Break(()));
             }
+            if state.fruitless >= self.patience {
+                return Err(state.give_up(wanted, self.patience));
+            }
+            Ok(ControlFlow::Continue(()))
         })?;
         state.provenance.interrupted = ending == Ending::Stopped;
         Ok(state.provenance)
@@ -175,11 +181,12 @@ impl State {
         Some(Entry { scenario, record })
     }
 
-    fn give_up(&self, wanted: u64) -> BenchmarkError {
+    fn give_up(&self, wanted: u64, patience: u64) -> BenchmarkError {
         BenchmarkError::Lacking {
             chosen: self.chosen,
             wanted,
             tried: self.tried,
+            patience,
             lacking: self.quota.lacking(),
         }
     }

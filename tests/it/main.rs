@@ -5,6 +5,7 @@ mod cli;
 mod curation;
 mod evaluation;
 mod formats;
+mod generate;
 mod generated;
 mod idm;
 mod layers;
@@ -13,6 +14,7 @@ mod mini_scenarios;
 mod protocol;
 mod scenes;
 mod scripted_av;
+mod shipped;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::make::Made;
 use crate::cli::progress::Progress;
-use crate::curation::benchmark::Recipe;
+use crate::curation::benchmark::{PATIENCE, Recipe};
 use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};
 use crate::evaluation::{FileRecord, program_version};
 use crate::formats::native::Writer;
@@ -42,7 +42,14 @@ pub(super) fn bench(
         settings: named(settings, wanted, &curation, source.id()),
         ..CurationProvenance::default()
     };
-    let recipe = Recipe { wanted: u64::from(wanted), groups: &groups, source, settings: &curation, jobs };
+    let recipe = Recipe {
+        wanted: u64::from(wanted),
+        groups: &groups,
+        source,
+        settings: &curation,
+        patience: PATIENCE,
+        jobs,
+    };
     let mut written = 0;
     let provenance = recipe.run(
         |number| generator.scenario(number),

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use reactsim::curation::benchmark::{BenchmarkError, Entry, Recipe};
 use reactsim::curation::driver::CurationObserver;
-use reactsim::curation::{CurationProvenance, CurationSettings, Preselection, SOURCES, in_proportion, store};
+use reactsim::curation::{CurationProvenance, CurationSettings, SOURCES, in_proportion, store};
 use reactsim::formats::{self, FormatError, native};
 use reactsim::generation::GenerationError;
 use reactsim::geometry::{Polygon, Vec2};
@@ -80,7 +80,7 @@ fn make(
     stop_after: usize,
 ) -> (Vec<Entry>, Result<CurationProvenance, BenchmarkError>) {
     let settings = settings();
-    let recipe = Recipe { wanted, groups, source: SOURCES[0], settings: &settings, jobs };
+    let recipe = Recipe { wanted, groups, source: SOURCES[0], settings: &settings, patience: 100, jobs };
     let (mut entries, stop) = (Vec::new(), AtomicBool::new(false));
     let take = |entry| {
         entries.push(entry);
@@ -158,9 +158,9 @@ fn what_can_not_be_filled_is_named() {
 
 #[test]
 fn stopped_it_has_what_comes_first() {
-    let (whole, _) = make(8, &groups(), 2, usize::MAX);
-    let (some, provenance) = make(8, &groups(), 2, 3);
+    let (whole, _) = make(20, &groups(), 2, usize::MAX);
+    let (some, provenance) = make(20, &groups(), 1, 3);
     assert!(provenance.unwrap().interrupted);
-    assert!((3..8).contains(&some.len()), "{}", some.len());
+    assert!((3..20).contains(&some.len()), "{}", some.len());
     assert!(some.iter().zip(&whole).all(|(a, b)| a.record == b.record));
 }
