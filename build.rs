@@ -13,7 +13,7 @@ fn git(arguments: &[&str]) -> Option<String> {
 }
 
 fn main() -> io::Result<()> {
-    for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios/mini"] {
+    for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios"] {
         println!("cargo:rerun-if-changed={path}");
     }
     let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
@@ -22,25 +22,38 @@ fn main() -> io::Result<()> {
     Ok(())
 }
 
-/// Writes the list of `scenarios/mini` as Rust: names and texts, so that the program works from anywhere.
+/// Writes the list of the files that are run when no scenarios are named, as Rust: names, formats and contents, so that the program works
+/// from anywhere.
 fn list_scenarios(here: &Path) -> io::Result<()> {
-    let folder = here.join("scenarios").join("mini");
+    let folder = here.join("scenarios");
+    let bench = folder.join("bench.parquet");
+    let (files, format) =
+        if bench.exists() { (vec![bench], "native") } else { (texts(&folder.join("mini"))?, "json") };
+    let mut list = String::from("&[\n");
+    for path in files {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        writeln!(
+            list,
+            "    Shipped {{ name: {name:?}, format: {format:?}, content: include_bytes!({path:?}) }},"
+        )
+        .map_err(io::Error::other)?;
+    }
+    list.push(']');
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
+    fs::write(out.join("shipped.rs"), list)
+}
+
+/// The JSON files of a folder, in the order of their names.
+fn texts(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
-    for entry in fs::read_dir(&folder).into_iter().flatten() {
+    for entry in fs::read_dir(folder).into_iter().flatten() {
         let path = entry?.path();
         if path.extension().is_some_and(|e| e == "json") {
             files.push(path);
         }
     }
     files.sort();
-    let mut list = String::from("&[\n");
-    for path in files {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        writeln!(list, "    ({name:?}, include_str!({path:?})),").map_err(io::Error::other)?;
-    }
-    list.push(']');
-    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
-    fs::write(out.join("shipped.rs"), list)
+    Ok(files)
 }
 
 fn note_commit(here: &Path) {

@@ -1,7 +1,9 @@
 //! `reactsim generate`: scenarios that the program makes itself.
 
+mod bench;
 mod compare;
 mod make;
+mod manifest;
 
 use anyhow::bail;
 use clap::{Args, Subcommand};
@@ -9,15 +11,15 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-`--preset train` writes the scenarios as they are generated. `--preset bench` curates them and keeps
-those for which a deviated AV is found, with the categories in the paper's proportions and every map
-type; what else was found out about the deviated AVs is written beside FILE, as `curate` does.
+The preset train writes scenarios as they are generated. The preset bench curates them and keeps
+those with a deviated AV, until all categories and map types are there; what was found out about
+the deviated AVs is written beside FILE, as `curate` does.
 
   reactsim generate --preset bench --count 150 --out bench.parquet
   reactsim run bench.parquet
   reactsim curate stats bench.deviations.parquet
 
-On stdout stands what FILE was made from, with its digest (TOML).";
+The result on stdout says what was made, and how to make it again (TOML).";
 
 /// Arguments of `generate`.
 #[derive(Debug, Args)]

@@ -21,7 +21,7 @@ use crate::rollout::{Protocol, Replan, Settings};
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
-    /// Files or folders of scenarios [default: the six shipped ones]
+    /// Files or folders of scenarios [default: the shipped ones]
     #[arg(value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
     /// Simulators, separated by commas [default: all baselines]
@@ -215,10 +215,10 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
 
 /// The files of scenarios, each found and recognised; the shipped scenarios where none is named.
 fn sources(paths: &[PathBuf], limit: Option<NonZeroUsize>) -> anyhow::Result<Vec<Source>> {
-    if paths.is_empty() {
-        return Ok(shipped::sources());
-    }
     let most = limit.map_or(usize::MAX, NonZeroUsize::get);
+    if paths.is_empty() {
+        return Ok(shipped::sources(most));
+    }
     let mut sources = Vec::new();
     for input in find_inputs(paths)? {
         let file = FileRecord::of(&input.path, input.format.id())?;

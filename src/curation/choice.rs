@@ -20,7 +20,7 @@ const TIME: (f64, f64) = (1.0, 50.0);
 const COMFORT: f64 = 0.5;
 /// Weight of a deviation of that many metres on average, or more.
 const DISTANCE: (f64, f64) = (0.5, 8.0);
-/// How much the share that a category lacks to a third weighs.
+/// How much the share that a category lacks weighs.
 const BALANCE: f64 = 60.0;
 /// How much the share of the same maneuver among those chosen before weighs against a candidate: a set of stops would be a poor one.
 const VARIETY: f64 = 4.0;
@@ -43,6 +43,8 @@ pub fn score(record: &CandidateRecord) -> f64 {
 /// Chooses scenario by scenario, in the order of the input: the choice of one depends on those before it, and on nothing else.
 #[derive(Clone, Debug, Default)]
 pub struct Chooser {
+    /// The share that each category should have; a third where none is named.
+    shares: BTreeMap<Deviation, f64>,
     chosen: BTreeMap<Deviation, u64>,
     maneuvers: BTreeMap<String, u64>,
 }
@@ -53,17 +55,32 @@ impl Chooser {
         Self::default()
     }
 
-    /// Marks the best survivor: by its score, by how much its category lacks to a third of what was chosen so far, and by how seldom its
+    /// Nothing chosen yet; each category should have the share that is named.
+    pub fn with_shares(shares: BTreeMap<Deviation, f64>) -> Self {
+        Self { shares, ..Self::default() }
+    }
+
+    /// Marks the best survivor: by its score, by how much its category lacks to its share of what was chosen so far, and by how seldom its
     /// maneuver was. The first one on ties.
     pub fn choose(&mut self, record: &mut ScenarioRecord) {
+        self.choose_among(record, |_| true);
+    }
+
+    /// As [`Chooser::choose`], among the survivors that are wanted. The category of the one that is marked now.
+    pub fn choose_among(
+        &mut self,
+        record: &mut ScenarioRecord,
+        is_wanted: impl Fn(&CandidateRecord) -> bool,
+    ) -> Option<Deviation> {
         let total: u64 = self.chosen.values().sum();
         let lack = |category: Deviation| {
             let count = self.chosen.get(&category).copied().unwrap_or(0);
-            1.0 / 3.0 - if total == 0 { 1.0 / 3.0 } else { count as f64 / total as f64 }
+            let share = self.shares.get(&category).copied().unwrap_or(1.0 / 3.0);
+            if total == 0 { 0.0 } else { share - count as f64 / total as f64 }
         };
         let mut best: Option<(f64, usize)> = None;
         for (i, candidate) in record.candidates.iter().enumerate() {
-            if candidate.rejected_by.is_some() {
+            if candidate.rejected_by.is_some() || !is_wanted(candidate) {
                 continue;
             }
             let same = self.maneuvers.get(name(candidate)).copied().unwrap_or(0);
@@ -73,12 +90,13 @@ impl Chooser {
                 best = Some((value, i));
             }
         }
-        if let Some((_, i)) = best {
-            record.candidates[i].chosen = true;
-            let candidate = &record.candidates[i];
-            *self.chosen.entry(candidate.taxonomy.category).or_default() += 1;
-            *self.maneuvers.entry(name(candidate).to_owned()).or_default() += 1;
-        }
+        let (_, i) = best?;
+        record.candidates[i].chosen = true;
+        let candidate = &record.candidates[i];
+        let category = candidate.taxonomy.category;
+        *self.chosen.entry(category).or_default() += 1;
+        *self.maneuvers.entry(name(candidate).to_owned()).or_default() += 1;
+        Some(category)
     }
 
     /// How many were chosen, by category.

@@ -193,7 +193,7 @@ impl<'a> Desk<'a> {
 }
 
 /// Counts a scenario that passed step 1.
-fn count(funnel: &mut Funnel, record: &ScenarioRecord) {
+pub(super) fn count(funnel: &mut Funnel, record: &ScenarioRecord) {
     funnel.preselected += 1;
     funnel.candidates += record.candidates.len() as u64;
     for candidate in &record.candidates {

@@ -3,6 +3,7 @@
 
 pub mod apply;
 mod avoidance;
+pub mod benchmark;
 mod candidate;
 mod certificate;
 mod choice;
@@ -12,6 +13,7 @@ mod filters;
 mod ground;
 mod pipeline;
 mod preselect;
+mod quota;
 mod record;
 mod replay;
 pub mod review;
@@ -29,6 +31,7 @@ pub use filter::{Bench, CandidateFilter, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;
 pub use pipeline::{Curated, CurationSettings, SOURCES, curate_scenario};
 pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
+pub use quota::{PROPORTIONS, Quota, in_proportion};
 pub use record::{
     Application, CandidateRecord, CurationProvenance, Decision, Figure, Funnel, InputFile, Offsets, Pressure,
     ReviewMark, ScenarioRecord, Taxonomy,

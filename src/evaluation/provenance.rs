@@ -106,9 +106,9 @@ impl FileRecord {
     }
 
     /// The record of a file whose content is part of the program.
-    pub fn of_text(name: &str, format: &str, text: &str) -> Self {
-        let blake3 = blake3::hash(text.as_bytes()).to_hex().to_string();
-        Self { name: name.to_owned(), format: format.to_owned(), bytes: text.len() as u64, blake3 }
+    pub fn of_content(name: &str, format: &str, content: &[u8]) -> Self {
+        let blake3 = blake3::hash(content).to_hex().to_string();
+        Self { name: name.to_owned(), format: format.to_owned(), bytes: content.len() as u64, blake3 }
     }
 }
 

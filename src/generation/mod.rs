@@ -17,6 +17,9 @@ pub use settings::{GenerationSettings, Preset};
 
 use crate::scene::{Scenario, SceneError};
 
+/// Version of the generator: raised whenever the same settings and numbers give other scenarios than before.
+pub const VERSION: u32 = 1;
+
 /// Why no scenario could be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum GenerationError {

@@ -19,7 +19,7 @@ const VELOCITY_STEP: f64 = 1.0 / 4096.0;
 
 /// Makes the scenario of this number.
 pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Scenario, GenerationError> {
-    let id = format!("{}-{}-{number:06}", settings.preset.name(), settings.seed);
+    let id = settings.id(number);
     for attempt in 0..ATTEMPTS {
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Map);
         let layout = draw_layout(settings, number, &mut rng);

@@ -41,6 +41,13 @@ pub struct GenerationSettings {
     pub density: Option<f64>,
 }
 
+impl GenerationSettings {
+    /// Id of the scenario of a number. The random streams of the scenario are keyed by it, so that presets never share one.
+    pub fn id(&self, number: u64) -> String {
+        format!("{}-{}-{number:06}", self.preset.name(), self.seed)
+    }
+}
+
 impl Default for GenerationSettings {
     fn default() -> Self {
         Self { preset: Preset::Bench, seed: 0, maps: Vec::new(), density: None }

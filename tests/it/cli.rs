@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::OnceLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -36,16 +37,29 @@ fn results(folder: &Path) -> Vec<Vec<u8>> {
         .collect()
 }
 
+/// What the program says when it is called bare: its main job, done once for all tests.
+fn bare() -> &'static Output {
+    static BARE: OnceLock<Output> = OnceLock::new();
+    BARE.get_or_init(|| reactsim(&[]))
+}
+
 #[test]
-fn called_bare_it_runs_the_benchmark() {
-    let bare = reactsim(&[]);
-    assert_eq!(stdout(&bare), stdout(&reactsim(&["run"])));
-    assert!(stdout(&bare).contains("| Log Replay †"));
+fn called_bare_it_runs_the_shipped_scenarios() {
+    assert_eq!(bare().status.code(), Some(0), "{}", stderr(bare()));
+    let table = stdout(bare());
+    let shipped = format!("{} scenarios, reactive protocol", crate::shipped::benchmark().len());
+    for part in ["| Log Replay † ", "| Constant Velocity ", "| Stop ", "A-AV Coll. ↓", &shipped] {
+        assert!(table.contains(part), "{part} is not in\n{table}");
+    }
+    assert!(stderr(bare()).is_empty(), "no progress where stderr is no terminal");
+    let limited = ["--limit", "1", "--models", "stop"];
+    assert_eq!(stdout(&reactsim(&limited)), "", "flags need a verb");
+    assert!(stdout(&reactsim(&[&["run"], &limited[..]].concat())).contains("| Stop "));
 }
 
 #[test]
 fn the_readme_shows_what_the_program_prints() {
-    let printed = stdout(&reactsim(&[]));
+    let printed = stdout(bare());
     let table = printed.split("\n\n").next().unwrap();
     let readme = include_str!("../../README.md");
     assert!(readme.contains(table), "put this table into README.md:\n{table}");
@@ -121,23 +135,6 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     // The folder stands where a file is.
     let taken = home.path().join("plain.parquet/run");
     assert!(error(&["run", "--out", text(&taken)]).contains("could not write HOME/plain.parquet/run"));
-}
-
-#[test]
-fn with_no_arguments_the_shipped_scenarios_are_run() {
-    let output = reactsim(&["run"]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let table = stdout(&output);
-    for part in [
-        "| Log Replay † ",
-        "| Constant Velocity ",
-        "| Stop ",
-        "A-AV Coll. ↓",
-        "6 scenarios, reactive protocol",
-    ] {
-        assert!(table.contains(part), "{part} is not in\n{table}");
-    }
-    assert!(stderr(&output).is_empty(), "no progress where stderr is no terminal");
 }
 
 #[test]

@@ -3,11 +3,13 @@
 
 mod apply;
 mod avoidance;
+mod benchmark;
 mod browser;
 mod choice;
 mod cli;
 mod filters;
 mod hand;
+mod quota;
 mod review;
 mod road;
 mod rules;

@@ -9,6 +9,7 @@ mod cli;
 mod curation;
 mod evaluation;
 mod formats;
+mod generate;
 mod generated;
 mod idm;
 mod layers;
@@ -18,6 +19,7 @@ mod protocol;
 mod realism;
 mod scenes;
 mod scripted_av;
+mod shipped;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]

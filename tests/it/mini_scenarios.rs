@@ -1,4 +1,4 @@
-//! The six hand-made scenarios do what they are for.
+//! The hand-made scenarios do what they are for.
 
 use std::path::Path;
 
@@ -25,9 +25,9 @@ fn logged(scenario: &Scenario) -> Vec<Vec<Frame>> {
 }
 
 #[test]
-fn there_are_six_with_people_and_bicycles() {
+fn there_are_twelve_with_people_and_bicycles() {
     let all = scenarios();
-    assert_eq!(all.len(), 6);
+    assert_eq!(all.len(), 12);
     for scenario in &all {
         assert_eq!(scenario.source, "hand-made");
         assert!(scenario.repairs.is_empty(), "{}: {:?}", scenario.id, scenario.repairs);

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::thread;
 
@@ -10,9 +10,12 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
+use super::bench::bench;
+use super::manifest::Manifest;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, say, stop_on_interrupt};
+use crate::cli::{ExitStatus, count, say, stop_on_interrupt, write_result};
 use crate::curation::driver::CurationObserver;
+use crate::formats::FormatError;
 use crate::formats::native::Writer;
 use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
 
@@ -53,50 +56,80 @@ impl MakeArgs {
     }
 }
 
+/// What was made.
+pub(super) struct Made {
+    /// The files.
+    pub(super) files: Vec<PathBuf>,
+    /// Scenarios in them.
+    pub(super) written: usize,
+    /// Scenarios that could not be made.
+    pub(super) failed: usize,
+    /// Whether the user ended it before everything was made.
+    pub(super) interrupted: bool,
+}
+
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before the first scenario.
     let out = args.out.as_deref().context("name the file to write with --out")?;
     let wanted = args.count.context("say with --count how many")?;
     let settings = args.settings()?;
-    let generator = Generator::new(settings.clone())?;
-    let mut writer = Writer::create(out)?;
     let jobs =
         args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
-    let mut written = 0;
-    let ending = match settings.preset {
-        Preset::Train => train(&generator, wanted, jobs, &stop, &progress, &mut writer, &mut written),
-        Preset::Bench => bail!("the preset bench is not there yet"),
+    let made = match settings.preset {
+        Preset::Train => train(&settings, wanted, jobs, out, &progress, &stop),
+        Preset::Bench => bench(&settings, wanted, jobs, out, &progress, &stop),
     };
     progress.end();
-    let ending = ending?;
+    let Made { files, written, failed, interrupted } = made?;
     if written == 0 {
-        bail!("interrupted before the first scenario: nothing is written");
+        bail!("nothing was generated, and nothing is written");
     }
-    writer.finish()?;
-    if ending == Ending::Stopped {
+    if interrupted {
         say(format_args!("interrupted: the file holds the first {}", count(written, "scenario")));
         return Ok(ExitStatus::Interrupted);
+    }
+    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    let entry = Manifest::new(&settings, wanted, &files)?.text()?;
+    write_result(None, |out| out.write_all(entry.as_bytes()))?;
+    if failed > 0 {
+        say(format_args!("warning: {failed} failed; the others are in the file"));
+        return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)
 }
 
-/// The scenarios as they are.
+/// The scenarios 0 to below `wanted` as they are. One that can not be made is told and left out.
 fn train(
-    generator: &Generator,
+    settings: &GenerationSettings,
     wanted: u32,
     jobs: usize,
-    stop: &AtomicBool,
+    out: &Path,
     progress: &Progress,
-    writer: &mut Writer,
-    written: &mut usize,
-) -> anyhow::Result<Ending> {
-    let make = |_: &usize, number| generator.scenario(number);
-    in_order(u64::from(wanted), jobs, stop, written, make, |written, _, scenario| {
-        writer.write(&scenario?)?;
-        *written += 1;
-        CurationObserver::scenario_done(progress, *written);
-        Ok(ControlFlow::Continue(()))
-    })
+    stop: &AtomicBool,
+) -> anyhow::Result<Made> {
+    // Everything that can be wrong is found before the first scenario.
+    let generator = Generator::new(settings.clone())?;
+    let mut writer = Writer::create(out)?;
+    let mut counts = (0, 0);
+    let make = |_: &(usize, usize), number| generator.scenario(number);
+    let ending = in_order(u64::from(wanted), jobs, stop, &mut counts, make, |counts, _, scenario| {
+        match scenario {
+            Ok(scenario) => {
+                writer.write(&scenario)?;
+                counts.0 += 1;
+            }
+            Err(error) => {
+                progress.failed(&error.to_string());
+                counts.1 += 1;
+            }
+        }
+        progress.scenario_done(counts.0 + counts.1);
+        Ok::<_, FormatError>(ControlFlow::Continue(()))
+    })?;
+    let (written, failed) = counts;
+    if written > 0 {
+        writer.finish()?;
+    }
+    Ok(Made { files: vec![out.to_owned()], written, failed, interrupted: ending == Ending::Stopped })
 }

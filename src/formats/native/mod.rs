@@ -42,12 +42,21 @@ impl ScenarioFormat for Native {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+        let records = Reader::over(path, TableReader::open(path)?)?;
+        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(Reader::open(path)?))
+        Ok(Box::new(Reader::over(path, TableReader::open(path)?)?))
     }
+}
+
+/// Reads the content of a native file that is in memory, such as one that is part of the program; errors name it by `name`.
+///
+/// # Errors
+/// [`FormatError`] when it is no native file.
+pub fn read_bytes(name: &Path, content: &'static [u8]) -> Result<PendingScenarios, FormatError> {
+    Ok(Box::new(Reader::over(name, TableReader::of_bytes(name, content)?)?))
 }
 
 struct Reader {
@@ -58,8 +67,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn open(path: &Path) -> Result<Self, FormatError> {
-        let table = TableReader::open(path)?;
+    fn over(path: &Path, table: TableReader) -> Result<Self, FormatError> {
         table.require(KIND, VERSION)?;
         Ok(Self { path: path.to_owned(), table, rows: None, record: 0 })
     }

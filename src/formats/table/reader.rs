@@ -27,7 +27,7 @@ const LONGEST_FOOTER: u64 = 1 << 28;
 /// The row groups of a Parquet file.
 pub(crate) struct TableReader {
     path: PathBuf,
-    file: File,
+    file: Box<dyn Input>,
     metadata: ArrowReaderMetadata,
     groups: Vec<Group>,
     next: usize,
@@ -36,6 +36,11 @@ pub(crate) struct TableReader {
     batches: Option<ParquetRecordBatchReader>,
     rows: usize,
 }
+
+/// What a Parquet file can be read from.
+trait Input: Read + Seek + Send {}
+
+impl<T: Read + Seek + Send> Input for T {}
 
 /// Where a row group lies.
 struct Group {
@@ -48,23 +53,24 @@ struct Group {
 impl TableReader {
     /// Opens a file and checks its footer.
     pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
-        let opened = File::open(path).map_err(Cause::read).and_then(|mut file| {
-            let (metadata, length) = footer(&mut file)?;
-            let groups = groups(&metadata, length)?;
-            let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
-            let metadata = guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options))?;
-            Ok(Self {
-                path: path.to_owned(),
-                file,
-                metadata,
-                groups,
-                next: 0,
-                columns: &[],
-                batches: None,
-                rows: 0,
-            })
-        });
-        opened.map_err(|cause| FormatError::file(path, cause))
+        let file = File::open(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+        Self::over(path, Box::new(file))
+    }
+
+    /// As [`TableReader::open`], with the content in memory; errors name it by `name`.
+    pub(crate) fn of_bytes(name: &Path, content: &'static [u8]) -> Result<Self, FormatError> {
+        Self::over(name, Box::new(Cursor::new(content)))
+    }
+
+    fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
+        let refuse = |cause| FormatError::file(path, cause);
+        let (metadata, length) = footer(&mut *file).map_err(refuse)?;
+        let groups = groups(&metadata, length).map_err(refuse)?;
+        let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+        let metadata =
+            guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
+        let path = path.to_owned();
+        Ok(Self { path, file, metadata, groups, next: 0, columns: &[], batches: None, rows: 0 })
     }
 
     /// A value of the file's own metadata.
@@ -146,7 +152,7 @@ impl TableReader {
             let most = format!("at most {LARGEST_GROUP}");
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
-        let data = load(&mut self.file, group)?;
+        let data = load(&mut *self.file, group)?;
         let metadata = self.metadata.clone();
         let batch = guarded(|| {
             let mask = mask(&metadata, columns);
@@ -188,7 +194,7 @@ impl TableReader {
                 }
             }
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
-            let data = load(&mut self.file, group)?;
+            let data = load(&mut *self.file, group)?;
             let (metadata, index) = (self.metadata.clone(), self.next);
             self.batches = Some(guarded(|| {
                 let mask = mask(&metadata, self.columns);
@@ -232,8 +238,8 @@ fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause>
     }
 }
 
-fn footer(file: &mut File) -> Result<(ParquetMetaData, u64), Cause> {
-    let length = file.metadata().map_err(Cause::read)?.len();
+fn footer(file: &mut dyn Input) -> Result<(ParquetMetaData, u64), Cause> {
+    let length = file.seek(SeekFrom::End(0)).map_err(Cause::read)?;
     if length < 12 {
         return Err(Cause::Truncated { what: "the Parquet file", found: length, expected: 12 });
     }
@@ -250,7 +256,7 @@ fn footer(file: &mut File) -> Result<(ParquetMetaData, u64), Cause> {
     }
     let mut data = Vec::new();
     file.seek(SeekFrom::End(-8 - bytes as i64)).map_err(Cause::read)?;
-    file.take(bytes).read_to_end(&mut data).map_err(Cause::read)?;
+    Read::take(file, bytes).read_to_end(&mut data).map_err(Cause::read)?;
     let metadata = guarded(|| ParquetMetaDataReader::decode_metadata(&data))?;
     Ok((metadata, length - 8 - bytes))
 }
@@ -306,11 +312,11 @@ fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<Group>, Cause> 
     if stated.next().is_some() { Err(wrong("more checksums than row groups")) } else { Ok(groups) }
 }
 
-fn load(file: &mut File, group: &Group) -> Result<Part, Cause> {
+fn load(file: &mut dyn Input, group: &Group) -> Result<Part, Cause> {
     let expected = group.end - group.start;
     let mut data = Vec::with_capacity(expected as usize);
     file.seek(SeekFrom::Start(group.start)).map_err(Cause::read)?;
-    file.take(expected).read_to_end(&mut data).map_err(Cause::read)?;
+    Read::take(file, expected).read_to_end(&mut data).map_err(Cause::read)?;
     let found = data.len() as u64;
     if found < expected {
         return Err(Cause::Truncated { what: "a row group", found, expected });

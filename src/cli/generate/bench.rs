@@ -1,0 +1,99 @@
+//! `reactsim generate --preset bench`: scenarios with deviated AVs, and beside them what was found out about these.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use super::make::Made;
+use crate::cli::progress::Progress;
+use crate::curation::benchmark::{PATIENCE, Recipe};
+use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};
+use crate::evaluation::{FileRecord, program_version};
+use crate::formats::native::Writer;
+use crate::generation::maps::MAP_TYPES;
+use crate::generation::{GenerationSettings, Generator, VERSION};
+
+/// Where the deviated AVs of a file of scenarios are written.
+pub(super) fn deviations_beside(out: &Path) -> PathBuf {
+    out.with_extension("deviations.parquet")
+}
+
+/// Makes a benchmark of `wanted` scenarios.
+pub(super) fn bench(
+    settings: &GenerationSettings,
+    wanted: u32,
+    jobs: usize,
+    out: &Path,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> anyhow::Result<Made> {
+    let generator = Generator::new(settings.clone())?;
+    let beside = deviations_beside(out);
+    let (mut scenarios, mut deviations) = (Writer::create(out)?, store::Writer::create(&beside)?);
+    let groups: Vec<String> = MAP_TYPES
+        .iter()
+        .filter(|m| settings.maps.is_empty() || settings.maps.iter().any(|name| name == m.id))
+        .map(|m| format!("generated/{}", m.id))
+        .collect();
+    let curation = CurationSettings { seed: settings.seed, scenes: false, ..CurationSettings::default() };
+    let source = SOURCES[0];
+    let base = CurationProvenance {
+        version: program_version().to_owned(),
+        settings: named(settings, wanted, &curation, source.id()),
+        ..CurationProvenance::default()
+    };
+    let recipe = Recipe {
+        wanted: u64::from(wanted),
+        groups: &groups,
+        source,
+        settings: &curation,
+        patience: PATIENCE,
+        jobs,
+    };
+    let mut written = 0;
+    let provenance = recipe.run(
+        |number| generator.scenario(number),
+        base,
+        |entry| {
+            scenarios.write(&entry.scenario)?;
+            deviations.write(&entry.record)?;
+            written += 1;
+            Ok(())
+        },
+        progress,
+        stop,
+    );
+    let mut provenance = provenance?;
+    let (interrupted, failed) = (provenance.interrupted, provenance.failures.len());
+    if written > 0 {
+        scenarios.finish()?;
+        let FileRecord { name, blake3: digest, .. } = FileRecord::of(out, "native")?;
+        provenance.inputs = vec![InputFile { name, digest }];
+        deviations.finish(&provenance)?;
+    }
+    Ok(Made { files: vec![out.to_owned(), beside], written, failed, interrupted })
+}
+
+/// All settings by name. The commit is not among them: the same generator makes the same bytes.
+fn named(
+    settings: &GenerationSettings,
+    wanted: u32,
+    curation: &CurationSettings,
+    source: &str,
+) -> BTreeMap<String, String> {
+    let mut named = curation.named();
+    let mut set = |name: &str, value: String| named.insert(name.to_owned(), value);
+    set("source", source.to_owned());
+    set("scenes", curation.scenes.to_string());
+    set("generator", VERSION.to_string());
+    set("generation.preset", settings.preset.name().to_owned());
+    set("generation.count", wanted.to_string());
+    set("generation.seed", settings.seed.to_string());
+    if !settings.maps.is_empty() {
+        set("generation.maps", settings.maps.join(","));
+    }
+    if let Some(density) = settings.density {
+        set("generation.density", density.to_string());
+    }
+    named
+}

@@ -1,0 +1,87 @@
+//! Which candidates a benchmark takes.
+
+use reactsim::curation::{Quota, ScenarioRecord, in_proportion};
+use reactsim::scene::Deviation;
+
+use super::hand;
+
+/// A scenario with one survivor of each of these categories.
+fn record(categories: &[Deviation]) -> ScenarioRecord {
+    let mut record = hand::scenario("a", 0);
+    for category in categories {
+        let mut candidate = hand::candidate(1);
+        candidate.chosen = false;
+        candidate.taxonomy.category = *category;
+        record.candidates.push(candidate);
+    }
+    record
+}
+
+fn names(groups: &[&str]) -> Vec<String> {
+    groups.iter().map(|g| (*g).to_owned()).collect()
+}
+
+#[test]
+fn proportions_are_the_papers() {
+    let of = |n| in_proportion(n).into_values().collect::<Vec<_>>();
+    assert_eq!(of(2636), [937, 799, 900]);
+    assert_eq!(of(150), [53, 46, 51]);
+    assert_eq!(of(1), [1, 0, 0]);
+    for n in 0..500 {
+        let parts = of(n);
+        assert_eq!(parts.iter().sum::<u64>(), n);
+        for (part, share) in parts.iter().zip([937.0, 799.0, 900.0]) {
+            assert!((*part as f64 - n as f64 * share / 2636.0).abs() < 1.0, "{n}: {parts:?}");
+        }
+    }
+}
+
+#[test]
+fn a_benchmark_is_filled_exactly() {
+    let mut quota = Quota::new(30, &names(&["x", "y", "z"]));
+    let (mut categories, mut groups) = ([0; 3], [0; 3]);
+    for i in 0..1000 {
+        if quota.left() == 0 {
+            break;
+        }
+        // Directional ones are rare, and most scenarios offer the others.
+        let mut record = record(if i % 4 == 0 { &Deviation::ALL[..] } else { &Deviation::ALL[..2] });
+        let taken = quota.take(["x", "y", "z"][i % 3], &mut record);
+        assert_eq!(taken, record.chosen().is_some());
+        if let Some(chosen) = record.chosen() {
+            categories[chosen.taxonomy.category as usize] += 1;
+            groups[i % 3] += 1;
+        }
+    }
+    assert_eq!((quota.lacking(), categories), (String::new(), [11, 9, 10]));
+    assert!(groups.iter().all(|n| (1..=20).contains(n)), "{groups:?}");
+    assert!(!quota.take("x", &mut record(&Deviation::ALL)), "it is full");
+}
+
+#[test]
+fn no_group_takes_more_than_twice_its_share() {
+    let mut quota = Quota::new(30, &names(&["x", "y", "z"]));
+    let taken = (0..100).filter(|_| quota.take("x", &mut record(&Deviation::ALL))).count();
+    assert_eq!((taken, quota.left(), quota.refuses("x"), quota.refuses("y")), (20, 10, true, false));
+}
+
+#[test]
+fn places_are_kept_for_groups_that_are_not_there_yet() {
+    let mut quota = Quota::new(4, &names(&["x", "y", "z"]));
+    let offer = |quota: &mut Quota, group| quota.take(group, &mut record(&Deviation::ALL));
+    assert!(offer(&mut quota, "x") && offer(&mut quota, "x"));
+    assert!(!offer(&mut quota, "x"));
+    assert!(quota.lacking().ends_with("any of `y`, any of `z`"), "{}", quota.lacking());
+    assert!(offer(&mut quota, "z") && !offer(&mut quota, "z") && offer(&mut quota, "y"));
+    assert_eq!((quota.left(), quota.lacking()), (0, String::new()));
+}
+
+#[test]
+fn what_has_no_certificate_or_was_rejected_is_not_taken() {
+    let mut quota = Quota::new(3, &names(&["x"]));
+    let mut weak = record(&[Deviation::Lateral, Deviation::Lateral]);
+    weak.candidates[0].certificate = None;
+    weak.candidates[1].rejected_by = Some("offroad".into());
+    assert!(!quota.take("x", &mut weak));
+    assert_eq!(quota.left(), 3);
+}

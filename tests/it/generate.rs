@@ -1,0 +1,185 @@
+//! `reactsim generate` as its user sees it, and what holds of presets.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use reactsim::formats;
+use reactsim::generation::maps::MAP_TYPES;
+use reactsim::generation::{GenerationSettings, Generator, Preset};
+use reactsim::rollout::{Purpose, stream};
+
+use crate::skipped;
+
+fn reactsim(arguments: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Whether there is anything to generate from.
+#[track_caller]
+fn are_there_maps() -> bool {
+    if MAP_TYPES.is_empty() {
+        skipped("there are no map types yet");
+    }
+    !MAP_TYPES.is_empty()
+}
+
+#[test]
+fn wrong_settings_are_refused_by_name() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("a.parquet");
+    let error = |arguments: &[&str]| {
+        let output = reactsim(&[&["generate"], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?} printed a result");
+        assert_eq!(fs::read_dir(home.path()).unwrap().count(), 0, "{arguments:?} left a file");
+        text(&output.stderr).replace(path(home.path()), "HOME")
+    };
+    let with =
+        |more: &[&str]| error(&[&["--preset", "train", "--count", "2", "--out", path(&out)], more].concat());
+    let unknown = error(&["--preset", "test", "--count", "2", "--out", path(&out)]);
+    assert!(unknown.contains("'test'") && unknown.contains("bench, train"), "{unknown}");
+    for count in ["0", "-1", "many"] {
+        let said = error(&["--preset", "train", "--count", count, "--out", path(&out)]);
+        assert!(said.contains(&format!("'{count}'")) && said.contains("--count"), "{said}");
+    }
+    assert!(with(&["--maps", "moon"]).starts_with("error: there is no map type `moon`; there are: "));
+    for density in ["0", "NaN", "4", "-1", "inf"] {
+        let said = with(&["--density", density]);
+        let expected = format!("error: density {density}: expected a number above 0 and up to 3\n");
+        assert_eq!(said, expected);
+    }
+    assert!(with(&["--density", "dense"]).contains("--density"));
+    assert!(with(&["--jobs", "0"]).contains("1..=1024"));
+    assert!(error(&[]).contains("--preset"), "{}", error(&[]));
+    assert!(error(&["--preset", "train", "--count", "2"]).contains("--out"));
+    if are_there_maps() {
+        let few = error(&["--preset", "bench", "--count", "1", "--out", path(&out)]);
+        assert!(few.starts_with("error: 1 scenarios can not hold all of "), "{few}");
+        for preset in ["bench", "train"] {
+            let absent = home.path().join("absent/a.parquet");
+            let said = error(&["--preset", preset, "--count", "100", "--out", path(&absent)]);
+            assert!(said.starts_with("error: HOME/absent/a.parquet: could not create"), "{said}");
+        }
+    }
+}
+
+#[test]
+fn presets_never_share_a_scenario() {
+    let settings = |preset, seed| GenerationSettings { preset, seed, ..GenerationSettings::default() };
+    let mut bits = std::collections::BTreeMap::new();
+    for preset in Preset::ALL {
+        for seed in [0, 1, 10, u64::MAX] {
+            for number in [0, 1, 10, 999_999, 1_000_000, 10_000_000] {
+                let id = settings(preset, seed).id(number);
+                // The name of the preset comes first, and no name begins another.
+                assert!(id.starts_with(&format!("{}-{seed}-", preset.name())), "{id}");
+                for purpose in [Purpose::Map, Purpose::Traffic] {
+                    use rand::RngExt;
+                    let first: [u64; 2] = stream(seed, &id, 0, purpose).random();
+                    let other = bits.insert(first, (id.clone(), purpose as u64));
+                    assert_eq!(other, None, "{id} draws as another scenario");
+                }
+            }
+        }
+    }
+    let [a, b] = Preset::ALL.map(Preset::name);
+    assert!(!a.starts_with(b) && !b.starts_with(a) && ![a, b].iter().any(|n| n.contains('-')));
+}
+
+#[test]
+fn files_are_the_same_whatever_the_threads() {
+    if !are_there_maps() {
+        return;
+    }
+    let home = tempfile::tempdir().unwrap();
+    let mut made = Vec::new();
+    for jobs in ["1", "3"] {
+        let folder = home.path().join(jobs);
+        fs::create_dir(&folder).unwrap();
+        let out = folder.join("train.parquet");
+        let output = reactsim(&[
+            "generate",
+            "--preset",
+            "train",
+            "--count",
+            "20",
+            "--seed",
+            "3",
+            "--out",
+            path(&out),
+            "--jobs",
+            jobs,
+        ]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        made.push((fs::read(&out).unwrap(), output.stdout));
+    }
+    assert!(made[0] == made[1]);
+    let manifest: toml::Table = text(&made[0].1).parse().unwrap();
+    let entry = &manifest["made"][0];
+    let digest = blake3::hash(&made[0].0).to_hex();
+    assert_eq!(entry["files"][0]["blake3"].as_str(), Some(digest.as_str()));
+    assert_eq!(
+        entry["command"].as_str(),
+        Some("reactsim generate --preset train --count 20 --seed 3 --out train.parquet")
+    );
+    // They are the scenarios of the numbers.
+    let settings = GenerationSettings { preset: Preset::Train, seed: 3, ..GenerationSettings::default() };
+    let generator = Generator::new(settings.clone()).unwrap();
+    let read = formats::open(&home.path().join("1/train.parquet")).unwrap();
+    for (number, scenario) in (0..).zip(read) {
+        let scenario = scenario.unwrap();
+        assert_eq!(scenario.id, settings.id(number));
+        assert!(scenario.deviation.is_none());
+        if number % 5 == 0 {
+            assert_eq!(scenario.digest(), generator.scenario(number).unwrap().digest());
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_it_leaves_what_is_finished() {
+    use std::process::Stdio;
+    use std::time::Duration;
+
+    if !are_there_maps() {
+        return;
+    }
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("a.parquet");
+    let partial = |wanted: u64| {
+        let entries = fs::read_dir(home.path()).unwrap();
+        entries.filter_map(|e| e.ok()?.metadata().ok()).any(|m| m.len() >= wanted)
+    };
+    let child = Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+        .args(["generate", "--preset", "train", "--count", "1000000", "--jobs", "1", "--out", path(&out)])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // A row group is written: there are scenarios.
+    for _ in 0..1200 {
+        if partial(10_000) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("interrupted: the file holds the first "));
+    assert!(output.stdout.is_empty(), "what is not whole can not be made again by the command");
+    let scenarios: Vec<_> = formats::open(&out).unwrap().map(|s| s.unwrap().id).collect();
+    assert!(!scenarios.is_empty());
+    let settings = GenerationSettings { preset: Preset::Train, ..GenerationSettings::default() };
+    assert!(scenarios.iter().zip(0..).all(|(id, n)| *id == settings.id(n)));
+}

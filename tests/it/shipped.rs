@@ -1,0 +1,141 @@
+//! The files that ship with the program are those of `scenarios/manifest.toml`, and hold what they promise.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use reactsim::curation::{Curated, CurationSettings, SOURCES, curate_scenario, in_proportion, store};
+use reactsim::formats;
+use reactsim::generation::maps::MAP_TYPES;
+use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
+use reactsim::scene::Scenario;
+use toml::{Table, Value};
+
+use crate::skipped;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios")
+}
+
+fn manifest() -> Table {
+    fs::read_to_string(folder().join("manifest.toml")).unwrap().parse().unwrap()
+}
+
+fn list<'a>(table: &'a Table, key: &str) -> &'a [Value] {
+    table.get(key).map_or(&[], |v| v.as_array().unwrap())
+}
+
+/// The scenarios that are run when none are named.
+pub(crate) fn benchmark() -> Vec<Scenario> {
+    let bench = folder().join("bench.parquet");
+    let path = if bench.exists() { bench } else { folder().join("mini") };
+    formats::open(&path).unwrap().map(Result::unwrap).collect()
+}
+
+/// The benchmark, once it is there.
+#[track_caller]
+fn bench() -> Option<Vec<Scenario>> {
+    if folder().join("bench.parquet").exists() {
+        return Some(benchmark());
+    }
+    skipped("there is no scenarios/bench.parquet yet");
+    None
+}
+
+#[test]
+fn the_manifest_names_the_hand_made_scenarios() {
+    let mut expected = String::new();
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(folder().join("mini")).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    for path in files.iter().filter(|p| p.extension().is_some_and(|e| e == "json")) {
+        let (content, name) = (fs::read(path).unwrap(), path.file_name().unwrap().to_string_lossy());
+        let (bytes, digest) = (content.len(), blake3::hash(&content).to_hex());
+        let entry =
+            format!("\n[[hand_made]]\nname = \"mini/{name}\"\nbytes = {bytes}\nblake3 = \"{digest}\"\n");
+        expected.push_str(&entry);
+    }
+    let stands: Table = expected.parse().unwrap();
+    let same = list(&manifest(), "hand_made") == list(&stands, "hand_made");
+    assert!(same, "put this into scenarios/manifest.toml:\n{expected}");
+}
+
+#[test]
+fn the_manifest_names_what_was_generated() {
+    let manifest = manifest();
+    for made in list(&manifest, "made") {
+        let made = made.as_table().unwrap();
+        let generator = made["generator"].as_integer().unwrap();
+        assert_eq!(generator, i64::from(VERSION), "make the files again: {}", made["command"]);
+        for file in list(made, "files") {
+            let content = fs::read(folder().join(file["name"].as_str().unwrap())).unwrap();
+            assert_eq!(file["bytes"].as_integer(), Some(content.len() as i64), "{file}");
+            assert_eq!(file["blake3"].as_str(), Some(blake3::hash(&content).to_hex().as_str()), "{file}");
+        }
+    }
+    let named: BTreeSet<&str> = list(&manifest, "made")
+        .iter()
+        .flat_map(|m| list(m.as_table().unwrap(), "files"))
+        .map(|f| f["name"].as_str().unwrap())
+        .collect();
+    for entry in fs::read_dir(folder()).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        assert!(!name.ends_with(".parquet") || named.contains(name.as_str()), "{name} is in no manifest");
+    }
+}
+
+#[test]
+fn what_ships_is_at_most_15_mb() {
+    let mut bytes = 0;
+    for folder in [folder(), folder().join("mini")] {
+        let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().metadata().unwrap());
+        bytes += entries.filter(fs::Metadata::is_file).map(|m| m.len()).sum::<u64>();
+    }
+    assert!(bytes <= 15_000_000, "{bytes}");
+}
+
+#[test]
+fn the_benchmark_has_categories_and_map_types_as_it_must() {
+    let Some(scenarios) = bench() else { return };
+    assert!(scenarios.len() >= 150, "{}", scenarios.len());
+    let (mut categories, mut sources) = (BTreeMap::new(), BTreeMap::<String, u64>::new());
+    let records = store::read(folder().join("bench.deviations.parquet")).unwrap();
+    for (scenario, record) in scenarios.iter().zip(records) {
+        let (deviation, record) = (scenario.deviation.as_ref().unwrap(), record.unwrap());
+        *categories.entry(deviation.category.unwrap()).or_insert(0) += 1;
+        *sources.entry(scenario.source.clone()).or_default() += 1;
+        let digest = scenario.digest();
+        assert_eq!((&record.scenario_id, &record.scenario_digest), (&scenario.id, &digest));
+        let [chosen] = record.candidates.as_slice() else { panic!("{}: one candidate", scenario.id) };
+        assert!(chosen.chosen && chosen.rejected_by.is_none() && chosen.certificate.is_some());
+        assert_eq!(chosen.candidate.track[1..], deviation.track);
+    }
+    assert_eq!(categories, in_proportion(scenarios.len() as u64));
+    let types: BTreeSet<String> = MAP_TYPES.iter().map(|m| format!("generated/{}", m.id)).collect();
+    assert_eq!(sources.keys().cloned().collect::<BTreeSet<_>>(), types);
+    let most = (2 * scenarios.len() as u64).div_ceil(types.len() as u64);
+    assert!(sources.values().all(|n| *n <= most), "{sources:?}");
+}
+
+/// Some of them; `.ci/run` makes the whole files again.
+#[test]
+fn the_benchmark_can_be_generated_again() {
+    let Some(scenarios) = bench() else { return };
+    let manifest = manifest();
+    let seed = list(&manifest, "made")[0]["seed"].as_integer().unwrap() as u64;
+    let generator =
+        Generator::new(GenerationSettings { preset: Preset::Bench, seed, ..Default::default() }).unwrap();
+    let curation = CurationSettings { seed, scenes: false, ..CurationSettings::default() };
+    for shipped in scenarios.into_iter().step_by(19) {
+        let number = shipped.id.rsplit('-').next().unwrap().parse().unwrap();
+        let mut made = generator.scenario(number).unwrap();
+        assert_eq!(made.id, shipped.id);
+        let Curated::Kept(record, _) = curate_scenario(&made, SOURCES[0], &curation) else {
+            panic!("{} fell in step 1", made.id)
+        };
+        let track = &shipped.deviation.as_ref().unwrap().track;
+        assert!(record.candidates.iter().any(|c| c.candidate.track[1..] == track[..]), "{}", made.id);
+        made.deviation = shipped.deviation.clone();
+        assert_eq!(made.digest(), shipped.digest(), "{}", made.id);
+    }
+}
