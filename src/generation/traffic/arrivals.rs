@@ -135,7 +135,11 @@ impl Arrivals {
             if bicycle { Driver::of_bicycle(rng) } else { Driver::of_car(size.acceleration_factor(), rng) };
         let body = Body::of(&size);
         let bend = driver.in_bend(network.ways[way].bend_at(s));
-        let speed = (driver.haste * network.ways[way].limit).min(driver.top).min(bend);
+        // Who is put near a junction can still turn and stop.
+        let joins = path.get(1).is_some_and(|&w| network.ways[w].connector);
+        let near =
+            if joins { (9.0 + 3.0 * (network.ways[way].length - s).max(0.0)).sqrt() } else { f64::INFINITY };
+        let speed = (driver.haste * network.ways[way].limit).min(driver.top).min(bend).min(near);
         self.next_id += 1;
         Some(Vehicle::new(network, self.next_id, body, driver, path, goal, s, 0.9 * speed))
     }
