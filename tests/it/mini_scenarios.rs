@@ -4,7 +4,10 @@ use std::path::Path;
 
 use reactsim::formats;
 use reactsim::geometry::{rounded_distance, wrap};
+use reactsim::rollout::Settings;
 use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
+
+use crate::scenes::{roll_with, scores};
 
 fn scenarios() -> Vec<Scenario> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mini");
@@ -83,5 +86,21 @@ fn log_replay_runs_into_the_deviated_av() {
             (1..tracks.len()).filter_map(|i| overlap(&scenario, &tracks, 0, i, CURRENT)).collect();
         // Not at once: there must be time to react.
         assert!(!hits.is_empty() && hits.iter().all(|f| *f > CURRENT + 25), "{}: {hits:?}", scenario.id);
+    }
+}
+
+#[test]
+fn the_log_is_faultless_and_others_are_to_blame_for_hitting_the_deviated_av() {
+    for scenario in scenarios() {
+        let value = |av: Vec<AgentState>, id: &str| {
+            let rollout = roll_with("log-replay", &scenario, av, &Settings::default(), 0);
+            scores(&scenario, &rollout).value(id).unwrap_or(0.0)
+        };
+        let logged: Vec<AgentState> = scenario.log_future.tracks[0].iter().map(|s| s.unwrap()).collect();
+        for id in ["aav-collision", "aa-collision", "offroad", "direction", "acceleration", "curvature"] {
+            assert_eq!(value(logged.clone(), id), 0.0, "{}: {id}", scenario.id);
+        }
+        let deviated = scenario.deviation.as_ref().unwrap().track.clone();
+        assert!(value(deviated, "aav-collision") >= 1.0, "{}", scenario.id);
     }
 }
