@@ -113,10 +113,11 @@ impl<'a> Survey<'a> {
         for (k, &(i, a, b)) in pieces.iter().enumerate() {
             grid.visit(&bounds[k], |m| {
                 let (j, c, d) = pieces[m as usize];
-                if i < j && bounds[k].intersects(&bounds[m as usize]) {
-                    if let Some(at) = cross(a, b, c, d).filter(|_| !self.related(i, j)) {
-                        met.entry((i, j)).or_insert(at);
-                    }
+                if i < j
+                    && bounds[k].intersects(&bounds[m as usize])
+                    && let Some(at) = cross(a, b, c, d).filter(|_| !self.related(i, j))
+                {
+                    met.entry((i, j)).or_insert(at);
                 }
             });
         }
