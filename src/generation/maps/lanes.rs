@@ -30,8 +30,12 @@ impl Changing {
     fn draw(rng: &mut Stream) -> Self {
         let (mut section, speed) = if rng.chance(0.5) { motorway(rng, (2, 3)) } else { street(rng, (1, 2)) };
         // Bicycles and parked cars keep out of the way of the taper.
-        let plain = |side: Side| Side { bike: None, parking: None, shoulder: side.shoulder.max(0.6), ..side };
-        section.forward = plain(section.forward);
+        section.forward = Side {
+            bike: None,
+            parking: None,
+            shoulder: section.forward.shoulder.max(0.6),
+            ..section.forward
+        };
         section.forward.lanes += 1;
         let freeway = section.class == LaneClass::Freeway;
         let length = if freeway { rng.uniform(640.0, 780.0) } else { rng.uniform(370.0, 440.0) };
