@@ -11,7 +11,7 @@
 //! * Crosswalks, stop lines: MUTCD 2009, sections 3B.16 and 3B.18. No parking within 16 m of a stop line.
 //! * Yellow: 1 s and v / (2 · 3.05 m/s²), the formula of the ITE *Traffic Engineering Handbook* (MUTCD 4D.26: 3 to 6 s); all-red 1 to
 //!   2 s; greens of 8 s and more, cycles of 50 to 120 s (FHWA, *Signal Timing Manual*).
-//! * Roundabouts: FHWA, NCHRP Report 672: inscribed circles of 34 to 44 m with one lane and 46 to 58 m with two, circulating
+//! * Roundabouts: FHWA, NCHRP Report 672: inscribed circles of 38 to 46 m with one lane and 48 to 58 m with two, circulating
 //!   lanes of 4.3 to 5.5 m, crosswalks one car length before the give-way line.
 //! * Ranks of movements at signs: *Highway Capacity Manual*, two-way stop control. Flows: volumes of HCM examples near capacity.
 

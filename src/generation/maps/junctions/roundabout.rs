@@ -19,11 +19,11 @@ const LINE: f64 = 0.8;
 /// Points on the circle are no farther apart, metres.
 const STEP: f64 = 0.6;
 /// Share of the angle between two arms at which vehicles enter behind the one and leave before the other.
-const SPREAD: f64 = 0.38;
+const SPREAD: f64 = 0.42;
 
 /// One lane around, four arms (sometimes three).
 pub(crate) fn roundabout_one_lane(rng: &mut Stream) -> Layout {
-    let diameter = rng.uniform(34.0, 44.0);
+    let diameter = rng.uniform(38.0, 46.0);
     draw(rng, &[1], diameter, "roundabout-1")
 }
 
@@ -70,7 +70,7 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
     let four = around == 2 || rng.chance(0.75);
     let first = rng.uniform(-PI, PI);
     let headings: Vec<f64> = if four {
-        (0..4).map(|i| first + FRAC_PI_2 * f64::from(i) + rng.uniform(-6.0, 6.0).to_radians()).collect()
+        (0..4).map(|i| first + FRAC_PI_2 * f64::from(i) + rng.uniform(-4.0, 4.0).to_radians()).collect()
     } else {
         (0..3).map(|i| first + TAU / 3.0 * f64::from(i) + rng.uniform(-12.0, 12.0).to_radians()).collect()
     };
@@ -89,11 +89,11 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
         speed: 9.0,
         spread: SPREAD * narrowest.min(FRAC_PI_2),
     };
-    let setback = rim + LINE + 6.0;
+    let setback = rim + LINE + 7.0;
     let flow = if around == 1 { rng.uniform(300.0, 450.0) } else { rng.uniform(250.0, 350.0) };
     let sections = [0, 1].map(|axis| {
         let lanes = lanes[axis % lanes.len()];
-        let median = Some(rng.uniform(2.8, 4.0));
+        let median = Some(rng.uniform(2.6, 3.4));
         let kind = Kind { lanes, limit, median, raised: false, bike: false, parking: false, flow };
         section(rng, &kind, paved)
     });
@@ -104,7 +104,7 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
         let mut street = arm(format!("a{i}"), path, sections[i % 2], End::PLAIN, flow);
         street.from = setback;
         let length = rng.uniform(14.0, 24.0);
-        splitter(&mut b, heading, 0.5 * street.road.section.median.width - 0.5, setback + 4.4, length);
+        splitter(&mut b, heading, 0.5 * street.road.section.median.width - 0.45, setback + 4.4, length);
         let [port, _] = street.lay(&mut b, rng);
         ports.extend(port);
     }
