@@ -13,6 +13,8 @@ const HEADWAY: f64 = 1.3;
 const ROOM: f64 = 4.0;
 /// Vehicles that want to come in but find no room give up beyond this number.
 const QUEUE: u32 = 5;
+/// Who must change lanes has at least this way before the end of the lane, metres.
+const ROOM_TO_CHANGE: f64 = 90.0;
 /// Ways ahead that are part of a path, and how far it leads at least, metres.
 const AHEAD: usize = 6;
 const FAR: f64 = 150.0;
@@ -129,6 +131,13 @@ impl Arrivals {
     ) -> Option<Vehicle> {
         let goal = routes.draw_goal(network, way, rng)?;
         let path = path_from(network, routes, goal, way);
+        // Nobody begins where there is no room left to change to the lane that leads to the goal.
+        if path.len() == 1
+            && !network.ways[way].next.is_empty()
+            && network.ways[way].length - s < ROOM_TO_CHANGE
+        {
+            return None;
+        }
         let bicycle = network.ways[way].bicycles;
         let size = if bicycle { Size::bicycle(rng) } else { suited(network, &path, Size::draw(rng), rng) };
         let driver =
@@ -136,9 +145,13 @@ impl Arrivals {
         let body = Body::of(&size);
         let bend = driver.in_bend(network.ways[way].bend_at(s));
         // Who is put near a junction can still turn and stop.
-        let joins = path.get(1).is_some_and(|&w| network.ways[w].connector);
-        let near =
-            if joins { (9.0 + 3.0 * (network.ways[way].length - s).max(0.0)).sqrt() } else { f64::INFINITY };
+        let (mut near, mut distance) = (f64::INFINITY, network.ways[way].length - s);
+        for &w in &path[1..] {
+            let way = &network.ways[w];
+            let there = driver.in_bend(way.tightest()).min(if way.connector { 4.0 } else { f64::INFINITY });
+            near = (there * there + 3.0 * distance.max(0.0)).sqrt().min(near);
+            distance += way.length;
+        }
         let speed = (driver.haste * network.ways[way].limit).min(driver.top).min(bend).min(near);
         self.next_id += 1;
         Some(Vehicle::new(network, self.next_id, body, driver, path, goal, s, 0.9 * speed))

@@ -62,10 +62,11 @@ impl Routes {
         self.costs[goal][next].is_finite().then_some(next)
     }
 
-    /// A goal that can be reached from the end of this very way, without a lane change on it.
+    /// A goal that can be reached from the end of this very way, without a lane change on it: where the straightest way on leads.
     pub(super) fn draw_goal_from(&self, network: &Network, way: usize, rng: &mut Stream) -> Option<usize> {
-        let next = network.ways[way].next.clone();
-        self.draw_goal(network, *next.get(rng.count(0, next.len().max(1) - 1))?, rng)
+        let bend = |w: &usize| network.ways[*w].tightest();
+        let next = network.ways[way].next.iter().copied().min_by(|a, b| bend(a).total_cmp(&bend(b)))?;
+        self.draw_goal(network, next, rng)
     }
 
     /// A goal for somebody who comes in at `way`: where a walk over the ways ends, with the usual shares of turns.

@@ -241,18 +241,17 @@ impl<'a> World<'a> {
     fn come_and_go(&mut self) {
         let (network, routes) = (&self.network, &self.routes);
         for v in &mut self.vehicles {
-            let last = v.path[v.path.len() - 1];
-            if v.path.len() < 3 && !network.ways[last].next.is_empty() || v.path.len() < 2 {
-                arrivals::extend(network, routes, v.goal, &mut v.path);
-                if v.path.len() == 1
-                    && v.s > network.ways[last].length - 15.0
-                    && !network.ways[last].next.is_empty()
-                {
-                    // Too late for the lane that leads to the goal: it goes where this one leads.
-                    if let Some(goal) = routes.draw_goal_from(network, last, &mut self.rng) {
-                        v.goal = goal;
-                        arrivals::extend(network, routes, v.goal, &mut v.path);
-                    }
+            if v.path.len() > 2 {
+                continue;
+            }
+            arrivals::extend(network, routes, v.goal, &mut v.path);
+            let way = &network.ways[v.path[0]];
+            let braking = 8.0 + v.speed * v.speed / (2.0 * 2.0);
+            if v.path.len() == 1 && !way.next.is_empty() && way.length - v.s < braking {
+                // Too late for the lane that leads to the goal: it goes where this one leads.
+                if let Some(goal) = routes.draw_goal_from(network, v.path[0], &mut self.rng) {
+                    v.goal = goal;
+                    arrivals::extend(network, routes, goal, &mut v.path);
                 }
             }
         }
