@@ -20,6 +20,7 @@ mod corner;
 mod draw;
 mod interior;
 mod joined;
+mod paint;
 mod roundabout;
 mod signalised;
 mod street;

@@ -75,7 +75,7 @@ pub(super) struct ArmShape {
 }
 
 /// Length over which a pocket opens, metres.
-const TAPER: f64 = 22.0;
+pub(super) const TAPER: f64 = 22.0;
 /// Lanes of pockets are so much narrower than others, metres.
 const NARROWER: f64 = 0.2;
 /// No parking so near to a junction, metres (daylighting: 20 to 30 feet before a crosswalk).
@@ -84,7 +84,7 @@ const NO_PARKING: f64 = 16.0;
 const PAVEMENT_GAP: f64 = 2.0;
 
 /// The sign of offsets of the lanes of a direction.
-fn sign(way: Way) -> f64 {
+pub(super) fn sign(way: Way) -> f64 {
     if way == Way::Forward { -1.0 } else { 1.0 }
 }
 
@@ -98,14 +98,14 @@ fn leaving(end: usize) -> Way {
 }
 
 impl Street {
-    fn side(&self, way: Way) -> &Side {
+    pub(super) fn side(&self, way: Way) -> &Side {
         match way {
             Way::Forward => &self.road.section.forward,
             Way::Backward => self.road.section.backward.as_ref().unwrap_or(&self.road.section.forward),
         }
     }
 
-    fn pocket_width(&self, way: Way) -> f64 {
+    pub(super) fn pocket_width(&self, way: Way) -> f64 {
         (self.side(way).lane_width - NARROWER).max(2.9)
     }
 
@@ -272,51 +272,6 @@ impl Street {
         let gap = |end: usize| if self.ends[end] == End::Border { 0.0 } else { PAVEMENT_GAP };
         let line = self.road.line(way, self.pavement_offset(way), self.from + gap(0), self.to - gap(1));
         b.footway(line, pavement.width);
-    }
-
-    /// Lines of a direction.
-    fn paint(&self, b: &mut MapBuilder, way: Way, split: f64, (left, right): (bool, bool)) {
-        const BROKEN_WHITE: u8 = 1;
-        const SOLID_WHITE: u8 = 2;
-        const SOLID_YELLOW: u8 = 6;
-        const DOUBLE_YELLOW: u8 = 7;
-        /// Lane lines are solid so far before a junction, metres.
-        const SOLID: f64 = 15.0;
-        let arrival = usize::from(way == Way::Forward);
-        let road = &self.road;
-        let before = |d: f64| if arrival == 0 { self.from + d } else { self.to - d };
-        let whole = self.to - self.from;
-        let mut line = |paint: u8, offset: f64, d: f64, e: f64| {
-            let (p, q) = (before(d), before(e));
-            b.paint(paint, road.line(way, offset, p.min(q), p.max(q)));
-        };
-        let side = self.side(way);
-        let median = road.section.median;
-        if median.width > 0.8 {
-            let inner = 0.5 * median.width;
-            line(SOLID_YELLOW, sign(way) * inner, if left { split } else { 0.0 }, whole);
-            if left {
-                let width = self.pocket_width(way);
-                line(SOLID_YELLOW, sign(way) * (inner - width), 0.0, split - TAPER);
-                line(SOLID_WHITE, sign(way) * inner, 0.0, split - TAPER);
-            }
-        } else if way == Way::Forward {
-            line(DOUBLE_YELLOW, 0.0, 0.0, whole);
-        }
-        let solid = if self.ends[arrival] == End::Border { 0.0 } else { SOLID.min(0.5 * whole) };
-        for i in 1..side.lanes {
-            let offset = 0.5 * (road.lane_offset(way, i - 1) + road.lane_offset(way, i));
-            line(BROKEN_WHITE, offset, solid, whole);
-            if solid > 0.0 {
-                line(SOLID_WHITE, offset, 0.0, solid);
-            }
-        }
-        if right || side.bike.is_some() || side.parking.is_some() {
-            line(SOLID_WHITE, road.lanes_edge(way), 0.0, whole);
-        }
-        if side.bike.is_some() && side.parking.is_some() {
-            line(SOLID_WHITE, road.parking_edge(way), 0.0, whole);
-        }
     }
 }
 
