@@ -43,7 +43,7 @@ impl Driver {
     fn keep(&self, speed: f64, room: f64, leader: f64) -> f64 {
         let (b, t) = (self.braking, self.reaction);
         // Others are taken to brake a little harder than oneself.
-        let others = b + 0.3;
+        let others = b + 0.1;
         let under = b * b * t * t + b * (2.0 * room - speed * t) + b * leader * leader / others;
         let safe = if under > 0.0 { (under.sqrt() - b * t).max(0.0) } else { 0.0 };
         // Where there is no room left, what it takes to come to a halt.

@@ -20,6 +20,8 @@ const MOTIONS: usize = 2;
 /// Lane changes are weighed every so many decisions, and how long after a change not at all, s.
 const WEIGH_EVERY: u32 = 5;
 const REST: f64 = 4.0;
+/// Deviation of the speed that is driven from the wanted one, as a share.
+const SPEED_NOISE: f64 = 0.09;
 /// Braking to let somebody in, m/s², times what the politeness allows.
 const LET_IN: f64 = 1.2;
 
@@ -151,7 +153,8 @@ impl<'a> World<'a> {
     /// Acceleration on an empty road: speed limits and bends.
     fn unhindered(&self, v: &Vehicle) -> f64 {
         let way = &self.network.ways[v.path[0]];
-        let wanted = (v.driver.haste * way.limit).min(v.driver.top);
+        // Nobody holds a speed exactly.
+        let wanted = (v.driver.haste * way.limit).min(v.driver.top) * (1.0 + SPEED_NOISE * v.mood);
         let here = wanted.min(v.driver.in_bend(way.bend_at(v.s)));
         let mut acceleration = v.driver.free(v.speed, here);
         let comfortable = 0.8 * v.driver.braking;
