@@ -130,9 +130,9 @@ impl Lists {
 }
 
 /// Where somebody who goes over from `from` still stands in its way, metres along it.
-fn leaving(way: &Way, from: usize, v: &Vehicle) -> Option<f64> {
+pub(super) fn leaving(way: &Way, from: usize, v: &Vehicle) -> Option<f64> {
     let beside = way.left.iter().chain(&way.right).find(|b| b.way == from)?;
     let s = beside.across(v.s)?;
     // The side line between the two is half a width away; who is over it by more than half its own width is gone.
-    (v.offset.abs() > way.half_width - 0.5 * v.body.width - 0.2).then_some(s)
+    (v.offset.abs() > way.half_width - 0.5 * v.body.width - 0.5).then_some(s)
 }
