@@ -27,10 +27,10 @@ const GOING: f64 = 1.6;
 const COMING: f64 = 0.5;
 /// From so far before the place where ways join drivers fall in behind one another, metres; at speeds above this, m/s; who has to give
 /// way does so to those who are less than this behind, metres; and how hard they brake for it while there is time, m/s².
-const ZIP: f64 = 60.0;
-const ZIP_FROM: f64 = 3.0;
+const ZIP: f64 = 80.0;
+const ZIP_FROM: f64 = 1.0;
 const ZIP_BIAS: f64 = 6.0;
-const ZIP_BRAKING: f64 = 0.8;
+const ZIP_BRAKING: f64 = 1.2;
 /// Ways that bend no more than this join others at speed, 1/m.
 const ZIP_BEND: f64 = 0.02;
 /// After this time of everybody waiting for each other the first one goes, s.
@@ -110,9 +110,9 @@ impl Sight<'_> {
                     if no_room {
                         offer(Wait { distance: line - v.driver.line_gap, way: Some(w) });
                     } else if let Some(conflict) = self.first_conflict(me, k, start) {
-                        let pull_in = way.rule != Some(RightOfWay::Stop)
-                            && way.rule != Some(RightOfWay::AllWayStop)
-                            && conflict.mine[0] > WORTH_PULLING_IN + v.body.length * 0.5;
+                        // With a green light one waits inside the junction, so as to get away when it ends.
+                        let pull_in =
+                            way.light.is_some() && conflict.mine[0] > WORTH_PULLING_IN + v.body.length * 0.5;
                         if pull_in {
                             offer(Wait { distance: line + conflict.mine[0] - BEFORE_CONFLICT, way: None });
                         } else {
@@ -268,15 +268,21 @@ impl Sight<'_> {
     fn is_taken(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
         let (enter, _) = self.window(me, k, start, c);
         let v = &self.vehicles[me];
+        let to_it = start + c.mine[0] - v.front();
         self.lists.coming(c.other).iter().filter(|o| o.vehicle != me).any(|o| {
             let other = &self.vehicles[o.vehicle];
             let (front, rear) = (o.at + 0.5 * other.body.length, o.at - 0.5 * other.body.length);
-            if rear > c.theirs[1] || front < c.theirs[0] - 0.3 {
+            if rear > c.theirs[1] {
                 return false;
+            }
+            if front < c.theirs[0] - 0.3 {
+                // Not there yet. Who has left the line goes first before those who have not, and before those who are farther from it.
+                let left = o.ways == 0 && front > 1.0 && !c.joins && c.duty == Duty::Equal;
+                return left && (k > 0 || (c.theirs[0] - front, other.id) < (to_it, v.id));
             }
             if c.joins {
                 // Who is ahead on the other way is followed, not waited for, once both are in the stretch.
-                return start + c.mine[0] - v.front() > 0.0 && other.speed < 1.0 && rear < c.theirs[0] + 2.0;
+                return to_it > 0.0 && other.speed < 1.0 && rear < c.theirs[0] + 2.0;
             }
             let leaves = (c.theirs[1] - rear) / other.speed.max(0.5);
             leaves > enter - 0.3
@@ -325,10 +331,11 @@ impl Sight<'_> {
                 break;
             }
             let mine = start + way.length - v.s;
+            let ahead = ZIP_BIAS.min(1.0 + 0.5 * v.speed);
             for c in way.conflicts.iter().filter(|c| c.joins) {
                 let bias = match c.duty {
-                    Duty::GiveWay => ZIP_BIAS,
-                    Duty::GoFirst => -ZIP_BIAS,
+                    Duty::GiveWay => ahead,
+                    Duty::GoFirst => -ahead,
                     // Somebody has to be first.
                     Duty::Equal => {
                         if w < c.other {
