@@ -12,6 +12,8 @@ use crate::scene::{
 const ATTEMPTS: u32 = 40;
 /// Agents who stay farther than this from the AV are not recorded, as a sensor would not see them, metres.
 const RANGE: f64 = 75.0;
+/// Boxes nearer than this are in contact, metres: what rounding may add to.
+const CONTACT: f64 = 0.01;
 /// Others nearer than this make a driver likely to be the AV, metres.
 const NEAR: f64 = 40.0;
 /// Beyond this distance from the middle of the map drivers are seldom the AV, metres.
@@ -35,7 +37,10 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
         let recording = traffic::record(&layout, density, &mut rng);
         if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
-            return Ok(Scenario::assemble(parts(id, layout, &recording, av))?);
+            let kept = kept(&recording, av);
+            if is_free_of_contacts(&recording, &kept) {
+                return Ok(Scenario::assemble(parts(id, layout, &recording, &kept))?);
+            }
         }
     }
     Err(GenerationError::Fruitless { id, attempts: ATTEMPTS })
@@ -89,16 +94,15 @@ fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<
     if weights.iter().sum::<f64>() > 0.0 { Some(recording.drivers[rng.weighted(&weights)]) } else { None }
 }
 
-fn parts(id: String, layout: Layout, recording: &Recording, av: usize) -> ScenarioParts {
+fn parts(id: String, layout: Layout, recording: &Recording, kept: &[usize]) -> ScenarioParts {
     let lights = layout.signals.iter().zip(&recording.lights);
-    let kept = kept(recording, av);
     ScenarioParts {
         id,
         source: format!("generated/{}", layout.kind),
         origin: None,
         timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
         av: 0,
-        agents: kept.into_iter().map(|i| rounded(&recording.agents[i])).collect(),
+        agents: kept.iter().map(|&i| rounded(&recording.agents[i])).collect(),
         lights: lights
             .map(|(plan, states)| LightParts {
                 lane: plan.lane.clone(),
@@ -126,6 +130,30 @@ fn kept(recording: &Recording, av: usize) -> Vec<usize> {
     now.truncate(MAX_AGENTS - 1);
     later.retain(|&i| recording.agents[i].1[HISTORY..].iter().any(Option::is_some));
     [vec![av], now, later].concat()
+}
+
+/// Whether nobody touches anybody. Accidents happen in this traffic as in the real one, but logs with them are of no use as a reference:
+/// about one draw in fifty has one and is drawn again.
+fn is_free_of_contacts(recording: &Recording, kept: &[usize]) -> bool {
+    let agents: Vec<_> = kept.iter().map(|&i| &recording.agents[i]).collect();
+    let stands = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];
+    let still: Vec<bool> = agents.iter().map(|a| stands(&a.1)).collect();
+    for i in 0..agents.len() {
+        for j in 0..i {
+            let reach =
+                0.5 * (agents[i].0.length + agents[i].0.width + agents[j].0.length + agents[j].0.width);
+            let touch = |f: usize| {
+                let (Some(a), Some(b)) = (agents[i].1[f], agents[j].1[f]) else { return false };
+                (a.position() - b.position()).norm_squared() < reach * reach
+                    && a.footprint(&agents[i].0).separation(&b.footprint(&agents[j].0)) <= CONTACT
+            };
+            let frames = if still[i] && still[j] { 1 } else { FRAMES };
+            if (0..frames).any(touch) {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 fn rounded((agent, track): &(crate::scene::Agent, Vec<Frame>)) -> LoggedAgent {

@@ -63,7 +63,7 @@ impl Driver {
             wandering: rng.uniform(0.1, 0.3),
             noise: (0.2, 0.03),
             change_time: rng.normal_within(4.5, 1.0, 2.8, 7.0),
-            preview: (rng.uniform(2.6, 3.4), rng.uniform(0.7, 0.95)),
+            preview: (rng.uniform(1.8, 2.4), rng.uniform(0.5, 0.65)),
         }
     }
 

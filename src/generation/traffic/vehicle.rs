@@ -16,8 +16,8 @@ const URGENT_JERK: f64 = 20.0;
 /// From this braking on it is urgent, m/s².
 const URGENT: f64 = 3.2;
 /// How fast the wheel is turned: change of the curvature, 1/m per second; and lateral jerk, m/s³.
-const STEERING: f64 = 0.22;
-const LATERAL_JERK: f64 = 6.0;
+const STEERING: f64 = 0.35;
+const LATERAL_JERK: f64 = 8.0;
 /// Observations that are remembered, one per decision.
 const MEMORY: usize = 8;
 /// How long errors of perception and of lane keeping last, s.
@@ -52,7 +52,7 @@ pub(super) struct Change {
     pub(super) from: Option<usize>,
     /// Offset from the new way when it began, m.
     start: f64,
-    /// Seconds since then.
+    /// Seconds since then, of which slow ones count less.
     age: f64,
 }
 
@@ -202,7 +202,8 @@ impl Vehicle {
         self.rear = self.rear.advance(distance, self.curvature);
         self.follow_way(network, distance);
         if let Some(change) = &mut self.change {
-            change.age += dt;
+            // Who crawls gets over more slowly.
+            change.age += dt * (self.speed / 3.0).min(1.0);
             if change.age > self.driver.change_time + 1.0 {
                 self.change = None;
             }
