@@ -18,6 +18,8 @@ pub struct Layout {
     pub entries: Vec<Entry>,
     /// Where vehicles may stand parked.
     pub parking: Vec<ParkingSpot>,
+    /// Where vehicles stand off the ground that others drive on: before homes, in car parks.
+    pub yards: Vec<ParkingSpot>,
     /// Where people walk: pavements, and crossings that join them. Footways whose ends lie within 3 m of each other are joined.
     pub footways: Vec<Footway>,
 }

@@ -2,7 +2,7 @@
 
 use super::traffic::Recording;
 use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, maps, traffic};
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, wrap};
 use crate::rollout::{Purpose, Stream, stream};
 use crate::scene::{
     CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
@@ -11,7 +11,17 @@ use crate::scene::{
 /// Maps and traffic that are drawn until one of the drivers can be the AV.
 const ATTEMPTS: u32 = 40;
 /// Agents who stay farther than this from the AV are not recorded, as a sensor would not see them, metres.
-const RANGE: f64 = 100.0;
+const RANGE: f64 = 75.0;
+/// Boxes nearer than this are in contact, metres: what rounding may add to.
+const CONTACT: f64 = 0.01;
+/// Others nearer than this make a driver likely to be the AV, metres.
+const NEAR: f64 = 40.0;
+/// Beyond this distance from the middle of the map drivers are seldom the AV, metres.
+const MIDDLE: f64 = 60.0;
+/// Who turns by more than this is more often the AV, radians: recordings are made on purpose where something happens.
+const TURN: f64 = 0.5;
+/// The AV of a benchmark gets at least so far, metres.
+const MOVES: f64 = 10.0;
 /// Positions, headings and velocities are rounded to multiples of these (powers of two): finer than any sensor, and files stay small.
 const POSITION_STEP: f64 = 1.0 / 8192.0;
 const HEADING_STEP: f64 = 1.0 / 16384.0;
@@ -27,7 +37,10 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
         let recording = traffic::record(&layout, density, &mut rng);
         if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
-            return Ok(Scenario::assemble(parts(id, layout, &recording, av))?);
+            let kept = kept(&recording, av);
+            if is_free_of_contacts(&recording, &kept) {
+                return Ok(Scenario::assemble(parts(id, layout, &recording, &kept))?);
+            }
         }
     }
     Err(GenerationError::Fruitless { id, attempts: ATTEMPTS })
@@ -43,47 +56,53 @@ fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> 
         Preset::Bench => (number % allowed.len() as u64) as usize,
         Preset::Train => rng.weighted(&allowed.iter().map(|m| m.weight).collect::<Vec<_>>()),
     };
-    (allowed[which].draw)(rng)
+    allowed[which].layout(rng)
 }
 
 /// From next to nobody to a queue that grows; benchmarks are never empty.
 fn draw_density(preset: Preset, rng: &mut Stream) -> f64 {
     match preset {
-        Preset::Bench => rng.uniform(0.5, 1.3),
-        Preset::Train => rng.uniform(0.05, 1.3),
+        Preset::Bench => rng.uniform(0.5, 1.5),
+        Preset::Train => rng.uniform(0.1, 1.6),
     }
 }
 
-/// The driver who is the AV. Of those who may be: for benchmarks one who moves and has others around.
+/// The driver who is the AV, of those who may be. It is more likely somebody in the middle of the map, where junctions are, and somebody
+/// with others around, as recordings are made where there is traffic; in benchmarks always somebody who moves.
 fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<usize> {
     let weight = |&i: &usize| {
         let track = &recording.agents[i].1;
-        let (Some(first), Some(last)) = (track[CURRENT], track[FRAMES - 1]) else { return 0.0 };
-        let way = (last.position() - first.position()).norm();
-        let near = recording
-            .agents
-            .iter()
-            .filter(|(_, t)| t[CURRENT].is_some_and(|s| (s.position() - first.position()).norm() < 40.0));
+        let (Some(now), Some(last)) = (track[CURRENT], track[FRAMES - 1]) else { return 0.0 };
+        let way = (last.position() - now.position()).norm();
+        let near = |t: &[Frame]| t[CURRENT].is_some_and(|s| (s.position() - now.position()).norm() < NEAR);
+        let others = recording.agents.iter().filter(|(_, t)| near(t)).count().saturating_sub(1) as f64;
+        let middle = 1.0
+            / (1.0 + {
+                let d = now.position().norm_squared() / (MIDDLE * MIDDLE);
+                d * d
+            });
+        let turned = wrap(last.heading - track[0].map_or(last.heading, |s| s.heading)).abs() > TURN;
+        let sets_off = last.speed() > now.speed() + 3.0;
+        let lively = if turned { 3.0 } else { 1.0 } * if sets_off { 1.5 } else { 1.0 };
         match preset {
-            Preset::Bench if way < 10.0 => 0.0,
-            Preset::Bench => near.count().saturating_sub(1) as f64,
-            Preset::Train => 1.0,
+            Preset::Bench if way < MOVES => 0.0,
+            Preset::Bench => others * middle * lively,
+            Preset::Train => (1.0 + others) * middle * lively,
         }
     };
     let weights: Vec<f64> = recording.drivers.iter().map(weight).collect();
     if weights.iter().sum::<f64>() > 0.0 { Some(recording.drivers[rng.weighted(&weights)]) } else { None }
 }
 
-fn parts(id: String, layout: Layout, recording: &Recording, av: usize) -> ScenarioParts {
+fn parts(id: String, layout: Layout, recording: &Recording, kept: &[usize]) -> ScenarioParts {
     let lights = layout.signals.iter().zip(&recording.lights);
-    let kept = kept(recording, av);
     ScenarioParts {
         id,
         source: format!("generated/{}", layout.kind),
         origin: None,
         timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
         av: 0,
-        agents: kept.into_iter().map(|i| rounded(&recording.agents[i])).collect(),
+        agents: kept.iter().map(|&i| rounded(&recording.agents[i])).collect(),
         lights: lights
             .map(|(plan, states)| LightParts {
                 lane: plan.lane.clone(),
@@ -111,6 +130,30 @@ fn kept(recording: &Recording, av: usize) -> Vec<usize> {
     now.truncate(MAX_AGENTS - 1);
     later.retain(|&i| recording.agents[i].1[HISTORY..].iter().any(Option::is_some));
     [vec![av], now, later].concat()
+}
+
+/// Whether nobody touches anybody. Accidents happen in this traffic as in the real one, but logs with them are of no use as a reference:
+/// about one draw in fifty has one and is drawn again.
+fn is_free_of_contacts(recording: &Recording, kept: &[usize]) -> bool {
+    let agents: Vec<_> = kept.iter().map(|&i| &recording.agents[i]).collect();
+    let stands = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];
+    let still: Vec<bool> = agents.iter().map(|a| stands(&a.1)).collect();
+    for i in 0..agents.len() {
+        for j in 0..i {
+            let reach =
+                0.5 * (agents[i].0.length + agents[i].0.width + agents[j].0.length + agents[j].0.width);
+            let touch = |f: usize| {
+                let (Some(a), Some(b)) = (agents[i].1[f], agents[j].1[f]) else { return false };
+                (a.position() - b.position()).norm_squared() < reach * reach
+                    && a.footprint(&agents[i].0).separation(&b.footprint(&agents[j].0)) <= CONTACT
+            };
+            let frames = if still[i] && still[j] { 1 } else { FRAMES };
+            if (0..frames).any(touch) {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 fn rounded((agent, track): &(crate::scene::Agent, Vec<Frame>)) -> LoggedAgent {

@@ -4,12 +4,12 @@
 //! - AASHTO, A Policy on Geometric Design of Highways and Streets (7th edition, 2018): lanes of 10 to 12 ft; smallest radii
 //!   `v² / (127 (e + f))` (km/h, m) with the side friction of its tables, without superelevation on streets and with 6 % on motorways;
 //!   acceleration and deceleration lanes; tapers of ramps of about 300 ft; medians.
-//! - FHWA, Manual on Uniform Traffic Control Devices (2009), section 6C.08: length of a merging taper `w v` from 45 mph on and
-//!   `w v² / 60` below (ft, mph).
+//! - FHWA, Manual on Uniform Traffic Control Devices (2009), section 3B.09: length of the taper of a lane reduction, `w v` at
+//!   45 mph or more, else `w v² / 60` (ft, mph).
 //! - NACTO, Urban Street Design Guide (2013) and Urban Bikeway Design Guide (2014): bicycle lanes of 5 to 6 ft, parking strips of 7 to 9 ft,
-//!   pavements of 5 to 8 ft, no parking within 20 ft of crossings, corner radii.
-//! - TRB, Highway Capacity Manual (6th edition, 2016): a motorway lane carries up to about 2200 vehicles an hour, an urban lane with
-//!   signals 400 to 900.
+//!   pavements of 5 to 7 ft, 8 to 12 ft downtown, no parking within 20 ft of crossings, corner radii.
+//! - TRB, Highway Capacity Manual (6th edition, 2016): a motorway lane carries up to 2250 to 2400 passenger cars an hour, depending
+//!   on its speed; flows of streets, 400 to 900 vehicles an hour and lane, are chosen (about 1900 times the share of green).
 
 use std::f64::consts::PI;
 

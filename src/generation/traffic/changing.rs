@@ -14,8 +14,10 @@ const SAFE: f64 = 1.8;
 const SAFE_IF_MUST: f64 = 3.0;
 /// Room that must be left to both, metres.
 const ROOM: (f64, f64) = (2.0, 4.0);
+/// Way that a change takes at the least, metres: where there is no other way, and usually.
+const TRAVEL: (f64, f64) = (11.0, 16.0);
 /// Below this speed nobody changes lanes (there is no way to steer there), m/s; who must change does from a slower speed.
-const SLOWEST: (f64, f64) = (4.0, 1.5);
+const SLOWEST: (f64, f64) = (4.0, 2.5);
 /// Seconds of way that the better lane must save to be wished for.
 const WORTH: f64 = 1.5;
 /// The wish for the right lane grows from the first of these to the second as the end of the lane comes near, m/s².
@@ -118,7 +120,9 @@ fn gain(
     let path = [way].into_iter().chain(network.ways[way].next.first().copied()).collect::<Vec<_>>();
     let ahead = lists.leader(network, vehicles, &path, (me, s, v.body.length)).map(|l| l.0);
     let room = if must { ROOM.0 } else { ROOM.1 };
-    if ahead.is_some_and(|l| l.gap < room) {
+    // One must be over before one has to stop there.
+    let travel = if must { TRAVEL.0 } else { TRAVEL.1 };
+    if ahead.is_some_and(|l| l.gap < room || l.gap + 2.5 * l.speed < travel) {
         return None;
     }
     let mine = ahead

@@ -47,23 +47,23 @@ impl Driver {
     pub(super) fn of_car(agility: f64, rng: &mut Stream) -> Self {
         let heavy = agility < 0.8;
         Self {
-            haste: rng.normal_within(if heavy { 0.95 } else { 1.03 }, 0.10, 0.8, 1.3),
+            haste: rng.normal_within(if heavy { 0.8 } else { 0.85 }, 0.18, 0.5, 1.25),
             top: if heavy { 28.0 } else { 40.0 },
-            reaction: rng.normal_within(0.85, 0.2, 0.5, 1.4),
+            reaction: rng.normal_within(0.7, 0.25, 0.35, 1.4),
             delay: rng.uniform(0.1, 0.4),
             acceleration: agility * rng.normal_within(1.7, 0.35, 1.0, 2.6),
             braking: rng.normal_within(2.1, 0.4, 1.3, 3.2),
-            gap: rng.normal_within(2.3, 0.8, 1.0, 4.5),
+            gap: rng.normal_within(3.7, 1.5, 1.3, 8.0),
             line_gap: rng.normal_within(1.2, 0.7, 0.3, 3.0),
             lateral: rng.normal_within(2.4, 0.5, 1.4, 3.6) * if heavy { 0.7 } else { 1.0 },
             politeness: rng.uniform(0.0, 0.5),
-            threshold: rng.uniform(0.1, 0.4),
+            threshold: rng.uniform(0.5, 1.2),
             margin: rng.normal_within(1.6, 0.5, 0.8, 3.0),
-            bias: rng.normal_within(0.0, 0.18, -0.4, 0.4),
-            wandering: rng.uniform(0.05, 0.2),
+            bias: rng.normal_within(0.0, 0.28, -0.7, 0.7),
+            wandering: rng.uniform(0.1, 0.3),
             noise: (0.2, 0.03),
             change_time: rng.normal_within(4.5, 1.0, 2.8, 7.0),
-            preview: (rng.uniform(2.6, 3.4), rng.uniform(0.7, 0.95)),
+            preview: (rng.uniform(1.8, 2.4), rng.uniform(0.5, 0.65)),
         }
     }
 

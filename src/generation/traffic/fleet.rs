@@ -7,10 +7,11 @@
 //! a class the width follows the length, as it does in the recording (2.01 m at 4.4 m, 2.20 m at 5.05 m, 2.40 m at 5.8 m). No
 //! vehicle is articulated.
 //!
-//! Turning radii are those of the AASHTO design vehicles (*A Policy on Geometric Design of Highways and Streets*, 2011, table 2-2b, smallest
-//! design radius of the centre line): passenger car 6.4 m, single-unit truck 11.6 m, city bus 11.5 m. The accelerations of heavy vehicles
-//! relative to cars are about those in Bokare & Maurya (*Acceleration-deceleration behaviour of various vehicle types*, Transportation
-//! Research Procedia 25, 2017): trucks and buses reach roughly half of what cars do.
+//! Turning radii follow the AASHTO design vehicles (*A Policy on Geometric Design of Highways and Streets*, 2011: centreline turning radius,
+//! at the front axle, of passenger car 6.4 m, single-unit truck 11.6 m, city bus 11.5 m); here they are of box centres, so somewhat less
+//! for cars and trucks. That trucks accelerate about half as hard as cars, or less, is in Bokare & Maurya (*Acceleration-deceleration
+//! behaviour of various vehicle types*, Transportation Research Procedia 25, 2017: trucks at most 1.0 m/s², cars 2.2 to 2.9); the
+//! factors of vans and buses are chosen.
 
 use crate::dynamics::REAR_AXLE;
 use crate::generation::Draw;

@@ -19,7 +19,7 @@ pub(super) struct Leader {
 pub(super) const HARDEST: f64 = 5.5;
 
 impl Driver {
-    /// Acceleration on a free road towards the speed `wanted`, m/s² (Gipps, eq. 1).
+    /// Acceleration on a free road towards the speed `wanted`, m/s² (Gipps: free road).
     pub(super) fn free(&self, speed: f64, wanted: f64) -> f64 {
         let wanted = wanted.max(0.1);
         if speed > wanted {
@@ -30,7 +30,7 @@ impl Driver {
         2.5 * self.acceleration * (1.0 - share) * (0.025 + share).sqrt()
     }
 
-    /// Acceleration that lets one stop behind the leader, m/s² (Gipps, eq. 2).
+    /// Acceleration that lets one stop behind the leader, m/s² (Gipps: behind a leader).
     pub(super) fn behind(&self, speed: f64, leader: Leader) -> f64 {
         self.keep(speed, leader.gap - self.gap, leader.speed)
     }
@@ -43,7 +43,7 @@ impl Driver {
     fn keep(&self, speed: f64, room: f64, leader: f64) -> f64 {
         let (b, t) = (self.braking, self.reaction);
         // Others are taken to brake a little harder than oneself.
-        let others = b + 0.3;
+        let others = b + 0.1;
         let under = b * b * t * t + b * (2.0 * room - speed * t) + b * leader * leader / others;
         let safe = if under > 0.0 { (under.sqrt() - b * t).max(0.0) } else { 0.0 };
         // Where there is no room left, what it takes to come to a halt.

@@ -36,10 +36,12 @@ impl Lists {
         self.coming.iter_mut().for_each(Vec::clear);
         for (i, v) in vehicles.iter().enumerate() {
             self.on[v.path[0]].push((v.s, i));
-            if let Some(from) = v.change.and_then(|c| c.from)
-                && let Some(s) = leaving(&network.ways[v.path[0]], from, v)
-            {
+            let way = &network.ways[v.path[0]];
+            let from = v.change.and_then(|c| c.from);
+            if let Some((from, s)) = from.and_then(|from| Some((from, leaving(way, from, v)?))) {
                 self.on[from].push((s, i));
+            } else if let Some((beside, s)) = protrudes(way, v) {
+                self.on[beside].push((s, i));
             }
             let mut at = v.s;
             for (k, &w) in v.path.iter().enumerate() {
@@ -130,9 +132,18 @@ impl Lists {
 }
 
 /// Where somebody who goes over from `from` still stands in its way, metres along it.
-fn leaving(way: &Way, from: usize, v: &Vehicle) -> Option<f64> {
+pub(super) fn leaving(way: &Way, from: usize, v: &Vehicle) -> Option<f64> {
     let beside = way.left.iter().chain(&way.right).find(|b| b.way == from)?;
     let s = beside.across(v.s)?;
     // The side line between the two is half a width away; who is over it by more than half its own width is gone.
-    (v.offset.abs() > way.half_width - 0.5 * v.body.width - 0.2).then_some(s)
+    (v.offset.abs() > way.half_width - 0.5 * v.body.width - 0.5).then_some(s)
+}
+
+/// The neighbour into which a vehicle reaches from its way, and where.
+fn protrudes(way: &Way, v: &Vehicle) -> Option<(usize, f64)> {
+    if v.offset.abs() + 0.5 * v.body.width < way.half_width + 0.1 {
+        return None;
+    }
+    let beside = if v.offset > 0.0 { &way.left } else { &way.right };
+    beside.iter().find_map(|b| Some((b.way, b.across(v.s)?)))
 }

@@ -28,7 +28,7 @@ pub struct Recording {
 /// `density` is the multiple of the entries' flows. The result depends on the arguments only.
 pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
     let warm_up = rng.uniform(WARM_UP.0, WARM_UP.1);
-    let parked = parked::park(&layout.parking, rng);
+    let parked = parked::park(&[layout.parking.as_slice(), &layout.yards].concat(), rng);
     let mut world = World::new(layout, density, Stream::from_rng(rng));
     while world.time < warm_up {
         world.step();

@@ -9,8 +9,8 @@ const CHANGE: f64 = 4.0;
 /// That much more per change on a way of one metre, falling with its length, seconds times metres.
 const CHANGE_ON_SHORT: f64 = 300.0;
 /// Shares of those who go straight on and who turn, where they can.
-const STRAIGHT: f64 = 0.62;
-const TURN: f64 = 0.19;
+const STRAIGHT: f64 = 0.34;
+const TURN: f64 = 0.33;
 /// Ways that turn by more than this are turns, radians.
 const IS_TURN: f64 = 0.5;
 

@@ -16,13 +16,14 @@ const URGENT_JERK: f64 = 20.0;
 /// From this braking on it is urgent, m/s².
 const URGENT: f64 = 3.2;
 /// How fast the wheel is turned: change of the curvature, 1/m per second; and lateral jerk, m/s³.
-const STEERING: f64 = 0.22;
-const LATERAL_JERK: f64 = 6.0;
+const STEERING: f64 = 0.35;
+const LATERAL_JERK: f64 = 8.0;
 /// Observations that are remembered, one per decision.
 const MEMORY: usize = 8;
 /// How long errors of perception and of lane keeping last, s.
 const NOISE_TIME: f64 = 3.0;
 const WANDER_TIME: f64 = 7.0;
+const MOOD_TIME: f64 = 5.0;
 
 /// What of a vehicle matters for its motion.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +52,7 @@ pub(super) struct Change {
     pub(super) from: Option<usize>,
     /// Offset from the new way when it began, m.
     start: f64,
-    /// Seconds since then.
+    /// Seconds since then, of which slow ones count less.
     age: f64,
 }
 
@@ -84,6 +85,8 @@ pub(super) struct Vehicle {
     /// When it last changed lanes or decided about it.
     pub(super) changed_at: f64,
     wander: f64,
+    /// How much more or less than the wanted speed is driven just now, in deviations.
+    pub(super) mood: f64,
     noise: (f64, f64),
     seen: [Option<Leader>; MEMORY],
     seen_next: usize,
@@ -125,6 +128,7 @@ impl Vehicle {
             passes_yellow: None,
             changed_at: 0.0,
             wander: 0.0,
+            mood: 0.0,
             noise: (0.0, 0.0),
             seen: [None; MEMORY],
             seen_next: 0,
@@ -156,6 +160,7 @@ impl Vehicle {
         };
         self.noise.0 = next(self.noise.0, NOISE_TIME, rng);
         self.noise.1 = next(self.noise.1, NOISE_TIME, rng);
+        self.mood = next(self.mood, MOOD_TIME, rng).clamp(-2.0, 2.0);
         self.wander = next(self.wander, WANDER_TIME, rng).clamp(-2.5, 2.5);
     }
 
@@ -197,7 +202,8 @@ impl Vehicle {
         self.rear = self.rear.advance(distance, self.curvature);
         self.follow_way(network, distance);
         if let Some(change) = &mut self.change {
-            change.age += dt;
+            // Who crawls gets over more slowly.
+            change.age += dt * (self.speed / 3.0).min(1.0);
             if change.age > self.driver.change_time + 1.0 {
                 self.change = None;
             }

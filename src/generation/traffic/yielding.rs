@@ -1,6 +1,6 @@
 //! Where drivers must wait: red lights, stop signs, others who go first, people on crossings, junctions without room behind them.
 
-use super::following::time_for;
+use super::following::{Leader, time_for};
 use super::lists::{Coming, Lists};
 use super::network::{Conflict, Duty, Network};
 use super::vehicle::Vehicle;
@@ -25,6 +25,14 @@ const IMPATIENT: f64 = 0.5;
 /// Acceleration of somebody who makes use of a gap, and of those who come, m/s².
 const GOING: f64 = 1.6;
 const COMING: f64 = 0.5;
+/// From so far before the place where ways join drivers fall in behind one another, metres; at speeds above this, m/s; who has to give
+/// way does so to those who are less than this behind, metres; and how hard they brake for it while there is time, m/s².
+const ZIP: f64 = 80.0;
+const ZIP_FROM: f64 = 1.0;
+const ZIP_BIAS: f64 = 6.0;
+const ZIP_BRAKING: f64 = 1.2;
+/// Ways that bend no more than this join others at speed, 1/m.
+const ZIP_BEND: f64 = 0.02;
 /// After this time of everybody waiting for each other the first one goes, s.
 const DEADLOCK: f64 = 7.0;
 /// How far before a conflict one waits inside a junction, metres, and how far it must at least be from the line.
@@ -102,9 +110,9 @@ impl Sight<'_> {
                     if no_room {
                         offer(Wait { distance: line - v.driver.line_gap, way: Some(w) });
                     } else if let Some(conflict) = self.first_conflict(me, k, start) {
-                        let pull_in = way.rule != Some(RightOfWay::Stop)
-                            && way.rule != Some(RightOfWay::AllWayStop)
-                            && conflict.mine[0] > WORTH_PULLING_IN + v.body.length * 0.5;
+                        // With a green light one waits inside the junction, so as to get away when it ends.
+                        let pull_in =
+                            way.light.is_some() && conflict.mine[0] > WORTH_PULLING_IN + v.body.length * 0.5;
                         if pull_in {
                             offer(Wait { distance: line + conflict.mine[0] - BEFORE_CONFLICT, way: None });
                         } else {
@@ -260,15 +268,21 @@ impl Sight<'_> {
     fn is_taken(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
         let (enter, _) = self.window(me, k, start, c);
         let v = &self.vehicles[me];
+        let to_it = start + c.mine[0] - v.front();
         self.lists.coming(c.other).iter().filter(|o| o.vehicle != me).any(|o| {
             let other = &self.vehicles[o.vehicle];
             let (front, rear) = (o.at + 0.5 * other.body.length, o.at - 0.5 * other.body.length);
-            if rear > c.theirs[1] || front < c.theirs[0] - 0.3 {
+            if rear > c.theirs[1] {
                 return false;
+            }
+            if front < c.theirs[0] - 0.3 {
+                // Not there yet. Who has left the line goes first before those who have not, and before those who are farther from it.
+                let left = o.ways == 0 && front > 1.0 && !c.joins && c.duty == Duty::Equal;
+                return left && (k > 0 || (c.theirs[0] - front, other.id) < (to_it, v.id));
             }
             if c.joins {
                 // Who is ahead on the other way is followed, not waited for, once both are in the stretch.
-                return start + c.mine[0] - v.front() > 0.0 && other.speed < 1.0 && rear < c.theirs[0] + 2.0;
+                return to_it > 0.0 && other.speed < 1.0 && rear < c.theirs[0] + 2.0;
             }
             let leaves = (c.theirs[1] - rear) / other.speed.max(0.5);
             leaves > enter - 0.3
@@ -277,6 +291,12 @@ impl Sight<'_> {
 
     /// Whether somebody who goes first is coming and would be hindered.
     fn is_wanted(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
+        if c.joins
+            && self.vehicles[me].speed > ZIP_FROM
+            && self.network.ways[self.vehicles[me].path[k]].tightest() < ZIP_BEND
+        {
+            return false;
+        }
         let (enter, leave) = self.window(me, k, start, c);
         let v = &self.vehicles[me];
         let waited = (self.time - v.standing_since).clamp(0.0, PATIENCE) / PATIENCE;
@@ -294,6 +314,58 @@ impl Sight<'_> {
             let faster = if c.joins { ((other.speed - v.speed.max(3.0)) * 0.35).max(0.0) + 0.5 } else { 0.0 };
             arrives < leave + margin + faster && (leaves > enter - 0.4 || arrives > enter)
         })
+    }
+
+    /// Where ways join at speed, drivers fall in behind one another well before (zip merging): how hard to brake for those who join ahead,
+    /// m/s². Nearer to the end of the way goes first; who has to give way must be some metres ahead to do so.
+    pub(super) fn falls_in(&self, me: usize) -> Option<f64> {
+        let v = &self.vehicles[me];
+        if v.speed < ZIP_FROM {
+            return None;
+        }
+        let mut start = 0.0;
+        let mut hardest: Option<f64> = None;
+        for &w in &v.path {
+            let way = &self.network.ways[w];
+            if start - v.s > ZIP {
+                break;
+            }
+            let mine = start + way.length - v.s;
+            let ahead = ZIP_BIAS.min(1.0 + 0.5 * v.speed);
+            for c in way.conflicts.iter().filter(|c| c.joins) {
+                let bias = match c.duty {
+                    Duty::GiveWay => ahead,
+                    Duty::GoFirst => -ahead,
+                    // Somebody has to be first.
+                    Duty::Equal => {
+                        if w < c.other {
+                            0.1
+                        } else {
+                            -0.1
+                        }
+                    }
+                };
+                let other_way = &self.network.ways[c.other];
+                for o in
+                    self.lists.coming(c.other).iter().filter(|o| o.vehicle != me && !self.is_held(o, c.other))
+                {
+                    let other = &self.vehicles[o.vehicle];
+                    let theirs = other_way.length - o.at;
+                    let near = o.at > c.theirs[0] - ZIP && other.speed > ZIP_FROM;
+                    if !near || theirs >= mine + bias || v.path.contains(&other.path[0]) {
+                        continue;
+                    }
+                    let gap = mine - theirs - 0.5 * (v.body.length + other.body.length);
+                    let wished = v.driver.behind(v.speed, Leader { gap: gap.max(0.5), speed: other.speed });
+                    // There is time until the ways are one.
+                    let left = (start + c.mine[0] - v.s).max(0.0);
+                    let bounded = wished.max(-ZIP_BRAKING - 3.0 * (1.0 - left / ZIP).clamp(0.0, 1.0));
+                    hardest = Some(hardest.map_or(bounded, |h: f64| h.min(bounded)));
+                }
+            }
+            start += way.length;
+        }
+        hardest
     }
 
     /// Whether somebody who is coming to a way waits before it or before one of the ways on the path to it.

@@ -304,6 +304,7 @@ impl MapBuilder {
                 .map(|(lane, to, rule)| Priority { lane: id(*lane), to: ids(to), rule: *rule })
                 .collect(),
             entries: self.entries.iter().map(|&(lane, flow)| Entry { lane: id(lane), flow }).collect(),
+            yards: Vec::new(),
             parking: self
                 .parking
                 .iter()

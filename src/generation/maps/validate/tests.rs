@@ -117,6 +117,7 @@ fn sound() -> Layout {
         ],
         priorities: Vec::new(),
         entries: ["a0.in", "a1.in", "b.in"].map(|l| Entry { lane: l.into(), flow: 300.0 }).to_vec(),
+        yards: Vec::new(),
         parking: vec![ParkingSpot { position: v(30.0, 4.85), heading: 0.0, length: 5.5, width: 2.0 }],
         footways: vec![
             walk(v(-40.0, -6.0), v(-3.0, -6.0)),

@@ -6,6 +6,8 @@ use crate::geometry::Bounds;
 
 /// Centre lines that come closer than this are in conflict, metres: two vehicles of usual width and some room.
 const VEHICLES: f64 = 2.3;
+/// The same where ways join and vehicles would be side by side for long.
+const SIDE_BY_SIDE: f64 = 2.8;
 /// The same where one of them is for bicycles.
 const BICYCLE: f64 = 1.8;
 /// Distance between the places that are tested, metres.
@@ -41,7 +43,7 @@ pub(super) fn find(network: &mut Network, layout: &Layout) {
     let bounds: Vec<Bounds> = network
         .ways
         .iter()
-        .map(|w| Bounds::of(w.line.points().iter().copied()).inflated(0.5 * VEHICLES))
+        .map(|w| Bounds::of(w.line.points().iter().copied()).inflated(0.5 * SIDE_BY_SIDE))
         .collect();
     let yields = |i: usize, j: usize| {
         let (a, b) = (&layout.map.lanes[i].id, &layout.map.lanes[j].id);
@@ -85,7 +87,11 @@ pub(super) fn find(network: &mut Network, layout: &Layout) {
 
 /// The stretches on which two ways are too close for two vehicles.
 fn stretches(a: &Way, b: &Way, joins: bool) -> Option<([f64; 2], [f64; 2])> {
-    let near = if a.bicycles || b.bicycles { BICYCLE } else { VEHICLES };
+    let near = match (a.bicycles || b.bicycles, joins) {
+        (true, _) => BICYCLE,
+        (false, true) => SIDE_BY_SIDE,
+        (false, false) => VEHICLES,
+    };
     let on = |x: &Way, y: &Way| -> Option<[f64; 2]> {
         let steps = (x.length / STEP) as usize + 1;
         let close = |k: &usize| y.line.project(x.line.at((*k as f64 * STEP).min(x.length))).distance < near;

@@ -15,7 +15,7 @@ const AT_KERB: f64 = 0.45;
 /// Braking at kerbs and before vehicles, m/s².
 const BRAKE: f64 = 0.9;
 const BRAKE_HARD: f64 = 1.8;
-/// People walk faster on roads than beside them, and faster still when their time runs out (Knoblauch et al. 1996).
+/// People walk faster on roads than beside them (chosen), and faster still when their time runs out.
 const BRISK: f64 = 1.06;
 const HURRY: f64 = 1.3;
 /// Time that people leave after a vehicle, before one, and need to start from standing, seconds.

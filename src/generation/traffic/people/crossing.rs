@@ -3,11 +3,12 @@
 //! Where people have priority (marked crosswalks without a light) they step off when every vehicle that comes either is past before they
 //! reach its strip, or comes after they have left it by a margin, or can stop comfortably, or stands, or brakes hard enough. That a gap must
 //! last for the own crossing time and a margin is the critical headway of the *Highway Capacity Manual* (2010, chapter 19: length over walking
-//! speed plus 3 s of start-up and end clearance, which observed people undercut: Brewer et al., *Exploration of pedestrian
-//! gap-acceptance behavior at selected locations*, TRR 1982, 2006), here per lane, since people take "rolling gaps" lane by lane (same
-//! source). A driver can stop comfortably from `v · 1 s + v²/(2 · 2.5 m/s²)`: a reaction of 1 s and somewhat less than the deceleration
-//! that signals are timed by (3.05 m/s² and 1 s, Institute of Transportation Engineers, *Traffic Engineering Handbook*).
-//! At a light people start only if what is left is enough at their own speed, as signals assume (MUTCD 2009, 4E.06: 1.07 m/s).
+//! speed plus 3 s of start-up and end clearance). Most observed people accept less than such design gaps (Brewer et al., *Exploration of
+//! pedestrian gap-acceptance behavior at selected locations*, TRR 1982, 2006: below that of the MUTCD at all sites), and they take
+//! "rolling gaps" lane by lane (same source), so here the gap counts per lane. A driver can stop comfortably from
+//! `v · 1 s + v²/(2 · 2.5 m/s²)`: a reaction of 1 s and somewhat less than the deceleration that signals are timed by (3.05 m/s² and
+//! 1 s, Institute of Transportation Engineers). At a light people start only if what is left is enough at their own speed (signals are
+//! timed for 1.07 m/s: MUTCD 2009, 4E.06).
 
 use crate::generation::Layout;
 use crate::geometry::{Polygon, Polyline, Vec2, point_in_ring};

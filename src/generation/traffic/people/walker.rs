@@ -183,7 +183,7 @@ impl Walker {
     }
 }
 
-/// Distance between companions who walk side by side, metres: as near as boxes that may not touch allow (Moussaïd et al. 2010 saw
+/// Distance between companions who walk side by side, metres: as near as boxes that may not touch allow (Moussaïd et al. 2010 fitted
 /// 0.8 m).
 const ABREAST: f64 = 1.1;
 

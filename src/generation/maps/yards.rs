@@ -1,0 +1,116 @@
+//! Vehicles that stand beside the road, off the drivable ground: before homes and in the rows of car parks.
+//!
+//! Recordings are full of them (43 % of the vehicles of the Waymo Open Motion Dataset's train split beside this repository stand beside
+//! lanes all the time); they matter as what sensors see and networks must learn to leave alone.
+
+use crate::generation::{Draw, Layout, ParkingSpot};
+use crate::geometry::{Polyline, Vec2, direction, heading_of, left};
+use crate::rollout::Stream;
+use crate::scene::{LaneClass, RoadEdgeKind};
+
+/// Room of one vehicle, metres.
+const LENGTH: f64 = 5.6;
+const WIDTH: f64 = 2.5;
+/// Distance of two vehicles side by side, metres: stalls of 9 ft.
+const STALL: f64 = 2.75;
+/// Nearest that the middle of a spot comes to any edge of the road or middle of a footway, metres.
+const CLEAR: f64 = 4.2;
+/// Nothing is put farther than this from the middle of the map, metres.
+const REACH: f64 = 130.0;
+
+/// What lies beside a stretch of road.
+enum Use {
+    /// Nothing.
+    Open,
+    /// Homes, every so many metres.
+    Homes(f64),
+    /// A car park: the depth of its first row, and how many rows.
+    Lot(f64, usize),
+}
+
+/// Adds yards and car parks along the outer edges of streets. Beside motorways there are none.
+pub(super) fn add(layout: &mut Layout, rng: &mut Stream) {
+    let motorway = layout.map.lanes.iter().any(|l| l.class == LaneClass::Freeway);
+    // How built-up the place is.
+    let built = rng.uniform(-0.7, 0.8);
+    if motorway || built <= 0.0 {
+        return;
+    }
+    let edges: Vec<Polyline> =
+        layout.map.road_edges.iter().filter_map(|e| Polyline::new(&e.points).ok()).collect();
+    let mut yards: Vec<ParkingSpot> = Vec::new();
+    for (edge, outer) in edges.iter().zip(&layout.map.road_edges) {
+        if outer.kind != RoadEdgeKind::Boundary || edge.length() < 30.0 {
+            continue;
+        }
+        let mut s = 4.0;
+        while s < edge.length() {
+            let stretch = rng.uniform(25.0, 70.0);
+            let kind = match rng.weighted(&[1.3 - built, 0.6 * built, 0.5 * built]) {
+                0 => Use::Open,
+                1 => Use::Homes(rng.uniform(10.0, 22.0)),
+                _ => Use::Lot(rng.uniform(6.5, 14.0), rng.count(1, 3)),
+            };
+            for (at, depth, heading) in spots(&kind, s, (s + stretch).min(edge.length()), rng) {
+                let along = edge.heading_at(at);
+                // The ground is on the left of an edge, so the yard is on its right.
+                let position = edge.at(at) - left(direction(along)) * depth;
+                let heading = heading_of(direction(along)) + heading;
+                let spot = ParkingSpot { position, heading, length: LENGTH, width: WIDTH };
+                if is_free(&spot, layout, &edges, &yards) {
+                    yards.push(spot);
+                }
+            }
+            s += stretch;
+        }
+    }
+    layout.yards = yards;
+}
+
+/// Where vehicles stand: arc length, distance from the edge, heading relative to the edge.
+fn spots(kind: &Use, from: f64, to: f64, rng: &mut Stream) -> Vec<(f64, f64, f64)> {
+    use std::f64::consts::FRAC_PI_2;
+    let mut out = Vec::new();
+    match *kind {
+        Use::Open => {}
+        Use::Homes(every) => {
+            let mut s = from + rng.uniform(0.0, every);
+            while s < to {
+                let depth = rng.uniform(6.0, 11.0);
+                for i in 0..rng.count(1, 2) {
+                    let nose = if rng.chance(0.75) { -FRAC_PI_2 } else { FRAC_PI_2 };
+                    out.push((s + i as f64 * STALL, depth + rng.uniform(0.0, 1.0), nose));
+                }
+                s += every * rng.uniform(0.7, 1.4);
+            }
+        }
+        Use::Lot(depth, rows) => {
+            for row in 0..rows {
+                let mut s = from + 2.0;
+                while s < to - 2.0 {
+                    let nose = if rng.chance(0.7) { -FRAC_PI_2 } else { FRAC_PI_2 };
+                    // Two rows nose to nose, then an aisle.
+                    let deep = depth + row.div_ceil(2) as f64 * 11.5 + (row / 2) as f64 * 5.8;
+                    out.push((s, deep, nose));
+                    s += STALL;
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Whether a spot is clear of roads, footways and other spots.
+fn is_free(spot: &ParkingSpot, layout: &Layout, edges: &[Polyline], yards: &[ParkingSpot]) -> bool {
+    let p: Vec2 = spot.position;
+    let ground = layout.map.drivable_area.as_deref().unwrap_or_default();
+    p.norm() < REACH
+        && yards.iter().all(|o| {
+            let d = p - o.position;
+            let (along, side) = (d.dot(&direction(spot.heading)), d.dot(&left(direction(spot.heading))));
+            along.abs() > LENGTH + 0.3 || side.abs() > STALL - 0.05
+        })
+        && ground.iter().all(|g| !g.contains(p))
+        && edges.iter().all(|e| e.project(p).distance > CLEAR)
+        && layout.footways.iter().all(|f| f.line.project(p).distance > 0.5 * f.width + 3.0)
+}
