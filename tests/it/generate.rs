@@ -1,15 +1,14 @@
 //! `reactsim generate` as its user sees it, and what holds of presets.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use reactsim::curation::{in_proportion, store};
 use reactsim::formats;
-use reactsim::generation::maps::MAP_TYPES;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::rollout::{Purpose, stream};
-
-use crate::skipped;
 
 fn reactsim(arguments: &[&str]) -> Output {
     Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
@@ -21,15 +20,6 @@ fn text(bytes: &[u8]) -> &str {
 
 fn path(path: &Path) -> &str {
     path.to_str().unwrap()
-}
-
-/// Whether there is anything to generate from.
-#[track_caller]
-fn are_there_maps() -> bool {
-    if MAP_TYPES.is_empty() {
-        skipped("there are no map types yet");
-    }
-    !MAP_TYPES.is_empty()
 }
 
 #[test]
@@ -61,21 +51,19 @@ fn wrong_settings_are_refused_by_name() {
     assert!(with(&["--jobs", "0"]).contains("1..=1024"));
     assert!(error(&[]).contains("--preset"), "{}", error(&[]));
     assert!(error(&["--preset", "train", "--count", "2"]).contains("--out"));
-    if are_there_maps() {
-        let few = error(&["--preset", "bench", "--count", "1", "--out", path(&out)]);
-        assert!(few.starts_with("error: 1 scenarios can not hold all of "), "{few}");
-        for preset in ["bench", "train"] {
-            let absent = home.path().join("absent/a.parquet");
-            let said = error(&["--preset", preset, "--count", "100", "--out", path(&absent)]);
-            assert!(said.starts_with("error: HOME/absent/a.parquet: could not create"), "{said}");
-        }
+    let few = error(&["--preset", "bench", "--count", "1", "--out", path(&out)]);
+    assert!(few.starts_with("error: 1 scenarios can not hold all of "), "{few}");
+    for preset in ["bench", "train"] {
+        let absent = home.path().join("absent/a.parquet");
+        let said = error(&["--preset", preset, "--count", "100", "--out", path(&absent)]);
+        assert!(said.starts_with("error: HOME/absent/a.parquet: could not create"), "{said}");
     }
 }
 
 #[test]
 fn presets_never_share_a_scenario() {
     let settings = |preset, seed| GenerationSettings { preset, seed, ..GenerationSettings::default() };
-    let mut bits = std::collections::BTreeMap::new();
+    let mut bits = BTreeMap::new();
     for preset in Preset::ALL {
         for seed in [0, 1, 10, u64::MAX] {
             for number in [0, 1, 10, 999_999, 1_000_000, 10_000_000] {
@@ -97,9 +85,6 @@ fn presets_never_share_a_scenario() {
 
 #[test]
 fn files_are_the_same_whatever_the_threads() {
-    if !are_there_maps() {
-        return;
-    }
     let home = tempfile::tempdir().unwrap();
     let mut made = Vec::new();
     for jobs in ["1", "3"] {
@@ -145,15 +130,65 @@ fn files_are_the_same_whatever_the_threads() {
     }
 }
 
+#[test]
+fn a_small_benchmark_is_what_was_asked_for() {
+    let home = tempfile::tempdir().unwrap();
+    let maps = ["priority-t", "signalised-permissive"];
+    let make = |jobs: &str| {
+        let folder = home.path().join(jobs);
+        fs::create_dir(&folder).unwrap();
+        let out = folder.join("bench.parquet");
+        let output = reactsim(&[
+            "generate",
+            "--preset",
+            "bench",
+            "--count",
+            "6",
+            "--maps",
+            &maps.join(","),
+            "--out",
+            path(&out),
+            "--jobs",
+            jobs,
+        ]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let beside = out.with_extension("deviations.parquet");
+        (fs::read(&out).unwrap(), fs::read(beside).unwrap(), output.stdout)
+    };
+    let made = make("1");
+    assert!(made == make("3"), "the threads decide");
+    let manifest: toml::Table = text(&made.2).parse().unwrap();
+    let files = manifest["made"][0]["files"].as_array().unwrap();
+    let digests: Vec<_> = files.iter().map(|f| f["blake3"].as_str().unwrap()).collect();
+    assert_eq!(digests, [&made.0, &made.1].map(|b| blake3::hash(b).to_hex().to_string()));
+
+    let file = home.path().join("1/bench.parquet");
+    let scenarios: Vec<_> = formats::open(&file).unwrap().map(Result::unwrap).collect();
+    let records = store::read(home.path().join("1/bench.deviations.parquet")).unwrap();
+    let mut categories = BTreeMap::new();
+    for (scenario, record) in scenarios.iter().zip(records) {
+        let (deviation, record) = (scenario.deviation.as_ref().unwrap(), record.unwrap());
+        *categories.entry(deviation.category.unwrap()).or_insert(0) += 1;
+        assert_eq!((&record.scenario_id, &record.scenario_digest), (&scenario.id, &scenario.digest()));
+        let [chosen] = record.candidates.as_slice() else { panic!("{}: one candidate", scenario.id) };
+        assert!(chosen.chosen && chosen.certificate.is_some());
+        assert_eq!(chosen.candidate.track[1..], deviation.track);
+    }
+    assert_eq!(categories, in_proportion(6));
+    let of = |id: &str| scenarios.iter().filter(|s| s.source == format!("generated/{id}")).count();
+    assert!(of(maps[0]) > 0 && of(maps[0]) + of(maps[1]) == 6, "{} of {}", of(maps[0]), maps[0]);
+
+    // And it can be run as it is.
+    let run = reactsim(&["run", path(&file), "--models", "stop"]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+}
+
 #[cfg(unix)]
 #[test]
 fn interrupted_it_leaves_what_is_finished() {
     use std::process::Stdio;
     use std::time::Duration;
 
-    if !are_there_maps() {
-        return;
-    }
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("a.parquet");
     let partial = |wanted: u64| {

@@ -11,6 +11,7 @@ mod evaluation;
 mod formats;
 mod generate;
 mod generated;
+mod generation;
 mod idm;
 mod layers;
 mod metrics;

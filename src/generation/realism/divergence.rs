@@ -1,5 +1,9 @@
 //! How far two distributions are apart.
 
+use std::f64::consts::LN_2;
+
+use crate::geometry::math;
+
 /// The Jensen-Shannon divergence of two histograms with the same bins, to the base 2: 0 where the shares are the same, 1 where no bin
 /// is in both (Lin, "Divergence measures based on the Shannon entropy", 1991). The divergence itself, not its root. `None` where
 /// one of them is empty.
@@ -8,8 +12,7 @@ pub fn divergence(a: &[u64], b: &[u64]) -> Option<f64> {
     if na == 0.0 || nb == 0.0 {
         return None;
     }
-    // log2 is not the same on every machine to the last bit; nothing that is generated depends on it.
-    let part = |p: f64, m: f64| if p > 0.0 { 0.5 * p * (p / m).log2() } else { 0.0 };
+    let part = |p: f64, m: f64| if p > 0.0 { 0.5 * p * math::ln(p / m) / LN_2 } else { 0.0 };
     let each = a.iter().zip(b).map(|(&x, &y)| {
         let (p, q) = (x as f64 / na, y as f64 / nb);
         let m = 0.5 * (p + q);

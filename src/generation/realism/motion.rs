@@ -78,7 +78,7 @@ fn time(scenario: &Scenario, frame: usize) -> f64 {
 fn line(times: &[f64], values: &[f64]) -> (f64, f64) {
     let n = times.len() as f64;
     let (t0, mean) = (times.iter().sum::<f64>() / n, values.iter().sum::<f64>() / n);
-    let spread: f64 = times.iter().map(|t| (t - t0).powi(2)).sum();
+    let spread: f64 = times.iter().map(|t| (t - t0) * (t - t0)).sum();
     let slope: f64 = times.iter().zip(values).map(|(t, v)| (t - t0) * (v - mean)).sum();
     (mean, if spread > 0.0 { slope / spread } else { f64::NAN })
 }

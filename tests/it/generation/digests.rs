@@ -1,0 +1,61 @@
+//! A number is a scenario, always the same.
+
+use rayon::prelude::*;
+use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
+
+/// Scenarios by preset, seed and number, and how their digests begin; for the version of the generator.
+const GOLDEN: (u32, [(&str, &str); 8]) = (
+    1,
+    [
+        ("bench-0-000000", "86774197375e0392"),
+        ("bench-0-000011", "1b1d7c8b0054cfe5"),
+        ("bench-0-000019", "f6b0a0c66c9ff602"),
+        ("bench-7-001020", "e028520e5a3cb8ec"),
+        ("train-0-000000", "db0bea60d1a36c20"),
+        ("train-0-000001", "c72093978fde5001"),
+        ("train-0-000002", "e8d561dda7dc1fdb"),
+        ("train-7-123456", "86b4b6f692ab223b"),
+    ],
+);
+
+fn generator(preset: Preset, seed: u64) -> Generator {
+    Generator::new(GenerationSettings { preset, seed, ..GenerationSettings::default() }).unwrap()
+}
+
+/// The beginning of the digest of the scenario with this id.
+fn digest(id: &str) -> String {
+    let parts: Vec<&str> = id.split('-').collect();
+    let preset = Preset::from_name(parts[0]).unwrap();
+    let scenario = generator(preset, parts[1].parse().unwrap()).scenario(parts[2].parse().unwrap()).unwrap();
+    assert_eq!(scenario.id, id);
+    scenario.digest()[..16].to_owned()
+}
+
+#[test]
+fn numbers_are_the_scenarios_that_they_were() {
+    let (version, expected) = GOLDEN;
+    let found = expected.map(|(id, _)| (id, digest(id)));
+    if found.iter().zip(expected).all(|(a, b)| a.1 == b.1) && version == VERSION {
+        return;
+    }
+    let lines: String = found.iter().map(|(id, d)| format!("        (\"{id}\", \"{d}\"),\n")).collect();
+    panic!(
+        "other scenarios than before: raise generation::VERSION unless it was raised, make the files of scenarios/manifest.toml \
+         again, and put this table into {}, with the version:\n{lines}",
+        file!()
+    );
+}
+
+/// Neither what was generated before nor what is generated at the same time matters.
+#[test]
+fn a_scenario_does_not_know_the_others() {
+    for preset in Preset::ALL {
+        let all = generator(preset, 3);
+        let digest = |generator: &Generator, number| generator.scenario(number).unwrap().digest();
+        let together: Vec<String> = (0..8).into_par_iter().map(|n| digest(&all, n)).collect();
+        for number in [7, 4, 0] {
+            assert_eq!(together[number as usize], digest(&generator(preset, 3), number), "{number}");
+        }
+        assert!((1..8).all(|n| together[n] != together[n - 1]));
+    }
+}

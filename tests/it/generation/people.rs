@@ -1,0 +1,29 @@
+//! Nobody on foot is run over, nor walks through a vehicle.
+
+use reactsim::geometry::rounded_distance;
+use reactsim::scene::{AgentKind, FRAMES};
+
+use super::sample::obeyed;
+
+/// The rounding of boxes in the metrics.
+const ROUNDING: f64 = 0.7;
+
+#[test]
+fn nobody_on_foot_is_run_over() {
+    obeyed(|generated, breaches| {
+        for p in generated.everybody.iter().filter(|a| a.agent.kind == AgentKind::Pedestrian) {
+            for v in generated.on_wheels() {
+                // Who touches somebody once is told once.
+                let touches = (0..FRAMES).find_map(|f| {
+                    let (a, b) = (p.track[f]?.footprint(&p.agent), v.track[f]?.footprint(&v.agent));
+                    let near = (a.center - b.center).norm() < a.radius() + b.radius();
+                    let touch = near && rounded_distance(&a, &b, ROUNDING) < 0.0;
+                    touch.then(|| (f, v.track[f].map_or(0.0, |s| s.speed())))
+                });
+                if let Some((f, speed)) = touches {
+                    breaches.note(&p.agent.id, f, format_args!("{} touches at {speed:.1} m/s", v.agent.id));
+                }
+            }
+        }
+    });
+}

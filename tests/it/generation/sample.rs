@@ -1,0 +1,95 @@
+//! The scenarios that the laws are held against, and how breaches are told.
+
+use std::sync::LazyLock;
+
+use rayon::prelude::*;
+use reactsim::generation::maps::MAP_TYPES;
+use reactsim::generation::{GenerationSettings, Generator, Preset};
+use reactsim::scene::{AgentKind, DT, FRAMES, LoggedAgent, Scenario};
+
+/// Every map type ten times: eight times as benchmarks have them, twice as training sets do.
+static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
+    let types = MAP_TYPES.len() as u64;
+    let bench = (0..8 * types).map(|number| (Preset::Bench, Vec::new(), number));
+    // Training sets draw the type by weight; here each is asked for.
+    let train = (0..2 * types)
+        .map(|number| (Preset::Train, vec![MAP_TYPES[(number % types) as usize].id.to_owned()], number));
+    let all: Vec<_> = bench.chain(train).collect();
+    all.into_par_iter()
+        .map(|(preset, maps, number)| {
+            let settings = GenerationSettings { preset, maps, ..GenerationSettings::default() };
+            Generated::new(Generator::new(settings).unwrap().scenario(number).unwrap())
+        })
+        .collect()
+});
+
+/// A generated scenario.
+pub(super) struct Generated {
+    pub(super) scenario: Scenario,
+    /// Everybody with the whole track: the AV, the world agents, and those who come later or are too many.
+    pub(super) everybody: Vec<LoggedAgent>,
+}
+
+impl Generated {
+    fn new(scenario: Scenario) -> Self {
+        let chosen = scenario.start.agents.iter().enumerate();
+        let chosen = chosen.map(|(i, agent)| LoggedAgent { agent: agent.clone(), track: scenario.logged(i) });
+        let everybody: Vec<LoggedAgent> = chosen.chain(scenario.unselected.iter().cloned()).collect();
+        assert!(everybody.iter().all(|a| a.track.len() == FRAMES));
+        Self { scenario, everybody }
+    }
+
+    /// Those on wheels.
+    pub(super) fn on_wheels(&self) -> impl Iterator<Item = &LoggedAgent> {
+        self.everybody.iter().filter(|a| matches!(a.agent.kind, AgentKind::Vehicle | AgentKind::Cyclist))
+    }
+}
+
+/// Whether somebody never drives.
+pub(super) fn parked(agent: &LoggedAgent) -> bool {
+    agent.agent.id.starts_with("parked-")
+}
+
+/// Breaches that are told at most.
+const TOLD: usize = 60;
+
+/// All of them.
+pub(super) fn sample() -> &'static [Generated] {
+    &SAMPLE
+}
+
+/// The breaches of a law that were found in one scenario.
+pub(super) struct Breaches {
+    scenario: String,
+    found: Vec<String>,
+    judged: usize,
+}
+
+impl Breaches {
+    /// Says that somebody was in a place to break the law.
+    pub(super) fn judge(&mut self) {
+        self.judged += 1;
+    }
+
+    /// Notes who broke it, and when.
+    pub(super) fn note(&mut self, who: &str, frame: usize, what: impl std::fmt::Display) {
+        self.found.push(format!("{}: {who} at {:.1} s: {what}", self.scenario, frame as f64 * DT));
+    }
+}
+
+/// Requires a law of every scenario of the sample; otherwise tells every breach, or as many as can be read. Gives how often somebody was
+/// in a place to break it.
+#[track_caller]
+pub(super) fn obeyed(law: impl Fn(&Generated, &mut Breaches) + Sync) -> usize {
+    let judge = |generated: &Generated| {
+        let scenario = format!("{} ({})", generated.scenario.id, generated.scenario.source);
+        let mut breaches = Breaches { scenario, found: Vec::new(), judged: 0 };
+        law(generated, &mut breaches);
+        breaches
+    };
+    let all: Vec<Breaches> = sample().par_iter().map(judge).collect();
+    let found: Vec<&str> = all.iter().flat_map(|b| b.found.iter().map(String::as_str)).collect();
+    let told = &found[..found.len().min(TOLD)];
+    assert!(found.is_empty(), "{} breaches:\n{}", found.len(), told.join("\n"));
+    all.iter().map(|b| b.judged).sum()
+}
