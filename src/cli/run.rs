@@ -21,7 +21,7 @@ use crate::rollout::{Protocol, Replan, Settings};
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
-    /// Files or folders of scenarios [default: the shipped ones]
+    /// Files or folders of scenarios [default: the shipped benchmark]
     #[arg(value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
     /// Simulators, separated by commas [default: all baselines]
@@ -213,11 +213,11 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
     Ok(Plan { sources, simulators, deviations, settings, keep_rollouts: args.keep_rollouts })
 }
 
-/// The files of scenarios, each found and recognised; the shipped scenarios where none is named.
+/// The files of scenarios, each found and recognised; the shipped benchmark where none is named.
 fn sources(paths: &[PathBuf], limit: Option<NonZeroUsize>) -> anyhow::Result<Vec<Source>> {
     let most = limit.map_or(usize::MAX, NonZeroUsize::get);
     if paths.is_empty() {
-        return Ok(shipped::sources(most));
+        return Ok(vec![shipped::benchmark(most)]);
     }
     let mut sources = Vec::new();
     for input in find_inputs(paths)? {

@@ -38,7 +38,8 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
         let recording = traffic::record(&layout, density, &mut rng);
         if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
             let kept = kept(&recording, av);
-            if is_free_of_contacts(&recording, &kept) {
+            let lawful = !kept.iter().any(|i| recording.offenders.contains(i));
+            if lawful && is_free_of_contacts(&recording, &kept) {
                 return Ok(Scenario::assemble(parts(id, layout, &recording, &kept))?);
             }
         }
@@ -132,8 +133,8 @@ fn kept(recording: &Recording, av: usize) -> Vec<usize> {
     [vec![av], now, later].concat()
 }
 
-/// Whether nobody touches anybody. Accidents happen in this traffic as in the real one, but logs with them are of no use as a reference:
-/// about one draw in fifty has one and is drawn again.
+/// Whether nobody touches anybody. Accidents happen in this traffic as in the real one, but logs with them are of no use as a reference, nor
+/// are those of drivers who pass red lights: about one draw in thirty is drawn again.
 fn is_free_of_contacts(recording: &Recording, kept: &[usize]) -> bool {
     let agents: Vec<_> = kept.iter().map(|&i| &recording.agents[i]).collect();
     let stands = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];

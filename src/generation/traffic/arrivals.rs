@@ -13,6 +13,8 @@ const HEADWAY: f64 = 1.3;
 const ROOM: f64 = 4.0;
 /// Vehicles that want to come in but find no room give up beyond this number.
 const QUEUE: u32 = 5;
+/// Vehicles shorter than this get round every bend, metres.
+const LONG: f64 = 6.2;
 /// Who must change lanes has at least this way before the end of the lane, metres.
 const ROOM_TO_CHANGE: f64 = 90.0;
 /// Ways ahead that are part of a path, and how far it leads at least, metres.
@@ -139,7 +141,11 @@ impl Arrivals {
             return None;
         }
         let bicycle = network.ways[way].bicycles;
-        let size = if bicycle { Size::bicycle(rng) } else { suited(network, &path, Size::draw(rng), rng) };
+        let size = if bicycle {
+            Size::bicycle(rng)
+        } else {
+            suited((network, routes), goal, way, Size::draw(rng), rng)
+        };
         let driver =
             if bicycle { Driver::of_bicycle(rng) } else { Driver::of_car(size.acceleration_factor(), rng) };
         let body = Body::of(&size);
@@ -158,18 +164,35 @@ impl Arrivals {
     }
 }
 
-/// Who could not drive round the bends of the path comes in a car instead.
-fn suited(network: &Network, path: &[usize], size: Size, rng: &mut Stream) -> Size {
-    let tightest = path.iter().map(|&w| network.ways[w].tightest()).fold(0.0, f64::max);
-    // Some room for what the tail cuts off.
-    if size.length < 6.2 || tightest * (size.turning_radius() + 0.4 * size.length) < 1.0 {
-        size
-    } else {
-        Size::of(Class::Car, rng)
+/// Who could not drive round the bends on the way to the goal comes in a car instead.
+fn suited(
+    (network, routes): (&Network, &Routes),
+    goal: usize,
+    from: usize,
+    size: Size,
+    rng: &mut Stream,
+) -> Size {
+    if size.length < LONG {
+        return size;
     }
+    let (mut way, mut tightest) = (from, 0.0);
+    for _ in 0..network.ways.len() {
+        tightest = network.ways[way].tightest().max(tightest);
+        // Other lanes of the same road bend alike; who changes to one takes its turns.
+        let beside = network.ways[way].left.iter().chain(&network.ways[way].right).map(|b| b.way);
+        let cheapest = |a: &usize, b: &usize| routes.cost(goal, *a).total_cmp(&routes.cost(goal, *b));
+        let lane = routes.next(network, goal, way).or_else(|| beside.min_by(cheapest));
+        match lane {
+            Some(next) => way = next,
+            None => break,
+        }
+    }
+    // Some room for what the tail cuts off.
+    let drives = tightest * (size.turning_radius() + 0.4 * size.length) < 1.0;
+    if drives { size } else { Size::of(Class::Car, rng) }
 }
 
-/// Seconds until the next one comes: exponential, by a series of coin tosses that needs no logarithm.
+/// Seconds until the next one comes.
 fn interval(rate: f64, rng: &mut Stream) -> f64 {
     crate::generation::draw::exponential(rng) / rate.max(1e-6)
 }

@@ -21,6 +21,8 @@ pub struct Recording {
     pub lights: Vec<Vec<LightState>>,
     /// Indices into `agents` of the drivers who may be taken for the AV: there at every frame, not parked.
     pub drivers: Vec<usize>,
+    /// Indices into `agents` of those who passed a red light.
+    pub offenders: Vec<usize>,
 }
 
 /// Lets traffic run on a map until it has settled, then records it.
@@ -58,7 +60,10 @@ impl Recorder {
         for v in &world.vehicles {
             let bicycle = world.network.ways[v.path[0]].bicycles;
             let kind = if bicycle { AgentKind::Cyclist } else { AgentKind::Vehicle };
-            self.keep((kind, v.id.into()), (v.body.length, v.body.width), frame, state(v));
+            let at = self.keep((kind, v.id.into()), (v.body.length, v.body.width), frame, state(v));
+            if v.passed_red && frame > 0 {
+                self.recording.offenders.push(at);
+            }
         }
         for p in world.meeting.crowd.people() {
             let state = AgentState {
@@ -72,7 +77,13 @@ impl Recorder {
         }
     }
 
-    fn keep(&mut self, id: (AgentKind, u64), (length, width): (f64, f64), frame: usize, state: AgentState) {
+    fn keep(
+        &mut self,
+        id: (AgentKind, u64),
+        (length, width): (f64, f64),
+        frame: usize,
+        state: AgentState,
+    ) -> usize {
         let at = self.ids.iter().position(|&known| known == id).unwrap_or_else(|| {
             let agent = Agent { id: format!("{}-{}", id.0, id.1), kind: id.0, length, width };
             self.ids.push(id);
@@ -80,6 +91,7 @@ impl Recorder {
             self.ids.len() - 1
         });
         self.recording.agents[at].1[frame] = Some(state);
+        at
     }
 
     /// The recording, with those who stand all the time.

@@ -82,6 +82,8 @@ pub(super) struct Vehicle {
     pub(super) standing_since: f64,
     /// The way whose yellow light it has decided to pass.
     pub(super) passes_yellow: Option<usize>,
+    /// Whether its front has just passed a red light.
+    pub(super) passed_red: bool,
     /// When it last changed lanes or decided about it.
     pub(super) changed_at: f64,
     wander: f64,
@@ -126,6 +128,7 @@ impl Vehicle {
             stopped: None,
             standing_since: f64::INFINITY,
             passes_yellow: None,
+            passed_red: false,
             changed_at: 0.0,
             wander: 0.0,
             mood: 0.0,

@@ -95,9 +95,16 @@ impl<'a> World<'a> {
         }
         for (v, &acceleration) in self.vehicles.iter_mut().zip(&accelerations) {
             v.drift(DECISION, &mut self.rng);
+            let before = next_line(&self.network, v);
             for _ in 0..MOTIONS {
                 v.advance(&self.network, acceleration, DECISION / MOTIONS as f64);
             }
+            v.passed_red = before.is_some_and(|(way, distance)| {
+                let light = self.network.ways[way].light.map(|l| self.lights[l]);
+                distance > 0.0
+                    && light.is_some_and(LightState::is_red)
+                    && !ahead_of_line(&self.network, v, way)
+            });
         }
         self.meeting.step(self.layout, &self.network, &self.vehicles, self.time, DECISION);
         self.time += DECISION;
@@ -292,6 +299,16 @@ impl<'a> World<'a> {
     }
 }
 
+/// The next way of a path, and how far ahead of the front bumper it begins, metres.
+fn next_line(network: &Network, v: &Vehicle) -> Option<(usize, f64)> {
+    Some((*v.path.get(1)?, network.ways[v.path[0]].length - v.front()))
+}
+
+/// Whether the front bumper is still before the beginning of `way`.
+fn ahead_of_line(network: &Network, v: &Vehicle, way: usize) -> bool {
+    v.path[0] != way && next_line(network, v).is_some_and(|(_, distance)| distance > 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -312,10 +329,11 @@ mod tests {
                         let astray = v.change.is_none() && v.offset.abs() > way.half_width + 0.3;
                         assert!(
                             !astray,
-                            "{} seed {seed} time {:.1}: vehicle {} is {:.1} m beside {} at {:.1} of {:.1}, {:.1} m/s",
+                            "{} seed {seed} time {:.1}: vehicle {} ({:.1} m) is {:.1} m beside {} at {:.1} of {:.1}, {:.1} m/s",
                             kind.id,
                             world.time,
                             v.id,
+                            v.body.length,
                             v.offset,
                             layout.map.lanes[v.path[0]].id,
                             v.s,

@@ -104,7 +104,11 @@ impl Sight<'_> {
             }
             if k > 0 && line > -0.5 {
                 if self.light_stops(v, w, line, &mut notes) || self.sign_stops(v, w, line, &mut notes) {
-                    offer(Wait { distance: line - v.driver.line_gap, way: Some(w) });
+                    // Who can not stop where they like to stops nearer to the line.
+                    let liked = line - v.driver.line_gap;
+                    let gentle = v.speed * v.speed < 2.0 * FOR_YELLOW * liked;
+                    let distance = if gentle || v.speed < STANDS { liked } else { line - 0.3 };
+                    offer(Wait { distance, way: Some(w) });
                 } else if !way.conflicts.is_empty() && line < sight.min(45.0) {
                     let no_room = self.network.ways[w].connector && self.is_blocked_behind(me, k);
                     if no_room {
