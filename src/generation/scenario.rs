@@ -2,7 +2,7 @@
 
 use super::traffic::Recording;
 use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, maps, traffic};
-use crate::geometry::{Vec2, wrap};
+use crate::geometry::{rounded_distance, wrap};
 use crate::rollout::{Purpose, Stream, stream};
 use crate::scene::{
     CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
@@ -14,6 +14,8 @@ const ATTEMPTS: u32 = 40;
 const RANGE: f64 = 75.0;
 /// Boxes nearer than this are in contact, metres: what rounding may add to.
 const CONTACT: f64 = 0.01;
+/// Corners are rounded as in the metrics.
+const ROUNDING: f64 = 0.7;
 /// Others nearer than this make a driver likely to be the AV, metres.
 const NEAR: f64 = 40.0;
 /// Beyond this distance from the middle of the map drivers are seldom the AV, metres.
@@ -133,8 +135,7 @@ fn kept(recording: &Recording, av: usize) -> Vec<usize> {
     [vec![av], now, later].concat()
 }
 
-/// Whether nobody touches anybody. Accidents happen in this traffic as in the real one, but logs with them are of no use as a reference, nor
-/// are those of drivers who pass red lights: about one draw in thirty is drawn again.
+/// Whether nobody touches anybody. Accidents happen in this traffic as in the real one, but logs with them are of no use as a reference.
 fn is_free_of_contacts(recording: &Recording, kept: &[usize]) -> bool {
     let agents: Vec<_> = kept.iter().map(|&i| &recording.agents[i]).collect();
     let stands = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];
@@ -146,7 +147,8 @@ fn is_free_of_contacts(recording: &Recording, kept: &[usize]) -> bool {
             let touch = |f: usize| {
                 let (Some(a), Some(b)) = (agents[i].1[f], agents[j].1[f]) else { return false };
                 (a.position() - b.position()).norm_squared() < reach * reach
-                    && a.footprint(&agents[i].0).separation(&b.footprint(&agents[j].0)) <= CONTACT
+                    && rounded_distance(&a.footprint(&agents[i].0), &b.footprint(&agents[j].0), ROUNDING)
+                        <= CONTACT
             };
             let frames = if still[i] && still[j] { 1 } else { FRAMES };
             if (0..frames).any(touch) {
@@ -161,8 +163,7 @@ fn rounded((agent, track): &(crate::scene::Agent, Vec<Frame>)) -> LoggedAgent {
     let to = |value: f64, step: f64| (value / step).round() * step;
     let round = |state: &Frame| {
         state.map(|mut s| {
-            let p = Vec2::new(to(s.x, POSITION_STEP), to(s.y, POSITION_STEP));
-            (s.x, s.y) = (p.x, p.y);
+            (s.x, s.y) = (to(s.x, POSITION_STEP), to(s.y, POSITION_STEP));
             s.heading = to(s.heading, HEADING_STEP);
             (s.vx, s.vy) = (to(s.vx, VELOCITY_STEP), to(s.vy, VELOCITY_STEP));
             s

@@ -4,17 +4,18 @@
 //! lanes all the time); they matter as what sensors see and networks must learn to leave alone.
 
 use crate::generation::{Draw, Layout, ParkingSpot};
-use crate::geometry::{Polyline, Vec2, direction, heading_of, left};
+use crate::geometry::{Polyline, Vec2, direction, left, wrap};
 use crate::rollout::Stream;
-use crate::scene::{LaneClass, RoadEdgeKind};
+use crate::scene::{LaneClass, RoadEdge, RoadEdgeKind};
 
 /// Room of one vehicle, metres.
 const LENGTH: f64 = 5.6;
 const WIDTH: f64 = 2.5;
 /// Distance of two vehicles side by side, metres: stalls of 9 ft.
 const STALL: f64 = 2.75;
-/// Nearest that the middle of a spot comes to any edge of the road or middle of a footway, metres.
+/// Nearest that the middle of a spot comes to any edge of the road, and to the side of a footway, metres.
 const CLEAR: f64 = 4.2;
+const CLEAR_OF_PEOPLE: f64 = 3.0;
 /// Nothing is put farther than this from the middle of the map, metres.
 const REACH: f64 = 130.0;
 
@@ -36,26 +37,27 @@ pub(super) fn add(layout: &mut Layout, rng: &mut Stream) {
     if motorway || built <= 0.0 {
         return;
     }
-    let edges: Vec<Polyline> =
-        layout.map.road_edges.iter().filter_map(|e| Polyline::new(&e.points).ok()).collect();
+    let line = |e: &RoadEdge| Some((Polyline::new(&e.points).ok()?, e.kind));
+    let (edges, kinds): (Vec<Polyline>, Vec<RoadEdgeKind>) =
+        layout.map.road_edges.iter().filter_map(line).unzip();
     let mut yards: Vec<ParkingSpot> = Vec::new();
-    for (edge, outer) in edges.iter().zip(&layout.map.road_edges) {
-        if outer.kind != RoadEdgeKind::Boundary || edge.length() < 30.0 {
+    for (edge, kind) in edges.iter().zip(kinds) {
+        if kind != RoadEdgeKind::Boundary || edge.length() < 30.0 {
             continue;
         }
         let mut s = 4.0;
         while s < edge.length() {
             let stretch = rng.uniform(25.0, 70.0);
-            let kind = match rng.weighted(&[1.3 - built, 0.6 * built, 0.5 * built]) {
+            let use_ = match rng.weighted(&[1.3 - built, 0.6 * built, 0.5 * built]) {
                 0 => Use::Open,
                 1 => Use::Homes(rng.uniform(10.0, 22.0)),
                 _ => Use::Lot(rng.uniform(6.5, 14.0), rng.count(1, 3)),
             };
-            for (at, depth, heading) in spots(&kind, s, (s + stretch).min(edge.length()), rng) {
+            for (at, depth, heading) in spots(&use_, s, (s + stretch).min(edge.length()), rng) {
                 let along = edge.heading_at(at);
                 // The ground is on the left of an edge, so the yard is on its right.
                 let position = edge.at(at) - left(direction(along)) * depth;
-                let heading = heading_of(direction(along)) + heading;
+                let heading = wrap(along + heading);
                 let spot = ParkingSpot { position, heading, length: LENGTH, width: WIDTH };
                 if is_free(&spot, layout, &edges, &yards) {
                     yards.push(spot);
@@ -89,7 +91,7 @@ fn spots(kind: &Use, from: f64, to: f64, rng: &mut Stream) -> Vec<(f64, f64, f64
                 let mut s = from + 2.0;
                 while s < to - 2.0 {
                     let nose = if rng.chance(0.7) { -FRAC_PI_2 } else { FRAC_PI_2 };
-                    // Two rows nose to nose, then an aisle.
+                    // An aisle, then two rows nose to nose.
                     let deep = depth + row.div_ceil(2) as f64 * 11.5 + (row / 2) as f64 * 5.8;
                     out.push((s, deep, nose));
                     s += STALL;
@@ -112,5 +114,5 @@ fn is_free(spot: &ParkingSpot, layout: &Layout, edges: &[Polyline], yards: &[Par
         })
         && ground.iter().all(|g| !g.contains(p))
         && edges.iter().all(|e| e.project(p).distance > CLEAR)
-        && layout.footways.iter().all(|f| f.line.project(p).distance > 0.5 * f.width + 3.0)
+        && layout.footways.iter().all(|f| f.line.project(p).distance > 0.5 * f.width + CLEAR_OF_PEOPLE)
 }

@@ -11,6 +11,8 @@ use crate::rollout::Stream;
 /// Time headway of those who come in, at least, s, and room behind the last one, metres.
 const HEADWAY: f64 = 1.3;
 const ROOM: f64 = 4.0;
+/// Room that is kept free for a newcomer, metres; who is longer takes some of that to the next one.
+const NEWCOMER: f64 = 7.0;
 /// Vehicles that want to come in but find no room give up beyond this number.
 const QUEUE: u32 = 5;
 /// Vehicles shorter than this get round every bend, metres.
@@ -50,13 +52,13 @@ impl Arrivals {
         Self { gates: gates.collect(), next_id: 0 }
     }
 
-    /// Puts vehicles on all ways that can be reached from the entries, as far apart as their flow has them.
+    /// Puts vehicles on a way from each entry through the map, as far apart as its flow has them.
     pub(super) fn fill(&mut self, network: &Network, routes: &Routes, rng: &mut Stream) -> Vec<Vehicle> {
         let mut vehicles = Vec::new();
         for g in 0..self.gates.len() {
             let (mut way, rate) = (self.gates[g].way, self.gates[g].rate);
             let mut seen = Vec::new();
-            let mut left = self.spacing(network, way, rate, rng);
+            let mut left = Self::spacing(network, way, rate, rng);
             loop {
                 let length = network.ways[way].length;
                 seen.push(way);
@@ -66,7 +68,7 @@ impl Arrivals {
                     if clear && let Some(v) = self.draw(network, routes, way, s, rng) {
                         vehicles.push(v);
                     }
-                    s += self.spacing(network, way, rate, rng);
+                    s += Self::spacing(network, way, rate, rng);
                 }
                 left = s - length;
                 let next: Vec<usize> =
@@ -82,7 +84,7 @@ impl Arrivals {
     }
 
     /// Distance between two who come one after the other, metres.
-    fn spacing(&self, network: &Network, way: usize, rate: f64, rng: &mut Stream) -> f64 {
+    fn spacing(network: &Network, way: usize, rate: f64, rng: &mut Stream) -> f64 {
         let speed = if network.ways[way].bicycles { 5.0 } else { 0.85 * network.ways[way].limit };
         (speed * interval(rate, rng)).max(speed * HEADWAY + 7.0)
     }
@@ -106,13 +108,12 @@ impl Arrivals {
             }
             let way = self.gates[g].way;
             let last = rear(way);
-            // The front of a newcomer is at most 7 m beyond the beginning of the way.
-            if last.is_some_and(|(end, speed)| end < 7.0 + ROOM + speed.max(2.0) * HEADWAY) {
+            if last.is_some_and(|(end, speed)| end < NEWCOMER + ROOM + speed.max(2.0) * HEADWAY) {
                 continue;
             }
             self.gates[g].waiting -= 1;
             if let Some(mut v) = self.draw(network, routes, way, 0.0, rng) {
-                v.s = 0.5 * v.body.length.min(6.0);
+                v.place(network, 0.5 * v.body.length);
                 if let Some((end, speed)) = last {
                     let gap = (end - v.front() - v.driver.gap).max(0.0);
                     v.speed = v.speed.min(speed + (1.5 * gap).sqrt());
@@ -151,14 +152,14 @@ impl Arrivals {
         let body = Body::of(&size);
         let bend = driver.in_bend(network.ways[way].bend_at(s));
         // Who is put near a junction can still turn and stop.
-        let (mut near, mut distance) = (f64::INFINITY, network.ways[way].length - s);
+        let (mut slowed, mut distance) = (f64::INFINITY, network.ways[way].length - s);
         for &w in &path[1..] {
             let way = &network.ways[w];
             let there = driver.in_bend(way.tightest()).min(if way.connector { 4.0 } else { f64::INFINITY });
-            near = (there * there + 3.0 * distance.max(0.0)).sqrt().min(near);
+            slowed = (there * there + 3.0 * distance.max(0.0)).sqrt().min(slowed);
             distance += way.length;
         }
-        let speed = (driver.haste * network.ways[way].limit).min(driver.top).min(bend).min(near);
+        let speed = driver.wanted(network.ways[way].limit).min(bend).min(slowed);
         self.next_id += 1;
         Some(Vehicle::new(network, self.next_id, body, driver, path, goal, s, 0.9 * speed))
     }
@@ -202,12 +203,12 @@ fn space_out(network: &Network, vehicles: &mut Vec<Vehicle>) {
     let mut kept: Vec<Vehicle> = Vec::with_capacity(vehicles.len());
     for v in vehicles.drain(..) {
         let way = &network.ways[v.path[0]];
-        let near = |o: &&Vehicle| {
+        let near = |o: &Vehicle| {
             let both = 0.5 * (v.body.length + o.body.length);
             let gap = (v.s - o.s).abs() - both;
             o.path[0] == v.path[0] && gap < 3.0 + HEADWAY * 0.8 * v.speed.max(o.speed).min(way.limit)
         };
-        if kept.iter().find(near).is_none() {
+        if !kept.iter().any(near) {
             kept.push(v);
         }
     }

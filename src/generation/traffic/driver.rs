@@ -3,7 +3,11 @@
 use crate::generation::Draw;
 use crate::rollout::Stream;
 
-/// Parameters of one driver, drawn once. Sources: `src/generation/README.md`.
+/// Limits above this are those of motorways, m/s.
+pub(super) const MOTORWAY: f64 = 22.0;
+
+/// Parameters of one driver, drawn once. Models: `src/generation/README.md`; the ranges are chosen, some of them so that
+/// traffic is like the recorded one (`realism`).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Driver {
     /// Speed wanted where the limit is 1, that is as a multiple of the limit.
@@ -12,7 +16,7 @@ pub(super) struct Driver {
     pub(super) top: f64,
     /// Reaction time of Gipps' model, s.
     pub(super) reaction: f64,
-    /// How old what is seen of the leader is, s.
+    /// How old what is known of the leader's speed is, s.
     pub(super) delay: f64,
     /// Comfortable acceleration, m/s².
     pub(super) acceleration: f64,
@@ -43,6 +47,12 @@ pub(super) struct Driver {
 }
 
 impl Driver {
+    /// The speed wanted where this is the limit, m/s. On motorways all drive more alike.
+    pub(super) fn wanted(&self, limit: f64) -> f64 {
+        let haste = if limit > MOTORWAY { 0.5 * (self.haste + 1.0) } else { self.haste };
+        (haste * limit).min(self.top)
+    }
+
     /// A driver of a car, or of something heavier with that share of a car's acceleration.
     pub(super) fn of_car(agility: f64, rng: &mut Stream) -> Self {
         let heavy = agility < 0.8;
@@ -59,9 +69,9 @@ impl Driver {
             politeness: rng.uniform(0.0, 0.5),
             threshold: rng.uniform(0.5, 1.2),
             margin: rng.normal_within(1.6, 0.5, 0.8, 3.0),
-            bias: rng.normal_within(0.0, 0.28, -0.7, 0.7),
+            bias: rng.normal_within(0.0, 0.25, -0.55, 0.55),
             wandering: rng.uniform(0.1, 0.3),
-            noise: (0.2, 0.03),
+            noise: (rng.uniform(0.05, 0.35), rng.uniform(0.01, 0.05)),
             change_time: rng.normal_within(4.5, 1.0, 2.8, 7.0),
             preview: (rng.uniform(1.8, 2.4), rng.uniform(0.5, 0.65)),
         }

@@ -135,8 +135,8 @@ impl Lists {
 pub(super) fn leaving(way: &Way, from: usize, v: &Vehicle) -> Option<f64> {
     let beside = way.left.iter().chain(&way.right).find(|b| b.way == from)?;
     let s = beside.across(v.s)?;
-    // The side line between the two is half a width away; who is over it by more than half its own width is gone.
-    (v.offset.abs() > way.half_width - 0.5 * v.body.width - 0.5).then_some(s)
+    let towards = if way.left.iter().any(|b| b.way == from) { v.offset } else { -v.offset };
+    (towards + 0.5 * v.body.width > way.half_width - 0.2).then_some(s)
 }
 
 /// The neighbour into which a vehicle reaches from its way, and where.

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 pub(super) use conflicts::{Conflict, Duty};
 
 use super::super::{Layout, RightOfWay};
-use crate::geometry::{Polyline, Vec2};
-use crate::scene::{LaneClass, LaneKind, LaneParts, NeighborParts};
+use crate::geometry::{Polyline, Vec2, direction, ring_distance, signed_angle_between, wrap};
+use crate::scene::{LaneArea, LaneClass, LaneKind, LaneParts, NeighborParts};
 
 /// Distance between two samples of a way's curvature, metres.
 const SAMPLE: f64 = 2.0;
@@ -32,6 +32,9 @@ pub(super) struct Way {
     pub(super) right: Vec<Beside>,
     /// Curvature every [`SAMPLE`] metres, 1/m, unsigned; empty for straight ways.
     bends: Vec<f64>,
+    tightest: f64,
+    /// Unit vector along its end.
+    pub(super) end: Vec2,
     /// Index of the signal plan that controls it.
     pub(super) light: Option<usize>,
     /// How vehicles that enter give way.
@@ -62,7 +65,7 @@ impl Beside {
     }
 
     /// How far beyond `s` the other way is beside this one, metres.
-    pub(super) fn left_of(&self, s: f64) -> f64 {
+    pub(super) fn remaining(&self, s: f64) -> f64 {
         self.mine[1] - s
     }
 }
@@ -84,7 +87,7 @@ impl Way {
 
     /// Largest unsigned curvature, 1/m.
     pub(super) fn tightest(&self) -> f64 {
-        self.bends.iter().copied().fold(0.0, f64::max)
+        self.tightest
     }
 }
 
@@ -113,13 +116,15 @@ impl Network {
                 before: all(&lane.predecessors),
                 left: Vec::new(),
                 right: Vec::new(),
+                tightest: bends(&line).into_iter().fold(0.0, f64::max),
                 bends: bends(&line),
+                end: direction(line.heading(line.segments() - 1)),
                 light: layout.signals.iter().position(|s| s.lane == lane.id),
                 rule: layout.priorities.iter().find(|p| p.lane == lane.id).map(|p| p.rule),
                 crossings: Vec::new(),
                 conflicts: Vec::new(),
                 twins: Vec::new(),
-                turn: crate::geometry::wrap(line.heading(line.segments() - 1) - line.heading(0)),
+                turn: wrap(line.heading(line.segments() - 1) - line.heading(0)),
                 line,
             });
         }
@@ -201,16 +206,14 @@ impl Network {
 /// Half of the lane's width: the distance of its outline from the middle of its centre line.
 fn half_width(lane: &LaneParts, line: &Polyline) -> f64 {
     match &lane.area {
-        crate::scene::LaneArea::Corridor { half_width } => *half_width,
-        crate::scene::LaneArea::Polygon(ring) => {
-            crate::geometry::ring_distance(line.at(0.5 * line.length()), ring).clamp(0.5, 3.0)
-        }
+        LaneArea::Corridor { half_width } => *half_width,
+        LaneArea::Polygon(ring) => ring_distance(line.at(0.5 * line.length()), ring).clamp(0.5, 3.0),
     }
 }
 
 fn bends(line: &Polyline) -> Vec<f64> {
     let n = (line.length() / SAMPLE) as usize + 1;
-    let heading = |s: f64| {
+    let along = |s: f64| {
         let (a, b) = (line.at((s - 1.0).max(0.0)), line.at((s + 1.0).min(line.length())));
         b - a
     };
@@ -218,7 +221,7 @@ fn bends(line: &Polyline) -> Vec<f64> {
         .map(|k| {
             let s = k as f64 * SAMPLE;
             let (a, b) = ((s - 2.0).max(0.0), (s + 2.0).min(line.length()));
-            crate::geometry::signed_angle_between(heading(a), heading(b)).abs() / (b - a).max(1.0)
+            signed_angle_between(along(a), along(b)).abs() / (b - a).max(1.0)
         })
         .collect();
     if bends.iter().all(|b| *b < STRAIGHT) { Vec::new() } else { bends }

@@ -19,9 +19,9 @@ pub struct Recording {
     pub agents: Vec<(Agent, Vec<Frame>)>,
     /// Per signal plan of the layout, what it showed at each frame.
     pub lights: Vec<Vec<LightState>>,
-    /// Indices into `agents` of the drivers who may be taken for the AV: there at every frame, not parked.
+    /// Indices into `agents` of the drivers who may be taken for the AV: there at every frame, not parked, no offenders.
     pub drivers: Vec<usize>,
-    /// Indices into `agents` of those who passed a red light.
+    /// Indices into `agents` of those who passed a red light while they were recorded.
     pub offenders: Vec<usize>,
 }
 

@@ -1,6 +1,6 @@
 //! A vehicle or bicycle on its way: state and motion.
 
-use super::driver::Driver;
+use super::driver::{Driver, MOTORWAY};
 use super::fleet::Size;
 use super::following::{HARDEST, Leader};
 use super::network::Network;
@@ -45,6 +45,11 @@ impl Body {
     }
 }
 
+/// Room that is left to the side of the lane at least, metres.
+const SIDE_ROOM: f64 = 0.2;
+/// Half of the width below which a lane is narrow, metres.
+const NARROW: f64 = 1.6;
+
 /// A lane change that is under way.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Change {
@@ -84,13 +89,14 @@ pub(super) struct Vehicle {
     pub(super) passes_yellow: Option<usize>,
     /// Whether its front has just passed a red light.
     pub(super) passed_red: bool,
-    /// When it last changed lanes or decided about it.
+    /// When it last began a lane change, s.
     pub(super) changed_at: f64,
     wander: f64,
     /// How much more or less than the wanted speed is driven just now, in deviations.
     pub(super) mood: f64,
     noise: (f64, f64),
-    seen: [Option<Leader>; MEMORY],
+    /// The last speeds of leaders, with their ids.
+    seen: [Option<(u32, f64)>; MEMORY],
     seen_next: usize,
 }
 
@@ -138,6 +144,14 @@ impl Vehicle {
         }
     }
 
+    /// Puts a vehicle that has not moved yet elsewhere on the way.
+    pub(super) fn place(&mut self, network: &Network, s: f64) {
+        let line = &network.ways[self.path[0]].line;
+        self.rear.position += line.at(s) - line.at(self.s);
+        self.rear.heading = line.heading_at(s);
+        self.s = s;
+    }
+
     /// The box centre and the heading.
     pub(super) fn pose(&self) -> Pose {
         let Pose { position, heading } = self.rear;
@@ -167,16 +181,16 @@ impl Vehicle {
         self.wander = next(self.wander, WANDER_TIME, rng).clamp(-2.5, 2.5);
     }
 
-    /// Notes what is seen of the leader now, and gives what the driver is aware of: older by the delay, with errors.
-    pub(super) fn perceive(&mut self, leader: Option<Leader>, dt: f64) -> Option<Leader> {
-        self.seen[self.seen_next] = leader;
+    /// Notes what is seen of the leader now, and gives what the driver is aware of: its speed some time ago, with errors.
+    pub(super) fn perceive(&mut self, leader: Option<(Leader, u32)>, dt: f64) -> Option<Leader> {
+        self.seen[self.seen_next] = leader.map(|(l, id)| (id, l.speed));
         let age = ((self.driver.delay / dt).round() as usize).min(MEMORY - 1);
         let old = self.seen[(self.seen_next + MEMORY - age) % MEMORY];
         self.seen_next = (self.seen_next + 1) % MEMORY;
-        let now = leader?;
-        let speed = old.map_or(now.speed, |o| o.speed)
-            + self.driver.noise.0 * self.noise.0 * (now.speed / 8.0).min(1.0);
-        // Near ones are seen well.
+        let (now, id) = leader?;
+        let then = old.filter(|o| o.0 == id).map_or(now.speed, |o| o.1);
+        // Slow ones are told from standing ones.
+        let speed = then + self.driver.noise.0 * self.noise.0 * (now.speed / 8.0).min(1.0);
         let error = (self.driver.noise.1 * self.noise.1 * now.gap).clamp(-2.0, 2.0);
         Some(Leader { gap: now.gap + error, speed: speed.max(0.0) })
     }
@@ -224,9 +238,10 @@ impl Vehicle {
             let d = network.ahead(&self.path, at + 0.5) - network.ahead(&self.path, at - 0.5);
             d / d.norm().max(1e-9)
         };
-        let room = (way.half_width - 0.5 * self.body.width - 0.15).max(0.05);
-        // In bends and junctions drivers keep to their lane more closely.
-        let calm = if way.connector { 0.5 } else { 1.0 };
+        let room = (way.half_width - 0.5 * self.body.width - SIDE_ROOM).max(0.05);
+        // In junctions, on narrow lanes and at speed drivers keep to their lane more closely.
+        let close = way.connector || way.half_width < NARROW || way.limit > MOTORWAY;
+        let calm = if close { 0.5 } else { 1.0 };
         let place = calm * (self.driver.bias + self.driver.wandering * self.wander);
         let mut offset = place.clamp(-room, room);
         if let Some(change) = self.change {
@@ -250,9 +265,8 @@ impl Vehicle {
             let line = &network.ways[self.path[0]].line;
             let near = line.segment_from((self.s + distance).max(0.0), line.segment_at(self.s.max(0.0)));
             let found = line.project_between(center, near.saturating_sub(2), near + 3);
-            let beyond = line.at(line.length());
-            let end = direction(line.heading(line.segments() - 1));
-            let over = (center - beyond).dot(&end);
+            let last = line.points()[line.segments()];
+            let over = (center - last).dot(&network.ways[self.path[0]].end);
             self.offset = found.offset;
             if found.s >= line.length() - 1e-9 && over >= 0.0 && self.path.len() > 1 {
                 let length = line.length();

@@ -12,10 +12,10 @@ use super::vehicle::Vehicle;
 use super::yielding::{Notes, Sight, Walker};
 use crate::generation::Layout;
 use crate::rollout::Stream;
-use crate::scene::LightState;
+use crate::scene::{DT, LightState};
 
-/// Drivers decide every 0.1 s; the motion goes on in halves of that.
-pub(super) const DECISION: f64 = 0.1;
+/// Drivers decide once per recorded frame, every 0.1 s; the motion goes on in halves of that.
+pub(super) const DECISION: f64 = DT;
 const MOTIONS: usize = 2;
 /// Lane changes are weighed every so many decisions, and how long after a change not at all, s.
 const WEIGH_EVERY: u32 = 5;
@@ -89,7 +89,7 @@ impl<'a> World<'a> {
             self.note(i, decision);
             match decision.wish {
                 Wish::Stay => {}
-                Wish::Change(ref to) => self.change(i, to.way, to.s),
+                Wish::Change { way } => self.change(i, way),
                 Wish::LetIn { way, s } => self.let_in(i, way, s, &mut accelerations),
             }
         }
@@ -124,9 +124,10 @@ impl<'a> World<'a> {
     fn decide(&mut self, i: usize) -> Decision {
         let ahead = {
             let v = &self.vehicles[i];
-            self.lists.leader(&self.network, &self.vehicles, &v.path, (i, v.s, v.body.length))
+            let found = self.lists.leader(&self.network, &self.vehicles, &v.path, (i, v.s, v.body.length));
+            found.map(|(leader, j)| (leader, self.vehicles[j].id))
         };
-        let seen = self.vehicles[i].perceive(ahead.map(|a| a.0), DECISION);
+        let seen = self.vehicles[i].perceive(ahead, DECISION);
         let sight = Sight {
             network: &self.network,
             vehicles: &self.vehicles,
@@ -139,10 +140,9 @@ impl<'a> World<'a> {
         let falls_in = sight.falls_in(i);
         let beside = self.leader_on_old_lane(i);
         let v = &self.vehicles[i];
-        let mut acceleration = self.unhindered(v);
-        if let Some(leader) = seen {
-            acceleration = acceleration.min(v.driver.behind(v.speed, leader));
-        }
+        let free = self.unhindered(v);
+        let behind = seen.map_or(f64::INFINITY, |leader| v.driver.behind(v.speed, leader));
+        let mut acceleration = free.min(behind);
         if let Some(leader) = beside {
             acceleration = acceleration.min(v.driver.behind(v.speed, leader));
         }
@@ -156,7 +156,7 @@ impl<'a> World<'a> {
             && !self.network.ways[v.path[0]].connector;
         let wish = if weighs {
             let map = (&self.network, &self.routes, &self.lists);
-            changing::weigh(map, &self.vehicles, i, acceleration)
+            changing::weigh(map, &self.vehicles, i, (free, behind))
         } else {
             Wish::Stay
         };
@@ -176,7 +176,7 @@ impl<'a> World<'a> {
     fn unhindered(&self, v: &Vehicle) -> f64 {
         let way = &self.network.ways[v.path[0]];
         // Nobody holds a speed exactly.
-        let wanted = (v.driver.haste * way.limit).min(v.driver.top) * (1.0 + SPEED_NOISE * v.mood);
+        let wanted = v.driver.wanted(way.limit) * (1.0 + SPEED_NOISE * v.mood);
         let here = wanted.min(v.driver.in_bend(way.bend_at(v.s)));
         let mut acceleration = v.driver.free(v.speed, here);
         let comfortable = 0.8 * v.driver.braking;
@@ -188,7 +188,7 @@ impl<'a> World<'a> {
                 break;
             }
             if k > 0 {
-                let limit = (v.driver.haste * way.limit).min(v.driver.top);
+                let limit = v.driver.wanted(way.limit);
                 if limit < v.speed {
                     acceleration = acceleration.min(v.driver.for_limit(v.speed, limit, start - v.s));
                 }
@@ -232,14 +232,14 @@ impl<'a> World<'a> {
         }
     }
 
-    fn change(&mut self, i: usize, way: usize, s: f64) {
+    fn change(&mut self, i: usize, way: usize) {
         let path = arrivals::path_from(&self.network, &self.routes, self.vehicles[i].goal, way);
         let v = &self.vehicles[i];
         let found = self.network.ways[way].line.project(v.pose().position);
         // Two may have decided for the same room at once: the list of those who are there knows only the first.
         let length = v.body.length;
         let beside = |j: usize| 0.5 * (self.vehicles[j].body.length + length) + 1.0;
-        let taken = self.lists.on(way).iter().any(|&(at, j)| j != i && (at - s).abs() < beside(j));
+        let taken = self.lists.on(way).iter().any(|&(at, j)| j != i && (at - found.s).abs() < beside(j));
         if !taken {
             let v = &mut self.vehicles[i];
             v.begin_change(found.s, found.offset, path);
@@ -269,13 +269,13 @@ impl<'a> World<'a> {
     fn come_and_go(&mut self) {
         let (network, routes) = (&self.network, &self.routes);
         for v in &mut self.vehicles {
-            if v.path.len() > 2 {
+            arrivals::extend(network, routes, v.goal, &mut v.path);
+            if v.path.len() > 1 {
                 continue;
             }
-            arrivals::extend(network, routes, v.goal, &mut v.path);
             let way = &network.ways[v.path[0]];
             let braking = 8.0 + v.speed * v.speed / (2.0 * 2.0);
-            if v.path.len() == 1 && !way.next.is_empty() && way.length - v.s < braking {
+            if !way.next.is_empty() && way.length - v.s < braking {
                 // Too late for the lane that leads to the goal: it goes where this one leads.
                 if let Some(goal) = routes.draw_goal_from(network, v.path[0], &mut self.rng) {
                     v.goal = goal;
@@ -284,9 +284,11 @@ impl<'a> World<'a> {
             }
         }
         self.vehicles.retain(|v| v.path.len() > 1 || v.s < network.ways[v.path[0]].length);
-        let lists = |way: usize| {
+        let rear = |way: usize| {
             let mut last: Option<(f64, f64)> = None;
-            for v in self.vehicles.iter().filter(|v| v.path[0] == way) {
+            // Those who are leaving the way are still on it for a while.
+            let leaves = |v: &Vehicle| v.change.and_then(|c| c.from) == Some(way);
+            for v in self.vehicles.iter().filter(|v| v.path[0] == way || leaves(v)) {
                 let end = v.s - 0.5 * v.body.length;
                 if last.is_none_or(|l| end < l.0) {
                     last = Some((end, v.speed));
@@ -294,7 +296,7 @@ impl<'a> World<'a> {
             }
             last
         };
-        let new = self.arrivals.step((network, routes), self.time, lists, &mut self.rng);
+        let new = self.arrivals.step((network, routes), self.time, rear, &mut self.rng);
         self.vehicles.extend(new);
     }
 }
