@@ -7,14 +7,14 @@ use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
 const GOLDEN: (u32, [(&str, &str); 8]) = (
     1,
     [
-        ("bench-0-000000", "86774197375e0392"),
-        ("bench-0-000011", "1b1d7c8b0054cfe5"),
-        ("bench-0-000019", "f6b0a0c66c9ff602"),
-        ("bench-7-001020", "e028520e5a3cb8ec"),
-        ("train-0-000000", "db0bea60d1a36c20"),
-        ("train-0-000001", "c72093978fde5001"),
-        ("train-0-000002", "e8d561dda7dc1fdb"),
-        ("train-7-123456", "86b4b6f692ab223b"),
+        ("bench-0-000000", "add34dd643ae7b77"),
+        ("bench-0-000011", "8607050f363d81de"),
+        ("bench-0-000019", "3813cbbf61437052"),
+        ("bench-7-001020", "36a4a6d4c134ebd2"),
+        ("train-0-000000", "d7a0e417916bc9a6"),
+        ("train-0-000001", "2647d5d32e85d640"),
+        ("train-0-000002", "2c8e75a5ee500eff"),
+        ("train-7-123456", "da84abb8c2113d32"),
     ],
 );
 
