@@ -64,7 +64,7 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
 
 /// A straight, or a bend somewhere before the crosswalk.
 fn approach(rng: &mut Stream, speed: f64) -> Path {
-    let length = rng.uniform(360.0, 440.0);
+    let length = rng.uniform(500.0, 600.0);
     if rng.chance(0.6) {
         return Path::straight(length);
     }

@@ -18,9 +18,9 @@ pub(super) fn driveways(rng: &mut Stream) -> Layout {
     let mut s = 0.5 * end - rng.uniform(15.0, 25.0) * count as f64;
     for _ in 0..count {
         let way = if rng.chance(0.5) { Way::Forward } else { Way::Backward };
-        let length = rng.uniform(18.0, 40.0);
+        let length = rng.uniform(45.0, 80.0);
         let bend =
-            Path::new(&[Piece::straight(0.4 * length), Piece::arc(0.6 * length, rng.uniform(-0.01, 0.01))]);
+            Path::new(&[Piece::straight(0.4 * length), Piece::arc(0.6 * length, rng.uniform(-0.004, 0.004))]);
         if let Some(access) = Access::draw(rng, &road, s, way, bend) {
             s += 2.0 * access.reach;
             accesses.push(access);
@@ -44,7 +44,7 @@ pub(super) fn car_park(rng: &mut Stream) -> Layout {
     let throat = rng.uniform(10.0, 18.0);
     let pitch = rng.uniform(2.6, 2.8);
     let stalls = rng.count(9, 18) as f64 * pitch;
-    let aisle = Path::straight(throat + stalls + rng.uniform(6.0, 12.0));
+    let aisle = Path::straight(throat + stalls + rng.uniform(55.0, 85.0));
     let mut accesses = Vec::new();
     // The street is straight there, so the first angle does.
     while accesses.is_empty() {

@@ -38,7 +38,7 @@ impl Changing {
         };
         section.forward.lanes += 1;
         let freeway = section.class == LaneClass::Freeway;
-        let length = if freeway { rng.uniform(640.0, 780.0) } else { rng.uniform(370.0, 440.0) };
+        let length = if freeway { rng.uniform(850.0, 1000.0) } else { rng.uniform(500.0, 600.0) };
         let path = gentle(rng, length, speed);
         let middle = 0.5 * path.length();
         let path = centred(path, middle, rng);

@@ -37,7 +37,7 @@ struct Motorway {
 impl Motorway {
     fn draw(rng: &mut Stream) -> Self {
         let (section, speed) = motorway(rng, (2, 4));
-        let length = rng.uniform(640.0, 780.0);
+        let length = rng.uniform(850.0, 1000.0);
         let path = gentle(rng, length, speed);
         let middle = 0.5 * path.length();
         Self { road: Road::new(centred(path, middle, rng), section) }

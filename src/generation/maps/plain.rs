@@ -10,7 +10,7 @@ use crate::scene::LaneClass;
 pub(super) fn straight(rng: &mut Stream) -> Layout {
     let (section, _) = any_section(rng);
     let freeway = section.class == LaneClass::Freeway;
-    let length = if freeway { rng.uniform(600.0, 760.0) } else { rng.uniform(360.0, 460.0) };
+    let length = if freeway { rng.uniform(850.0, 1000.0) } else { rng.uniform(500.0, 620.0) };
     let path = centred(Path::straight(length), 0.5 * length, rng);
     whole(rng, &Road::new(path, section), "straight-road")
 }
@@ -41,7 +41,7 @@ pub(super) fn narrow(rng: &mut Stream) -> Layout {
         median: Median { width: 0.0, shoulder: 0.5, raised: false },
     };
     let path =
-        if rng.chance(0.5) { Path::straight(rng.uniform(355.0, 430.0)) } else { winding(rng, 355.0, 25.0) };
+        if rng.chance(0.5) { Path::straight(rng.uniform(460.0, 540.0)) } else { winding(rng, 460.0, 25.0) };
     let middle = 0.5 * path.length();
     let road = Road::new(centred(path, middle, rng), section);
     let mut b = MapBuilder::new();

@@ -53,7 +53,7 @@ pub(super) fn section(rng: &mut Stream, kind: &Kind, pavement: Option<Pavement>)
 
 /// A path from the middle of the junction outwards: straight near it, then perhaps with a bend.
 pub(super) fn arm_path(rng: &mut Stream, centre: Vec2, heading: f64, bends: bool) -> Path {
-    let length = rng.uniform(125.0, 200.0);
+    let length = rng.uniform(200.0, 270.0);
     let (angle, radius) = (rng.uniform(0.12, 0.5), rng.uniform(110.0, 260.0));
     let (side, bent) = (rng.chance(0.5), rng.chance(0.45));
     let straight = 100.0;
