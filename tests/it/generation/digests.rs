@@ -7,14 +7,14 @@ use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
 const GOLDEN: (u32, [(&str, &str); 8]) = (
     1,
     [
-        ("bench-0-000000", "add34dd643ae7b77"),
-        ("bench-0-000011", "8607050f363d81de"),
-        ("bench-0-000019", "3813cbbf61437052"),
-        ("bench-7-001020", "36a4a6d4c134ebd2"),
-        ("train-0-000000", "d7a0e417916bc9a6"),
-        ("train-0-000001", "2647d5d32e85d640"),
-        ("train-0-000002", "2c8e75a5ee500eff"),
-        ("train-7-123456", "da84abb8c2113d32"),
+        ("bench-0-000000", "996b972598639a86"),
+        ("bench-0-000011", "a21c8e878dde4cb0"),
+        ("bench-0-000019", "5e4db63b0f1b75c0"),
+        ("bench-7-001020", "ca25637e3b0f6249"),
+        ("train-0-000000", "faf013de5e5219bb"),
+        ("train-0-000001", "f741b7a9ce203562"),
+        ("train-0-000002", "5dd8255bc4ce5e45"),
+        ("train-7-123456", "a90785f4dccc9fb3"),
     ],
 );
 
