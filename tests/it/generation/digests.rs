@@ -7,14 +7,14 @@ use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
 const GOLDEN: (u32, [(&str, &str); 8]) = (
     1,
     [
-        ("bench-0-000000", "86774197375e0392"),
-        ("bench-0-000011", "1b1d7c8b0054cfe5"),
-        ("bench-0-000019", "f6b0a0c66c9ff602"),
-        ("bench-7-001020", "e028520e5a3cb8ec"),
-        ("train-0-000000", "db0bea60d1a36c20"),
-        ("train-0-000001", "c72093978fde5001"),
-        ("train-0-000002", "e8d561dda7dc1fdb"),
-        ("train-7-123456", "86b4b6f692ab223b"),
+        ("bench-0-000000", "996b972598639a86"),
+        ("bench-0-000011", "a21c8e878dde4cb0"),
+        ("bench-0-000019", "5e4db63b0f1b75c0"),
+        ("bench-7-001020", "ca25637e3b0f6249"),
+        ("train-0-000000", "faf013de5e5219bb"),
+        ("train-0-000001", "f741b7a9ce203562"),
+        ("train-0-000002", "5dd8255bc4ce5e45"),
+        ("train-7-123456", "a90785f4dccc9fb3"),
     ],
 );
 

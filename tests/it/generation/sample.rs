@@ -7,12 +7,14 @@ use reactsim::generation::maps::MAP_TYPES;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::scene::{AgentKind, DT, FRAMES, LoggedAgent, Scenario};
 
-/// Every map type ten times: eight times as benchmarks have them, twice as training sets do.
+/// How often the sample has every map type: as benchmarks have them, and as training sets do. With more it finds what is rarer.
+const EACH: [u64; 2] = [12, 3];
+
 static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
     let types = MAP_TYPES.len() as u64;
-    let bench = (0..8 * types).map(|number| (Preset::Bench, Vec::new(), number));
+    let bench = (0..EACH[0] * types).map(|number| (Preset::Bench, Vec::new(), number));
     // Training sets draw the type by weight; here each is asked for.
-    let train = (0..2 * types)
+    let train = (0..EACH[1] * types)
         .map(|number| (Preset::Train, vec![MAP_TYPES[(number % types) as usize].id.to_owned()], number));
     let all: Vec<_> = bench.chain(train).collect();
     all.into_par_iter()

@@ -112,7 +112,7 @@ impl Pair {
         let skews = [0; 2].map(|_| rng.uniform(-15.0, 15.0).to_radians());
         let mut outer = |i: usize, slot: usize, section: &Section, kind: &Kind, end: End| -> Street {
             let turn = [0.0, FRAC_PI_2 + skews[i], PI, FRAC_PI_2 + skews[i] + PI][slot];
-            let path = arm_path(rng, centres[i], heading + turn, slot % 2 == 0);
+            let path = arm_path(rng, centres[i], heading + turn, slot.is_multiple_of(2));
             arm(format!("{}{slot}", ["p", "q"][i]), path, *section, end, kind.flow)
         };
         let mut streets: [[Option<Street>; 4]; 2] = Default::default();
