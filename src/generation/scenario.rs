@@ -86,7 +86,7 @@ fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<
             });
         let turned = wrap(last.heading - track[0].map_or(last.heading, |s| s.heading)).abs() > TURN;
         let sets_off = last.speed() > now.speed() + 3.0;
-        let lively = if turned { 3.0 } else { 1.0 } * if sets_off { 1.5 } else { 1.0 };
+        let lively = if turned { 4.0 } else { 1.0 } * if sets_off { 1.5 } else { 1.0 };
         match preset {
             Preset::Bench if way < MOVES => 0.0,
             Preset::Bench => others * middle * lively,

@@ -8,9 +8,9 @@ use crate::rollout::Stream;
 const CHANGE: f64 = 4.0;
 /// That much more per change on a way of one metre, falling with its length, seconds times metres.
 const CHANGE_ON_SHORT: f64 = 300.0;
-/// Shares of those who go straight on and who turn, where they can.
-const STRAIGHT: f64 = 0.34;
-const TURN: f64 = 0.33;
+/// How often drivers go straight on and turn, where they can, as weights: about as often as not, since recordings are made where they turn.
+const STRAIGHT: f64 = 0.28;
+const TURN: f64 = 0.36;
 /// Ways that turn by more than this are turns, radians.
 const IS_TURN: f64 = 0.5;
 

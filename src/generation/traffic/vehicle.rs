@@ -240,8 +240,15 @@ impl Vehicle {
         };
         let room = (way.half_width - 0.5 * self.body.width - SIDE_ROOM).max(0.05);
         // In junctions, on narrow lanes and at speed drivers keep to their lane more closely.
-        let close = way.connector || way.half_width < NARROW || way.limit > MOTORWAY;
-        let calm = if close { 0.5 } else { 1.0 };
+        let calm = if way.connector {
+            0.5
+        } else if way.limit > MOTORWAY {
+            0.7
+        } else if way.half_width < NARROW {
+            0.8
+        } else {
+            1.0
+        };
         let place = calm * (self.driver.bias + self.driver.wandering * self.wander);
         let mut offset = place.clamp(-room, room);
         if let Some(change) = self.change {
