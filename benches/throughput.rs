@@ -1,4 +1,4 @@
-//! How fast the program is: rollouts, metrics, curation, reading, threads and memory, on real scenarios.
+//! How fast the program is: rollouts, metrics, curation, generation, reading, threads and memory, on real scenarios.
 //!
 //! `cargo bench --bench throughput [-- FOLDER]`; without a folder the shared validation split is taken, and where that is missing
 //! there is nothing to measure. Each figure is measured in several rounds: the best and the median are printed, by the wall clock, and
@@ -20,6 +20,7 @@ use reactsim::evaluation::{
     RunSettings, Source, Tally,
 };
 use reactsim::formats::{self, Input, native::Writer};
+use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::metrics::{self, Case, Options};
 use reactsim::models;
 use reactsim::rollout::{Controller, Request, Rollout, ScriptedAv, Settings, roll_out};
@@ -28,6 +29,8 @@ use reactsim::scene::{FUTURE, MAX_AGENTS, Scenario};
 /// Rounds of everything on one thread, and of whole runs.
 const ROUNDS: usize = 5;
 const RUNS: usize = 4;
+/// Scenarios that are generated: every map type ten times in benchmarks.
+const GENERATED: u64 = 210;
 /// The AV of all rollouts.
 const AV: &str = "brake:4";
 
@@ -49,6 +52,9 @@ fn main() -> Result<()> {
 
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     alone.install(|| one_thread(&native, &plain))?;
+    for preset in Preset::ALL {
+        alone.install(|| generation(preset))?;
+    }
     threads(&native, home.path())?;
     for (name, input) in [("native", &native), ("as given", &folder)] {
         let peak = peak_memory(input, home.path())?;
@@ -202,6 +208,18 @@ fn one_thread(native: &Path, plain: &Option<PathBuf>) -> Result<()> {
     if !w.womd.is_empty() {
         row("reading WOMD TFRecord, not compressed", &w.womd, "40 /s", per_second);
     }
+    Ok(())
+}
+
+/// Map, traffic with its warm-up, and the scenario made of them.
+fn generation(preset: Preset) -> Result<()> {
+    let generator = Generator::new(GenerationSettings { preset, ..GenerationSettings::default() })?;
+    let mut rounds = Vec::new();
+    for _ in 0..ROUNDS {
+        timed(&mut rounds, || (0..GENERATED).try_for_each(|n| generator.scenario(n).map(drop)))?;
+    }
+    let what = format!("generated scenarios, preset `{}`", preset.name());
+    row(&what, &rounds, "20 /s", |s| format!("{:.0} /s", GENERATED as f64 / s));
     Ok(())
 }
 

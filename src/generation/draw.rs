@@ -4,7 +4,7 @@ use rand::RngExt;
 
 use crate::rollout::Stream;
 
-/// Draws from a [`Stream`]. Nothing here depends on the platform's mathematical library but through [`crate::geometry`].
+/// Draws from a [`Stream`], by plain arithmetic.
 pub trait Draw {
     /// Uniform between the bounds.
     fn uniform(&mut self, low: f64, high: f64) -> f64;
@@ -60,12 +60,12 @@ impl Draw for Stream {
     }
 
     fn normal(&mut self) -> f64 {
-        // Irwin-Hall: the sum of twelve uniform values is near enough to normal, bounded (6 deviations), and exact arithmetic.
+        // Irwin-Hall: the sum of twelve uniform values is near enough to normal, and never more than 6 deviations off.
         (0..12).map(|_| self.random::<f64>()).sum::<f64>() - 6.0
     }
 }
 
-/// Exponential of mean 1 (von Neumann 1951: comparisons of uniform values only, no logarithm).
+/// Exponential of mean 1 (von Neumann 1951: by comparisons of uniform values only).
 pub(super) fn exponential(rng: &mut Stream) -> f64 {
     let mut whole = 0.0;
     loop {

@@ -12,7 +12,7 @@ pub struct Layout {
     pub map: MapParts,
     /// Lights: one plan per controlled connector; all have the same cycle.
     pub signals: Vec<SignalPlan>,
-    /// Who gives way to whom: where no light decides, and where it lets both go (permissive left turns, right turns on red).
+    /// Who gives way to whom: where no light decides, and where it lets both go (permissive left turns).
     pub priorities: Vec<Priority>,
     /// Lanes on which vehicles come into the map, with how much traffic each takes.
     pub entries: Vec<Entry>,

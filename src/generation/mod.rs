@@ -34,9 +34,9 @@ pub enum GenerationError {
     /// A density that makes no sense.
     #[error("density {0}: expected a number above 0 and up to 3")]
     Density(f64),
-    /// No driver could be the AV, however often traffic was drawn.
+    /// However often traffic was drawn: no driver could be the AV, or there was an accident.
     #[error(
-        "{id}: no driver could be the AV in {attempts} attempts; allow more map types or a higher density"
+        "{id}: in {attempts} attempts no driver could be the AV in traffic without accidents; allow more map types or another density"
     )]
     Fruitless {
         /// The scenario.
@@ -76,7 +76,8 @@ impl Generator {
     /// The scenario of this number. It depends on settings and number only, so any number of threads may share a generator.
     ///
     /// # Errors
-    /// [`GenerationError::Fruitless`] when no traffic on the allowed maps has a driver who can be the AV.
+    /// [`GenerationError::Fruitless`] when no traffic on the allowed maps has a driver who can be the AV;
+    /// [`GenerationError::Scene`] would be a bug.
     pub fn scenario(&self, number: u64) -> Result<Scenario, GenerationError> {
         scenario::generate(&self.settings, number)
     }

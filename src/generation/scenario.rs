@@ -8,7 +8,7 @@ use crate::scene::{
     CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
 };
 
-/// Maps and traffic that are drawn until one of the drivers can be the AV.
+/// How often maps and traffic are drawn until a driver can be the AV, and nobody has an accident or passes a red light.
 const ATTEMPTS: u32 = 40;
 /// Agents who stay farther than this from the AV are not recorded, as a sensor would not see them, metres.
 const RANGE: f64 = 75.0;

@@ -4,7 +4,7 @@
 /// every scenario's id, so that no scenario of one can be a scenario of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Scenes in which others drive near the AV, every map type alike: what the benchmark is made of.
+    /// Scenes in which the AV drives and has others around it, every map type alike: what the benchmark is made of.
     Bench,
     /// What networks train on: map types and traffic as often as in recordings.
     Train,
@@ -28,7 +28,8 @@ impl Preset {
     }
 }
 
-/// What decides a generated scenario, besides its number.
+/// What decides a generated scenario, besides its number. Ids hold preset, seed and number: sets of other maps or densities should have
+/// other seeds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GenerationSettings {
     /// The use, and with it the space of seeds.

@@ -23,7 +23,8 @@ pub struct MapType {
     pub id: &'static str,
     /// What it is, in a line.
     pub title: &'static str,
-    /// Share of it among the scenarios of the preset `train`, as a weight.
+    /// Share of it among the scenarios of the preset `train`, as a weight: chosen so that junctions and motorways are about as frequent as in
+    /// recordings (the train split of the Waymo Open Motion Dataset beside this repository: 8 of 196 scenes with motorway lanes).
     pub weight: f64,
     /// Draws the road map. The result depends on the stream only.
     pub draw: fn(&mut Stream) -> Layout,

@@ -83,13 +83,19 @@ impl Routes {
             }
             let turns = |w: &usize| network.ways[*w].turn.abs() > IS_TURN;
             let (turning, straight): (Vec<usize>, Vec<usize>) = next.iter().partition(|w| turns(w));
+            // Few turn into driveways: slow roads have little traffic.
+            let calm = |w: usize| {
+                let beyond =
+                    network.ways[w].next.first().map_or(network.ways[w].limit, |&n| network.ways[n].limit);
+                (beyond / network.ways[at].limit).min(1.0)
+            };
             let weights: Vec<f64> = next
                 .iter()
-                .map(|w| {
-                    if turns(w) {
-                        TURN / turning.len().max(1) as f64
+                .map(|&w| {
+                    if turns(&w) {
+                        TURN * calm(w) * calm(w) / turning.len() as f64
                     } else {
-                        STRAIGHT / straight.len().max(1) as f64
+                        STRAIGHT / straight.len() as f64
                     }
                 })
                 .collect();

@@ -322,7 +322,7 @@ mod tests {
     fn drivers_stay_on_their_ways() {
         for kind in MAP_TYPES {
             for seed in 0..4 {
-                let layout = (kind.draw)(&mut stream(seed, kind.id, 0, Purpose::Map));
+                let layout = kind.layout(&mut stream(seed, kind.id, 0, Purpose::Map));
                 let mut world = World::new(&layout, 1.0, stream(seed, kind.id, 0, Purpose::Traffic));
                 for _ in 0..900 {
                     world.step();
