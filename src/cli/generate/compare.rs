@@ -1,9 +1,11 @@
 //! `reactsim generate compare`: generated logs against recorded ones.
 
+use std::fs::OpenOptions;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::thread;
 
+use anyhow::Context as _;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
@@ -51,6 +53,14 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
     // Everything that can be wrong is found before the first scenario.
     let inputs = |path: &PathBuf| find_inputs(std::slice::from_ref(path));
     let (generated, reference) = (inputs(&args.generated)?, inputs(&args.reference)?);
+    if let Some(path) = &args.svg {
+        // The picture is written at the end, to a file that can be written.
+        OpenOptions::new()
+            .append(true)
+            .create(true)
+            .open(path)
+            .with_context(|| format!("could not write {}", path.display()))?;
+    }
     let progress = Progress::new();
     let sets = measured(&args.generated, generated, args, &progress)
         .and_then(|set| Ok((set, measured(&args.reference, reference, args, &progress)?)));

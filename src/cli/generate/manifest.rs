@@ -56,7 +56,7 @@ impl Manifest {
             write!(command, " --density {density}")?;
         }
         if let Some(first) = written.first() {
-            write!(command, " --out {}", first.name)?;
+            write!(command, " --out {}", quoted(&first.name))?;
         }
         let made = Made {
             command,
@@ -75,4 +75,10 @@ impl Manifest {
     pub(super) fn text(&self) -> anyhow::Result<String> {
         Ok(toml::to_string(self)?)
     }
+}
+
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._-+".contains(c);
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
