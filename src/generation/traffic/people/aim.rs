@@ -5,7 +5,7 @@ use super::{Crowd, Surroundings, WalkLight};
 use crate::geometry::Vec2;
 
 /// How far ahead people look for their way, metres.
-const LOOK: f64 = 1.4;
+pub(super) const LOOK: f64 = 1.4;
 /// A crossing nearer than this is thought of, metres.
 const THINK: f64 = 6.0;
 /// Who waits stands so far behind the kerb, metres: no box is over the road.
@@ -84,7 +84,10 @@ impl Crowd {
             AtCrossing { which, forward, s, to_kerb, to_end }
         };
         if let Some(which) = self.network.stretches[w.stretch].crossing {
-            let here = place(which, w.forward, w.s);
+            let length = self.network.stretches[w.stretch].line.length();
+            let begun = if w.forward { w.s > 0.0 } else { w.s < length };
+            let s = if begun { w.s } else { self.straight_on(w, w.stretch, w.forward) };
+            let here = place(which, w.forward, s);
             if here.to_end > 0.0 {
                 return Some(here);
             }
@@ -94,15 +97,18 @@ impl Crowd {
             return None;
         }
         let (next, forward) = self.onward(w)?;
-        let stretch = &self.network.stretches[next];
-        let which = stretch.crossing?;
-        // As the crow flies: corners are cut.
-        let length = stretch.line.length();
-        let (begin, segment) = if forward { (0.0, 0) } else { (length, stretch.line.segments() - 1) };
-        let from = w.position - self.end(next, !forward);
-        let ahead = from.dot(&stretch.along(segment));
-        let aside = (from.perp(&stretch.along(segment)).abs() - stretch.half).max(0.0);
-        Some(place(which, forward, begin + ahead + if forward { -aside } else { aside }))
+        let which = self.network.stretches[next].crossing?;
+        Some(place(which, forward, self.straight_on(w, next, forward)))
+    }
+
+    /// Arc length on a stretch for somebody who is not on it yet, as the crow flies (corners are cut) and as if it went on straight.
+    fn straight_on(&self, w: &Walker, stretch: usize, forward: bool) -> f64 {
+        let on = &self.network.stretches[stretch];
+        let (begin, segment) = if forward { (0.0, 0) } else { (on.line.length(), on.line.segments() - 1) };
+        let from = w.position - self.end(stretch, !forward);
+        let ahead = from.dot(&on.along(segment));
+        let aside = (from.perp(&on.along(segment)).abs() - on.half).max(0.0);
+        begin + ahead + if forward { -aside } else { aside }
     }
 
     /// An end of a stretch: the last point of its line, or the first.

@@ -1,8 +1,12 @@
 //! On which ground people are: footways, where they join, and what lies beyond the last end.
 
 use super::Crowd;
+use super::aim::LOOK;
 use super::walker::Walker;
 use crate::geometry::{Vec2, point_segment};
+
+/// So near to its end a stretch is left for the next, wherever that lies, metres.
+const END: f64 = 0.4;
 
 impl Crowd {
     /// The nearest place to where somebody is that footways cover.
@@ -69,14 +73,48 @@ impl Crowd {
         self.walkers[i].s = at.s;
         self.walkers[i].segment = at.segment;
         let w = &self.walkers[i];
-        if self.remaining(w) > 0.4 {
+        let remaining = self.remaining(w);
+        if remaining > LOOK {
             return;
         }
         if let Some((next, forward)) = self.onward(w) {
-            let at = self.network.stretches[next].line.project(w.position);
+            let stretch = &self.network.stretches[next];
+            let at = stretch.line.project(w.position);
+            // Who aims at the near side of the next stretch may be there long before the end of this one.
+            if remaining > END && at.distance > stretch.half {
+                return;
+            }
             let w = &mut self.walkers[i];
             (w.before, w.stretch, w.forward) = (Some(w.stretch), next, forward);
             (w.s, w.segment) = (at.s, at.segment);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{crowd, street};
+    use super::super::{Person, Surroundings};
+    use crate::geometry::wrap;
+
+    #[test]
+    fn nobody_spins_at_the_corner_of_a_crossing() {
+        let layout = street(false);
+        let mut crowd = crowd(&layout, 21, 20);
+        let (mut history, mut turned_off) = (Vec::<Vec<Person>>::new(), 0);
+        for step in 0..1200 {
+            crowd.step(0.1, &Surroundings::default());
+            history.push(crowd.people().collect());
+            turned_off += crowd.walkers.iter().filter(|w| w.before.is_some()).count();
+            let Some(first) = history.len().checked_sub(31) else { continue };
+            for p in &history[first] {
+                let track = history[first..].iter().map(|now| now.iter().find(|q| q.id == p.id));
+                let Some(track) = track.collect::<Option<Vec<&Person>>>() else { continue };
+                let here = track.iter().all(|q| (q.position - p.position).norm() < 0.5);
+                let turned: f64 = track.windows(2).map(|q| wrap(q[1].heading - q[0].heading).abs()).sum();
+                assert!(!here || turned < 3.0, "{step}: turns by {turned} on the spot: {p:?}");
+            }
+        }
+        assert!(turned_off > 0);
     }
 }

@@ -11,6 +11,8 @@ const RELAXATION: f64 = 0.54;
 const AGILITY: f64 = 2.0;
 /// Nobody goes faster than this multiple of the desired speed (Helbing & Molnár 1995).
 const MOST: f64 = 1.3;
+/// Nobody turns faster than this, rad/s (chosen).
+const TURN: f64 = 2.5;
 /// Bodies keep at least this distance, metres.
 pub(super) const CLEARANCE: f64 = 0.03;
 /// Neighbours nearer than this hold one another up, metres.
@@ -158,7 +160,7 @@ impl Crowd {
                 // Who turns round does so over the left shoulder.
                 let turn = if ahead.dot(&w.facing) < -0.9 { left(w.facing) } else { ahead };
                 let facing = w.facing + turn * (4.0 * dt).min(1.0);
-                w.facing = facing / facing.norm();
+                w.facing = turned(w.facing, facing / facing.norm(), TURN * dt);
             }
         }
         for i in 0..self.walkers.len() {
@@ -195,6 +197,15 @@ impl Room {
             }
         }
     }
+}
+
+/// The unit vector `to`, or as far towards it from the unit vector `from` as so many radians lead.
+fn turned(from: Vec2, to: Vec2, most: f64) -> Vec2 {
+    let limit = direction(most);
+    if from.dot(&to) >= limit.x {
+        return to;
+    }
+    from * limit.x + left(from) * if from.perp(&to) < 0.0 { -limit.y } else { limit.y }
 }
 
 /// `v`, no longer than this.

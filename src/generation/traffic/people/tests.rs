@@ -57,7 +57,7 @@ pub(super) fn street(light: bool) -> Layout {
 }
 
 /// A crowd of about so many people, whatever the day.
-fn crowd(layout: &Layout, number: u32, wanted: usize) -> Crowd {
+pub(super) fn crowd(layout: &Layout, number: u32, wanted: usize) -> Crowd {
     let mut rng = stream(0, "people", number, Purpose::Traffic);
     loop {
         let crowd = Crowd::new(layout, 4.0, &mut rng);
