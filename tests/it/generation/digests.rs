@@ -7,14 +7,14 @@ use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
 const GOLDEN: (u32, [(&str, &str); 8]) = (
     1,
     [
-        ("bench-0-000000", "996b972598639a86"),
-        ("bench-0-000011", "a21c8e878dde4cb0"),
-        ("bench-0-000019", "5e4db63b0f1b75c0"),
-        ("bench-7-001020", "ca25637e3b0f6249"),
-        ("train-0-000000", "faf013de5e5219bb"),
-        ("train-0-000001", "f741b7a9ce203562"),
-        ("train-0-000002", "5dd8255bc4ce5e45"),
-        ("train-7-123456", "a90785f4dccc9fb3"),
+        ("bench-0-000000", "d2c8f3f1a25309a9"),
+        ("bench-0-000011", "59c0e90288aeeda6"),
+        ("bench-0-000019", "1aff95f1ecce7f88"),
+        ("bench-7-001020", "6bc73fc4fbb68a96"),
+        ("train-0-000000", "9732d04ec729267e"),
+        ("train-0-000001", "80342a9b103648b1"),
+        ("train-0-000002", "9ade4c60c187264a"),
+        ("train-7-123456", "674900d15bafbff5"),
     ],
 );
 
