@@ -149,46 +149,6 @@ impl Approach {
     }
 }
 
-/// The vehicles that come to crossings if everybody goes straight on, seen from their boxes alone: for callers who do not know their ways.
-pub fn straight_approaches(
-    layout: &Layout,
-    crossings: &[Crossing],
-    vehicles: &[super::Vehicle],
-) -> Vec<Approach> {
-    let mut found = Vec::new();
-    for (i, crossing) in crossings.iter().enumerate() {
-        let footway = &layout.footways[crossing.footway];
-        for v in vehicles {
-            let ahead = crate::geometry::direction(v.heading);
-            let at = footway.line.project(v.position);
-            if at.distance > 60.0 || (at.distance > 8.0 && v.speed < STANDING) {
-                continue;
-            }
-            for k in 0..footway.line.segments() {
-                let (a, b) = footway.line.segment(k);
-                let (ab, cross) = (b - a, ahead.perp(&(b - a)));
-                if cross.abs() < 1e-3 * ab.norm() {
-                    continue;
-                }
-                let (far, t) = ((a - v.position).perp(&ab) / cross, (a - v.position).perp(&ahead) / cross);
-                if !(0.0..=1.0).contains(&t) || far < -0.5 * v.length {
-                    continue;
-                }
-                found.push(Approach {
-                    crossing: i,
-                    at: footway.line.arc()[k] + t * ab.norm(),
-                    distance: far - 0.5 * v.length - 0.5 * footway.width,
-                    speed: v.speed,
-                    acceleration: v.acceleration,
-                    length: v.length,
-                    width: v.width,
-                });
-            }
-        }
-    }
-    found
-}
-
 /// Between which arc lengths a crossing lies on the road: on the lanes that it crosses, and on the drivable area.
 pub(super) fn kerbs(layout: &Layout, footway: usize) -> [f64; 2] {
     let (line, crosses) = (&layout.footways[footway].line, &layout.footways[footway].crosses);

@@ -29,7 +29,7 @@ mod walker;
 #[cfg(test)]
 mod tests;
 
-pub use crossing::{Approach, Crosser, Crossing, Intent, WalkLight, straight_approaches};
+pub use crossing::{Approach, Crosser, Crossing, Intent, WalkLight};
 
 use self::motion::Room;
 use self::network::Network;
@@ -77,7 +77,7 @@ pub struct Vehicle {
 pub struct Surroundings<'a> {
     /// Vehicles that may be met: those on crossings and before them; others do no harm.
     pub vehicles: &'a [Vehicle],
-    /// Vehicles that come to crossings, by their ways. See [`straight_approaches`] for a guess.
+    /// Vehicles that come to crossings, by their ways.
     pub approaches: &'a [Approach],
     /// What the lights tell people, per entry of [`Crowd::crossings`]; crossings beyond the end are free.
     pub lights: &'a [WalkLight],

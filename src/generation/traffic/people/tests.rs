@@ -1,10 +1,46 @@
 use super::*;
 use crate::generation::{Footway, SignalPlan};
-use crate::geometry::{OrientedBox, Polyline, rounded_distance};
+use crate::geometry::{OrientedBox, Polyline, direction, rounded_distance};
 use crate::rollout::{Purpose, stream};
 use crate::scene::{LaneArea, LaneClass, LaneKind, LaneParts, LightState, MapParts};
 
 const DT: f64 = 0.1;
+
+/// The vehicles that come to crossings if everybody goes straight on, seen from their boxes alone.
+fn straight_approaches(layout: &Layout, crossings: &[Crossing], vehicles: &[Vehicle]) -> Vec<Approach> {
+    let mut found = Vec::new();
+    for (i, crossing) in crossings.iter().enumerate() {
+        let footway = &layout.footways[crossing.footway];
+        for v in vehicles {
+            let ahead = direction(v.heading);
+            let at = footway.line.project(v.position);
+            if at.distance > 60.0 || (at.distance > 8.0 && v.speed < 0.4) {
+                continue;
+            }
+            for k in 0..footway.line.segments() {
+                let (a, b) = footway.line.segment(k);
+                let (ab, cross) = (b - a, ahead.perp(&(b - a)));
+                if cross.abs() < 1e-3 * ab.norm() {
+                    continue;
+                }
+                let (far, t) = ((a - v.position).perp(&ab) / cross, (a - v.position).perp(&ahead) / cross);
+                if !(0.0..=1.0).contains(&t) || far < -0.5 * v.length {
+                    continue;
+                }
+                found.push(Approach {
+                    crossing: i,
+                    at: footway.line.arc()[k] + t * ab.norm(),
+                    distance: far - 0.5 * v.length - 0.5 * footway.width,
+                    speed: v.speed,
+                    acceleration: v.acceleration,
+                    length: v.length,
+                    width: v.width,
+                });
+            }
+        }
+    }
+    found
+}
 
 /// A street along x with a lane each way, a pavement on either side and a crossing at x = 0 that joins them.
 pub(super) fn street(light: bool) -> Layout {
