@@ -6,6 +6,7 @@ mod changing;
 mod driver;
 pub mod fleet;
 mod following;
+mod free_road;
 mod lists;
 mod meeting;
 mod network;

@@ -3,6 +3,7 @@
 use super::arrivals::{self, Arrivals};
 use super::changing::{self, Wish};
 use super::following::Leader;
+use super::free_road::unhindered;
 use super::lists::{self, Lists};
 use super::meeting::Meeting;
 use super::network::Network;
@@ -20,8 +21,6 @@ const MOTIONS: usize = 2;
 /// Lane changes are weighed every so many decisions, and how long after a change not at all, s.
 const WEIGH_EVERY: u32 = 5;
 const REST: f64 = 4.0;
-/// Deviation of the speed that is driven from the wanted one, as a share.
-const SPEED_NOISE: f64 = 0.09;
 /// Braking to let somebody in, m/s², times what the politeness allows.
 const LET_IN: f64 = 1.2;
 
@@ -140,7 +139,7 @@ impl<'a> World<'a> {
         let falls_in = sight.falls_in(i);
         let beside = self.leader_on_old_lane(i);
         let v = &self.vehicles[i];
-        let free = self.unhindered(v);
+        let free = unhindered(&self.network, v);
         let behind = seen.map_or(f64::INFINITY, |leader| v.driver.behind(v.speed, leader));
         let mut acceleration = free.min(behind);
         if let Some(leader) = beside {
@@ -170,46 +169,6 @@ impl<'a> World<'a> {
         let s = lists::leaving(&self.network.ways[v.path[0]], from, v)?;
         let map = (&self.network, self.vehicles.as_slice());
         self.lists.leader(map.0, map.1, &[from], (i, s, v.body.length)).map(|l| l.0)
-    }
-
-    /// Acceleration on an empty road: speed limits and bends.
-    fn unhindered(&self, v: &Vehicle) -> f64 {
-        let way = &self.network.ways[v.path[0]];
-        // Nobody holds a speed exactly.
-        let wanted = v.driver.wanted(way.limit) * (1.0 + SPEED_NOISE * v.mood);
-        let here = wanted.min(v.driver.in_bend(way.bend_at(v.s)));
-        let mut acceleration = v.driver.free(v.speed, here);
-        let comfortable = 0.8 * v.driver.braking;
-        let horizon = v.speed * v.speed / (2.0 * comfortable) + 8.0;
-        let mut start = 0.0;
-        for (k, &w) in v.path.iter().enumerate() {
-            let way = &self.network.ways[w];
-            if start - v.s > horizon {
-                break;
-            }
-            if k > 0 {
-                let limit = v.driver.wanted(way.limit);
-                if limit < v.speed {
-                    acceleration = acceleration.min(v.driver.for_limit(v.speed, limit, start - v.s));
-                }
-            }
-            if !way.is_straight() {
-                let mut s = (v.s - start).max(0.0);
-                while s < way.length && s + start - v.s < horizon {
-                    let limit = v.driver.in_bend(way.bend_at(s));
-                    let distance = s + start - v.s;
-                    if limit < v.speed + 1.0 && distance > 0.5 {
-                        let needed = v.driver.for_limit(v.speed, limit, distance);
-                        if needed < -0.5 * comfortable || distance < 10.0 {
-                            acceleration = acceleration.min(needed);
-                        }
-                    }
-                    s += 2.0;
-                }
-            }
-            start += way.length;
-        }
-        acceleration.max(-2.0 * comfortable)
     }
 
     fn note(&mut self, i: usize, decision: &Decision) {
