@@ -1,7 +1,8 @@
 //! From settings and a number to a scenario: a map, traffic on it, one of its drivers as the AV.
 
+use super::maps::MapType;
 use super::traffic::Recording;
-use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, maps, traffic};
+use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, traffic};
 use crate::geometry::{rounded_distance, wrap};
 use crate::rollout::{Purpose, Stream, stream};
 use crate::scene::{
@@ -34,7 +35,7 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
     let id = settings.id(number);
     for attempt in 0..ATTEMPTS {
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Map);
-        let layout = draw_layout(settings, number, &mut rng);
+        let (kind, layout) = draw_layout(settings, number, &mut rng);
         let density = settings.density.unwrap_or_else(|| draw_density(settings.preset, &mut rng));
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
         let recording = traffic::record(&layout, density, &mut rng);
@@ -42,7 +43,7 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
             let kept = kept(&recording, av);
             let lawful = !kept.iter().any(|i| recording.offenders.contains(i));
             if lawful && is_free_of_contacts(&recording, &kept) {
-                return Ok(Scenario::assemble(parts(id, layout, &recording, &kept))?);
+                return Ok(Scenario::assemble(parts(id, kind, layout, &recording, &kept))?);
             }
         }
     }
@@ -50,16 +51,13 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
 }
 
 /// Benchmarks take the map types in turn, so that all are there; training sets by weight.
-fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> Layout {
-    let allowed: Vec<&maps::MapType> = maps::MAP_TYPES
-        .iter()
-        .filter(|m| settings.maps.is_empty() || settings.maps.iter().any(|name| name == m.id))
-        .collect();
+fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> (&'static MapType, Layout) {
+    let allowed = settings.map_types();
     let which = match settings.preset {
         Preset::Bench => (number % allowed.len() as u64) as usize,
         Preset::Train => rng.weighted(&allowed.iter().map(|m| m.weight).collect::<Vec<_>>()),
     };
-    allowed[which].layout(rng)
+    (allowed[which], allowed[which].layout(rng))
 }
 
 /// From next to nobody to a queue that grows; benchmarks are never empty.
@@ -97,11 +95,11 @@ fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<
     if weights.iter().sum::<f64>() > 0.0 { Some(recording.drivers[rng.weighted(&weights)]) } else { None }
 }
 
-fn parts(id: String, layout: Layout, recording: &Recording, kept: &[usize]) -> ScenarioParts {
+fn parts(id: String, kind: &MapType, layout: Layout, recording: &Recording, kept: &[usize]) -> ScenarioParts {
     let lights = layout.signals.iter().zip(&recording.lights);
     ScenarioParts {
         id,
-        source: format!("generated/{}", layout.kind),
+        source: kind.source(),
         origin: None,
         timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
         av: 0,

@@ -1,5 +1,7 @@
 //! What is generated.
 
+use super::maps::{MAP_TYPES, MapType};
+
 /// A use of generated scenarios. Each has its own space of seeds: the preset's name is part of the name of every random stream, and of
 /// every scenario's id, so that no scenario of one can be a scenario of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +48,12 @@ impl GenerationSettings {
     /// Id of the scenario of a number. The random streams of the scenario are keyed by it, so that presets never share one.
     pub fn id(&self, number: u64) -> String {
         format!("{}-{}-{number:06}", self.preset.name(), self.seed)
+    }
+
+    /// The map types to draw from.
+    pub fn map_types(&self) -> Vec<&'static MapType> {
+        let allowed = |m: &&MapType| self.maps.is_empty() || self.maps.iter().any(|name| name == m.id);
+        MAP_TYPES.iter().filter(allowed).collect()
     }
 }
 

@@ -10,7 +10,6 @@ use crate::curation::benchmark::{PATIENCE, Recipe};
 use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};
 use crate::evaluation::{FileRecord, program_version};
 use crate::formats::native::Writer;
-use crate::generation::maps::MAP_TYPES;
 use crate::generation::{GenerationSettings, Generator, VERSION};
 
 /// Where the deviated AVs of a file of scenarios are written.
@@ -30,11 +29,7 @@ pub(super) fn bench(
     let generator = Generator::new(settings.clone())?;
     let beside = deviations_beside(out);
     let (mut scenarios, mut deviations) = (Writer::create(out)?, store::Writer::create(&beside)?);
-    let groups: Vec<String> = MAP_TYPES
-        .iter()
-        .filter(|m| settings.maps.is_empty() || settings.maps.iter().any(|name| name == m.id))
-        .map(|m| format!("generated/{}", m.id))
-        .collect();
+    let groups: Vec<String> = settings.map_types().iter().map(|m| m.source()).collect();
     let curation = CurationSettings { seed: settings.seed, scenes: false, ..CurationSettings::default() };
     let source = SOURCES[0];
     let base = CurationProvenance {

@@ -31,6 +31,11 @@ pub struct MapType {
 }
 
 impl MapType {
+    /// What scenarios of this type name as their source.
+    pub fn source(&self) -> String {
+        format!("generated/{}", self.id)
+    }
+
     /// Draws a map, and what stands beside its roads.
     pub fn layout(&self, rng: &mut Stream) -> Layout {
         let mut layout = (self.draw)(rng);
