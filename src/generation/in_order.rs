@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 /// Results per thread that are in memory at a time: enough that threads seldom wait for the slowest.
-const CHUNK: usize = 8;
+pub(super) const CHUNK: usize = 8;
 /// More threads than this are never started.
-const MOST_JOBS: usize = 512;
+pub(super) const MOST_JOBS: usize = 512;
 
 /// How the work ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -67,13 +67,10 @@ pub(super) fn in_lanes(
             settled.push(Settled { frame, heading: state.heading, lane: nearest.lane, beside });
         }
     }
-    let mut home = 0;
     for i in 1..settled.len() {
-        let (before, now) = (&settled[home], &settled[i]);
-        if is_change(road, before, now) && stays(road, &settled[i..]) {
+        if is_change(road, &settled[i - 1], &settled[i]) && stays(road, &settled[i..]) {
             result.changes += 1;
         }
-        home = i;
     }
     result
 }

@@ -3,12 +3,8 @@
 use rayon::prelude::*;
 
 use super::{Tally, measure};
+use crate::generation::in_order::{CHUNK, MOST_JOBS};
 use crate::scene::Scenario;
-
-/// Scenarios per thread that are in memory at a time.
-const CHUNK: usize = 8;
-/// More threads than this are never started.
-const MOST_JOBS: usize = 512;
 
 /// A set of scenarios, measured. Memory does not grow with the set.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
 //! Who is where: vehicles by way, and who is coming to which way.
 
 use super::following::Leader;
-use super::network::{Network, Way};
+use super::network::{Beside, Network, Way};
 use super::vehicle::Vehicle;
 
 /// How far ahead drivers look along their path, metres.
@@ -133,9 +133,9 @@ impl Lists {
 
 /// Where somebody who goes over from `from` still stands in its way, metres along it.
 pub(super) fn leaving(way: &Way, from: usize, v: &Vehicle) -> Option<f64> {
-    let beside = way.left.iter().chain(&way.right).find(|b| b.way == from)?;
+    let on = |side: &[Beside], sign: f64| Some((*side.iter().find(|b| b.way == from)?, sign * v.offset));
+    let (beside, towards) = on(&way.left, 1.0).or_else(|| on(&way.right, -1.0))?;
     let s = beside.across(v.s)?;
-    let towards = if way.left.iter().any(|b| b.way == from) { v.offset } else { -v.offset };
     (towards + 0.5 * v.body.width > way.half_width - 0.2).then_some(s)
 }
 

@@ -106,6 +106,7 @@ impl Network {
         let mut ways = Vec::with_capacity(layout.map.lanes.len());
         for lane in &layout.map.lanes {
             let line = Polyline::new(&lane.points).expect("a generated lane has two points");
+            let bends = bends(&line);
             ways.push(Way {
                 length: line.length(),
                 half_width: half_width(lane, &line),
@@ -116,8 +117,8 @@ impl Network {
                 before: all(&lane.predecessors),
                 left: Vec::new(),
                 right: Vec::new(),
-                tightest: bends(&line).into_iter().fold(0.0, f64::max),
-                bends: bends(&line),
+                tightest: bends.iter().copied().fold(0.0, f64::max),
+                bends,
                 end: direction(line.heading(line.segments() - 1)),
                 light: layout.signals.iter().position(|s| s.lane == lane.id),
                 rule: layout.priorities.iter().find(|p| p.lane == lane.id).map(|p| p.rule),

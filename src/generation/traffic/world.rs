@@ -167,8 +167,8 @@ impl<'a> World<'a> {
         let v = &self.vehicles[i];
         let from = v.change.and_then(|c| c.from)?;
         let s = lists::leaving(&self.network.ways[v.path[0]], from, v)?;
-        let map = (&self.network, self.vehicles.as_slice());
-        self.lists.leader(map.0, map.1, &[from], (i, s, v.body.length)).map(|l| l.0)
+        let found = self.lists.leader(&self.network, &self.vehicles, &[from], (i, s, v.body.length));
+        found.map(|(leader, _)| leader)
     }
 
     fn note(&mut self, i: usize, decision: &Decision) {
