@@ -4,6 +4,8 @@ mod card;
 pub mod constant_velocity;
 pub mod idm;
 pub mod log_replay;
+pub mod nn;
+pub mod ntp;
 pub mod stop;
 
 pub use card::{Card, CardError};

@@ -1,4 +1,6 @@
 #![doc = include_str!("README.md")]
+// Networks are deep types.
+#![recursion_limit = "256"]
 // Tests may ask the platform's functions: what they compare has a tolerance.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
@@ -11,6 +13,7 @@ pub mod dynamics;
 
 pub mod formats;
 pub mod rollout;
+pub mod training;
 
 pub mod generation;
 pub mod metrics;

@@ -1,0 +1,20 @@
+//! Where networks run: the one file that chooses a backend.
+
+use burn::tensor::Device;
+
+/// The device of every network: the first of CUDA, wgpu, flex and ndarray that this program was built with.
+///
+/// flex and ndarray are built without threads of their own: an operation gives the same bits whatever else runs, and the program
+/// shares work among threads by scenarios.
+pub fn device() -> Device {
+    #[cfg(feature = "cuda")]
+    return Device::cuda(0);
+    #[cfg(all(feature = "wgpu", not(feature = "cuda")))]
+    return Device::wgpu(Default::default());
+    #[cfg(all(feature = "flex", not(any(feature = "cuda", feature = "wgpu"))))]
+    return Device::flex();
+    #[cfg(all(feature = "ndarray", not(any(feature = "cuda", feature = "wgpu", feature = "flex"))))]
+    return Device::ndarray();
+    #[cfg(not(any(feature = "cuda", feature = "wgpu", feature = "flex", feature = "ndarray")))]
+    compile_error!("networks need a backend: build with one of the features flex, ndarray, cuda, wgpu");
+}
