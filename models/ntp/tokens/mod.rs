@@ -1,1 +1,24 @@
 //! Motion tokens: vocabularies, how they are built, and how recorded motion is matched to them.
+//!
+//! A token is half a second of motion: six poses, 0.1 s apart, in the frame of the first one. Read [`Vocabulary`] first.
+
+mod class;
+mod file;
+mod kinematic;
+mod motion;
+mod token_set;
+mod vocabulary;
+
+pub use class::Class;
+pub use kinematic::{ArcGrid, Band, Kinematic, PolarGrid};
+pub use motion::{ORIGIN, motion_between, moved};
+pub use vocabulary::{Provenance, Vocabulary, VocabularyError};
+
+use reactsim::dynamics::Pose;
+
+/// Frames that a token spans: it ends 0.5 s after it starts.
+pub const TOKEN_FRAMES: usize = 5;
+/// Poses of a token: the start and five frames.
+pub const TOKEN_POSES: usize = TOKEN_FRAMES + 1;
+/// The poses of one token at 0, 0.1 … 0.5 s, in the frame of the first, which is the origin.
+pub type TokenPoses = [Pose; TOKEN_POSES];
