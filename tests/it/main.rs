@@ -21,6 +21,7 @@ mod realism;
 mod scenes;
 mod scripted_av;
 mod shipped;
+mod training;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]
