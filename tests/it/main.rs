@@ -22,6 +22,7 @@ mod scenes;
 mod scripted_av;
 mod shipped;
 mod tokens;
+mod training;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]

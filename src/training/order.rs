@@ -1,0 +1,149 @@
+//! Which example is seen when.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::stream::{shuffle, stream};
+use super::{Settings, Source};
+
+/// The order of the examples, without end: a function of the seed and the parts alone.
+///
+/// Of every part the same number of examples is taken in each epoch: the next ones of an endless row of permutations, so that no example of a
+/// part is seen twice more often than another. What is taken of all parts is shuffled.
+pub(super) struct Order {
+    seed: u64,
+    parts: Vec<Part>,
+    length: usize,
+    /// Epochs that are being gone through.
+    known: BTreeMap<u64, Vec<usize>>,
+}
+
+struct Part {
+    examples: Vec<usize>,
+    /// Taken in an epoch.
+    taken: usize,
+}
+
+impl Order {
+    pub(super) fn new(seed: u64, parts: &[(Vec<usize>, f64)]) -> Self {
+        let part = |(examples, times): &(Vec<usize>, f64)| Part {
+            taken: (examples.len() as f64 * times).round() as usize,
+            examples: examples.clone(),
+        };
+        let parts: Vec<Part> = parts.iter().map(part).filter(|p| !p.examples.is_empty()).collect();
+        let length = parts.iter().map(|p| p.taken).sum();
+        Self { seed, parts, length, known: BTreeMap::new() }
+    }
+
+    /// Examples in an epoch.
+    pub(super) fn length(&self) -> usize {
+        self.length
+    }
+
+    /// The examples at these places of the endless order. Places may only grow from call to call, or there is work twice.
+    pub(super) fn at(&mut self, places: std::ops::Range<u64>) -> Vec<usize> {
+        let length = self.length as u64;
+        let first = places.start / length;
+        self.known.retain(|epoch, _| *epoch >= first);
+        places
+            .map(|place| {
+                let (epoch, at) = (place / length, (place % length) as usize);
+                if !self.known.contains_key(&epoch) {
+                    let order = self.epoch(epoch);
+                    self.known.insert(epoch, order);
+                }
+                self.known[&epoch][at]
+            })
+            .collect()
+    }
+
+    fn epoch(&self, epoch: u64) -> Vec<usize> {
+        let mut list = Vec::with_capacity(self.length);
+        for (number, part) in self.parts.iter().enumerate() {
+            let size = part.examples.len() as u64;
+            let mut place = epoch * part.taken as u64;
+            let end = place + part.taken as u64;
+            while place < end {
+                let mut round = part.examples.clone();
+                shuffle(&mut stream(self.seed, "round", place / size, &number.to_string()), &mut round);
+                let stop = end.min((place / size + 1) * size);
+                list.extend_from_slice(&round[(place % size) as usize..=((stop - 1) % size) as usize]);
+                place = stop;
+            }
+        }
+        shuffle(&mut stream(self.seed, "epoch", epoch, ""), &mut list);
+        list
+    }
+}
+
+/// What is learned from and what is held out.
+pub(super) struct Split {
+    /// By part, with the number of times per epoch.
+    pub(super) learned: Vec<(Vec<usize>, f64)>,
+    /// In the order of the hashes of the names.
+    pub(super) held_out: Vec<usize>,
+}
+
+/// Holds examples out by a hash of their names alone: the same whatever else is in the data. Where no hash is low enough, but examples
+/// of two names or more are there, the lowest is.
+pub(super) fn split(source: &impl Source, settings: &Settings) -> Split {
+    let hash = |number: usize| {
+        let digest = blake3::hash(source.id(number).as_bytes());
+        digest.as_bytes()[..8].iter().fold(0u64, |hash, byte| hash << 8 | u64::from(*byte))
+    };
+    let parts = source.parts();
+    let mut hashes = BTreeMap::new();
+    for number in parts.iter().flat_map(|(numbers, _)| numbers) {
+        hashes.entry(hash(*number)).or_insert(*number);
+    }
+    let low = |hash: u64| (hash >> 11) as f64 / (1u64 << 53) as f64 <= settings.held_out;
+    let mut held: BTreeSet<u64> = BTreeSet::new();
+    if settings.held_out > 0.0 {
+        held.extend(hashes.keys().copied().filter(|h| low(*h)));
+        if held.is_empty() && hashes.len() > 1 {
+            held.extend(hashes.keys().next());
+        }
+    }
+    let learned = parts.into_iter().map(|(mut numbers, times)| {
+        numbers.retain(|n| !held.contains(&hash(*n)));
+        (numbers, times)
+    });
+    let learned = learned.collect();
+    let held_out = held.iter().take(settings.most_held_out).map(|hash| hashes[hash]).collect();
+    Split { learned, held_out }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_example_of_a_part_is_seen_as_often_as_asked() {
+        let parts =
+            [((0..10).collect(), 1.0), ((10..14).collect::<Vec<_>>(), 2.5), ((14..24).collect(), 0.3)];
+        let mut order = Order::new(7, &parts);
+        assert_eq!(order.length(), 23);
+        let mut seen = [0; 24];
+        for epoch in 0..10 {
+            let numbers = order.at(epoch * 23..(epoch + 1) * 23);
+            let mut here = [0; 24];
+            numbers.iter().for_each(|n| here[*n] += 1);
+            assert!(here[..10].iter().all(|n| *n == 1));
+            assert!(here[10..14].iter().all(|n| (2..=3).contains(n)));
+            numbers.iter().for_each(|n| seen[*n] += 1);
+        }
+        assert!(seen[10..14].iter().all(|n| *n == 25));
+        assert!(seen[14..].iter().all(|n| *n == 3));
+    }
+
+    #[test]
+    fn the_order_is_the_seeds_and_differs_from_epoch_to_epoch() {
+        let parts = [((0..50).collect::<Vec<_>>(), 1.0)];
+        let at = |seed, places| Order::new(seed, &parts).at(places);
+        assert_eq!(at(1, 0..50), at(1, 0..50));
+        assert_ne!(at(1, 0..50), at(2, 0..50));
+        assert_ne!(at(1, 0..50), at(1, 50..100));
+        let mut whole = Order::new(1, &parts);
+        let pieces: Vec<usize> = (0..15).flat_map(|i| whole.at(i * 7..(i + 1) * 7)).collect();
+        assert_eq!(pieces, at(1, 0..105));
+    }
+}

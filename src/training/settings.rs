@@ -1,0 +1,108 @@
+//! What a training depends on, and what it does not.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+/// What decides about the outcome, together with the task and the data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Seed of all random choices.
+    pub seed: u64,
+    /// How often the data are gone through.
+    pub epochs: f64,
+    /// Examples per step.
+    pub batch: usize,
+    /// Examples that the network sees at a time; a batch is split into parts of this size, which threads share.
+    pub together: usize,
+    /// Learning rate at the height of the schedule.
+    pub learning_rate: f64,
+    /// Part of the learning rate that is left at the end of the cosine.
+    pub floor: f64,
+    /// Steps in which the learning rate grows from 0 at the beginning.
+    pub warm_up: u64,
+    /// Decay of the weights of matrices, per step and learning rate.
+    pub weight_decay: f64,
+    /// Memory of the first and second moment.
+    pub betas: [f64; 2],
+    /// Added to the root of the second moment.
+    pub epsilon: f64,
+    /// Norm of the whole gradient above which it is scaled down to it.
+    pub clip: f64,
+    /// Steps between validations.
+    pub validate_every: u64,
+    /// Part of the examples that is held out for validation, by a hash of the name.
+    pub held_out: f64,
+    /// Most examples that are held out and looked at; what is held out beyond them is not used at all.
+    pub most_held_out: usize,
+    /// Validations without a better loss after which the training ends; 0: never.
+    pub patience: u64,
+}
+
+impl Default for Settings {
+    /// Values for networks of about a million parameters. Betas and epsilon are those of Loshchilov and Hutter, "Decoupled Weight Decay
+    /// Regularization", <https://arxiv.org/abs/1711.05101>.
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            epochs: 10.0,
+            batch: 8,
+            together: 1,
+            learning_rate: 1e-3,
+            floor: 0.01,
+            warm_up: 0,
+            weight_decay: 0.01,
+            betas: [0.9, 0.999],
+            epsilon: 1e-8,
+            clip: 1.0,
+            validate_every: 200,
+            held_out: 0.02,
+            most_held_out: 128,
+            patience: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// The first setting that can not be, in words.
+    pub(super) fn refuse(&self) -> Option<String> {
+        let not =
+            |name: &str, value: f64, expected: &str| Some(format!("{name} is {value}, expected {expected}"));
+        if !(self.epochs > 0.0 && self.epochs <= 1e6) {
+            return not("epochs", self.epochs, "more than 0, at most 1000000");
+        }
+        for (name, value) in [("batch", self.batch), ("together", self.together)] {
+            if value == 0 || value > 65_536 {
+                return not(name, value as f64, "1 to 65536");
+            }
+        }
+        if self.validate_every == 0 {
+            return not("validate_every", 0.0, "at least 1");
+        }
+        for (name, value) in
+            [("learning_rate", self.learning_rate), ("clip", self.clip), ("epsilon", self.epsilon)]
+        {
+            if !(value > 0.0 && value.is_finite()) {
+                return not(name, value, "more than 0 and finite");
+            }
+        }
+        for (name, value) in
+            [("floor", self.floor), ("weight_decay", self.weight_decay), ("held_out", self.held_out)]
+        {
+            if !(0.0..=1.0).contains(&value) {
+                return not(name, value, "0 to 1");
+            }
+        }
+        let beta = self.betas.into_iter().find(|b| !(0.0..1.0).contains(b));
+        beta.and_then(|b| not("betas", b, "0 to below 1"))
+    }
+}
+
+/// How a training is carried out: nothing here changes what comes out.
+#[derive(Clone, Copy, Debug)]
+pub struct Execution {
+    /// Threads.
+    pub jobs: usize,
+    /// Time between checkpoints.
+    pub checkpoint_every: Duration,
+}

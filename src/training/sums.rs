@@ -1,0 +1,43 @@
+//! Means that are still being summed up.
+
+use std::collections::BTreeMap;
+
+/// A sum and the weight it is divided by in the end.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sum {
+    /// Sum of the weighted values.
+    pub total: f64,
+    /// Sum of the weights.
+    pub weight: f64,
+}
+
+/// Means by name, such as the share of tokens that were met.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sums(BTreeMap<&'static str, Sum>);
+
+impl Sums {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a sum of values and the sum of their weights.
+    pub fn add(&mut self, name: &'static str, total: f64, weight: f64) {
+        let sum = self.0.entry(name).or_default();
+        sum.total += total;
+        sum.weight += weight;
+    }
+
+    /// Adds all of `other`.
+    pub fn extend(&mut self, other: &Self) {
+        for (name, sum) in &other.0 {
+            self.add(name, sum.total, sum.weight);
+        }
+    }
+
+    /// The means, by name; what nothing was summed up of is left out.
+    pub fn means(&self) -> BTreeMap<String, f64> {
+        let weighed = self.0.iter().filter(|(_, sum)| sum.weight != 0.0);
+        weighed.map(|(name, sum)| ((*name).to_owned(), sum.total / sum.weight)).collect()
+    }
+}

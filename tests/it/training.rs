@@ -1,0 +1,4 @@
+//! The learning loop, on networks small enough to learn in a second.
+
+mod learning;
+mod toy;
