@@ -1,0 +1,75 @@
+//! Numbers as vectors: learned frequencies, one perceptron per number.
+
+use std::f32::consts::TAU;
+
+use burn::module::{Module, Param};
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
+
+use super::Initializer;
+
+/// The Fourier embedding of the SMART family: every scalar u gives cos(2πfu) and sin(2πfu) for its own learned frequencies f, and u
+/// itself; a perceptron per scalar; the sum, with categorical vectors added, through norm, ReLU and a last linear layer.
+#[derive(Module, Debug)]
+pub struct FourierEmbedding {
+    /// [scalars, frequencies]
+    freqs: Param<Tensor<2>>,
+    mlps: Vec<ScalarLayers>,
+    merge_norm: LayerNorm,
+    merge: Linear,
+}
+
+/// What one scalar goes through: linear, layer norm, ReLU, linear.
+#[derive(Module, Debug)]
+pub struct ScalarLayers {
+    lift: Linear,
+    lift_norm: LayerNorm,
+    mix: Linear,
+}
+
+impl FourierEmbedding {
+    /// For this many scalars, with this many frequencies each, into vectors of this width.
+    pub fn init(scalars: usize, frequencies: usize, width: usize, init: &mut Initializer) -> Self {
+        let layers = |init: &mut Initializer| ScalarLayers {
+            lift: init.linear(2 * frequencies + 1, width, true),
+            lift_norm: init.norm(width),
+            mix: init.linear(width, width, true),
+        };
+        Self {
+            freqs: init.normal([scalars, frequencies], 0.02),
+            mlps: (0..scalars).map(|_| layers(init)).collect(),
+            merge_norm: init.norm(width),
+            merge: init.linear(width, width, true),
+        }
+    }
+
+    /// Scalars [E, D] and, if there are any, the sum of the categorical vectors [E, width] to [E, width].
+    ///
+    /// # Panics
+    /// If the scalars are not as many as the embedding was made for.
+    pub fn forward(&self, scalars: Tensor<2>, categorical: Option<Tensor<2>>) -> Tensor<2> {
+        let [rows, count] = scalars.dims();
+        let [own, frequencies] = self.freqs.dims();
+        assert_eq!(count, own, "scalars of a Fourier embedding");
+        let mut sum = categorical;
+        for (d, layers) in self.mlps.iter().enumerate() {
+            let u = scalars.clone().narrow(1, d, 1);
+            let f = self.freqs.val().narrow(0, d, 1);
+            let angle = (u.clone().expand([rows, frequencies]) * f) * TAU;
+            let features = Tensor::cat(vec![angle.clone().cos(), angle.sin(), u], 1);
+            let x = layers.mix.forward(relu(layers.lift_norm.forward(layers.lift.forward(features))));
+            sum = Some(match sum {
+                Some(sum) => sum + x,
+                None => x,
+            });
+        }
+        let sum = sum.unwrap_or_else(|| Tensor::zeros([rows, self.width()], &scalars.device()));
+        self.merge.forward(relu(self.merge_norm.forward(sum)))
+    }
+
+    /// The width of its vectors.
+    pub fn width(&self) -> usize {
+        self.merge.weight.dims()[1]
+    }
+}

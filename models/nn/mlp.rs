@@ -1,0 +1,62 @@
+//! The two small perceptrons of the SMART family (models: SMART, CATK, TrajTok).
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
+
+use super::Initializer;
+
+/// Linear, layer norm, ReLU, linear.
+#[derive(Module, Debug)]
+pub struct MlpLayer {
+    hidden: Linear,
+    hidden_norm: LayerNorm,
+    output: Linear,
+}
+
+impl MlpLayer {
+    /// Widths of input, hidden layer and output.
+    pub fn init(inputs: usize, hidden: usize, outputs: usize, init: &mut Initializer) -> Self {
+        Self {
+            hidden: init.linear(inputs, hidden, true),
+            hidden_norm: init.norm(hidden),
+            output: init.linear(hidden, outputs, true),
+        }
+    }
+
+    /// [.., inputs] to [.., outputs].
+    pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
+        self.output.forward(relu(self.hidden_norm.forward(self.hidden.forward(x))))
+    }
+}
+
+/// Two times linear, layer norm and ReLU, then linear. The published networks have 128 as the first width, whatever the second.
+#[derive(Module, Debug)]
+pub struct MlpEmbedding {
+    first: Linear,
+    first_norm: LayerNorm,
+    second: Linear,
+    second_norm: LayerNorm,
+    third: Linear,
+}
+
+impl MlpEmbedding {
+    /// Widths of input, first layer, and of second layer and output.
+    pub fn init(inputs: usize, first: usize, outputs: usize, init: &mut Initializer) -> Self {
+        Self {
+            first: init.linear(inputs, first, true),
+            first_norm: init.norm(first),
+            second: init.linear(first, outputs, true),
+            second_norm: init.norm(outputs),
+            third: init.linear(outputs, outputs, true),
+        }
+    }
+
+    /// [.., inputs] to [.., outputs].
+    pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
+        let x = relu(self.first_norm.forward(self.first.forward(x)));
+        let x = relu(self.second_norm.forward(self.second.forward(x)));
+        self.third.forward(x)
+    }
+}

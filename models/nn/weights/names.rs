@@ -1,0 +1,72 @@
+//! What the parts of layers are called in files.
+
+/// The names of PyTorch's state dicts for fields of layers whose own names say more: container, field, name in the file.
+const STORED: &[(&str, &str, &str)] = &[
+    ("Struct:LayerNorm", "gamma", "weight"),
+    ("Struct:LayerNorm", "beta", "bias"),
+    ("Struct:MlpLayer", "hidden", "mlp.0"),
+    ("Struct:MlpLayer", "hidden_norm", "mlp.1"),
+    ("Struct:MlpLayer", "output", "mlp.3"),
+    ("Struct:MlpEmbedding", "first", "mlp.0"),
+    ("Struct:MlpEmbedding", "first_norm", "mlp.1"),
+    ("Struct:MlpEmbedding", "second", "mlp.3"),
+    ("Struct:MlpEmbedding", "second_norm", "mlp.4"),
+    ("Struct:MlpEmbedding", "third", "mlp.6"),
+    ("Struct:FourierEmbedding", "freqs", "freqs.weight"),
+    ("Struct:FourierEmbedding", "merge_norm", "to_out.0"),
+    ("Struct:FourierEmbedding", "merge", "to_out.2"),
+    ("Struct:ScalarLayers", "lift", "0"),
+    ("Struct:ScalarLayers", "lift_norm", "1"),
+    ("Struct:ScalarLayers", "mix", "3"),
+    ("Struct:ReluLayers", "wide", "0"),
+    ("Struct:ReluLayers", "narrow", "3"),
+    ("Struct:SwiGluLayers", "wide", "w12"),
+    ("Struct:SwiGluLayers", "narrow", "w3"),
+];
+
+/// Where a walk over a module stands.
+#[derive(Debug, Default)]
+pub(super) struct Place {
+    parts: Vec<String>,
+    /// Whether the innermost part is the weight of a linear layer, which files hold as [out, in].
+    linear: Vec<bool>,
+}
+
+impl Place {
+    pub(super) fn enter(&mut self, name: &str, container: &str) {
+        let stored = STORED.iter().find(|(c, field, _)| (*c, *field) == (container, name));
+        // Which variant of an enumeration it is does not stand in names: the tensors tell.
+        let name_there = if container.starts_with("Enum:") { "" } else { stored.map_or(name, |s| s.2) };
+        self.parts.push(name_there.to_owned());
+        self.linear.push(container == "Struct:Linear" && name == "weight");
+    }
+
+    pub(super) fn exit(&mut self) {
+        self.parts.pop();
+        self.linear.pop();
+    }
+
+    /// The name in the file.
+    pub(super) fn name(&self) -> String {
+        let parts: Vec<&str> = self.parts.iter().map(String::as_str).filter(|p| !p.is_empty()).collect();
+        parts.join(".")
+    }
+
+    /// The shape in the file of what has this shape here.
+    pub(super) fn stored_shape(&self, mut shape: Vec<usize>) -> Vec<usize> {
+        if self.turned() {
+            shape.reverse();
+        }
+        shape
+    }
+
+    /// Whether rows and columns change places between file and network.
+    pub(super) fn turned(&self) -> bool {
+        self.linear.last() == Some(&true)
+    }
+}
+
+/// Rows and columns change places: from [rows, columns] to [columns, rows].
+pub(super) fn turn(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+    (0..columns).flat_map(|c| (0..rows).map(move |r| values[r * columns + c])).collect()
+}

@@ -1,0 +1,57 @@
+//! A network into bytes.
+
+use std::collections::BTreeMap;
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::tensor::Tensor;
+
+use super::names::{Place, turn};
+
+/// The weights of a network as a safetensors file with these metadata ([`CONFIG`](super::CONFIG) among them, if the file is to say what
+/// it is). The same weights and metadata give the same bytes.
+pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    let mut weights = Weights::default();
+    network.visit(&mut weights);
+    // Not by the crate: it writes metadata in the order of a hash map.
+    let mut header = serde_json::Map::new();
+    if !metadata.is_empty() {
+        header.insert("__metadata__".into(), serde_json::json!(metadata));
+    }
+    let mut data = Vec::new();
+    for (name, (shape, values)) in &weights.tensors {
+        let start = data.len();
+        data.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        let entry = serde_json::json!({"dtype": "F32", "shape": shape, "data_offsets": [start, data.len()]});
+        header.insert(name.clone(), entry);
+    }
+    let mut header = serde_json::Value::Object(header).to_string().into_bytes();
+    header.resize(header.len().next_multiple_of(8), b' ');
+    let mut file = (header.len() as u64).to_le_bytes().to_vec();
+    file.extend(header);
+    file.extend(data);
+    file
+}
+
+#[derive(Default)]
+struct Weights {
+    place: Place,
+    tensors: BTreeMap<String, (Vec<usize>, Vec<f32>)>,
+}
+
+impl ModuleVisitor for Weights {
+    fn enter_module(&mut self, name: &str, container: &str) {
+        self.place.enter(name, container);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.place.exit();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let tensor = param.val();
+        let shape = tensor.dims();
+        let values: Vec<f32> = tensor.into_data().iter::<f32>().collect();
+        let values = if self.place.turned() { turn(&values, shape[0], shape[1]) } else { values };
+        self.tensors.insert(self.place.name(), (self.place.stored_shape(shape.to_vec()), values));
+    }
+}
