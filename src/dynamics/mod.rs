@@ -1,10 +1,11 @@
-//! What vehicles can do: the limits of the benchmark, the kinematic bicycle model, paths that a vehicle can drive, and
-//! speeds at which it can drive them.
+//! What vehicles can do: the limits of the benchmark, the kinematic bicycle model, paths that a vehicle can drive,
+//! speeds at which it can drive them, and the tracker that follows planned poses within the limits.
 
 mod axle_path;
 mod bicycle;
 mod driven_path;
 mod limits;
+mod tracker;
 
 pub mod speeds;
 
@@ -12,3 +13,4 @@ pub use axle_path::{Allowed, AxlePath, CALM_STEERING, Departure, REAR_AXLE, foll
 pub use bicycle::Pose;
 pub use driven_path::{DrivenPath, PathPoint, PathProjection, Pursuit};
 pub use limits::{MAX_ACCELERATION, MAX_CURVATURE};
+pub use tracker::{Ability, Moving, Tracker};

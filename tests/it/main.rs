@@ -16,6 +16,7 @@ mod idm;
 mod layers;
 mod metrics;
 mod mini_scenarios;
+mod networks;
 mod protocol;
 mod realism;
 mod scenes;
@@ -23,6 +24,7 @@ mod scripted_av;
 mod shipped;
 mod tokens;
 mod training;
+mod smart_golden;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]

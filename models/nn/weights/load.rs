@@ -85,7 +85,9 @@ impl ModuleMapper for Placing {
         param.map(|old| {
             let shape = old.dims();
             let values = if turned { turn(&values, shape[1], shape[0]) } else { values };
-            Tensor::from_data(TensorData::new(values, shape), &old.device())
+            let new = Tensor::from_data(TensorData::new(values, shape), &old.device());
+            // A network that is to be trained goes on being one.
+            new.set_require_grad(old.is_require_grad())
         })
     }
 }

@@ -1,7 +1,6 @@
 //! What the parts of layers are called in files.
 
-/// The names of PyTorch's state dicts for fields of layers whose own names say more: container, field, name in the file. An empty name
-/// is left out of the path.
+/// The names of PyTorch's state dicts for fields of layers whose own names say more: container, field, name in the file.
 const STORED: &[(&str, &str, &str)] = &[
     ("Struct:LayerNorm", "gamma", "weight"),
     ("Struct:LayerNorm", "beta", "bias"),
@@ -19,10 +18,8 @@ const STORED: &[(&str, &str, &str)] = &[
     ("Struct:ScalarLayers", "lift", "0"),
     ("Struct:ScalarLayers", "lift_norm", "1"),
     ("Struct:ScalarLayers", "mix", "3"),
-    ("Enum:FeedForward", "Relu", ""),
     ("Struct:ReluLayers", "wide", "0"),
     ("Struct:ReluLayers", "narrow", "3"),
-    ("Enum:FeedForward", "SwiGlu", ""),
     ("Struct:SwiGluLayers", "wide", "w12"),
     ("Struct:SwiGluLayers", "narrow", "w3"),
 ];
@@ -38,7 +35,9 @@ pub(super) struct Place {
 impl Place {
     pub(super) fn enter(&mut self, name: &str, container: &str) {
         let stored = STORED.iter().find(|(c, field, _)| (*c, *field) == (container, name));
-        self.parts.push(stored.map_or(name, |s| s.2).to_owned());
+        // Which variant of an enumeration it is does not stand in names: the tensors tell.
+        let name_there = if container.starts_with("Enum:") { "" } else { stored.map_or(name, |s| s.2) };
+        self.parts.push(name_there.to_owned());
         self.linear.push(container == "Struct:Linear" && name == "weight");
     }
 
