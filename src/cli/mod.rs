@@ -10,6 +10,7 @@ mod report;
 mod run;
 mod score;
 mod shipped;
+mod train;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -48,6 +49,8 @@ enum Command {
     Curate(curate::CurateArgs),
     /// Generate scenarios: maps, traffic, and for benchmarks deviated AVs
     Generate(generate::GenerateArgs),
+    /// Train networks, and build what they need
+    Train(train::TrainArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
     /// Print the tables of finished runs
@@ -94,6 +97,7 @@ pub fn main() -> ExitCode {
         Command::Score(args) => score::score(&args),
         Command::Curate(args) => curate::curate(&args),
         Command::Generate(args) => generate::generate(&args),
+        Command::Train(args) => train::train(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Inspect(args) => inspect::inspect(&args),

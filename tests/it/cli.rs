@@ -78,6 +78,7 @@ fn help_fits_a_terminal() {
       score     Score rollouts that any program produced
       curate    Make AV trajectories that leave the log (deviated AVs), review and analyse them
       generate  Generate scenarios: maps, traffic, and for benchmarks deviated AVs
+      train     Train networks, and build what they need
       convert   Convert scenarios of any format to native Parquet
       report    Print the tables of finished runs
       inspect   Print and draw what is in a scenario
@@ -92,7 +93,7 @@ fn help_fits_a_terminal() {
 
     With no arguments at all it runs every baseline on the shipped scenarios.
     ");
-    for verb in ["run", "score", "curate", "generate", "convert", "report", "inspect", "list"] {
+    for verb in ["run", "score", "curate", "generate", "train", "convert", "report", "inspect", "list"] {
         let help = stdout(&reactsim(&[verb, "--help"]));
         assert!(help.contains("Usage: reactsim"), "{verb}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();

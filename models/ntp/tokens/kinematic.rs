@@ -7,7 +7,10 @@ use reactsim::geometry::{Vec2, direction, wrap};
 use reactsim::scene::DT;
 use serde::Serialize;
 
-use super::{Class, ORIGIN, Provenance, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
+use super::{
+    BuildError, Class, ORIGIN, Provenance, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer,
+    Vocabulary, VocabularyError,
+};
 
 /// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0 stands exactly still.
 ///
@@ -105,8 +108,29 @@ impl Kinematic {
     pub fn build(&self) -> Result<Vocabulary, VocabularyError> {
         let settings = serde_json::to_value(self).map_err(VocabularyError::Provenance)?;
         let provenance = Provenance { method: "kinematic".to_owned(), settings, ..Provenance::default() };
-        let tokens = [self.vehicle.tokens(), self.pedestrian.tokens(), self.cyclist.tokens()];
-        Vocabulary::new(tokens, provenance)
+        Vocabulary::new(Class::ALL.map(|class| self.of(class)), provenance)
+    }
+
+    fn of(&self, class: Class) -> Vec<TokenPoses> {
+        match class {
+            Class::Vehicle => self.vehicle.tokens(),
+            Class::Pedestrian => self.pedestrian.tokens(),
+            Class::Cyclist => self.cyclist.tokens(),
+        }
+    }
+}
+
+impl Tokenizer for Kinematic {
+    fn method(&self) -> &'static str {
+        "kinematic"
+    }
+
+    fn settings(&self) -> Result<serde_json::Value, serde_json::Error> {
+        serde_json::to_value(self)
+    }
+
+    fn tokens(&self, class: Class, _: &Segments) -> Result<Vec<TokenPoses>, BuildError> {
+        Ok(self.of(class))
     }
 }
 

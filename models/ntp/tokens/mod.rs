@@ -3,15 +3,34 @@
 //! A token is half a second of motion: six poses, 0.1 s apart, in the frame of the first one. Read [`Vocabulary`] first.
 
 mod class;
+mod errors;
 mod file;
+mod k_disks;
 mod kinematic;
+mod map;
+mod map_pieces;
+mod map_vocabulary;
+mod matching;
 mod motion;
+mod sample;
+mod segments;
 mod token_set;
+mod tokenizer;
+mod trajtok;
 mod vocabulary;
 
 pub use class::Class;
+pub use errors::{ErrorSummary, MatchingErrors};
+pub use k_disks::{CornerDistance, KDisks, Quality};
 pub use kinematic::{ArcGrid, Band, Kinematic, PolarGrid};
+pub use map::{CURVE_POINTS, CurveKind, CurvePiece, LightCode, curve_pieces};
+pub use map_pieces::{MapPiece, PIECE_POINTS, PieceKind, map_pieces};
+pub use map_vocabulary::{MapVocabulary, MapVocabularyBuilder};
+pub use matching::{Noise, PreparedTrack, TOKEN_STEPS, TokenTrack, fill_gaps, token_of_motion};
 pub use motion::{ORIGIN, motion_between, moved};
+pub use segments::Segments;
+pub use tokenizer::{BuildError, Tokenizer};
+pub use trajtok::{EndGrid, TrajTok};
 pub use vocabulary::{Provenance, Vocabulary, VocabularyError};
 
 use reactsim::dynamics::Pose;

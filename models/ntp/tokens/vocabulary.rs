@@ -89,6 +89,17 @@ pub enum VocabularyError {
         /// x, y, heading.
         value: [f64; 3],
     },
+    /// A vocabulary of the map without curves.
+    #[error("the map vocabulary has no curves; give scenarios with maps")]
+    NoCurves,
+    /// A curve of the map with a coordinate that is NaN or infinite.
+    #[error("curve {token} of the map vocabulary: {value:?} (x, y) is not finite")]
+    CurveNotFinite {
+        /// Index of the token.
+        token: usize,
+        /// x, y.
+        value: [f64; 2],
+    },
     /// A token that does not start at the origin.
     #[error(
         "class `{class}`, token {token} starts at {value:?} (x, y, heading), expected 0, 0, 0: poses are in the \

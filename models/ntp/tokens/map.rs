@@ -1,0 +1,295 @@
+//! The map as CATK's network sees it: pieces of 5 m that are matched to curves of a vocabulary.
+
+use reactsim::geometry::{Polyline, Vec2, direction, heading_of, left};
+use reactsim::scene::{CURRENT, LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
+
+use super::map_pieces::{LONGEST, edge_rings};
+
+/// Spacing of points along a piece, metres.
+const SPACING: f64 = 0.5;
+/// Steps along a whole piece: 5 m.
+const STEPS: usize = 10;
+/// Points of the curve of a piece.
+pub const CURVE_POINTS: usize = STEPS + 1;
+/// Where two points are farther apart than this, a line ends and another one begins, metres.
+const TORN: f64 = 3.0;
+/// In maps of chains of points so much of the lanes may be torn.
+const MOST_TORN: f64 = 0.1;
+/// Left over points are a piece of their own from so many on.
+const LEAST_LEFT: usize = 3;
+/// Spacing of points along the sides of crosswalks, metres.
+const CROSSWALK_SPACING: f64 = 1.0;
+
+/// A piece of a line of the map, about 5 m long.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurvePiece {
+    /// Points 0.5 m apart, scenario frame: 11 of them, or 3 to 10 in what was left over of a line.
+    pub points: Vec<Vec2>,
+    /// What it is part of.
+    pub kind: CurveKind,
+    /// What the light of its lane shows now.
+    pub light: LightCode,
+}
+
+/// What a piece is part of (the point types of CATK, in the order of their codes).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CurveKind {
+    /// A lane of a motorway.
+    Freeway,
+    /// Another lane.
+    SurfaceStreet,
+    /// A lane with a stop sign.
+    StopSign,
+    /// A lane for bicycles.
+    BikeLane,
+    /// The outer edge of the road.
+    EdgeBoundary,
+    /// A median.
+    EdgeMedian,
+    /// A broken line.
+    BrokenLine,
+    /// A solid line.
+    SolidLine,
+    /// A double line.
+    DoubleLine,
+    /// A crosswalk, speed bump or driveway.
+    Crosswalk,
+}
+
+/// What a light shows, as CATK tells it, in the order of its codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightCode {
+    /// There is no light.
+    None,
+    /// Seen, colour unknown.
+    Unknown,
+    /// Red, flashing or not, arrow or not.
+    Stop,
+    /// Green, arrow or not.
+    Go,
+    /// Yellow, flashing or not, arrow or not.
+    Caution,
+}
+
+impl CurveKind {
+    /// Number of kinds.
+    pub const COUNT: usize = 10;
+
+    /// The code 0 to 9.
+    pub const fn code(self) -> usize {
+        self as usize
+    }
+
+    /// The code of the kind of line: 0 lane, 1 road edge, 2 road line, 3 crosswalk.
+    pub const fn line_code(self) -> usize {
+        match self {
+            Self::Freeway | Self::SurfaceStreet | Self::StopSign | Self::BikeLane => 0,
+            Self::EdgeBoundary | Self::EdgeMedian => 1,
+            Self::BrokenLine | Self::SolidLine | Self::DoubleLine => 2,
+            Self::Crosswalk => 3,
+        }
+    }
+}
+
+impl LightCode {
+    /// Number of codes.
+    pub const COUNT: usize = 5;
+
+    /// The code 0 to 4.
+    pub const fn code(self) -> usize {
+        self as usize
+    }
+}
+
+impl From<LightState> for LightCode {
+    fn from(state: LightState) -> Self {
+        match state {
+            LightState::Unknown => Self::Unknown,
+            LightState::ArrowStop | LightState::Stop | LightState::FlashingStop => Self::Stop,
+            LightState::ArrowCaution | LightState::Caution | LightState::FlashingCaution => Self::Caution,
+            LightState::ArrowGo | LightState::Go => Self::Go,
+        }
+    }
+}
+
+impl CurvePiece {
+    /// Where it begins.
+    pub fn start(&self) -> Vec2 {
+        self.points[0]
+    }
+
+    /// Direction of its first half metre, radians.
+    pub fn heading(&self) -> f64 {
+        heading_of(self.points[1] - self.points[0])
+    }
+
+    /// Its first, middle and last point, by which it is matched.
+    pub fn samples(&self) -> [Vec2; 3] {
+        let last = self.points.len() - 1;
+        [self.points[0], self.points[last / 2], self.points[last]]
+    }
+
+    /// Eleven points evenly along it, in the frame of its start: first point 0, 0, first chord along x.
+    pub fn curve(&self) -> [Vec2; CURVE_POINTS] {
+        let ahead = direction(self.heading());
+        let last = (self.points.len() - 1) as f64;
+        std::array::from_fn(|i| {
+            let at = last * i as f64 / STEPS as f64;
+            let k = (at.floor() as usize).min(self.points.len() - 2);
+            let point = self.points[k] + (self.points[k + 1] - self.points[k]) * (at - k as f64);
+            let way = point - self.points[0];
+            Vec2::new(way.dot(&ahead), way.dot(&left(ahead)))
+        })
+    }
+}
+
+/// All pieces of a map, in its order: lanes, road edges, road lines, crosswalks, speed bumps, driveways. Maps without road edges get
+/// pieces along the edge of their drivable area.
+///
+/// Maps that are drawn with few points are sampled first; of chains of points, such as Waymo's, wide gaps are where lines end.
+pub fn curve_pieces(start: &Start) -> Vec<CurvePiece> {
+    let map = &start.map;
+    let mut lights = vec![LightCode::None; map.lanes.len()];
+    for (light, states) in start.lights.iter().zip(&start.light_history) {
+        if let Some(state) = states[CURRENT] {
+            lights[light.lane] = state.into();
+        }
+    }
+    let mut pieces = Pieces { sampled: is_sampled(map), pieces: Vec::new() };
+    for (i, lane) in map.lanes.iter().enumerate() {
+        pieces.cut(lane.baseline.points(), lane_kind(map, i), lights[i]);
+    }
+    for edge in &map.road_edges {
+        let kind =
+            if edge.kind == RoadEdgeKind::Median { CurveKind::EdgeMedian } else { CurveKind::EdgeBoundary };
+        pieces.cut(&edge.points, kind, LightCode::None);
+    }
+    if map.road_edges.is_empty() {
+        for (ring, is_hole) in edge_rings(map) {
+            let kind = if is_hole { CurveKind::EdgeMedian } else { CurveKind::EdgeBoundary };
+            pieces.cut(&ring, kind, LightCode::None);
+        }
+    }
+    for line in &map.road_lines {
+        let kind = match line.paint {
+            1 | 4 | 5 => CurveKind::BrokenLine,
+            2 | 6 => CurveKind::SolidLine,
+            _ => CurveKind::DoubleLine,
+        };
+        pieces.cut(&line.points, kind, LightCode::None);
+    }
+    let surfaces = map.speed_bumps.iter().chain(&map.driveways).map(|s| &s.outline);
+    for outline in map.crosswalks.iter().map(|c| &c.outline).chain(surfaces) {
+        pieces.cut(&crossing_line(outline), CurveKind::Crosswalk, LightCode::None);
+    }
+    pieces.pieces
+}
+
+fn lane_kind(map: &RoadMap, lane: usize) -> CurveKind {
+    let has_sign = || map.stop_lines.iter().any(|s| s.kind == StopKind::Sign && s.lane == lane);
+    match map.lanes[lane].class {
+        LaneClass::Bike => CurveKind::BikeLane,
+        _ if has_sign() => CurveKind::StopSign,
+        LaneClass::Freeway => CurveKind::Freeway,
+        LaneClass::Undefined | LaneClass::SurfaceStreet => CurveKind::SurfaceStreet,
+    }
+}
+
+/// The two long sides of a crossing, each there and back, as one line.
+fn crossing_line(outline: &[Vec2]) -> Vec<Vec2> {
+    let n = outline.len();
+    if n < 4 {
+        return Vec::new();
+    }
+    let corner = |i: usize| outline[n * i / 4];
+    let length = |a: usize, b: usize| (corner(b) - corner(a)).norm();
+    let sides = if length(0, 1) > length(1, 2) { [(0, 1), (2, 3)] } else { [(0, 3), (2, 1)] };
+    let mut line = Vec::new();
+    for (a, b) in sides {
+        let (from, way) = (corner(a), corner(b) - corner(a));
+        let length = way.norm();
+        if !(length > 0.0 && length <= LONGEST) {
+            continue;
+        }
+        let steps = (length / CROSSWALK_SPACING).floor() as usize;
+        let mut side: Vec<Vec2> =
+            (0..=steps).map(|i| from + way * (i as f64 * CROSSWALK_SPACING / length)).collect();
+        side.push(corner(b));
+        line.extend(side.iter().copied());
+        line.extend(side.into_iter().rev());
+    }
+    line
+}
+
+/// Whether the lines of a map are chains of points so close that a gap is a tear. In maps drawn with few points it is not.
+fn is_sampled(map: &RoadMap) -> bool {
+    let (mut all, mut wide) = (0.0, 0.0);
+    for line in map.lanes.iter().map(|l| &l.baseline) {
+        all += line.length();
+        wide += line.arc().windows(2).map(|w| w[1] - w[0]).filter(|step| *step > TORN).sum::<f64>();
+    }
+    wide <= MOST_TORN * all
+}
+
+/// Pieces that were cut so far.
+struct Pieces {
+    sampled: bool,
+    pieces: Vec<CurvePiece>,
+}
+
+impl Pieces {
+    /// Cuts a line. Its last point does not count, and lines of two points are none (as in the published preparation of the data).
+    fn cut(&mut self, line: &[Vec2], kind: CurveKind, light: LightCode) {
+        let dense;
+        let line = if self.sampled {
+            line
+        } else {
+            dense = resampled(line);
+            &dense
+        };
+        if line.len() <= 2 {
+            return;
+        }
+        let line = &line[..line.len() - 1];
+        let mut first = 0;
+        for i in 1..=line.len() {
+            if i == line.len() || (line[i] - line[i - 1]).norm() > TORN {
+                self.cut_whole(&line[first..i], kind, light);
+                first = i;
+            }
+        }
+    }
+
+    /// Cuts a line that is not torn.
+    fn cut_whole(&mut self, line: &[Vec2], kind: CurveKind, light: LightCode) {
+        let points = resampled(line);
+        let mut first = 0;
+        while first + STEPS < points.len() {
+            self.pieces.push(CurvePiece { points: points[first..=first + STEPS].to_vec(), kind, light });
+            first += STEPS;
+        }
+        // The point where the last whole piece ends is not left over, but begins what is.
+        let left = points.len() - if first == 0 { 0 } else { first + 1 };
+        if left >= LEAST_LEFT {
+            self.pieces.push(CurvePiece { points: points[first..].to_vec(), kind, light });
+        }
+    }
+}
+
+/// Points every half metre along a line, and its last one. None where the line has no length.
+fn resampled(line: &[Vec2]) -> Vec<Vec2> {
+    let Some(line) = Polyline::new(line).ok().filter(|l| l.length() <= LONGEST) else { return Vec::new() };
+    let (mut points, mut segment) = (Vec::new(), 0);
+    let mut step = 0_u32;
+    loop {
+        let s = SPACING * f64::from(step);
+        if s >= line.length() {
+            break;
+        }
+        segment = line.segment_from(s, segment);
+        points.push(line.on_segment(s, segment));
+        step += 1;
+    }
+    points.push(line.points()[line.segments()]);
+    points
+}

@@ -1,0 +1,216 @@
+//! The vocabulary of the map: curves of 5 m, one of which stands for every piece of a line.
+
+use std::collections::HashMap;
+
+use rand::RngExt;
+use reactsim::geometry::{Vec2, direction, left};
+use reactsim::rollout::{Purpose, stream};
+use reactsim::scene::Scenario;
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensors};
+
+use super::sample::Sample;
+use super::{CURVE_POINTS, CurvePiece, Provenance, VocabularyError, curve_pieces};
+
+/// The curve of a token: eleven points in the frame of the first, the first chord along x.
+type Curve = [Vec2; CURVE_POINTS];
+
+/// Curves by which pieces of the map are told apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapVocabulary {
+    curves: Vec<Curve>,
+    provenance: Provenance,
+}
+
+/// The entry of the metadata that says what the vocabulary was made of, as JSON.
+const MADE: &str = "reactsim.map_vocabulary";
+/// Our tensor `[tokens, 11, 2]`, the one of SMART's curves, and CATK's `[tokens, 22]`.
+const OWN: &str = "map_vocabulary.curves";
+const FOREIGN: [&str; 2] = ["traj_src", "map_token_traj_src"];
+
+impl MapVocabulary {
+    /// A vocabulary of these curves, to the 32 bits of files.
+    ///
+    /// # Errors
+    /// [`VocabularyError`] where there are none, or a coordinate is not finite.
+    pub fn new(curves: &[Curve], provenance: Provenance) -> Result<Self, VocabularyError> {
+        if curves.is_empty() {
+            return Err(VocabularyError::NoCurves);
+        }
+        for (token, curve) in curves.iter().enumerate() {
+            if let Some(p) = curve.iter().find(|p| !(p.x.is_finite() && p.y.is_finite())) {
+                return Err(VocabularyError::CurveNotFinite { token, value: [p.x, p.y] });
+            }
+        }
+        let round = |v: f64| f64::from(v as f32);
+        Ok(Self { curves: curves.iter().map(|c| c.map(|p| p.map(round))).collect(), provenance })
+    }
+
+    /// What it was made of.
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// How many tokens there are; at least one.
+    pub fn tokens(&self) -> usize {
+        self.curves.len()
+    }
+
+    /// The curve of a token, metres.
+    pub fn curve(&self, token: usize) -> &[Vec2; CURVE_POINTS] {
+        &self.curves[token]
+    }
+
+    /// The token whose first, middle and last point are nearest (by the sum of squares) to those of a piece; the first of equally near ones.
+    pub fn nearest(&self, piece: &CurvePiece) -> usize {
+        self.nearest_to(piece.samples(), piece.heading())
+    }
+
+    /// As [`Self::nearest`], for a piece of which start, middle, end and the direction at the start are known.
+    pub fn nearest_to(&self, points: [Vec2; 3], heading: f64) -> usize {
+        let ahead = direction(heading);
+        let local = |p: Vec2| {
+            let way = p - points[0];
+            Vec2::new(way.dot(&ahead), way.dot(&left(ahead)))
+        };
+        let (middle, end) = (local(points[1]), local(points[2]));
+        let mut best = (f64::INFINITY, 0);
+        for (token, curve) in self.curves.iter().enumerate() {
+            let far = curve[0].norm_squared()
+                + (curve[CURVE_POINTS / 2] - middle).norm_squared()
+                + (curve[CURVE_POINTS - 1] - end).norm_squared();
+            if far < best.0 {
+                best = (far, token);
+            }
+        }
+        best.1
+    }
+
+    /// Reads a vocabulary: our own files, and those of SMART and CATK.
+    ///
+    /// # Errors
+    /// [`VocabularyError`] that names tensor and value.
+    pub fn read(bytes: &[u8]) -> Result<Self, VocabularyError> {
+        let file = SafeTensors::deserialize(bytes)?;
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let names = file.names();
+        let Some(name) = [OWN, FOREIGN[0], FOREIGN[1]].into_iter().find(|n| names.contains(n)) else {
+            let mut found: Vec<_> = names.iter().map(|n| format!("`{n}`")).collect();
+            found.sort_unstable();
+            found.truncate(8);
+            return Err(VocabularyError::Layout { expected: format!("`{OWN}`"), found: found.join(", ") });
+        };
+        let tensor = file.tensor(name)?;
+        if tensor.dtype() != Dtype::F32 {
+            return Err(VocabularyError::Type { tensor: name.to_owned(), found: tensor.dtype() });
+        }
+        let shape = tensor.shape();
+        let fits = match shape {
+            [_, points, 2] => *points == CURVE_POINTS,
+            [_, values] => *values == 2 * CURVE_POINTS,
+            _ => false,
+        };
+        if !fits {
+            let (tensor, found) = (name.to_owned(), shape.to_vec());
+            return Err(VocabularyError::Shape {
+                tensor,
+                found,
+                expected: "[tokens, 11, 2] or [tokens, 22]",
+            });
+        }
+        let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let values: Vec<f64> = tensor.data().chunks_exact(4).map(number).collect();
+        let curve = |v: &[f64]| std::array::from_fn(|i| Vec2::new(v[2 * i], v[2 * i + 1]));
+        let curves: Vec<Curve> = values.chunks_exact(2 * CURVE_POINTS).map(curve).collect();
+        let provenance = match header.metadata().as_ref().and_then(|m| m.get(MADE)) {
+            Some(made) => serde_json::from_str(made).map_err(VocabularyError::Provenance)?,
+            None => Provenance { method: "foreign".to_owned(), ..Provenance::default() },
+        };
+        Self::new(&curves, provenance)
+    }
+
+    /// The bytes of a file that [`Self::read`] reads back as the same vocabulary.
+    ///
+    /// # Errors
+    /// [`VocabularyError`] where the vocabulary is too large for such a file.
+    pub fn write(&self) -> Result<Vec<u8>, VocabularyError> {
+        let made = serde_json::to_string(&self.provenance).map_err(VocabularyError::Provenance)?;
+        let values = self.curves.iter().flatten().flat_map(|p| [p.x, p.y]);
+        let data: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
+        let view = TensorView::new(Dtype::F32, vec![self.curves.len(), CURVE_POINTS, 2], &data)?;
+        Ok(safetensors::serialize([(OWN, view)], Some(HashMap::from([(MADE.to_owned(), made)])))?)
+    }
+}
+
+/// Builds a vocabulary of the map by k-disks on the curves of pieces: draws one, makes the mean of all near it a token, takes them away.
+#[derive(Debug)]
+pub struct MapVocabularyBuilder {
+    sample: Sample<Curve>,
+    seed: u64,
+    scenarios: u64,
+    digest: blake3::Hasher,
+}
+
+/// Curves that agree to so much in all coordinates are one, metres.
+const SAME: f64 = 1.0 / 128.0;
+
+impl MapVocabularyBuilder {
+    /// No curves yet; at most so many will be kept.
+    pub fn new(most: usize, seed: u64) -> Self {
+        Self {
+            sample: Sample::new(most, seed, "vocabulary/map"),
+            seed,
+            scenarios: 0,
+            digest: blake3::Hasher::new(),
+        }
+    }
+
+    /// Adds the pieces of a scenario's map.
+    pub fn add(&mut self, scenario: &Scenario) {
+        self.scenarios += 1;
+        self.digest.update(scenario.digest().as_bytes());
+        for piece in curve_pieces(&scenario.start) {
+            let curve = piece.curve();
+            let values = curve.into_iter().flat_map(|p| [p.x, p.y]);
+            self.sample.add(curve, values, SAME);
+        }
+    }
+
+    /// A vocabulary of at most `tokens` curves. Two pieces are near where their middle and end points are, on the mean, within `tolerance` metres.
+    ///
+    /// # Errors
+    /// [`VocabularyError`] where no scenario had a map.
+    pub fn build(&self, tokens: usize, tolerance: f64) -> Result<MapVocabulary, VocabularyError> {
+        // Not a number and negative distances would take nothing away.
+        let tolerance = tolerance.max(0.0);
+        let mut left = self.sample.kept.clone();
+        let mut stream = stream(self.seed, "vocabulary/map/k-disks", 0, Purpose::Begin);
+        let mut curves = Vec::new();
+        while curves.len() < tokens && !left.is_empty() {
+            let drawn = left[stream.random_range(0..left.len())];
+            let mut near: (Curve, f64) = ([Vec2::zeros(); CURVE_POINTS], 0.0);
+            let apart = |c: &Curve, i: usize| (c[i] - drawn[i]).norm();
+            left.retain(|curve| {
+                let far = 0.5 * (apart(curve, CURVE_POINTS / 2) + apart(curve, CURVE_POINTS - 1)) > tolerance;
+                if !far {
+                    near.0.iter_mut().zip(curve).for_each(|(sum, p)| *sum += p);
+                    near.1 += 1.0;
+                }
+                far
+            });
+            curves.push(near.0.map(|sum| sum / near.1));
+        }
+        let provenance = Provenance {
+            method: "k-disks".to_owned(),
+            settings: serde_json::json!({ "tokens": tokens, "tolerance": tolerance }),
+            seed: self.seed,
+            scenarios: self.scenarios,
+            data: if self.scenarios == 0 {
+                String::new()
+            } else {
+                self.digest.finalize().to_hex().to_string()
+            },
+        };
+        MapVocabulary::new(&curves, provenance)
+    }
+}

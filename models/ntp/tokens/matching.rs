@@ -1,0 +1,190 @@
+//! Rolling matching: a recorded track becomes tokens, each from where the one before ended (SMART, CATK).
+
+use rand::RngExt;
+use reactsim::dynamics::Pose;
+use reactsim::geometry::{Vec2, math, wrap};
+use reactsim::rollout::Stream;
+use reactsim::scene::{AgentState, CURRENT, DT, FRAMES, Frame};
+
+use super::{Class, ORIGIN, TOKEN_FRAMES, Vocabulary, motion_between, moved};
+
+/// Tokens of a track of 91 frames: the one of step k leads from frame 5k to frame 5k + 5. Step 1 ends now.
+pub const TOKEN_STEPS: usize = (FRAMES - 1) / TOKEN_FRAMES;
+/// Headings of two frames that differ by more are one heading and its opposite, or worse, radians (CATK).
+const FLIP: f64 = 1.5;
+
+/// A track as tokens. What holds of steps that are not valid means nothing to a network, but is finite.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TokenTrack {
+    /// Per step the token that leads to it.
+    pub tokens: [usize; TOKEN_STEPS],
+    /// Per step where the tokens lead to, scenario frame; the origin where the step is not valid.
+    pub poses: [Pose; TOKEN_STEPS],
+    /// Per step whether both of its end frames are valid.
+    pub valid: [bool; TOKEN_STEPS],
+}
+
+/// Tokens other than the nearest, so that what follows from them shows how to get back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Noise {
+    /// One of the `k` nearest, all alike (SMART).
+    Uniform {
+        /// How many; at least 1.
+        k: usize,
+    },
+    /// One of the `k` nearest, in proportion to exp(-mean corner distance / temperature) (CATK).
+    Weighted {
+        /// How many; at least 1.
+        k: usize,
+        /// Metres.
+        temperature: f64,
+    },
+}
+
+/// A track made ready for matching: where the agent was at every frame, `None` where that is not known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PreparedTrack {
+    poses: Vec<Option<Pose>>,
+}
+
+impl PreparedTrack {
+    /// Takes a track of frames from 0 on (91 in a scenario; what is missing is absent), turns headings that jump, and goes on backwards
+    /// from its first frame to the start of a token.
+    ///
+    /// States that are not finite are absent. A velocity that is not recorded is that of the frames after, or none. Gaps stay gaps: fill
+    /// them with [`fill_gaps`] where they should not.
+    pub fn new(track: &[Frame]) -> Self {
+        let mut poses: Vec<Option<Pose>> =
+            (0..FRAMES).map(|f| track.get(f).copied().flatten().as_ref().and_then(pose_of)).collect();
+        without_flips(&mut poses);
+        if let Some(first) = poses.iter().position(Option::is_some) {
+            go_backwards(&mut poses, first, track[first].as_ref());
+        }
+        Self { poses }
+    }
+
+    /// Where the agent was at a frame.
+    pub fn pose(&self, frame: usize) -> Option<Pose> {
+        self.poses.get(frame).copied().flatten()
+    }
+
+    /// The tokens of the track, each the nearest.
+    pub fn nearest_tokens(&self, vocabulary: &Vocabulary, class: Class) -> TokenTrack {
+        self.tokens(vocabulary, class, |_, motion| vocabulary.nearest(class, motion))
+    }
+
+    /// The tokens of the track, with noise from the second step on. One number is drawn per valid step.
+    pub fn noisy_tokens(
+        &self,
+        vocabulary: &Vocabulary,
+        class: Class,
+        noise: Noise,
+        stream: &mut Stream,
+    ) -> TokenTrack {
+        self.tokens(vocabulary, class, |step, motion| match step {
+            0 => vocabulary.nearest(class, motion),
+            _ => noise.choose(vocabulary, class, motion, stream),
+        })
+    }
+
+    fn tokens(
+        &self,
+        vocabulary: &Vocabulary,
+        class: Class,
+        mut choose: impl FnMut(usize, Pose) -> usize,
+    ) -> TokenTrack {
+        let mut found = TokenTrack {
+            tokens: [0; TOKEN_STEPS],
+            poses: [ORIGIN; TOKEN_STEPS],
+            valid: [false; TOKEN_STEPS],
+        };
+        let mut from = self.poses[0].unwrap_or(ORIGIN);
+        for step in 0..TOKEN_STEPS {
+            let (start, end) = (self.poses[step * TOKEN_FRAMES], self.poses[(step + 1) * TOKEN_FRAMES]);
+            let Some((_, to)) = start.zip(end) else {
+                // Tokens begin anew from the frame itself.
+                from = end.unwrap_or(ORIGIN);
+                continue;
+            };
+            let token = choose(step, motion_between(from, to));
+            from = moved(from, vocabulary.end(class, token));
+            (found.tokens[step], found.poses[step], found.valid[step]) = (token, from, true);
+        }
+        found
+    }
+}
+
+/// The token of a motion that was carried out, whatever it was meant to be: the nearest, and its summed corner distance, metres. Poses of
+/// such agents stay the true ones, so that nothing adds up.
+pub fn token_of_motion(vocabulary: &Vocabulary, class: Class, from: Pose, to: Pose) -> (usize, f64) {
+    vocabulary.nearest_with_distance(class, motion_between(from, to))
+}
+
+/// Fills the frames that are missing between the first and the last one of a track: position, velocity and (unwrapped) heading change evenly.
+pub fn fill_gaps(track: &mut [Frame]) {
+    let Some(mut before) = track.iter().position(Option::is_some) else { return };
+    for frame in before + 1..track.len() {
+        let (Some(a), Some(b)) = (track[before], track[frame]) else { continue };
+        for gap in before + 1..frame {
+            let u = (gap - before) as f64 / (frame - before) as f64;
+            let mix = |a: f64, b: f64| a + (b - a) * u;
+            track[gap] = Some(AgentState {
+                x: mix(a.x, b.x),
+                y: mix(a.y, b.y),
+                heading: a.heading + wrap(b.heading - a.heading) * u,
+                vx: mix(a.vx, b.vx),
+                vy: mix(a.vy, b.vy),
+            });
+        }
+        before = frame;
+    }
+}
+
+fn pose_of(state: &AgentState) -> Option<Pose> {
+    state.is_finite().then(|| Pose { position: state.position(), heading: wrap(state.heading) })
+}
+
+/// Gives a frame the heading of the frame before where the two differ by more than [`FLIP`].
+fn without_flips(poses: &mut [Option<Pose>]) {
+    for i in 1..poses.len() {
+        if let (Some(before), Some(here)) = (poses[i - 1], poses[i].as_mut())
+            && wrap(here.heading - before.heading).abs() > FLIP
+        {
+            here.heading = before.heading;
+        }
+    }
+}
+
+/// Goes on backwards at the velocity of the first frame to the start of a token. Who appears only now gets a whole token, so that
+/// there is one to start from.
+fn go_backwards(poses: &mut [Option<Pose>], first: usize, state: Option<&AgentState>) {
+    let Some(at) = poses[first] else { return };
+    let next = || poses.get(first + 1).copied().flatten().map(|next| (next.position - at.position) / DT);
+    let velocity = state.and_then(AgentState::velocity).or_else(next).unwrap_or_else(Vec2::zeros);
+    let frames = if first == CURRENT { TOKEN_FRAMES } else { first % TOKEN_FRAMES };
+    for back in 1..=frames {
+        poses[first - back] = Some(Pose { position: at.position - velocity * (DT * back as f64), ..at });
+    }
+}
+
+impl Noise {
+    /// One of the tokens near a motion.
+    fn choose(self, vocabulary: &Vocabulary, class: Class, motion: Pose, stream: &mut Stream) -> usize {
+        let (Self::Uniform { k } | Self::Weighted { k, .. }) = self;
+        let near = vocabulary.nearest_k(class, motion, k.max(1));
+        let least = near.first().map_or(0.0, |t| t.1);
+        let weight = |t: &(usize, f64)| match self {
+            Self::Uniform { .. } => 1.0,
+            // The distances are sums of four.
+            Self::Weighted { temperature, .. } => math::exp((least - t.1) / (4.0 * temperature)),
+        };
+        let mut left = stream.random::<f64>() * near.iter().map(weight).sum::<f64>();
+        for token in &near {
+            left -= weight(token);
+            if left < 0.0 {
+                return token.0;
+            }
+        }
+        near.first().map_or(0, |t| t.0)
+    }
+}
