@@ -27,12 +27,17 @@ impl Noise {
         self.stream.is_some()
     }
 
+    /// Whether something of this probability (0 to 1, not included) happens; never without a stream.
+    pub fn happens(&mut self, rate: f64) -> bool {
+        self.stream.as_mut().is_some_and(|stream| stream.next_u32() < limit(rate))
+    }
+
     /// Sets each value to 0 with this probability (0 to 1, not included) and scales the others, so that the mean stays.
     pub fn drop<const D: usize>(&mut self, values: Tensor<D>, rate: f64) -> Tensor<D> {
         let Some(stream) = self.stream.as_mut().filter(|_| rate > 0.0) else {
             return values;
         };
-        let limit = (rate * f64::from(u32::MAX)) as u32;
+        let limit = limit(rate);
         let kept = (1.0 / (1.0 - rate)) as f32;
         let shape = values.dims();
         let mask: Vec<f32> = (0..shape.iter().product::<usize>())
@@ -41,4 +46,9 @@ impl Noise {
         let mask = Tensor::from_data(TensorData::new(mask, shape), &values.device());
         values * mask
     }
+}
+
+/// What random numbers of 32 bits are below with this probability.
+fn limit(rate: f64) -> u32 {
+    (rate * f64::from(u32::MAX)) as u32
 }

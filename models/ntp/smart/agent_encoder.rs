@@ -1,0 +1,79 @@
+//! The agent half of the network.
+
+use burn::module::Module;
+use burn::nn::Embedding;
+use burn::tensor::{Device, Tensor};
+
+use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, MlpLayer, RelationalAttention};
+
+use super::vocabulary::{pick, rows};
+use super::{Agents, SmartConfig, TokenHead};
+
+/// Agents attend to their own past, to the map, and to one another; then tokens are scored.
+#[derive(Module, Debug)]
+pub struct AgentEncoder {
+    token_emb_veh: MlpEmbedding,
+    token_emb_ped: MlpEmbedding,
+    token_emb_cyc: MlpEmbedding,
+    type_a_emb: Embedding,
+    shape_emb: MlpLayer,
+    x_a_emb: FourierEmbedding,
+    fusion_emb: MlpEmbedding,
+    pub(super) r_t_emb: FourierEmbedding,
+    pub(super) r_pt2a_emb: FourierEmbedding,
+    pub(super) r_a2a_emb: FourierEmbedding,
+    pub(super) t_attn_layers: Vec<RelationalAttention>,
+    pub(super) pt2a_attn_layers: Vec<RelationalAttention>,
+    pub(super) a2a_attn_layers: Vec<RelationalAttention>,
+    pub(super) token_predict_head: TokenHead,
+}
+
+impl AgentEncoder {
+    pub(super) fn init(config: &SmartConfig, init: &mut Initializer) -> Self {
+        let (h, first, bands) = (config.hidden_dim, config.mlp_embedding_first_width, config.num_freq_bands);
+        let layers = |bipartite, init: &mut Initializer| {
+            (0..config.num_agent_layers).map(|_| config.attention(bipartite).init(init)).collect()
+        };
+        Self {
+            token_emb_veh: MlpEmbedding::init(8, first, h, init),
+            token_emb_ped: MlpEmbedding::init(8, first, h, init),
+            token_emb_cyc: MlpEmbedding::init(8, first, h, init),
+            type_a_emb: init.embedding(config.agent_types, h),
+            shape_emb: MlpLayer::init(3, h, h, init),
+            x_a_emb: FourierEmbedding::init(2, bands, h, init),
+            fusion_emb: MlpEmbedding::init(2 * h, first, h, init),
+            r_t_emb: FourierEmbedding::init(4, bands, h, init),
+            r_pt2a_emb: FourierEmbedding::init(3, bands, h, init),
+            r_a2a_emb: FourierEmbedding::init(3, bands, h, init),
+            t_attn_layers: layers(false, init),
+            pt2a_attn_layers: layers(true, init),
+            a2a_attn_layers: layers(false, init),
+            token_predict_head: TokenHead::init(config, init),
+        }
+    }
+
+    pub(super) fn token_embedding(&self, class: usize) -> &MlpEmbedding {
+        [&self.token_emb_veh, &self.token_emb_ped, &self.token_emb_cyc][class]
+    }
+
+    /// The embeddings of pairs: of an agent's steps, of map tokens and agents, of agents.
+    pub fn relation_embeddings(&self) -> [&FourierEmbedding; 3] {
+        [&self.r_t_emb, &self.r_pt2a_emb, &self.r_a2a_emb]
+    }
+
+    /// What agents are, whatever they do: class and shape, [A, h].
+    pub(super) fn identities(&self, agents: &Agents, device: &Device) -> Tensor<2> {
+        let class = pick(&self.type_a_emb.weight.val(), agents.class.iter().map(|c| usize::from(*c)));
+        if agents.is_empty() {
+            return class;
+        }
+        class + self.shape_emb.forward(rows(&agents.shape, device))
+    }
+
+    /// What goes into the first block, [N, h]: the vectors of tokens [N, h], identities [N, h], motions.
+    pub(super) fn embed(&self, tokens: Tensor<2>, identities: Tensor<2>, motion: &[[f32; 2]]) -> Tensor<2> {
+        let device = tokens.device();
+        let motion = self.x_a_emb.forward(rows(motion, &device), Some(identities));
+        self.fusion_emb.forward(Tensor::cat(vec![tokens, motion], 1))
+    }
+}

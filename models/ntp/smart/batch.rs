@@ -1,0 +1,104 @@
+//! Whole scenes, all steps at once.
+
+use reactsim::models::nn::Noise;
+
+use super::edges::Shown;
+use super::relation::Pose;
+use super::{Agents, Edges, InputError, MapTokens, Scene, SmartConfig};
+
+/// Scenes one after the other, with all pairs that attend to each other. A node is an agent at a step; nodes are numbered by scene, then
+/// agent, then step.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// The maps.
+    pub(super) map: MapTokens,
+    /// Pairs of map tokens. May be replaced before the batch is used.
+    pub map_edges: Edges,
+    pub(super) agents: Agents,
+    /// Of each node: its agent.
+    pub(super) agent: Vec<usize>,
+    /// Of each node: its class.
+    pub(super) class: Vec<u8>,
+    /// Of each node: the token that led there.
+    pub(super) token: Vec<u32>,
+    /// Of each node: distance and bearing of what it moved.
+    pub(super) motion: Vec<[f32; 2]>,
+    /// Pairs of steps of one agent.
+    pub over_time: Edges,
+    /// Pairs of map tokens and nodes.
+    pub from_map: Edges,
+    /// Pairs of nodes of one step.
+    pub among_agents: Edges,
+}
+
+impl Batch {
+    /// The scenes as one batch. With `noise` that is active, agents' steps are hidden from later ones as training wants it.
+    ///
+    /// # Errors
+    /// [`InputError`] if a scene is not what the network can read.
+    pub fn new<'a>(
+        config: &SmartConfig,
+        scenes: impl IntoIterator<Item = &'a Scene>,
+        noise: &mut Noise,
+    ) -> Result<Self, InputError> {
+        let mut batch = Self {
+            map: MapTokens::default(),
+            map_edges: Edges::new(3),
+            agents: Agents::default(),
+            agent: Vec::new(),
+            class: Vec::new(),
+            token: Vec::new(),
+            motion: Vec::new(),
+            over_time: Edges::new(4),
+            from_map: Edges::new(3),
+            among_agents: Edges::new(3),
+        };
+        for scene in scenes {
+            scene.check(config)?;
+            batch.add(config, scene, noise);
+        }
+        Ok(batch)
+    }
+
+    fn add(&mut self, config: &SmartConfig, scene: &Scene, noise: &mut Noise) {
+        let (first_piece, first_node, first_agent) = (self.map.len(), self.nodes(), self.agents.len());
+        let count = scene.steps.len();
+        self.map_edges.append(&Edges::among_map(config, &scene.map), first_piece, first_piece);
+        self.map.append(&scene.map);
+        for agent in 0..scene.agents.len() {
+            for (t, step) in scene.steps.iter().enumerate() {
+                self.agent.push(first_agent + agent);
+                self.class.push(scene.agents.class[agent]);
+                self.token.push(step.token[agent]);
+                let own = Pose::new(step.position[agent], step.heading[agent]);
+                // The first step has no motion; one after an invalid step moves from wherever that is said to be, as published.
+                self.motion.push(if t == 0 { [0.0; 2] } else { own.motion(scene.steps[t - 1].position[agent]) });
+            }
+        }
+        self.agents.class.extend_from_slice(&scene.agents.class);
+        self.agents.shape.extend_from_slice(&scene.agents.shape);
+        let mut show = |valid: &bool| *valid && !noise.happens(config.hist_drop_prob);
+        let shown: Shown = scene.steps.iter().map(|s| s.valid.iter().map(&mut show).collect()).collect();
+        let node = |agent: usize, step: usize| agent * count + step;
+        let own = Edges::over_time(config, &scene.steps, &shown, 0..count, node, node);
+        let (mut seen, mut others) = (Edges::new(3), Edges::new(3));
+        let map = Pose::all(&scene.map.position, &scene.map.orientation);
+        for (t, step) in scene.steps.iter().enumerate() {
+            seen.from_map(config, &map, step, |agent| node(agent, t));
+            others.among_agents(config, step, |agent| node(agent, t));
+        }
+        self.over_time.append(&own, first_node, first_node);
+        self.from_map.append(&seen, first_piece, first_node);
+        self.among_agents.append(&others, first_node, first_node);
+    }
+
+    /// How many nodes there are.
+    pub fn nodes(&self) -> usize {
+        self.agent.len()
+    }
+
+    /// Of each node: distance and bearing of what it moved.
+    pub fn motion(&self) -> &[[f32; 2]] {
+        &self.motion
+    }
+}

@@ -1,0 +1,77 @@
+//! Scores of tokens.
+
+use burn::module::Module;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use reactsim::models::nn::{Initializer, MlpLayer};
+
+use super::{SmartConfig, TokenCounts};
+
+/// The score of a token that a class does not have.
+const NONE: f32 = -1e9;
+
+/// What scores tokens: one head for all classes, or one each.
+#[derive(Module, Debug)]
+#[allow(clippy::large_enum_variant, reason = "there is one of it")]
+pub enum TokenHead {
+    /// All classes have as many tokens.
+    Shared(MlpLayer),
+    /// Classes have different numbers of tokens.
+    PerClass(ClassHeads),
+}
+
+/// The heads of [`TokenHead::PerClass`].
+#[derive(Module, Debug)]
+pub struct ClassHeads {
+    veh: MlpLayer,
+    ped: MlpLayer,
+    cyc: MlpLayer,
+}
+
+impl TokenHead {
+    pub(super) fn init(config: &SmartConfig, init: &mut Initializer) -> Self {
+        let h = config.hidden_dim;
+        match config.n_token_agent {
+            TokenCounts::Shared(count) => Self::Shared(MlpLayer::init(h, h, count, init)),
+            TokenCounts::PerClass { veh, ped, cyc } => Self::PerClass(ClassHeads {
+                veh: MlpLayer::init(h, h, veh, init),
+                ped: MlpLayer::init(h, h, ped, init),
+                cyc: MlpLayer::init(h, h, cyc, init),
+            }),
+        }
+    }
+
+    /// Scores [N, tokens] of features [N, h] of agents of these classes. With heads for each class there are as many columns as the
+    /// class with the most tokens has; what a class does not have scores -1e9.
+    pub(super) fn forward(&self, x: Tensor<2>, classes: &[u8], counts: [usize; 3]) -> Tensor<2> {
+        let heads = match self {
+            Self::Shared(head) => return head.forward(x),
+            Self::PerClass(heads) => [&heads.veh, &heads.ped, &heads.cyc],
+        };
+        let device = x.device();
+        let most = counts.into_iter().max().unwrap_or(0);
+        let (mut parts, mut order) = (Vec::new(), vec![0i32; classes.len()]);
+        let mut placed = 0;
+        for (class, head) in heads.into_iter().enumerate() {
+            let rows: Vec<i32> = (0..classes.len() as i32).filter(|r| usize::from(classes[*r as usize]) == class).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            rows.iter().enumerate().for_each(|(i, r)| order[*r as usize] = (placed + i) as i32);
+            placed += rows.len();
+            let count = rows.len();
+            let scores = head.forward(x.clone().select(0, ints(rows, &device)));
+            let fill = Tensor::full([count, most - counts[class]], NONE, &device);
+            parts.push(if most > counts[class] { Tensor::cat(vec![scores, fill], 1) } else { scores });
+        }
+        if parts.is_empty() {
+            return Tensor::zeros([0, most], &device);
+        }
+        Tensor::cat(parts, 0).select(0, ints(order, &device))
+    }
+}
+
+fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
+    let length = values.len();
+    Tensor::from_data(TensorData::new(values, [length]), device)
+}

@@ -1,0 +1,31 @@
+//! Pairs as attention wants them.
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+use reactsim::models::nn::{FourierEmbedding, Neighbors, normalize};
+
+use super::Edges;
+
+/// Neighbours with the vectors of their relations, embedded and normalised once for all layers.
+#[derive(Clone, Debug)]
+pub struct Links {
+    /// Who attends to whom.
+    pub neighbors: Neighbors,
+    /// [N, K, width]
+    pub relations: Tensor<3>,
+}
+
+impl Links {
+    /// From pairs whose targets are among so many nodes. Only real pairs are embedded.
+    pub fn new(edges: &Edges, targets: usize, embedding: &FourierEmbedding, device: &Device) -> Self {
+        let neighbors = Neighbors::from_edges(targets, &edges.sources, &edges.targets, device);
+        if edges.is_empty() {
+            let relations = Tensor::zeros([targets, 0, embedding.width()], device);
+            return Self { neighbors, relations };
+        }
+        let scalars = TensorData::new(edges.relations.clone(), [edges.len(), edges.width]);
+        let vectors = normalize(embedding.forward(Tensor::from_data(scalars, device), None));
+        let relations = neighbors.relations(vectors);
+        Self { neighbors, relations }
+    }
+}

@@ -1,0 +1,33 @@
+//! The published next-token network (SMART, CATK, and TrajTok's variant), so that their exported weights run unchanged.
+//!
+//! Read [`Scene`] first (what goes in), then [`Smart`] (what comes out: a score for every token of every agent), then [`Episode`] (one step
+//! after the other, with what is known kept). [`Edges`] says who sees whom and what is known of a pair.
+//!
+//! Sources: SMART (Wu et al., NeurIPS 2024, github.com/rainmaker22/SMART), CATK (Zhang et al., CVPR 2025, github.com/NVlabs/catk), TrajTok
+//! (arXiv 2506.21618, github.com/Thinklab-SJTU/TrajTok).
+
+mod agent_encoder;
+mod batch;
+mod config;
+mod edges;
+mod episode;
+mod head;
+mod links;
+mod map_encoder;
+mod network;
+mod relation;
+mod scene;
+mod vocabulary;
+
+pub use agent_encoder::AgentEncoder;
+pub use batch::Batch;
+pub use config::{ConfigError, FeedForwardKind, SmartConfig, TokenCounts};
+pub use edges::Edges;
+pub use episode::{EncodedMap, Episode};
+pub use head::{ClassHeads, TokenHead};
+pub use links::Links;
+pub use map_encoder::MapEncoder;
+pub use network::{LoadError, Smart, Stage};
+pub use relation::{bearing, wrap};
+pub use scene::{Agents, InputError, MapTokens, Scene, Step};
+pub use vocabulary::{TokenTables, Vocabulary};

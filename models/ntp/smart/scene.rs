@@ -1,0 +1,216 @@
+//! What goes into the network: plain lists, checked before anything is computed.
+
+use super::SmartConfig;
+
+/// The map as pieces of 5 m, P of them. All lists have one entry per piece.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapTokens {
+    /// Where pieces start, m.
+    pub position: Vec<[f32; 2]>,
+    /// Heading of their first half metre, rad.
+    pub orientation: Vec<f32>,
+    /// Which curve of the vocabulary they are most like.
+    pub token: Vec<u32>,
+    /// 0 freeway, 1 surface street, 2 lane with stop sign, 3 bike lane, 4 road edge boundary, 5 road edge median, 6 broken line, 7 solid
+    /// single line, 8 double line, 9 crosswalk, speed bump or driveway.
+    pub kind: Vec<u8>,
+    /// 0 lane, 1 road edge, 2 road line, 3 crosswalk.
+    pub polygon: Vec<u8>,
+    /// 0 no light, 1 unknown, 2 stop, 3 go, 4 caution.
+    pub light: Vec<u8>,
+}
+
+/// Who takes part, A agents.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Agents {
+    /// 0 vehicle, 1 pedestrian, 2 cyclist.
+    pub class: Vec<u8>,
+    /// Length, width, height, m.
+    pub shape: Vec<[f32; 3]>,
+}
+
+/// Where all agents are at one step (every 0.5 s). All lists have one entry per agent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Step {
+    /// Centre, m. The published networks were trained with 0, 0 where it is not valid.
+    pub position: Vec<[f32; 2]>,
+    /// Heading, rad.
+    pub heading: Vec<f32>,
+    /// Whether the agent was there at this step and the one before.
+    pub valid: Vec<bool>,
+    /// The token that led here, of the agent's class; any in range where not valid.
+    pub token: Vec<u32>,
+}
+
+/// A map, who is on it, and where they were, oldest step first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// The map.
+    pub map: MapTokens,
+    /// Who takes part.
+    pub agents: Agents,
+    /// Where they were.
+    pub steps: Vec<Step>,
+}
+
+/// What a scene must not be.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum InputError {
+    /// Lists that should be equally long are not.
+    #[error("`{field}` has {found} entries, expected {expected}: one for each")]
+    Length {
+        /// Which list.
+        field: &'static str,
+        /// How long it is.
+        found: usize,
+        /// How long it should be.
+        expected: usize,
+    },
+    /// A number is too large for what it names.
+    #[error("`{field}` {index} is {found}, expected a number below {below}")]
+    Range {
+        /// Which list.
+        field: &'static str,
+        /// Which entry.
+        index: usize,
+        /// What it is.
+        found: usize,
+        /// What it must be below.
+        below: usize,
+    },
+    /// A number is infinite or none.
+    #[error("`{field}` {index} is not finite")]
+    NotFinite {
+        /// Which list.
+        field: &'static str,
+        /// Which entry.
+        index: usize,
+    },
+    /// A vocabulary of another size than the network's.
+    #[error("the vocabulary has {found} tokens of {of}, expected {expected}: it is not the one of this network")]
+    Vocabulary {
+        /// Of which class.
+        of: &'static str,
+        /// How many it has.
+        found: usize,
+        /// How many the network knows.
+        expected: usize,
+    },
+}
+
+fn length<T>(field: &'static str, list: &[T], expected: usize) -> Result<(), InputError> {
+    if list.len() == expected { Ok(()) } else { Err(InputError::Length { field, found: list.len(), expected }) }
+}
+
+fn below(field: &'static str, numbers: impl Iterator<Item = (usize, usize)>) -> Result<(), InputError> {
+    for (index, (found, below)) in numbers.enumerate() {
+        if found >= below {
+            return Err(InputError::Range { field, index, found, below });
+        }
+    }
+    Ok(())
+}
+
+fn finite<const D: usize>(field: &'static str, rows: impl Iterator<Item = [f32; D]>) -> Result<(), InputError> {
+    for (index, row) in rows.enumerate() {
+        if !row.iter().all(|v| v.is_finite()) {
+            return Err(InputError::NotFinite { field, index });
+        }
+    }
+    Ok(())
+}
+
+impl MapTokens {
+    /// How many pieces there are.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Whether a network of these measures can read it.
+    ///
+    /// # Errors
+    /// [`InputError`] that names list and entry.
+    pub fn check(&self, config: &SmartConfig) -> Result<(), InputError> {
+        length("map.orientation", &self.orientation, self.len())?;
+        length("map.token", &self.token, self.len())?;
+        finite("map.position", self.position.iter().copied())?;
+        finite("map.orientation", self.orientation.iter().map(|o| [*o]))?;
+        below("map.token", self.token.iter().map(|t| (*t as usize, config.n_token_map)))?;
+        for (field, list, limit) in [
+            ("map.kind", &self.kind, config.map_point_types),
+            ("map.polygon", &self.polygon, config.map_polygon_types),
+            ("map.light", &self.light, config.map_light_types),
+        ] {
+            length(field, list, self.len())?;
+            below(field, list.iter().map(|v| (usize::from(*v), limit)))?;
+        }
+        Ok(())
+    }
+
+    /// Adds the pieces of another map.
+    pub(super) fn append(&mut self, other: &Self) {
+        self.position.extend_from_slice(&other.position);
+        self.orientation.extend_from_slice(&other.orientation);
+        self.token.extend_from_slice(&other.token);
+        self.kind.extend_from_slice(&other.kind);
+        self.polygon.extend_from_slice(&other.polygon);
+        self.light.extend_from_slice(&other.light);
+    }
+}
+
+impl Agents {
+    /// How many agents there are.
+    pub fn len(&self) -> usize {
+        self.class.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.class.is_empty()
+    }
+
+    /// Whether a network can read them.
+    ///
+    /// # Errors
+    /// [`InputError`] that names list and entry.
+    pub fn check(&self) -> Result<(), InputError> {
+        length("agents.shape", &self.shape, self.len())?;
+        below("agents.class", self.class.iter().map(|c| (usize::from(*c), 3)))?;
+        finite("agents.shape", self.shape.iter().copied())
+    }
+}
+
+impl Step {
+    /// Whether a network of these measures can read it, for these agents.
+    ///
+    /// # Errors
+    /// [`InputError`] that names list and entry.
+    pub fn check(&self, config: &SmartConfig, agents: &Agents) -> Result<(), InputError> {
+        length("step.position", &self.position, agents.len())?;
+        length("step.heading", &self.heading, agents.len())?;
+        length("step.valid", &self.valid, agents.len())?;
+        length("step.token", &self.token, agents.len())?;
+        finite("step.position", self.position.iter().copied())?;
+        finite("step.heading", self.heading.iter().map(|h| [*h]))?;
+        let counts = config.n_token_agent.of_classes();
+        let tokens = self.token.iter().zip(&agents.class);
+        below("step.token", tokens.map(|(t, c)| (*t as usize, counts[usize::from(*c)])))
+    }
+}
+
+impl Scene {
+    /// Whether a network of these measures can read it.
+    ///
+    /// # Errors
+    /// [`InputError`] that names list and entry.
+    pub fn check(&self, config: &SmartConfig) -> Result<(), InputError> {
+        self.map.check(config)?;
+        self.agents.check()?;
+        self.steps.iter().try_for_each(|step| step.check(config, &self.agents))
+    }
+}
