@@ -36,6 +36,49 @@ pub enum TrainingError {
         /// Why.
         cause: String,
     },
+    /// A file can not be read, or is not what it should be.
+    #[error("{}: {why}", .path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
+    /// The last checkpoint can not be used.
+    #[error("can not resume from {}: {why}; {mend}", .path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        why: String,
+        /// What to do.
+        mend: String,
+    },
+    /// The folder holds a training already.
+    #[error(
+        "{} holds a training already; give --resume to go on with it, or choose another folder", .path.display()
+    )]
+    Exists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The folder holds another training.
+    #[error("can not resume {}: {differences}; give the same settings and data, or another folder", .path.display())]
+    OtherTraining {
+        /// The folder.
+        path: PathBuf,
+        /// What differs.
+        differences: String,
+    },
+    /// Another training writes to the folder.
+    #[error("another training is writing to {}", .path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// What is measured in closed loop can not be.
+    #[error("could not validate in closed loop: {0}")]
+    ClosedLoop(String),
     /// A file can not be written.
     #[error("could not write {}: {source}", .path.display())]
     Write {

@@ -1,8 +1,8 @@
 //! The loss and the gradient of one batch, on several threads, to the same bits on any number of them.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use burn::module::Module;
 
@@ -21,6 +21,8 @@ pub(super) struct BatchSum {
     pub(super) gradient: Vec<f32>,
     /// Examples in which there was something to learn.
     pub(super) samples: usize,
+    /// Numbers of those in which there was nothing.
+    pub(super) passed_over: Vec<usize>,
 }
 
 impl BatchSum {
@@ -29,6 +31,7 @@ impl BatchSum {
         self.items += other.items;
         self.metrics.extend(&other.metrics);
         self.samples += other.samples;
+        self.passed_over.extend(&other.passed_over);
         if self.gradient.is_empty() {
             self.gradient.clone_from(&other.gradient);
         } else {
@@ -45,10 +48,20 @@ impl BatchSum {
 /// Examples by place in the order and number, that the network sees together.
 pub(super) type Part = Vec<(u64, usize)>;
 
-/// Samples and the names of the examples that they were made of.
-struct Prepared<S> {
+/// Samples that the network sees together.
+#[derive(Debug)]
+pub(super) struct Prepared<S> {
     samples: Vec<S>,
+    /// The names of the examples that they were made of.
     ids: Vec<String>,
+    /// Numbers of the examples that nothing was made of.
+    passed_over: Vec<usize>,
+}
+
+impl<S> Default for Prepared<S> {
+    fn default() -> Self {
+        Self { samples: Vec::new(), ids: Vec::new(), passed_over: Vec::new() }
+    }
 }
 
 /// Runs the network on batches.
@@ -109,50 +122,59 @@ where
         self.sum(models, parts.len(), begin, work, idle)
     }
 
-    /// What the network without its gradients comes to on samples, some at a time.
+    /// What the network without its gradients comes to on samples after `step` steps.
     pub(super) fn judge(
         &self,
+        step: u64,
         model: &T::Model,
         values: &[f32],
-        samples: &[Vec<T::Sample>],
+        parts: &[Prepared<T::Sample>],
     ) -> Result<BatchSum, TrainingError> {
         let work = |model: &T::Model, number: usize| {
-            let output = self.task.validate(model, &samples[number]);
-            Ok(Self::judged(&output, samples[number].len()))
+            let part: &Prepared<T::Sample> = &parts[number];
+            let sum = Self::judged(&self.task.validate(model, &part.samples), part);
+            if sum.loss.is_finite() {
+                Ok(sum)
+            } else {
+                Err(not_finite("validation loss", sum.loss, step, part))
+            }
         };
-        let models = (0..self.jobs.min(samples.len()).max(1)).map(|_| model.clone()).collect();
+        let models = (0..self.jobs.min(parts.len()).max(1)).map(|_| model.clone()).collect();
         let begin = |model: T::Model| parameters::write(model, values).valid();
-        self.sum(models, samples.len(), begin, work, || false)
+        self.sum(models, parts.len(), begin, work, || false)
     }
 
-    /// Samples of examples as they are, some at a time.
-    pub(super) fn plain(&self, examples: &[usize]) -> Result<Vec<Vec<T::Sample>>, TrainingError> {
-        let read = |number: usize| -> Result<Option<T::Sample>, TrainingError> {
-            Ok(self.task.prepare(&self.read(number)?, View::Plain))
-        };
-        let mut samples = Vec::new();
-        let mut failed = None;
+    /// Samples of examples as they are, some at a time; examples in which there is nothing are left out.
+    pub(super) fn plain(&self, examples: &[usize]) -> Result<Vec<Prepared<T::Sample>>, TrainingError> {
+        let mut parts: Result<Vec<Prepared<T::Sample>>, TrainingError> = Ok(Vec::new());
         let workers = vec![(); self.jobs.min(examples.len()).max(1)];
+        let work = |(): &(), i: usize| -> Result<_, TrainingError> {
+            let sample = self.task.prepare(&self.read(examples[i])?, View::Plain);
+            Ok(sample.map(|sample| (sample, self.source.id(examples[i]).to_owned())))
+        };
         share(
             workers,
             examples.len(),
             |()| (),
-            |(), i| read(examples[i]),
+            work,
             || false,
-            |made| match made {
-                Ok(sample) => samples.extend(sample),
-                Err(error) => failed = failed.take().or(Some(error)),
+            |made| {
+                let Ok(list) = &mut parts else { return };
+                match made {
+                    Ok(None) => {}
+                    Ok(Some((sample, id))) => {
+                        if list.last().is_none_or(|part| part.samples.len() == self.settings.together) {
+                            list.push(Prepared::default());
+                        }
+                        let part = list.last_mut().expect("one was pushed where there was none");
+                        part.samples.push(sample);
+                        part.ids.push(id);
+                    }
+                    Err(error) => parts = Err(error),
+                }
             },
         );
-        if let Some(error) = failed {
-            return Err(error);
-        }
-        let mut groups = Vec::new();
-        let mut samples = samples.into_iter().peekable();
-        while samples.peek().is_some() {
-            groups.push(samples.by_ref().take(self.settings.together).collect());
-        }
-        Ok(groups)
+        parts
     }
 
     /// Adds up what the parts of a batch come to, in their order.
@@ -179,14 +201,17 @@ where
     }
 
     fn prepare(&self, part: &Part) -> Result<Prepared<T::Sample>, TrainingError> {
-        let mut prepared = Prepared { samples: Vec::new(), ids: Vec::new() };
+        let mut prepared = Prepared::default();
         for &(place, number) in part {
             let example = self.read(number)?;
             let id = self.source.id(number);
             let mut stream = stream(self.settings.seed, "vary", place, id);
-            if let Some(sample) = self.task.prepare(&example, View::Varied(&mut stream)) {
-                prepared.samples.push(sample);
-                prepared.ids.push(id.to_owned());
+            match self.task.prepare(&example, View::Varied(&mut stream)) {
+                Some(sample) => {
+                    prepared.samples.push(sample);
+                    prepared.ids.push(id.to_owned());
+                }
+                None => prepared.passed_over.push(number),
             }
         }
         Ok(prepared)
@@ -200,26 +225,37 @@ where
         prepared: &Prepared<T::Sample>,
     ) -> Result<BatchSum, TrainingError> {
         if prepared.samples.is_empty() {
-            return Ok(BatchSum::default());
+            return Ok(BatchSum { passed_over: prepared.passed_over.clone(), ..BatchSum::default() });
         }
         let mut stream = stream(self.settings.seed, "loss", step, &part.to_string());
         let output = self.task.loss(model, &prepared.samples, Some(&mut stream));
-        let mut sum = Self::judged(&output, prepared.samples.len());
-        let refuse = |what, value| {
-            Err(TrainingError::NotFinite { what, value, step: step + 1, examples: prepared.ids.clone() })
-        };
+        let mut sum = Self::judged(&output, prepared);
         if !sum.loss.is_finite() {
-            return refuse("loss", sum.loss);
+            return Err(not_finite("loss", sum.loss, step + 1, prepared));
         }
         sum.gradient = parameters::gradients(model, output.loss.backward(), self.layout.len);
         let norm = norm(&sum.gradient);
-        if norm.is_finite() { Ok(sum) } else { refuse("norm of the gradient", norm) }
+        if norm.is_finite() {
+            Ok(sum)
+        } else {
+            Err(not_finite("norm of the gradient", norm, step + 1, prepared))
+        }
     }
 
-    fn judged(output: &Output, samples: usize) -> BatchSum {
-        let loss = f64::from(output.loss.clone().into_scalar::<f32>());
-        BatchSum { loss, items: output.items, metrics: output.metrics.clone(), gradient: Vec::new(), samples }
+    fn judged(output: &Output, prepared: &Prepared<T::Sample>) -> BatchSum {
+        BatchSum {
+            loss: f64::from(output.loss.clone().into_scalar::<f32>()),
+            items: output.items,
+            metrics: output.metrics.clone(),
+            gradient: Vec::new(),
+            samples: prepared.samples.len(),
+            passed_over: prepared.passed_over.clone(),
+        }
     }
+}
+
+fn not_finite<S>(what: &'static str, value: f64, step: u64, prepared: &Prepared<S>) -> TrainingError {
+    TrainingError::NotFinite { what, value, step, examples: prepared.ids.clone() }
 }
 
 /// Euclidean norm of a list.
@@ -232,8 +268,8 @@ fn place(part: &Part) -> u64 {
 }
 
 /// What a mutex guards. A thread that panicked while it held it ends the program anyway.
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Shares the numbers below `end` among threads, one for each seed of a worker, and hands the results over in the order of the numbers. A

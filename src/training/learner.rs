@@ -1,16 +1,26 @@
 //! The loop.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use burn::module::Module;
+use serde_json::{Map, Value, json};
 
 use super::adamw::AdamW;
-use super::gradients::{BatchSum, Batches, Part, norm};
-use super::order::{Order, split};
+use super::checkpoint::{Best, Checkpoint, Progress, named};
+use super::folder::Folder;
+use super::gradients::{BatchSum, Batches, Part, Prepared, norm};
+use super::log::{Row, StepRow, ValidationRow, Wall};
+use super::order::{Order, Split, split};
 use super::parameters::{self, Layout};
 use super::schedule::learning_rate;
+use super::tensors::NamedTensors;
 use super::{Execution, Settings, Source, Task, TrainingError};
 
 /// What is trained, on what and how.
-pub struct Learner<'a, T, S> {
+pub struct Learner<'a, T: Task, S> {
     /// The network.
     pub task: &'a T,
     /// What it learns from.
@@ -19,17 +29,70 @@ pub struct Learner<'a, T, S> {
     pub settings: Settings,
     /// What does not.
     pub execution: Execution,
+    /// What is written to `training.json` beside settings, task and data.
+    pub about: Map<String, Value>,
+    /// What else is measured while validating.
+    pub closed_loop: Option<&'a ClosedLoop<'a, T::Model>>,
+    /// Who is told what happens.
+    pub observer: &'a dyn Observer,
 }
+
+/// Measures a network in closed loop after so many steps: numbers by name, none where it is not the time. The network has no autodiff. The
+/// refusal is in words.
+pub type ClosedLoop<'a, M> = dyn Fn(&M, u64) -> Result<BTreeMap<String, f64>, String> + 'a;
+
+/// Who is told what happens in a training.
+pub trait Observer {
+    /// It begins, after so many steps of so many.
+    fn begun(&self, _step: u64, _steps: u64) {}
+    /// A line of the log.
+    fn row(&self, _row: &Row) {}
+    /// A checkpoint was written.
+    fn checkpoint(&self, _path: &Path) {}
+    /// There is nothing to learn from this example. Told once.
+    fn passed_over(&self, _id: &str) {}
+}
+
+/// Nobody.
+impl Observer for () {}
 
 /// How a training ended.
 #[derive(Debug)]
 pub struct Outcome<M> {
+    /// Why.
+    pub ending: Ending,
     /// The network as it is now.
     pub model: M,
-    /// Steps that were taken.
+    /// Steps that were taken, those before an interruption among them.
     pub steps: u64,
-    /// Mean loss of the last step.
-    pub loss: f64,
+    /// The lowest validation loss; `None` where nothing is held out.
+    pub best: Option<Best>,
+}
+
+/// Why a training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// The data were gone through as often as asked.
+    Finished,
+    /// The validation loss did not get lower any more.
+    NoBetter,
+    /// It was asked to end; it can be resumed.
+    Interrupted,
+}
+
+/// What a training works with.
+struct Run<'a, T: Task, S> {
+    batches: Batches<'a, T, S>,
+    model: T::Model,
+    held_out: Vec<Prepared<T::Sample>>,
+    folder: Folder,
+    order: Order,
+    steps: u64,
+    state: Checkpoint,
+    begun: Instant,
+    told: BTreeSet<usize>,
+    /// Whether anything was learned since the program began.
+    learned: bool,
 }
 
 impl<T, S> Learner<'_, T, S>
@@ -37,47 +100,218 @@ where
     T: Task,
     S: Source<Example = T::Example>,
 {
-    /// Trains until the data were gone through as often as asked, or until `stop` is set.
+    /// Trains in a folder until the data were gone through as often as asked, the validation loss gets no better, or `stop` is set.
     ///
     /// # Errors
-    /// [`TrainingError`] for settings that can not be, for data without anything to learn, and where the loss is no number any more.
-    pub fn learn(&self, stop: &AtomicBool) -> Result<Outcome<T::Model>, TrainingError> {
+    /// [`TrainingError`]; the last checkpoint stays, and the training can be resumed from it when what was wrong is mended.
+    pub fn learn(
+        &self,
+        folder: &Path,
+        resume: bool,
+        stop: &AtomicBool,
+    ) -> Result<Outcome<T::Model>, TrainingError> {
         let settings = &self.settings;
         if let Some(refusal) = settings.refuse() {
             return Err(TrainingError::Setting(refusal));
         }
         let split = split(self.source, settings);
-        let mut order = Order::new(settings.seed, &split.learned);
+        let order = Order::new(settings.seed, &split.learned);
         if order.length() == 0 {
-            return Err(TrainingError::NoData("no example is left after holding some out".to_owned()));
+            let held = split.held_out.len();
+            return Err(TrainingError::NoData(format!("no scenario is left beside {held} held out")));
         }
         let model = self.task.init(settings.seed);
-        let (layout, mut values) = parameters::read(&model);
+        let (layout, values) = parameters::read(&model);
+        let identity = self.identity(&split);
+        let (folder, old) = if resume {
+            Folder::resume(folder, identity, &self.about, &layout)?
+        } else {
+            (Folder::create(folder, identity, &self.about)?, None)
+        };
+        let new = || {
+            let adamw = AdamW::new(layout.len);
+            Checkpoint { progress: Progress::default(), values, adamw }
+        };
+        let begins = old.is_none();
         let batches = Batches::new(self.task, self.source, settings, &layout, self.execution.jobs);
-        let held_out = batches.plain(&split.held_out)?;
-        let mut adamw = AdamW::new(layout.len);
-        let steps = (order.length() as f64 * settings.epochs / settings.batch as f64).ceil() as u64;
-        let mut last = f64::NAN;
-        let mut step = 0;
-        while step < steps && !stop.load(Ordering::Relaxed) {
-            let parts = self.parts(&mut order, step);
-            let next = if step + 1 < steps { self.parts(&mut order, step + 1) } else { Vec::new() };
-            let batch = batches.learn(step, &model, &values, &parts, &next)?;
-            last = batch.mean_loss();
-            Self::descend(
-                settings,
-                &layout,
-                &mut adamw,
-                learning_rate(settings, step, steps),
-                &mut values,
-                batch,
-            );
-            step += 1;
-            if step % settings.validate_every == 0 || step == steps {
-                batches.judge(&model, &values, &held_out)?;
+        let mut run = Run {
+            held_out: batches.plain(&split.held_out)?,
+            batches,
+            model,
+            folder,
+            steps: (order.length() as f64 * settings.epochs / settings.batch as f64).ceil() as u64,
+            order,
+            state: old.unwrap_or_else(new),
+            begun: Instant::now(),
+            told: BTreeSet::new(),
+            learned: false,
+        };
+        if begins {
+            // A folder that can not hold a checkpoint is found out now, not after the first hour.
+            self.checkpoint(&mut run)?;
+        }
+        self.run(&mut run, stop)
+    }
+
+    fn run(&self, run: &mut Run<'_, T, S>, stop: &AtomicBool) -> Result<Outcome<T::Model>, TrainingError> {
+        let settings = &self.settings;
+        self.observer.begun(run.state.progress.step, run.steps);
+        let first = run.state.progress.step;
+        let (mut kept, mut kept_at) = (first, Instant::now());
+        let ending = loop {
+            let step = run.state.progress.step;
+            if settings.patience > 0 && run.state.progress.stale >= settings.patience {
+                break Ending::NoBetter;
+            } else if step >= run.steps {
+                break Ending::Finished;
+            } else if stop.load(Ordering::Relaxed) {
+                break Ending::Interrupted;
+            }
+            self.step(run)?;
+            let step = step + 1;
+            let places = (step - first).saturating_mul(settings.batch as u64);
+            if !run.learned && places >= run.order.length() as u64 {
+                return Err(TrainingError::NoData(format!(
+                    "none of {} scenarios has anything that the network could learn",
+                    run.told.len()
+                )));
+            }
+            if step % settings.validate_every == 0 || step == run.steps {
+                self.validate(run)?;
+            }
+            if kept_at.elapsed() >= self.execution.checkpoint_every {
+                self.checkpoint(run)?;
+                (kept, kept_at) = (step, Instant::now());
+            }
+        };
+        let progress = &run.state.progress;
+        let (steps, best) = (progress.step, progress.best);
+        if steps > kept {
+            self.checkpoint(run)?;
+        }
+        if run.held_out.is_empty() && ending != Ending::Interrupted {
+            run.folder.put_weights(self.weights(run))?;
+        }
+        let model = parameters::write(run.model.clone(), &run.state.values);
+        Ok(Outcome { ending, model, steps, best })
+    }
+
+    /// One step of the optimiser.
+    fn step(&self, run: &mut Run<'_, T, S>) -> Result<(), TrainingError> {
+        let began = Instant::now();
+        let step = run.state.progress.step;
+        let parts = self.parts(&mut run.order, step);
+        let next = if step + 1 < run.steps { self.parts(&mut run.order, step + 1) } else { Vec::new() };
+        let mut batch = run.batches.learn(step, &run.model, &run.state.values, &parts, &next)?;
+        for number in std::mem::take(&mut batch.passed_over) {
+            if run.told.insert(number) {
+                self.observer.passed_over(self.source.id(number));
             }
         }
-        Ok(Outcome { model: parameters::write(model, &values), steps: step, loss: last })
+        let rate = learning_rate(&self.settings, step, run.steps);
+        let gradient_norm = self.descend(run.batches.layout, &mut run.state, rate, &mut batch);
+        run.state.progress.step += 1;
+        run.state.progress.updates = run.state.adamw.updates;
+        run.learned |= batch.items > 0.0;
+        let seconds = began.elapsed().as_secs_f64();
+        let row = Row::Step(StepRow {
+            step: step + 1,
+            epoch: self.epoch(run),
+            loss: (batch.items > 0.0).then(|| batch.mean_loss()),
+            learning_rate: rate,
+            gradient_norm,
+            items: batch.items,
+            samples: batch.samples,
+            metrics: batch.metrics.means(),
+            wall: Wall { seconds: Self::seconds(run), per_second: batch.samples as f64 / seconds.max(1e-9) },
+        });
+        run.folder.append(&row)?;
+        self.observer.row(&row);
+        Ok(())
+    }
+
+    /// Moves the parameters; the norm of the gradient before clipping.
+    fn descend(&self, layout: &Layout, state: &mut Checkpoint, rate: f64, batch: &mut BatchSum) -> f64 {
+        if batch.items <= 0.0 {
+            return 0.0;
+        }
+        let length = norm(&batch.gradient) / batch.items;
+        let clipped = if length > self.settings.clip { self.settings.clip / length } else { 1.0 };
+        let scale = clipped / batch.items;
+        batch.gradient.iter_mut().for_each(|g| *g = (f64::from(*g) * scale) as f32);
+        state.adamw.update(&self.settings, layout, rate, &mut state.values, &batch.gradient);
+        length
+    }
+
+    /// Looks at what is held out, and keeps the weights where they are better than any before.
+    fn validate(&self, run: &mut Run<'_, T, S>) -> Result<(), TrainingError> {
+        if run.held_out.is_empty() {
+            return Ok(());
+        }
+        let began = Instant::now();
+        let step = run.state.progress.step;
+        let sum = run.batches.judge(step, &run.model, &run.state.values, &run.held_out)?;
+        let seconds = began.elapsed().as_secs_f64();
+        if sum.items <= 0.0 {
+            return Ok(());
+        }
+        let closed_loop = match self.closed_loop {
+            Some(measure) => {
+                let model = parameters::write(run.model.clone(), &run.state.values).valid();
+                measure(&model, step).map_err(TrainingError::ClosedLoop)?
+            }
+            None => BTreeMap::new(),
+        };
+        let loss = sum.mean_loss();
+        let best = run.state.progress.best.is_none_or(|best| loss < best.loss);
+        if best {
+            run.state.progress.best = Some(Best { step, loss });
+            run.state.progress.stale = 0;
+            run.folder.put_weights(self.weights(run))?;
+        } else {
+            run.state.progress.stale += 1;
+        }
+        let row = Row::Validation(ValidationRow {
+            step,
+            epoch: self.epoch(run),
+            loss,
+            best,
+            items: sum.items,
+            samples: sum.samples,
+            metrics: sum.metrics.means(),
+            closed_loop,
+            wall: Wall { seconds: Self::seconds(run), per_second: sum.samples as f64 / seconds.max(1e-9) },
+        });
+        run.folder.append(&row)?;
+        self.observer.row(&row);
+        Ok(())
+    }
+
+    fn checkpoint(&self, run: &mut Run<'_, T, S>) -> Result<(), TrainingError> {
+        let mut state = run.state.clone();
+        state.progress.seconds = Self::seconds(run);
+        let path = run.folder.keep(&state, run.batches.layout)?;
+        self.observer.checkpoint(&path);
+        Ok(())
+    }
+
+    /// The network's parameters as they are now.
+    fn weights(&self, run: &Run<'_, T, S>) -> NamedTensors {
+        let mut weights = NamedTensors::default();
+        weights.tensors.extend(named(run.batches.layout, &run.state.values, ""));
+        weights.about.insert("step".to_owned(), run.state.progress.step.into());
+        weights.about.insert("validation_loss".to_owned(), json!(run.state.progress.best.map(|b| b.loss)));
+        weights
+    }
+
+    /// What a training is told from others by.
+    fn identity(&self, split: &Split) -> Value {
+        let learned: usize = split.learned.iter().map(|(numbers, _)| numbers.len()).sum();
+        json!({
+            "settings": self.settings,
+            "task": self.task.describe(),
+            "data": { "digest": self.source.digest(), "learned": learned, "held_out": split.held_out.len() },
+        })
     }
 
     /// The parts of a step's batch.
@@ -87,23 +321,13 @@ where
         examples.chunks(self.settings.together).map(<[_]>::to_vec).collect()
     }
 
-    /// One step of the optimiser; the norm of the gradient before clipping.
-    fn descend(
-        settings: &Settings,
-        layout: &Layout,
-        adamw: &mut AdamW,
-        rate: f64,
-        values: &mut [f32],
-        batch: BatchSum,
-    ) -> f64 {
-        if batch.items <= 0.0 {
-            return 0.0;
-        }
-        let mut gradient = batch.gradient;
-        let length = norm(&gradient) / batch.items;
-        let scale = (settings.clip / length).min(1.0) / batch.items;
-        gradient.iter_mut().for_each(|g| *g = (f64::from(*g) * scale) as f32);
-        adamw.update(settings, layout, rate, values, &gradient);
-        length
+    /// How often the data were gone through.
+    fn epoch(&self, run: &Run<'_, T, S>) -> f64 {
+        (run.state.progress.step * self.settings.batch as u64) as f64 / run.order.length() as f64
+    }
+
+    /// Seconds since the training began.
+    fn seconds(run: &Run<'_, T, S>) -> f64 {
+        run.state.progress.seconds + run.begun.elapsed().as_secs_f64()
     }
 }

@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 
 /// A sum and the weight it is divided by in the end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sum {
-    /// Sum of the weighted values.
-    pub total: f64,
-    /// Sum of the weights.
-    pub weight: f64,
+struct Sum {
+    total: f64,
+    weight: f64,
 }
 
 /// Means by name, such as the share of tokens that were met.
@@ -35,9 +33,9 @@ impl Sums {
         }
     }
 
-    /// The means, by name; what nothing was summed up of is left out.
+    /// The means, by name; what nothing was summed up of, or is no finite number, is left out.
     pub fn means(&self) -> BTreeMap<String, f64> {
-        let weighed = self.0.iter().filter(|(_, sum)| sum.weight != 0.0);
-        weighed.map(|(name, sum)| ((*name).to_owned(), sum.total / sum.weight)).collect()
+        let means = self.0.iter().map(|(name, sum)| ((*name).to_owned(), sum.total / sum.weight));
+        means.filter(|(_, mean)| mean.is_finite()).collect()
     }
 }

@@ -1,25 +1,121 @@
 //! What is learned.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-use reactsim::training::{Learner, Outcome, Settings};
+use reactsim::training::{Ending, Observer, Row, Settings, TrainingError};
 
-use super::toy::{Curve, Net, Toy, execution, settings};
-
-fn learn(settings: Settings, jobs: usize) -> Outcome<Net> {
-    let learner = Learner { task: &Toy, source: &Curve::of(64), settings, execution: execution(jobs) };
-    learner.learn(&AtomicBool::new(false)).unwrap()
-}
+use super::toy::{Curve, Trial, left, settings};
 
 #[test]
 fn a_toy_is_learned() {
-    let outcome = learn(Settings { epochs: 200.0, ..settings() }, 1);
-    assert!(outcome.loss < 0.01, "{}", outcome.loss);
+    let folder = tempfile::tempdir().unwrap();
+    let trial =
+        Trial { settings: Settings { epochs: 200.0, validate_every: 100, ..settings() }, ..Trial::default() };
+    let outcome = trial.learn(folder.path(), false).unwrap();
+    assert_eq!(outcome.ending, Ending::Finished);
+    let best = outcome.best.unwrap();
+    assert!(best.loss < 0.01, "{best:?}");
+    let (rows, weights) = left(folder.path());
+    assert_eq!(weights.about["step"], best.step);
+    assert_eq!(rows.last().unwrap().step(), outcome.steps);
+    let Some(Row::Step(first)) = rows.first() else { panic!("no step first") };
+    assert!(
+        (first.learning_rate - 0.004).abs() < 1e-9 && first.loss.unwrap() > 0.1 && first.gradient_norm > 0.0
+    );
+    assert!(first.metrics["absolute_error"] > 0.1);
 }
 
 #[test]
 fn threads_change_no_bit() {
-    let of = |jobs| learn(Settings { epochs: 5.0, ..settings() }, jobs).loss.to_bits();
-    assert_eq!(of(1), of(2));
-    assert_eq!(of(1), of(5));
+    let of = |jobs| {
+        let folder = tempfile::tempdir().unwrap();
+        Trial { jobs, ..Trial::default() }.learn(folder.path(), false).unwrap();
+        left(folder.path())
+    };
+    let alone = of(1);
+    assert_eq!(alone, of(2));
+    assert_eq!(alone, of(5));
+}
+
+#[test]
+fn a_training_that_gets_no_better_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings =
+        Settings { learning_rate: 1e-12, patience: 2, validate_every: 3, epochs: 100.0, ..settings() };
+    let trial = Trial { settings, ..Trial::default() };
+    let outcome = trial.learn(folder.path(), false).unwrap();
+    assert_eq!(outcome.ending, Ending::NoBetter);
+    assert!(outcome.steps < 60, "{}", outcome.steps);
+    // It stays ended.
+    let again = trial.learn(folder.path(), true).unwrap();
+    assert_eq!((again.ending, again.steps), (Ending::NoBetter, outcome.steps));
+}
+
+#[test]
+fn what_is_measured_in_closed_loop_is_logged() {
+    let folder = tempfile::tempdir().unwrap();
+    let measure = |_: &_, step: u64| Ok(BTreeMap::from([("collisions".to_owned(), step as f64)]));
+    let stop = AtomicBool::new(false);
+    Trial::default().learn_with(folder.path(), false, &stop, Some(&measure)).unwrap();
+    let (rows, _) = left(folder.path());
+    let looks: Vec<f64> = rows
+        .iter()
+        .filter_map(|row| match row {
+            Row::Validation(row) => Some(row.closed_loop["collisions"]),
+            Row::Step(_) => None,
+        })
+        .collect();
+    assert_eq!(looks[..3], [7.0, 14.0, 21.0]);
+}
+
+/// Keeps what it is told.
+#[derive(Default)]
+struct Told(RefCell<Vec<String>>);
+
+impl Observer for Told {
+    fn passed_over(&self, id: &str) {
+        self.0.borrow_mut().push(id.to_owned());
+    }
+}
+
+#[test]
+fn what_nothing_can_be_learned_from_is_passed_over_and_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, mut source) = (Told::default(), Curve::of(64));
+    source.empty = Some(9);
+    Trial { source, observer: &told, ..Trial::default() }.learn(folder.path(), false).unwrap();
+    assert_eq!(told.0.into_inner(), ["point-9"]);
+}
+
+#[test]
+fn a_loss_that_is_no_number_ends_it_with_the_step_and_the_scenarios() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = Curve::of(64);
+    source.poison = Some(30);
+    let error = Trial { source, ..Trial::default() }.learn(folder.path(), false).unwrap_err();
+    let text = error.to_string();
+    assert!(text.starts_with("the loss is NaN at step ") && text.contains("point-30"), "{text}");
+    let TrainingError::NotFinite { step, examples, .. } = error else { panic!("{text}") };
+    assert_eq!(examples.len(), 2);
+    // What was there before stays.
+    let last = super::toy::checkpoints(folder.path()).pop().unwrap();
+    assert!(last.ends_with(format!("checkpoint-{:08}.safetensors", step - 1)), "{last:?}");
+}
+
+#[test]
+fn data_without_anything_to_learn_are_refused() {
+    let refusal = |source| {
+        let folder = tempfile::tempdir().unwrap();
+        Trial { source, ..Trial::default() }.learn(folder.path(), false).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refusal(Curve::of(0)),
+        "there is nothing to learn from: no scenario is left beside 0 held out"
+    );
+    let wrong = Trial { settings: Settings { batch: 0, ..settings() }, ..Trial::default() };
+    let folder = tempfile::tempdir().unwrap();
+    let error = wrong.learn(folder.path(), false).unwrap_err();
+    assert_eq!(error.to_string(), "batch is 0, expected 1 to 65536");
 }

@@ -1,21 +1,31 @@
 //! A network that learns a curve.
 
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Tensor, TensorData, activation};
 use rand_chacha::rand_core::Rng;
-use reactsim::training::{Execution, Output, Settings, Source, Stream, Sums, Task, View, draw_parameters};
+use reactsim::training::{
+    ClosedLoop, Execution, LOG, Learner, NamedTensors, Observer, Outcome, Output, Row, Settings, Source,
+    Stream, Sums, Task, TrainingError, View, WEIGHTS, Wall, draw_parameters, read_log,
+};
+use serde_json::Map;
 
 /// Points on a curve.
 pub(super) struct Curve {
     pub(super) ids: Vec<String>,
+    /// An example whose value is no number.
+    pub(super) poison: Option<usize>,
+    /// An example that nothing is made of.
+    pub(super) empty: Option<usize>,
 }
 
 impl Curve {
     pub(super) fn of(n: usize) -> Self {
-        Self { ids: (0..n).map(|i| format!("point-{i}")).collect() }
+        Self { ids: (0..n).map(|i| format!("point-{i}")).collect(), poison: None, empty: None }
     }
 }
 
@@ -35,7 +45,11 @@ impl Source for Curve {
     }
 
     fn read(&self, number: usize) -> Result<f32, String> {
-        Ok(number as f32 / self.ids.len() as f32)
+        if self.poison == Some(number) {
+            return Ok(f32::NAN);
+        }
+        let x = number as f32 / self.ids.len() as f32;
+        Ok(if self.empty == Some(number) { -x } else { x })
     }
 }
 
@@ -65,6 +79,9 @@ impl Task for Toy {
             View::Varied(stream) => (stream.next_u32() as f32 / u32::MAX as f32 - 0.5) * 0.02,
             View::Plain => 0.0,
         };
+        if *example < 0.0 {
+            return None;
+        }
         let x = example + shift;
         Some((4.0 * x, (6.0 * x).sin()))
     }
@@ -85,17 +102,88 @@ impl Task for Toy {
     }
 }
 
+/// How it ended.
+pub(super) type Learned = Result<Outcome<Net>, TrainingError>;
+
 pub(super) fn settings() -> Settings {
     Settings {
-        epochs: 60.0,
+        epochs: 10.0,
         batch: 16,
         together: 2,
         learning_rate: 0.02,
+        warm_up: 5,
         held_out: 0.1,
+        validate_every: 7,
         ..Settings::default()
     }
 }
 
-pub(super) fn execution(jobs: usize) -> Execution {
-    Execution { jobs, checkpoint_every: Duration::from_secs(3600) }
+/// A training of the toy.
+pub(super) struct Trial<'a> {
+    pub(super) source: Curve,
+    pub(super) settings: Settings,
+    pub(super) jobs: usize,
+    pub(super) observer: &'a dyn Observer,
+    pub(super) checkpoint_every: Duration,
+}
+
+impl Default for Trial<'_> {
+    fn default() -> Self {
+        Self {
+            source: Curve::of(64),
+            settings: settings(),
+            jobs: 2,
+            observer: &(),
+            checkpoint_every: Duration::ZERO,
+        }
+    }
+}
+
+impl Trial<'_> {
+    pub(super) fn learn(&self, folder: &Path, resume: bool) -> Learned {
+        self.learn_until(folder, resume, &AtomicBool::new(false))
+    }
+
+    pub(super) fn learn_until(&self, folder: &Path, resume: bool, stop: &AtomicBool) -> Learned {
+        self.learn_with(folder, resume, stop, None)
+    }
+
+    pub(super) fn learn_with(
+        &self,
+        folder: &Path,
+        resume: bool,
+        stop: &AtomicBool,
+        closed_loop: Option<&ClosedLoop<'_, Net>>,
+    ) -> Learned {
+        let learner = Learner {
+            task: &Toy,
+            source: &self.source,
+            settings: self.settings.clone(),
+            execution: Execution { jobs: self.jobs, checkpoint_every: self.checkpoint_every },
+            about: Map::new(),
+            closed_loop,
+            observer: self.observer,
+        };
+        learner.learn(folder, resume, stop)
+    }
+}
+
+/// The log without what clocks said, and the weights: all that a training leaves.
+pub(super) fn left(folder: &Path) -> (Vec<Row>, NamedTensors) {
+    let mut rows = read_log(&folder.join(LOG)).unwrap();
+    for row in &mut rows {
+        match row {
+            Row::Step(row) => row.wall = Wall::default(),
+            Row::Validation(row) => row.wall = Wall::default(),
+        }
+    }
+    (rows, NamedTensors::read(&folder.join(WEIGHTS)).unwrap())
+}
+
+/// The checkpoints of a folder.
+pub(super) fn checkpoints(folder: &Path) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    found.retain(|p| p.file_name().unwrap().to_str().unwrap().starts_with("checkpoint-"));
+    found.sort();
+    found
 }

@@ -1,0 +1,220 @@
+//! Going on after an interruption, and what stands in its way.
+
+use std::fs::{self, OpenOptions};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use reactsim::training::{Ending, LOG, NamedTensors, Observer, Row, Settings, TrainingError, WEIGHTS};
+
+use super::toy::{Curve, Trial, checkpoints, left, settings};
+
+/// Stops a training at a step.
+struct StopAt<'a>(u64, &'a AtomicBool);
+
+impl Observer for StopAt<'_> {
+    fn row(&self, row: &Row) {
+        if row.step() == self.0 {
+            self.1.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// What a training leaves that is not interrupted.
+fn uninterrupted() -> (Vec<Row>, NamedTensors) {
+    let folder = tempfile::tempdir().unwrap();
+    Trial { checkpoint_every: Duration::from_secs(3600), ..Trial::default() }
+        .learn(folder.path(), false)
+        .unwrap();
+    left(folder.path())
+}
+
+/// A training that was interrupted after so many steps.
+fn interrupted(folder: &Path, step: u64) {
+    let stop = AtomicBool::new(false);
+    let observer = StopAt(step, &stop);
+    let trial =
+        Trial { observer: &observer, checkpoint_every: Duration::from_secs(3600), ..Trial::default() };
+    let outcome = trial.learn_until(folder, false, &stop).unwrap();
+    assert_eq!((outcome.ending, outcome.steps), (Ending::Interrupted, step));
+}
+
+#[test]
+fn what_is_resumed_comes_out_as_if_it_had_never_ended() {
+    let expected = uninterrupted();
+    for step in [1, 7, 20] {
+        let folder = tempfile::tempdir().unwrap();
+        interrupted(folder.path(), step);
+        // Rows of steps after the checkpoint, and a torn one, as a kill leaves them.
+        let log = folder.path().join(LOG);
+        let mut text = fs::read_to_string(&log).unwrap();
+        text.push_str(&text.lines().last().unwrap().replace(&format!("\"step\":{step},"), "\"step\":999,"));
+        text.push_str("\n{\"row\":\"st");
+        fs::write(&log, text).unwrap();
+        let outcome = Trial { jobs: 1, ..Trial::default() }.learn(folder.path(), true).unwrap();
+        assert_eq!(outcome.ending, Ending::Finished);
+        assert!(left(folder.path()) == expected, "resumed at {step}");
+        assert_eq!(checkpoints(folder.path()).len(), 2);
+    }
+}
+
+#[test]
+fn what_was_killed_comes_out_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "training::resuming::a_training_to_be_killed", "--ignored", "--nocapture"])
+        .env("REACTSIM_TEST_TRAINING", folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    // It says every step: killed in the middle of one.
+    let steps = lines.map_while(Result::ok).filter(|line| line.contains("a step")).take(12).count();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(steps, 12);
+    assert!(!folder.path().join("finished").exists());
+    Trial::default().learn(folder.path(), true).unwrap();
+    assert!(left(folder.path()) == uninterrupted());
+}
+
+/// Says every step, slowly.
+struct Loud;
+
+impl Observer for Loud {
+    #[expect(clippy::print_stdout, reason = "another process listens")]
+    fn row(&self, _: &Row) {
+        println!("a step");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+#[ignore = "is run by another test, which kills it"]
+fn a_training_to_be_killed() {
+    let Some(folder) = std::env::var_os("REACTSIM_TEST_TRAINING") else { return };
+    let folder = Path::new(&folder);
+    let trial = Trial { observer: &Loud, checkpoint_every: Duration::from_millis(70), ..Trial::default() };
+    trial.learn(folder, false).unwrap();
+    fs::write(folder.join("finished"), "").unwrap();
+}
+
+#[test]
+fn other_settings_and_data_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    interrupted(folder.path(), 3);
+    let refusal = |trial: Trial<'_>| trial.learn(folder.path(), true).unwrap_err().to_string();
+    let other = refusal(Trial { settings: Settings { batch: 8, seed: 1, ..settings() }, ..Trial::default() });
+    assert!(
+        other.contains("`settings.batch` is 16 there and 8 now; `settings.seed` is 0 there and 1 now"),
+        "{other}"
+    );
+    let other = refusal(Trial { source: Curve::of(63), ..Trial::default() });
+    assert!(other.contains("`data.digest` is \"curve-64\" there and \"curve-63\" now"), "{other}");
+    let text = Trial::default().learn(folder.path(), false).unwrap_err().to_string();
+    assert!(text.contains("holds a training already; give --resume"), "{text}");
+}
+
+#[test]
+fn a_checkpoint_that_is_cut_short_is_refused_and_the_one_before_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    interrupted(folder.path(), 9);
+    let all = checkpoints(folder.path());
+    let [first, last] = &all[..] else { panic!("{all:?}") };
+    let whole = fs::read(last).unwrap();
+    let mut flipped = whole.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    let damages: [(&[u8], &str); 4] = [
+        (&whole[..whole.len() - 1], "it is cut short"),
+        (&whole[..100], "it is cut short"),
+        (&[], "it is cut short"),
+        (&flipped, "it is damaged"),
+    ];
+    for (content, expected) in damages {
+        fs::write(last, content).unwrap();
+        let text = Trial::default().learn(folder.path(), true).unwrap_err().to_string();
+        assert!(text.contains(expected) && text.contains(&format!("{}", last.display())), "{text}");
+        assert!(text.ends_with(&format!("delete it to go on from {}", first.display())), "{text}");
+    }
+    fs::remove_file(last).unwrap();
+    Trial::default().learn(folder.path(), true).unwrap();
+    assert!(left(folder.path()) == uninterrupted());
+}
+
+#[test]
+fn a_checkpoint_of_something_else_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    interrupted(folder.path(), 9);
+    let last = checkpoints(folder.path()).pop().unwrap();
+    let refusal = |file: &NamedTensors| {
+        file.write(&last).unwrap();
+        Trial::default().learn(folder.path(), true).unwrap_err().to_string()
+    };
+    let good = NamedTensors::read(&last).unwrap();
+    let weights = NamedTensors::read(&folder.path().join(WEIGHTS)).unwrap();
+    assert!(refusal(&weights).contains("it is no checkpoint of a training"));
+    let mut other = good.clone();
+    other.about["training"]["settings"]["clip"] = 7.0.into();
+    assert!(refusal(&other).contains("it is of another training: `settings.clip` is 7.0 there and 1.0 now"));
+    let mut other = good.clone();
+    other.tensors.remove("first.second.bias").unwrap();
+    assert!(refusal(&other).contains("the tensor `first.second.bias` is missing"));
+    let mut other = good.clone();
+    other.tensors.get_mut("model.first.weight").unwrap().shape = vec![32, 1];
+    assert!(refusal(&other).contains("the tensor `model.first.weight` is [32, 1], expected [1, 32]"));
+    let foreign = safetensors::serialize(
+        [("x", &safetensors::tensor::TensorView::new(safetensors::Dtype::F32, vec![1], &[0; 4]).unwrap())],
+        None,
+    );
+    fs::write(&last, foreign.unwrap()).unwrap();
+    let text = Trial::default().learn(folder.path(), true).unwrap_err().to_string();
+    assert!(text.contains("its metadata have no `reactsim`: another program wrote it"), "{text}");
+}
+
+/// From some step on, checkpoints go to a disk that is full.
+struct FullFrom<'a>(u64, &'a Path);
+
+impl Observer for FullFrom<'_> {
+    fn row(&self, row: &Row) {
+        if row.step() == self.0 {
+            let partial = self.1.join(format!("checkpoint-{:08}.safetensors.partial", self.0));
+            std::os::unix::fs::symlink("/dev/full", partial).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_full_disk_ends_it_and_the_last_checkpoint_stays_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let trial = Trial { observer: &FullFrom(11, folder.path()), ..Trial::default() };
+    let error = trial.learn(folder.path(), false).unwrap_err();
+    let TrainingError::Write { path, source } = &error else { panic!("{error}") };
+    assert_eq!(source.kind(), std::io::ErrorKind::StorageFull);
+    assert!(path.ends_with("checkpoint-00000011.safetensors"), "{path:?}");
+    let names: Vec<String> = checkpoints(folder.path())
+        .iter()
+        .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(names, ["checkpoint-00000009.safetensors", "checkpoint-00000010.safetensors"]);
+    Trial::default().learn(folder.path(), true).unwrap();
+    assert!(left(folder.path()) == uninterrupted());
+}
+
+#[test]
+fn a_folder_that_can_not_be_written_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "").unwrap();
+    let error = Trial::default().learn(&file.join("out"), false).unwrap_err();
+    assert!(matches!(error, TrainingError::Write { .. }), "{error}");
+    // And one that another training holds.
+    let out = folder.path().join("out");
+    interrupted(&out, 3);
+    let held = OpenOptions::new().read(true).open(out.join("training.json")).unwrap();
+    held.try_lock().unwrap();
+    let error = Trial::default().learn(&out, true).unwrap_err();
+    assert!(matches!(error, TrainingError::Busy { .. }), "{error}");
+}
