@@ -1,4 +1,7 @@
 //! Next-token prediction: agents move by tokens of half a second, drawn from what a network thinks probable.
 
+mod execute;
+pub mod learn;
+pub mod reactive;
 pub mod smart;
 pub mod tokens;

@@ -1,0 +1,10 @@
+//! How the network learns: samples from logged scenes, and the loss.
+
+mod task;
+
+pub use task::{NextToken, Recipe};
+
+pub(crate) mod drive;
+pub(crate) mod loss;
+pub(crate) mod sample;
+pub(crate) mod scene;

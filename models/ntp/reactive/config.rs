@@ -1,0 +1,72 @@
+//! Sizes of the reactive network.
+
+use serde::{Deserialize, Serialize};
+
+/// Sizes and reaches of the reactive network. Stored with its weights.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Width of a node.
+    pub hidden: usize,
+    /// Heads of attention.
+    pub heads: usize,
+    /// Width of a head.
+    pub head_width: usize,
+    /// Width of an embedded relation.
+    pub relation: usize,
+    /// Hidden width of the feed-forward parts.
+    pub feed_forward: usize,
+    /// Hidden width of the token heads.
+    pub head_hidden: usize,
+    /// Layers that only the map passes.
+    pub map_layers: usize,
+    /// Layers of agents; each attends to the agent's past, to the map and to other agents.
+    pub agent_layers: usize,
+    /// Neighbours of a map piece among the map pieces.
+    pub map_neighbours: usize,
+    /// Map pieces nearest to an agent that it attends to.
+    pub near_pieces: usize,
+    /// Lane pieces nearest to a point ahead of an agent that it attends to.
+    pub ahead_pieces: usize,
+    /// Stopping places ahead that an agent attends to.
+    pub stops: usize,
+    /// Nearest agents that an agent attends to; the AV is always one of them.
+    pub agents: usize,
+    /// Earlier steps of its own that an agent attends to.
+    pub past: usize,
+    /// How far away an agent that is attended to may be, metres (the AV excepted).
+    pub agent_radius: f64,
+    /// How far from the AV map pieces are known, metres.
+    pub map_radius: f64,
+}
+
+impl Config {
+    /// Places of the map that an agent attends to.
+    pub const fn places(&self) -> usize {
+        self.near_pieces + self.ahead_pieces + self.stops
+    }
+}
+
+impl Default for Config {
+    /// Size S: for two processor cores.
+    fn default() -> Self {
+        Self {
+            hidden: 64,
+            heads: 4,
+            head_width: 16,
+            relation: 48,
+            feed_forward: 128,
+            head_hidden: 128,
+            map_layers: 1,
+            agent_layers: 3,
+            map_neighbours: 8,
+            near_pieces: 14,
+            ahead_pieces: 8,
+            stops: 3,
+            agents: 12,
+            past: 4,
+            agent_radius: 60.0,
+            map_radius: 150.0,
+        }
+    }
+}

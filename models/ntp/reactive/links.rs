@@ -1,0 +1,75 @@
+//! Whom and what nodes attend to, in rows of equal length.
+
+/// Neighbours of `n` nodes, `k` slots for each.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Links {
+    /// `[n, k]`: indices of sources; 0 in closed slots.
+    pub index: Vec<u32>,
+    /// `[n, k]`: whether there is a neighbour.
+    pub open: Vec<bool>,
+    /// `[n, k, numbers]`: how the source stands to the node; 0 in closed slots.
+    pub relation: Vec<f32>,
+}
+
+impl Links {
+    /// Appends a node with its sources, at most `k`, nearest first.
+    pub(crate) fn push(
+        &mut self,
+        k: usize,
+        numbers: usize,
+        sources: &[usize],
+        mut relate: impl FnMut(usize, &mut [f32]),
+    ) {
+        let (at, open) = (self.index.len(), sources.len().min(k));
+        self.index.resize(at + k, 0);
+        self.open.resize(at + k, false);
+        self.relation.resize((at + k) * numbers, 0.0);
+        for (slot, &source) in sources[..open].iter().enumerate() {
+            self.index[at + slot] = source as u32;
+            self.open[at + slot] = true;
+            relate(source, &mut self.relation[(at + slot) * numbers..][..numbers]);
+        }
+    }
+
+    /// The sources that count.
+    pub(crate) fn sources(&self) -> impl Iterator<Item = usize> {
+        self.index.iter().zip(&self.open).filter(|(_, open)| **open).map(|(&i, _)| i as usize)
+    }
+}
+
+/// The `k` smallest of what is offered, by value and then by order of offering.
+#[derive(Debug)]
+pub(crate) struct Nearest {
+    k: usize,
+    found: Vec<(f64, usize)>,
+}
+
+impl Nearest {
+    /// Keeps at most `k`.
+    pub(crate) fn new(k: usize) -> Self {
+        Self { k, found: Vec::with_capacity(k + 1) }
+    }
+
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
+        self.found.clear();
+    }
+
+    /// Offers an index.
+    pub(crate) fn offer(&mut self, value: f64, index: usize) {
+        if self.found.len() == self.k {
+            match self.found.last() {
+                Some(worst) if value < worst.0 => {}
+                _ => return,
+            }
+            self.found.pop();
+        }
+        let at = self.found.partition_point(|f| f.0 <= value);
+        self.found.insert(at, (value, index));
+    }
+
+    /// What was kept, smallest first.
+    pub(crate) fn found(&self) -> impl Iterator<Item = usize> {
+        self.found.iter().map(|f| f.1)
+    }
+}

@@ -1,0 +1,17 @@
+//! The reactive network: sized for processor cores, made to notice the AV.
+//!
+//! Differences from SMART: every agent attends to a fixed number of neighbours; relations are hand-made numbers that hold relative
+//! velocity, closing speed, gaps and crossing times; the AV is marked on nodes and on relations and is known one step ahead where the
+//! protocol shows it; motion enters as it is, not as a token; lights enter with the relation to the places they control.
+
+pub(crate) mod batch;
+mod body;
+mod config;
+mod links;
+pub(crate) mod network;
+mod pair;
+pub(crate) mod places;
+pub(crate) mod step;
+
+pub use config::Config;
+pub use network::Network;

@@ -1,0 +1,145 @@
+//! The reactive network itself.
+
+use burn::module::Module;
+use burn::tensor::Tensor;
+
+use super::super::tokens::Class;
+use super::batch::{LinkTensors, MapTensors, NodeTensors};
+use super::body::BODY;
+use super::config::Config;
+use super::pair::PAIR;
+use super::places::{PLACE, PLACE_PAIR, TO_PLACE};
+use super::step::PAST;
+use crate::models::nn::{
+    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention,
+};
+
+/// A block: an agent attends to its past, to the map, to the others.
+#[derive(Module, Debug)]
+pub(crate) struct Block {
+    past: RelationalAttention,
+    places: RelationalAttention,
+    agents: RelationalAttention,
+}
+
+/// The reactive network.
+#[derive(Module, Debug)]
+pub struct Network {
+    place: MlpLayer,
+    place_pair: MlpLayer,
+    map: Vec<RelationalAttention>,
+    body: MlpLayer,
+    past: MlpLayer,
+    to_place: MlpLayer,
+    pair: MlpLayer,
+    blocks: Vec<Block>,
+    heads: Vec<MlpLayer>,
+}
+
+/// Where earlier nodes are found.
+#[derive(Debug)]
+pub(crate) enum PastNodes<'a> {
+    /// Among the nodes that are computed now.
+    Here,
+    /// Per block the states with which earlier nodes entered it, `[m, hidden]`.
+    Kept(&'a [Tensor<2>]),
+}
+
+/// What comes out.
+#[derive(Debug)]
+pub(crate) struct Encoded {
+    /// `[n, hidden]`: what the heads read.
+    pub nodes: Tensor<2>,
+    /// Per block the states with which the nodes entered it: what later steps attend to.
+    pub entering: Vec<Tensor<2>>,
+}
+
+impl Network {
+    /// A network with fresh weights. `tokens` are the numbers of tokens per class.
+    pub(crate) fn init(config: &Config, tokens: [usize; 3], init: &mut Initializer) -> Self {
+        let (h, r) = (config.hidden, config.relation);
+        let attention = |bipartite| AttentionConfig {
+            width: h,
+            heads: config.heads,
+            head_dim: config.head_width,
+            relation_width: r,
+            feed_forward: FeedForwardConfig::Relu(config.feed_forward),
+            bipartite,
+            relation_norm: false,
+            dropout: 0.0,
+        };
+        Self {
+            place: MlpLayer::init(PLACE, h, h, init),
+            place_pair: MlpLayer::init(PLACE_PAIR, r, r, init),
+            body: MlpLayer::init(BODY, 2 * h, h, init),
+            past: MlpLayer::init(PAST, r, r, init),
+            to_place: MlpLayer::init(TO_PLACE, r, r, init),
+            pair: MlpLayer::init(PAIR, r, r, init),
+            heads: tokens.into_iter().map(|n| MlpLayer::init(h, config.head_hidden, n, init)).collect(),
+            map: (0..config.map_layers).map(|_| attention(false).init(init)).collect(),
+            blocks: (0..config.agent_layers)
+                .map(|_| Block {
+                    past: attention(false).init(init),
+                    places: attention(true).init(init),
+                    agents: attention(false).init(init),
+                })
+                .collect(),
+        }
+    }
+
+    /// `[p, hidden]`: the places of the map. Holds for a whole rollout: what changes enters with relations.
+    pub(crate) fn encode_map(&self, map: &MapTensors) -> Tensor<2> {
+        let relation = embed(&self.place_pair, &map.links);
+        let mut x = self.place.forward(map.places.clone());
+        for layer in &self.map {
+            let sources = layer.sources(x.clone());
+            x = layer.forward(x, sources, &map.links.neighbors, relation.clone(), &mut Noise::none());
+        }
+        x
+    }
+
+    /// The nodes of some steps, from the encoded places.
+    pub(crate) fn encode(&self, nodes: &NodeTensors, places: Tensor<2>, past: &PastNodes<'_>) -> Encoded {
+        let to_past = embed(&self.past, &nodes.past);
+        let to_places = embed(&self.to_place, &nodes.places);
+        let to_agents = embed(&self.pair, &nodes.agents);
+        let mut x = self.body.forward(nodes.bodies.clone());
+        let mut entering = Vec::with_capacity(self.blocks.len());
+        for (i, block) in self.blocks.iter().enumerate() {
+            entering.push(x.clone());
+            let earlier = match past {
+                PastNodes::Here => x.clone(),
+                PastNodes::Kept(kept) => kept[i].clone(),
+            };
+            x = attend(&block.past, x, Some(earlier), &nodes.past, &to_past);
+            x = attend(&block.places, x, Some(places.clone()), &nodes.places, &to_places);
+            x = attend(&block.agents, x, None, &nodes.agents, &to_agents);
+        }
+        Encoded { nodes: x, entering }
+    }
+
+    /// `[m, tokens of the class]`: unnormalised log-probabilities of the next token of nodes of one class.
+    pub(crate) fn logits(&self, class: Class, nodes: Tensor<2>) -> Tensor<2> {
+        self.heads[class as usize].forward(nodes)
+    }
+}
+
+/// One layer; without `sources` nodes attend to one another.
+fn attend(
+    layer: &RelationalAttention,
+    x: Tensor<2>,
+    sources: Option<Tensor<2>>,
+    links: &LinkTensors,
+    relation: &Tensor<3>,
+) -> Tensor<2> {
+    let sources = layer.sources(sources.unwrap_or_else(|| x.clone()));
+    layer.forward(x, sources, &links.neighbors, relation.clone(), &mut Noise::none())
+}
+
+/// `[n, k, relation]`.
+fn embed(mlp: &MlpLayer, links: &LinkTensors) -> Tensor<3> {
+    let (n, k) = (links.neighbors.destinations(), links.neighbors.slots());
+    let embedded = mlp.forward(links.relation.clone());
+    let width = embedded.dims()[1];
+    embedded.reshape([n, k, width])
+}
