@@ -3,5 +3,8 @@
 mod execute;
 pub mod learn;
 pub mod reactive;
+mod sampling;
 pub mod smart;
 pub mod tokens;
+
+pub use sampling::Sampling;

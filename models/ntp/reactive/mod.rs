@@ -11,7 +11,10 @@ mod links;
 pub(crate) mod network;
 mod pair;
 pub(crate) mod places;
+mod simulator;
 pub(crate) mod step;
+mod window;
 
 pub use config::Config;
 pub use network::Network;
+pub use simulator::ReactiveSimulator;

@@ -29,6 +29,8 @@ pub(crate) struct Earlier {
 /// One scene at one step, ready for the network. Nodes are the agents that are present, in the order of their slots.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Step {
+    /// The frame.
+    pub frame: usize,
     /// Per node the slot of its agent.
     pub slots: Vec<usize>,
     /// Per node its class.
@@ -70,7 +72,7 @@ impl Step {
         keep: impl Fn(usize) -> bool,
         config: &Config,
     ) -> Self {
-        let mut step = Self::default();
+        let mut step = Self { frame: view.now, ..Self::default() };
         let mut bodies = Vec::new();
         for (slot, agent) in view.agents.iter().enumerate().filter(|(slot, _)| keep(*slot)) {
             let next = if slot == 0 { view.av_next } else { None };

@@ -1,0 +1,88 @@
+//! Which token is taken.
+
+use rand::RngExt;
+use reactsim::geometry::math;
+use reactsim::rollout::Stream;
+use serde::{Deserialize, Serialize};
+
+/// How tokens are drawn from the network's distribution.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sampling {
+    /// Only so many of the likeliest tokens are drawn from; 1 is greedy, 0 all.
+    pub top_k: usize,
+    /// Logits are divided by this; above 0.
+    pub temperature: f64,
+}
+
+impl Sampling {
+    /// Draws a token. Of equal logits the lower index counts as the likelier. One number is drawn from the stream whatever the settings.
+    /// `None` where a logit is no number.
+    pub(crate) fn draw(&self, logits: &[f32], stream: &mut Stream) -> Option<usize> {
+        let u: f64 = stream.random();
+        if logits.is_empty() || logits.iter().any(|l| l.is_nan() || *l == f32::INFINITY) {
+            return None;
+        }
+        let k = if self.top_k == 0 { logits.len() } else { self.top_k.min(logits.len()) };
+        let mut order: Vec<u32> = (0..logits.len() as u32).collect();
+        let likelier = |a: &u32, b: &u32| {
+            logits[*b as usize].total_cmp(&logits[*a as usize]).then_with(|| a.cmp(b))
+        };
+        if k < order.len() {
+            order.select_nth_unstable_by(k - 1, likelier);
+            order.truncate(k);
+        }
+        order.sort_unstable_by(likelier);
+        let best = f64::from(logits[order[0] as usize]);
+        let weights: Vec<f64> = order
+            .iter()
+            .map(|&i| math::exp((f64::from(logits[i as usize]) - best) / self.temperature))
+            .collect();
+        let mut left = u * weights.iter().sum::<f64>();
+        for (i, w) in order.iter().zip(&weights) {
+            left -= w;
+            if left < 0.0 {
+                return Some(*i as usize);
+            }
+        }
+        order.first().map(|&i| i as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim::rollout::{Purpose, stream};
+
+    use super::*;
+
+    fn shares(sampling: Sampling, logits: &[f32]) -> Vec<f64> {
+        let mut stream = stream(0, "sampling", 0, Purpose::Plan);
+        let mut counts = vec![0.0; logits.len()];
+        for _ in 0..20_000 {
+            counts[sampling.draw(logits, &mut stream).unwrap()] += 1.0 / 20_000.0;
+        }
+        counts
+    }
+
+    #[test]
+    fn follows_the_distribution() {
+        let logits = [2.0f32.ln(), 0.0, 5.0f32.ln(), 0.0];
+        let all = shares(Sampling { top_k: 0, temperature: 1.0 }, &logits);
+        for (share, wanted) in all.iter().zip([2.0 / 9.0, 1.0 / 9.0, 5.0 / 9.0, 1.0 / 9.0]) {
+            assert!((share - wanted).abs() < 0.015, "{all:?}");
+        }
+        let two = shares(Sampling { top_k: 2, temperature: 1.0 }, &logits);
+        assert!((two[2] - 5.0 / 7.0).abs() < 0.015 && two[1] == 0.0 && two[3] == 0.0, "{two:?}");
+        let cold = shares(Sampling { top_k: 0, temperature: 0.5 }, &logits);
+        assert!((cold[2] - 25.0 / 31.0).abs() < 0.015, "{cold:?}");
+    }
+
+    #[test]
+    fn greedy_takes_the_first_of_the_likeliest() {
+        let mut stream = stream(0, "sampling", 0, Purpose::Plan);
+        let greedy = Sampling { top_k: 1, temperature: 1.0 };
+        assert_eq!(greedy.draw(&[0.0, 3.0, 3.0, 1.0], &mut stream), Some(1));
+        assert_eq!(greedy.draw(&[0.0, f32::NAN], &mut stream), None);
+        assert_eq!(greedy.draw(&[f32::NEG_INFINITY, 0.0], &mut stream), Some(1));
+    }
+}
