@@ -225,7 +225,7 @@ fn generation(preset: Preset) -> Result<()> {
 
 fn controller(id: &str) -> Result<Controller> {
     let baseline = models::find(id).with_context(|| format!("there is no baseline `{id}`"))?;
-    Ok((baseline.make)()?)
+    Ok(baseline.simulator()?)
 }
 
 /// The scripted AV; where the logged one is not always there, one that goes straight on.

@@ -1,7 +1,6 @@
 //! Model cards.
 
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
 /// What a baseline says of itself.
 #[derive(Clone, Debug, Deserialize)]
@@ -37,13 +36,5 @@ impl Card {
     /// [`CardError`] with line and column.
     pub fn read(id: &'static str, text: &str) -> Result<Self, CardError> {
         toml::from_str(text).map_err(|source| CardError { id, source })
-    }
-
-    /// The parameters as the type that the baseline needs.
-    ///
-    /// # Errors
-    /// [`CardError`] that names the missing or unknown parameter.
-    pub fn parameters<T: DeserializeOwned>(self, id: &'static str) -> Result<T, CardError> {
-        self.parameters.try_into().map_err(|source| CardError { id, source })
     }
 }

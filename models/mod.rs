@@ -6,9 +6,14 @@ pub mod idm;
 pub mod log_replay;
 pub mod nn;
 pub mod ntp;
+pub mod pufferdrive;
+mod setup;
 pub mod stop;
+pub mod weights;
 
 pub use card::{Card, CardError};
+pub use setup::{ModelError, Setup};
+pub use weights::WeightsFile;
 
 use reactsim::rollout::Controller;
 
@@ -21,12 +26,39 @@ pub struct Baseline {
     pub card: &'static str,
     /// Whether it is shown the log's future (†).
     pub oracle: bool,
+    /// Whether it needs weights.
+    pub needs_weights: bool,
     /// Makes its simulator.
-    pub make: fn() -> Result<Controller, CardError>,
+    pub make: fn(Setup) -> Result<Controller, ModelError>,
+}
+
+impl Baseline {
+    /// What it is made from where nothing else is asked for: the parameters of its card and the weights that ship with the program.
+    ///
+    /// # Errors
+    /// [`ModelError`], as for a card that can not be read. That there are no weights is no error yet.
+    pub fn setup(&self) -> Result<Setup, ModelError> {
+        let weights = if self.needs_weights { weights::shipped(self.id)? } else { None };
+        Ok(Setup::new(self.id, self.card, weights)?)
+    }
+
+    /// Whether it can be made without weights from elsewhere.
+    pub fn is_complete(&self) -> bool {
+        !self.needs_weights || matches!(weights::shipped(self.id), Ok(Some(_)))
+    }
+
+    /// Makes its simulator with the parameters of its card and the weights that ship with the program.
+    ///
+    /// # Errors
+    /// [`ModelError`], as for weights that do not ship.
+    pub fn simulator(&self) -> Result<Controller, ModelError> {
+        (self.make)(self.setup()?)
+    }
 }
 
 /// All baselines, in the order of the tables.
-pub const MODELS: &[Baseline] = &[log_replay::ENTRY, constant_velocity::ENTRY, stop::ENTRY, idm::ENTRY];
+pub const MODELS: &[Baseline] =
+    &[log_replay::ENTRY, constant_velocity::ENTRY, stop::ENTRY, idm::ENTRY, pufferdrive::ENTRY];
 
 /// The baseline with this id.
 pub fn find(id: &str) -> Option<&'static Baseline> {

@@ -1,13 +1,18 @@
 //! Every agent keeps its velocity and its heading.
 
-use reactsim::models::{Baseline, CardError};
+use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentState, DT, Start};
 
-pub(super) const ENTRY: Baseline =
-    Baseline { id: "constant-velocity", card: include_str!("card.toml"), oracle: false, make };
+pub(super) const ENTRY: Baseline = Baseline {
+    id: "constant-velocity",
+    card: include_str!("card.toml"),
+    oracle: false,
+    needs_weights: false,
+    make,
+};
 
-fn make() -> Result<Controller, CardError> {
+fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(ConstantVelocity)))
 }
 

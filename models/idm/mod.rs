@@ -12,7 +12,7 @@ mod parameters;
 mod route;
 mod signals;
 
-use reactsim::models::{Baseline, Card, CardError};
+use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::Start;
 
@@ -20,12 +20,10 @@ use self::motion::Traffic;
 use self::parameters::Parameters;
 
 pub(super) const ENTRY: Baseline =
-    Baseline { id: "idm", card: include_str!("card.toml"), oracle: false, make };
+    Baseline { id: "idm", card: include_str!("card.toml"), oracle: false, needs_weights: false, make };
 
-fn make() -> Result<Controller, CardError> {
-    Ok(Controller::Fair(Box::new(Idm {
-        parameters: Card::read(ENTRY.id, ENTRY.card)?.parameters(ENTRY.id)?,
-    })))
+fn make(setup: Setup) -> Result<Controller, ModelError> {
+    Ok(Controller::Fair(Box::new(Idm { parameters: setup.parameters()? })))
 }
 
 /// Rule-based drivers on the lane graph.

@@ -1,13 +1,13 @@
 //! Log replay: every agent does what it did in the log, whatever the AV does. An oracle: it is shown the future.
 
-use reactsim::models::{Baseline, CardError};
+use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, Episode, Memory, Oracle, PlanError};
 use reactsim::scene::{Frame, Scenario};
 
 pub(super) const ENTRY: Baseline =
-    Baseline { id: "log-replay", card: include_str!("card.toml"), oracle: true, make };
+    Baseline { id: "log-replay", card: include_str!("card.toml"), oracle: true, needs_weights: false, make };
 
-fn make() -> Result<Controller, CardError> {
+fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Oracle(Box::new(LogReplay)))
 }
 

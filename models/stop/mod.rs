@@ -1,15 +1,15 @@
 //! Every agent brakes to a halt and stays there.
 
-use reactsim::models::{Baseline, Card, CardError};
+use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentState, DT, Start};
 use serde::Deserialize;
 
 pub(super) const ENTRY: Baseline =
-    Baseline { id: "stop", card: include_str!("card.toml"), oracle: false, make };
+    Baseline { id: "stop", card: include_str!("card.toml"), oracle: false, needs_weights: false, make };
 
-fn make() -> Result<Controller, CardError> {
-    let parameters = Card::read(ENTRY.id, ENTRY.card)?.parameters(ENTRY.id)?;
+fn make(setup: Setup) -> Result<Controller, ModelError> {
+    let parameters = setup.parameters()?;
     Ok(Controller::Fair(Box::new(Stop { parameters })))
 }
 

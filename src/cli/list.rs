@@ -8,7 +8,7 @@ use super::{ExitStatus, write_result};
 use crate::formats::FORMATS;
 use crate::generation::maps::MAP_TYPES;
 use crate::metrics::{METRICS, Unit};
-use crate::models::{Card, MODELS};
+use crate::models::{Card, MODELS, weights};
 
 /// Arguments of `list`.
 #[derive(Debug, Args)]
@@ -38,7 +38,9 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             for model in MODELS {
                 let card = Card::read(model.id, model.card)?;
                 let mark = if model.oracle { " †" } else { "" };
-                rows.push(vec![model.id.to_owned(), format!("{}{mark}", card.title), card.summary]);
+                let needs = if model.is_complete() { "" } else { " Needs --model-weights." };
+                let summary = format!("{}{needs}", card.summary);
+                rows.push(vec![model.id.to_owned(), format!("{}{mark}", card.title), summary]);
             }
             rows
         }
@@ -57,8 +59,14 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             })
             .collect(),
         What::Formats => FORMATS.iter().map(|f| vec![f.id().to_owned(), f.title().to_owned()]).collect(),
-        // No model of this version has weights.
-        What::Weights => Vec::new(),
+        What::Weights => weights::manifest()?
+            .into_iter()
+            .map(|row| {
+                let whence = if row.shipped { "shipped" } else { "to be given" };
+                let bytes = format!("{} bytes", row.bytes);
+                vec![row.id, row.file, bytes, row.licence, whence.to_owned(), row.sha256, row.title]
+            })
+            .collect(),
         What::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
     write_result(None, |out| aligned(&rows, out))?;

@@ -11,8 +11,8 @@ use super::progress::Progress;
 use super::report::formats as table_formats;
 use super::{ExitStatus, count, find_inputs, metric_options, say, shipped, stop_on_interrupt, write_result};
 use crate::evaluation::{
-    self, AV_CHOICES, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan, PlannedSimulator,
-    RunFolder, RunSettings, Source, Summary, TABLE, Tally,
+    self, AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Outcome, Plan,
+    PlannedSimulator, RunFolder, RunSettings, Source, Summary, TABLE, Tally,
 };
 use crate::formats::{self, FormatError, PendingScenarios};
 use crate::report::{Run, exporter};
@@ -24,9 +24,16 @@ pub(super) struct RunArgs {
     /// Files or folders of scenarios [default: the shipped benchmark]
     #[arg(value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
-    /// Simulators, separated by commas [default: all baselines]
+    /// Simulators, separated by commas [default: all baselines that have what they need]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     models: Vec<String>,
+    /// Weights of a simulator, such as pufferdrive=puffer.safetensors; may be repeated
+    #[arg(long = "model-weights", value_name = "ID=FILE")]
+    model_weights: Vec<String>,
+    /// Another value for a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be
+    /// repeated
+    #[arg(long, value_name = "ID.KEY=VALUE")]
+    set: Vec<String>,
     /// Whether the AV is an external input (Algorithm 1) or moved by the simulator too (2)
     #[arg(long, value_enum, default_value = "reactive")]
     protocol: ProtocolName,
@@ -169,7 +176,7 @@ fn failures(summary: &Summary) -> String {
 
 fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
     let options = metric_options(&args.metric_options)?;
-    let simulators = PlannedSimulator::by_ids(&args.models)?;
+    let simulators = PlannedSimulator::adjusted(&args.models, &adjustments(args)?)?;
     let protocol = match args.protocol {
         ProtocolName::Reactive => Protocol::Reactive,
         ProtocolName::Realism => Protocol::Realism,
@@ -211,6 +218,27 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
         limit: args.limit.map(NonZeroUsize::get),
     };
     Ok(Plan { sources, simulators, deviations, settings, keep_rollouts: args.keep_rollouts })
+}
+
+/// The weights and parameters that were asked for.
+fn adjustments(args: &RunArgs) -> anyhow::Result<Adjustments> {
+    let mut asked = Adjustments::default();
+    for text in &args.model_weights {
+        match text.split_once('=') {
+            Some((id, file)) if !id.is_empty() && !file.is_empty() => {
+                asked.weights.push((id.to_owned(), PathBuf::from(file)));
+            }
+            _ => bail!("--model-weights `{text}`: write ID=FILE, such as pufferdrive=puffer.safetensors"),
+        }
+    }
+    for text in &args.set {
+        let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
+        let Some(((id, key), value)) = parts else {
+            bail!("--set `{text}`: write ID.KEY=VALUE, such as idm.vehicle.headway=1.5");
+        };
+        asked.parameters.push((id.trim().to_owned(), key.trim().to_owned(), value.trim().to_owned()));
+    }
+    Ok(asked)
 }
 
 /// The files of scenarios, each found and recognised; the shipped benchmark where none is named.

@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::formats::FormatError;
-use crate::models::CardError;
+use crate::models::ModelError;
 
 /// Why a run can not be made, or not be finished. What concerns one scenario is a [`super::Failure`] instead.
 #[derive(Debug, thiserror::Error)]
@@ -88,9 +88,31 @@ pub enum EvaluationError {
         /// The id.
         id: String,
     },
+    /// Weights or a parameter are for a simulator that does not run.
+    #[error(
+        "weights or parameters are given for the simulator `{id}`, which does not run: name it in --models too"
+    )]
+    NotRun {
+        /// The id.
+        id: String,
+    },
+    /// Two files of weights for one simulator.
+    #[error("the simulator `{id}` is given weights twice")]
+    WeightsTwice {
+        /// The id.
+        id: String,
+    },
+    /// Two values for one parameter.
+    #[error("the parameter `{key}` of `{id}` is set twice")]
+    ParameterTwice {
+        /// The id.
+        id: String,
+        /// Dotted path of the parameter.
+        key: String,
+    },
     /// A simulator can not be made.
     #[error(transparent)]
-    Card(#[from] CardError),
+    Model(#[from] ModelError),
     /// A file of scenarios, deviations or rollouts can not be used.
     #[error("{0}")]
     Format(#[from] FormatError),

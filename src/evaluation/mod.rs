@@ -29,6 +29,7 @@ mod recorded;
 mod rollouts;
 mod row;
 mod runner;
+mod simulators;
 mod source;
 mod statistics;
 mod summary;
@@ -39,14 +40,15 @@ pub use error::EvaluationError;
 pub use folder::{
     EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
 };
-pub use plan::{Deviations, NoAv, Plan, PlannedSimulator, RunSettings};
+pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use provenance::{
-    FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
+    FileRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, program_version,
 };
 pub use recorded::Recorded;
 pub use rollouts::{ForeignRollout, recorded_tracks};
 pub use row::{EventLine, Failure, Place, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
+pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;
 pub use summary::{CategorySummary, Pressure, REFERENCE, SimulatorSummary, Summary, SummaryProvenance};

@@ -2,16 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::EvaluationError;
 use super::av::AvChoice;
 use super::provenance::{
     FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
 };
+use super::simulators::PlannedSimulator;
 use super::source::Source;
 use crate::formats::deviations::DeviationRecord;
 use crate::metrics::Options;
-use crate::models::{self, Baseline, Card, MODELS};
-use crate::rollout::{AvError, AvPolicy, Controller, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
+use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
 use crate::scene::{AgentState, Deviation, Scenario};
 
 /// What decides the numbers of a run, besides scenarios and simulators.
@@ -27,47 +26,6 @@ pub struct RunSettings {
     pub options: Options,
     /// How many scenarios the sources were opened to give at most, each; for the record.
     pub limit: Option<usize>,
-}
-
-/// A simulator that is ready to run.
-pub struct PlannedSimulator {
-    /// Id.
-    pub id: &'static str,
-    /// Name in tables.
-    pub title: String,
-    /// Text of its card.
-    pub card: &'static str,
-    /// The simulator.
-    pub controller: Controller,
-}
-
-impl PlannedSimulator {
-    /// Makes simulators by their ids; all baselines where `ids` is empty.
-    ///
-    /// # Errors
-    /// [`EvaluationError`] names an unknown or repeated id, or a card that can not be read.
-    pub fn by_ids(ids: &[String]) -> Result<Vec<Self>, EvaluationError> {
-        let mut baselines: Vec<&Baseline> = Vec::new();
-        for id in ids {
-            let found = models::find(id).ok_or_else(|| EvaluationError::UnknownSimulator {
-                id: id.clone(),
-                known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
-            })?;
-            if baselines.iter().any(|b| b.id == found.id) {
-                return Err(EvaluationError::RepeatedSimulator { id: id.clone() });
-            }
-            baselines.push(found);
-        }
-        if ids.is_empty() {
-            baselines.extend(MODELS);
-        }
-        let make = |baseline: &Baseline| {
-            let title = Card::read(baseline.id, baseline.card)?.title;
-            let controller = (baseline.make)()?;
-            Ok(Self { id: baseline.id, title, card: baseline.card, controller })
-        };
-        baselines.into_iter().map(make).collect()
-    }
 }
 
 /// Deviated AVs by scenario id, with the file that they came from.
@@ -142,6 +100,8 @@ impl Plan {
                     title: s.title.clone(),
                     oracle: s.controller.is_oracle(),
                     card: blake3::hash(s.card.as_bytes()).to_hex().to_string(),
+                    parameters: s.parameters.clone(),
+                    weights: s.weights.clone(),
                 })
                 .collect(),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),

@@ -8,6 +8,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::EvaluationError;
+use crate::models::WeightsFile;
 
 /// Everything that decides the numbers of a run. Two runs with equal provenance have equal results.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,6 +66,31 @@ pub struct SimulatorRecord {
     pub oracle: bool,
     /// BLAKE3 digest of its card, which holds its parameters.
     pub card: String,
+    /// Parameters that are not as in the card, by dotted path, as TOML writes them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, String>,
+    /// Its weights, where it has some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<WeightsRecord>,
+}
+
+/// The weights of a simulator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeightsRecord {
+    /// Name of the file, without its folder.
+    pub name: String,
+    /// Size.
+    pub bytes: u64,
+    /// SHA-256 digest of the content.
+    pub sha256: String,
+}
+
+impl WeightsRecord {
+    /// The record of a file.
+    pub fn of(file: &WeightsFile) -> Self {
+        Self { name: file.name.clone(), bytes: file.bytes.len() as u64, sha256: file.digest.clone() }
+    }
 }
 
 /// A file of a run.

@@ -101,6 +101,8 @@ impl Recorded {
             title: id.clone(),
             oracle: false,
             card: String::new(),
+            parameters: BTreeMap::new(),
+            weights: None,
         };
         self.tally.simulators.iter().map(record).collect()
     }

@@ -142,6 +142,17 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     if !changed.is_empty() {
         parts.push(format!("metric options {}", changed.join(" ")));
     }
+    for simulator in &p.run.simulators {
+        let mut details = Vec::new();
+        if let Some(weights) = &simulator.weights {
+            // As much of the digest as tells files apart; the provenance has all of it.
+            details.push(format!("{} ({:.12})", weights.name, weights.sha256));
+        }
+        details.extend(simulator.parameters.iter().map(|(key, value)| format!("{key}={value}")));
+        if !details.is_empty() {
+            parts.push(format!("{} with {}", simulator.id, details.join(" ")));
+        }
+    }
     let commit = if p.run.commit == "unknown" { "" } else { &p.run.commit };
     let plus = if commit.ends_with('+') { "+" } else { "" };
     let short: String = commit.chars().take(9).collect();

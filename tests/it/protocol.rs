@@ -27,7 +27,7 @@ fn settings(replan: usize, av_lookahead: bool) -> Settings {
 }
 
 fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
-    MODELS.iter().map(|m| (m, (m.make)().unwrap()))
+    MODELS.iter().filter(|m| m.is_complete()).map(|m| (m, m.simulator().unwrap()))
 }
 
 fn roll(scenario: &Scenario, av: Vec<AgentState>, controller: &Controller, settings: &Settings) -> Rollout {

@@ -157,7 +157,7 @@ pub(crate) fn roll_with(
     settings: &Settings,
     rollout: u32,
 ) -> Rollout {
-    let controller = (models::find(model).unwrap().make)().unwrap();
+    let controller = models::find(model).unwrap().simulator().unwrap();
     let mut done = roll_out(vec![request(scenario, av, rollout)], &controller, settings);
     done.remove(0).unwrap()
 }

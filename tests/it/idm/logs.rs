@@ -35,7 +35,7 @@ fn violations(scenario: &Scenario, scores: &Scores) -> Vec<String> {
 
 fn scripted(scenario: &Scenario, script: &str) -> Rollout {
     let av = ScriptedAv::new(scenario, script.parse::<Script>().unwrap()).unwrap();
-    let controller = (reactsim::models::find("idm").unwrap().make)().unwrap();
+    let controller = reactsim::models::find("idm").unwrap().simulator().unwrap();
     let request = Request { scenario, av: Box::new(av), rollout: 0 };
     roll_out(vec![request], &controller, &Settings::default()).remove(0).unwrap()
 }
@@ -60,7 +60,7 @@ fn motion_is_feasible() {
 fn the_shipped_deviations_are_survived() {
     for scenario in &mini() {
         let av = scenario.deviation.as_ref().unwrap().track.clone();
-        let controller = (reactsim::models::find("idm").unwrap().make)().unwrap();
+        let controller = reactsim::models::find("idm").unwrap().simulator().unwrap();
         let rollout = roll_out(vec![request(scenario, av, 0)], &controller, &Settings::default());
         let rollout = rollout.into_iter().next().unwrap().unwrap();
         no_contact(scenario, &rollout);

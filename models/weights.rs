@@ -1,0 +1,163 @@
+//! Weights: the files that ship with the program, what is known of those that do not, and what a baseline is handed.
+
+use std::borrow::Cow;
+
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+use super::ModelError;
+
+/// The text of the manifest.
+const MANIFEST: &str = include_str!("../weights/manifest.toml");
+
+/// The files that are part of the program, by name: each has its row in the manifest, with `shipped = true`, and its line
+/// `("NAME", include_bytes!("../weights/NAME"))` here.
+const SHIPPED: &[(&str, &[u8])] = &[];
+
+/// A file of weights.
+#[derive(Clone, Debug)]
+pub struct WeightsFile {
+    /// Its name, without the folder.
+    pub name: String,
+    /// Its content.
+    pub bytes: Cow<'static, [u8]>,
+    /// SHA-256 of the content, 64 hexadecimal digits.
+    pub digest: String,
+}
+
+impl WeightsFile {
+    /// A file with its digest.
+    pub fn new(name: impl Into<String>, bytes: impl Into<Cow<'static, [u8]>>) -> Self {
+        let bytes = bytes.into();
+        let digest = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        Self { name: name.into(), bytes, digest }
+    }
+
+    /// Compares the digest with that of the manifest, for a file that the manifest names. Other files may be anything.
+    ///
+    /// # Errors
+    /// [`ModelError::OtherDigest`] names both digests.
+    pub fn check(&self, id: &'static str) -> Result<(), ModelError> {
+        let rows = manifest()?;
+        let Some(row) = rows.into_iter().find(|row| row.id == id && row.file == self.name) else {
+            return Ok(());
+        };
+        if row.sha256 == self.digest {
+            return Ok(());
+        }
+        let (file, found) = (self.name.clone(), self.digest.clone());
+        Err(ModelError::OtherDigest { id, file, wanted: row.sha256, found })
+    }
+}
+
+/// What the manifest says of a file of weights.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeightsRow {
+    /// Id of the baseline that reads it.
+    pub id: String,
+    /// Its name.
+    pub file: String,
+    /// What it is.
+    pub title: String,
+    /// Its size.
+    pub bytes: u64,
+    /// SHA-256 of its content.
+    pub sha256: String,
+    /// Under which licence it may be used.
+    pub licence: String,
+    /// Where it comes from, if it was made elsewhere.
+    pub source: Option<String>,
+    /// How it was made, if it was made by this program.
+    pub made: Option<Made>,
+    /// Whether it is part of the program.
+    pub shipped: bool,
+}
+
+/// How weights were made.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Made {
+    /// The command.
+    pub command: String,
+    /// Version of the program.
+    pub version: String,
+    /// Commit of the program, where it is known.
+    pub commit: Option<String>,
+    /// Settings that the command does not show.
+    pub settings: toml::Table,
+    /// Digest of the data.
+    pub data: String,
+    /// Seed.
+    pub seed: u64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    #[serde(default)]
+    weights: Vec<WeightsRow>,
+}
+
+/// All rows of the manifest, in its order.
+///
+/// # Errors
+/// [`ModelError::Manifest`], which a test excludes.
+pub fn manifest() -> Result<Vec<WeightsRow>, ModelError> {
+    toml::from_str::<Manifest>(MANIFEST).map(|m| m.weights).map_err(ModelError::Manifest)
+}
+
+/// The weights that ship for a baseline.
+///
+/// # Errors
+/// [`ModelError`] where manifest and files do not agree, which a test excludes.
+pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
+    let rows = manifest()?;
+    let Some(row) = rows.into_iter().find(|row| row.id == id && row.shipped) else { return Ok(None) };
+    let Some((_, bytes)) = SHIPPED.iter().find(|(name, _)| *name == row.file) else {
+        return Err(ModelError::NotEmbedded { id, file: row.file });
+    };
+    let file = WeightsFile::new(row.file, *bytes);
+    file.check(id)?;
+    Ok(Some(file))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn manifest_and_files_agree() {
+        let rows = manifest().unwrap();
+        for (i, row) in rows.iter().enumerate() {
+            let baseline = crate::models::find(&row.id).unwrap_or_else(|| panic!("no baseline `{}`", row.id));
+            assert!(baseline.needs_weights, "{}", row.id);
+            assert!(rows[..i].iter().all(|r| (&r.id, &r.file) != (&row.id, &row.file)), "{} twice", row.file);
+            assert!(row.sha256.len() == 64 && row.sha256.chars().all(|c| matches!(c, '0'..='9' | 'a'..='f')));
+            assert_eq!(row.shipped, row.made.is_some(), "{}: what ships was made here", row.file);
+            assert!(row.source.is_some() || row.made.is_some(), "{}", row.file);
+            if row.shipped {
+                assert!(rows[..i].iter().all(|r| r.id != row.id || !r.shipped), "two files for {}", row.id);
+                assert_eq!(shipped(baseline.id).unwrap().unwrap().bytes.len() as u64, row.bytes);
+            }
+        }
+        for (name, _) in SHIPPED {
+            assert!(rows.iter().any(|r| r.file == *name && r.shipped), "{name} has no row");
+        }
+    }
+
+    #[test]
+    fn digests_are_sha_256() {
+        // FIPS 180-2, appendix B.1.
+        let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(WeightsFile::new("abc", b"abc".to_vec()).digest, wanted);
+    }
+
+    #[test]
+    fn a_file_that_the_manifest_names_must_be_that_file() {
+        let error = WeightsFile::new("pufferdrive_v2.safetensors", b"abc".to_vec()).check("pufferdrive");
+        let text = error.unwrap_err().to_string();
+        assert!(text.contains("ba7816bf") && text.contains("d3b1b5ec"), "{text}");
+        WeightsFile::new("mine.safetensors", b"abc".to_vec()).check("pufferdrive").unwrap();
+    }
+}

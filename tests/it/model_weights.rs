@@ -1,0 +1,151 @@
+//! Weights and parameters that a user gives: where they go, where they are recorded, and every way in which they can be wrong.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use burn::tensor::Device;
+use reactsim::models::nn::{Initializer, save};
+use reactsim::models::pufferdrive::network::Network;
+use reactsim::models::{MODELS, find};
+
+fn reactsim(arguments: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// What is said of a run that is refused before its first scenario.
+fn refused(arguments: &[&str]) -> String {
+    let output = reactsim(&[&["run", "--limit", "1"], arguments].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(output.stdout.is_empty());
+    stderr(&output)
+}
+
+/// A file of weights that nobody trained.
+fn untrained(path: &Path) -> Vec<u8> {
+    let device = Device::flex();
+    let bytes = save(&Network::init(&mut Initializer::new(7, &device), &device), &BTreeMap::new());
+    fs::write(path, &bytes).unwrap();
+    bytes
+}
+
+fn given(path: &Path) -> String {
+    format!("pufferdrive={}", path.display())
+}
+
+#[test]
+fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("some.safetensors");
+    let models = ["--models", "pufferdrive"];
+
+    let text = refused(&models);
+    assert!(
+        text.contains("`pufferdrive` needs weights") && text.contains("--model-weights pufferdrive=FILE"),
+        "{text}"
+    );
+    let text = refused(&[&models[..], &["--model-weights", &given(&file)]].concat());
+    assert!(text.contains("could not read") && text.contains("some.safetensors"), "{text}");
+    for wrong in ["pufferdrive", "pufferdrive=", "=x"] {
+        let text = refused(&["--model-weights", wrong]);
+        assert!(text.contains("write ID=FILE"), "{text}");
+    }
+
+    let whole = untrained(&file);
+    for (id, part) in [("stop", "`stop` has no weights"), ("nobody", "there is no simulator `nobody`")] {
+        let text = refused(&["--models", id, "--model-weights", &format!("{id}={}", file.display())]);
+        assert!(text.contains(part), "{text}");
+    }
+    let text = refused(&["--models", "stop", "--model-weights", &given(&file)]);
+    assert!(text.contains("`pufferdrive`, which does not run"), "{text}");
+    let text = refused(&["--model-weights", &given(&file), "--model-weights", &given(&file)]);
+    assert!(text.contains("given weights twice"), "{text}");
+
+    fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    let text = refused(&["--model-weights", &given(&file)]);
+    assert!(text.contains("some.safetensors of `pufferdrive`") && text.contains("cut short"), "{text}");
+
+    // Under the name of the published file it must be that file.
+    let known = folder.path().join("pufferdrive_v2.safetensors");
+    fs::write(&known, &whole).unwrap();
+    let text = refused(&["--model-weights", &given(&known)]);
+    let found = reactsim::models::WeightsFile::new("", whole).digest;
+    assert!(text.contains(&found) && text.contains("d3b1b5ec0616a3b0a64b6059b41a931a"), "{text}");
+}
+
+#[test]
+fn parameters_that_are_none_are_refused_by_name() {
+    for (set, part) in [
+        ("idm.vehicle.headwind=1", "no parameter `vehicle.headwind`; it has: "),
+        ("idm.vehicle.headway=soon", "`soon` is no value for the parameter `vehicle.headway`"),
+        ("idm.vehicle.headway", "write ID.KEY=VALUE"),
+        ("idm=1", "write ID.KEY=VALUE"),
+        ("nobody.x=1", "there is no simulator `nobody`"),
+        ("constant-velocity.x=1", "no parameter `x`; it has none"),
+    ] {
+        let text = refused(&["--set", set]);
+        assert!(text.contains(part), "{text}");
+    }
+    let text = refused(&["--models", "stop", "--set", "idm.vehicle.headway=1"]);
+    assert!(text.contains("`idm`, which does not run"), "{text}");
+    let text = refused(&["--set", "stop.deceleration=1", "--set", "stop.deceleration=2"]);
+    assert!(text.contains("`deceleration` of `stop` is set twice"), "{text}");
+}
+
+#[test]
+fn what_was_given_stands_in_the_results_and_counts_when_resuming() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, file) = (folder.path().join("run"), folder.path().join("some.safetensors"));
+    let out = out.to_str().unwrap();
+    let digest = reactsim::models::WeightsFile::new("", untrained(&file)).digest;
+    let weights = given(&file);
+    let base =
+        ["run", "--limit", "1", "--models", "stop,pufferdrive", "--model-weights", &weights, "--out", out];
+    let output = reactsim(&[&base[..], &["--set", "stop.deceleration=2"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let table = stdout(&output);
+    let line = format!("stop with deceleration=2.0, pufferdrive with some.safetensors ({}), ", &digest[..12]);
+    // Underlines and the like are escaped in tables.
+    assert!(table.replace('\\', "").contains(&line), "{line} is not in\n{table}");
+
+    let text = fs::read_to_string(folder.path().join("run/provenance.json")).unwrap();
+    let provenance: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(provenance["simulators"][0]["parameters"]["deceleration"], "2.0");
+    assert_eq!(provenance["simulators"][0].get("weights"), None);
+    assert_eq!(provenance["simulators"][1]["weights"]["sha256"], digest.as_str());
+    assert_eq!(provenance["simulators"][1]["weights"]["name"], "some.safetensors");
+
+    let resumed = reactsim(&[&base[..], &["--set", "stop.deceleration=2.0", "--resume"]].concat());
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    let other = reactsim(&[&base[..], &["--resume"]].concat());
+    assert!(
+        stderr(&other).contains("parameters.deceleration` is \"2.0\" there and absent now"),
+        "{}",
+        stderr(&other)
+    );
+}
+
+#[test]
+fn lists_say_what_needs_weights() {
+    let weights = stdout(&reactsim(&["list", "weights"]));
+    let row = weights.lines().find(|l| l.starts_with("pufferdrive ")).unwrap();
+    for part in ["pufferdrive_v2.safetensors", "2459480 bytes", "MIT", "to be given", "d3b1b5ec0616"] {
+        assert!(row.contains(part), "{part} is not in {row}");
+    }
+    let models = stdout(&reactsim(&["list", "models"]));
+    for model in MODELS {
+        let row = models.lines().find(|l| l.starts_with(&format!("{} ", model.id))).unwrap();
+        assert_eq!(row.contains("Needs --model-weights."), !model.is_complete(), "{row}");
+    }
+    assert!(!find("pufferdrive").unwrap().is_complete());
+    assert!(find("pufferdrive").unwrap().simulator().is_err());
+}
