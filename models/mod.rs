@@ -57,8 +57,15 @@ impl Baseline {
 }
 
 /// All baselines, in the order of the tables.
-pub const MODELS: &[Baseline] =
-    &[log_replay::ENTRY, constant_velocity::ENTRY, stop::ENTRY, idm::ENTRY, pufferdrive::ENTRY];
+pub const MODELS: &[Baseline] = &[
+    log_replay::ENTRY,
+    constant_velocity::ENTRY,
+    stop::ENTRY,
+    idm::ENTRY,
+    ntp::entries::REACTIVE,
+    ntp::entries::REACTIVE_RAW,
+    pufferdrive::ENTRY,
+];
 
 /// The baseline with this id.
 pub fn find(id: &str) -> Option<&'static Baseline> {

@@ -1,5 +1,6 @@
 //! Next-token prediction: agents move by tokens of half a second, drawn from what a network thinks probable.
 
+pub(super) mod entries;
 mod execute;
 pub mod learn;
 pub mod reactive;
@@ -7,4 +8,4 @@ mod sampling;
 pub mod smart;
 pub mod tokens;
 
-pub use sampling::Sampling;
+pub use sampling::{Driving, Sampling};

@@ -15,6 +15,16 @@ pub struct Sampling {
     pub temperature: f64,
 }
 
+/// How tokens become motion: the parameters of the cards of this family.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Driving {
+    /// Whether vehicles drive tokens within the limits of the benchmark, or jump as tokens do.
+    pub projection: bool,
+    /// How tokens are drawn.
+    pub sampling: Sampling,
+}
+
 impl Sampling {
     /// Draws a token. Of equal logits the lower index counts as the likelier. One number is drawn from the stream whatever the settings.
     /// `None` where a logit is no number.

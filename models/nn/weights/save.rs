@@ -10,7 +10,15 @@ use super::names::{Place, turn};
 /// The weights of a network as a safetensors file with these metadata ([`CONFIG`](super::CONFIG) among them, if the file is to say what
 /// it is). The same weights and metadata give the same bytes.
 pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-    let mut weights = Weights::default();
+    save_with(network, Tables::new(), metadata)
+}
+
+/// Tensors by name: shape, and values row by row.
+pub type Tables = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
+
+/// As [`save`], with `tables` beside the weights. Their names must not be those of weights.
+pub fn save_with<M: Module>(network: &M, tables: Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    let mut weights = Weights { tensors: tables, ..Weights::default() };
     network.visit(&mut weights);
     // Not by the crate: it writes metadata in the order of a hash map.
     let mut header = serde_json::Map::new();
@@ -35,7 +43,7 @@ pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<
 #[derive(Default)]
 struct Weights {
     place: Place,
-    tensors: BTreeMap<String, (Vec<usize>, Vec<f32>)>,
+    tensors: Tables,
 }
 
 impl ModuleVisitor for Weights {

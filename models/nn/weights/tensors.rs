@@ -56,6 +56,15 @@ impl<'a> Tensors<'a> {
         self
     }
 
+    /// Takes out the tensors whose names begin so.
+    #[must_use]
+    pub fn split_off(&mut self, prefix: &str) -> Self {
+        let (own, rest) =
+            std::mem::take(&mut self.tensors).into_iter().partition(|(name, _)| name.starts_with(prefix));
+        self.tensors = rest;
+        Self { tensors: own, metadata: self.metadata.clone() }
+    }
+
     /// Leaves a tensor out that is another one under a second name, as PyTorch stores layers that are used twice. If either is not there
     /// nothing happens.
     ///

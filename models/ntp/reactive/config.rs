@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::policy::PolicyError;
+
 /// Sizes and reaches of the reactive network. Stored with its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,6 +46,41 @@ impl Config {
     /// Places of the map that an agent attends to.
     pub const fn places(&self) -> usize {
         self.near_pieces + self.ahead_pieces + self.stops
+    }
+
+    /// Refuses sizes that no network has.
+    ///
+    /// # Errors
+    /// [`PolicyError::Size`] names the field.
+    pub fn check(&self) -> Result<(), PolicyError> {
+        let sizes = [
+            ("hidden", self.hidden),
+            ("heads", self.heads),
+            ("head_width", self.head_width),
+            ("relation", self.relation),
+            ("feed_forward", self.feed_forward),
+            ("head_hidden", self.head_hidden),
+            ("agent_layers", self.agent_layers),
+            ("map_neighbours", self.map_neighbours),
+            ("places", self.places()),
+            ("agents", self.agents),
+            ("past", self.past),
+        ];
+        for (field, value) in sizes {
+            if !(1..=4096).contains(&value) {
+                return Err(PolicyError::Size { field, value: value as f64, expected: "1 to 4096" });
+            }
+        }
+        if self.map_layers > 64 {
+            let value = self.map_layers as f64;
+            return Err(PolicyError::Size { field: "map_layers", value, expected: "at most 64" });
+        }
+        for (field, value) in [("agent_radius", self.agent_radius), ("map_radius", self.map_radius)] {
+            if !(value > 0.0 && value < 1e4) {
+                return Err(PolicyError::Size { field, value, expected: "metres, above 0 and below 10000" });
+            }
+        }
+        Ok(())
     }
 }
 

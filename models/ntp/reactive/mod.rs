@@ -11,10 +11,12 @@ mod links;
 pub(crate) mod network;
 mod pair;
 pub(crate) mod places;
+mod policy;
 mod simulator;
 pub(crate) mod step;
 mod window;
 
 pub use config::Config;
 pub use network::Network;
+pub use policy::{Policy, PolicyError};
 pub use simulator::ReactiveSimulator;

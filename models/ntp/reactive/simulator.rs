@@ -5,24 +5,29 @@ use reactsim::rollout::{Episode, Memory, PlanError, Simulator, Stream};
 use reactsim::scene::{Frame, Start};
 
 use super::super::execute::Executor;
-use super::super::sampling::Sampling;
-use super::super::tokens::{Class, ORIGIN, TOKEN_FRAMES, TOKEN_POSES, Vocabulary};
+use super::super::sampling::Driving;
+use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
 use super::batch::{NodeTensors, SceneRows, map_tensors, node_tensors};
 use super::config::Config;
-use super::network::{Encoded, Network, PastNodes};
+use super::network::{Encoded, PastNodes};
 use super::places::{Places, Stop, known_pieces};
+use super::policy::Policy;
 use super::step::{Earlier, Step};
 use super::window::{Remembered, earlier_frames, observed_steps, step_at};
 
 /// Agents that move by tokens that the reactive network thinks probable.
 #[derive(Debug)]
 pub struct ReactiveSimulator {
-    pub(crate) network: Network,
-    pub(crate) config: Config,
-    pub(crate) vocabulary: Vocabulary,
-    pub(crate) sampling: Sampling,
-    pub(crate) projection: bool,
-    pub(crate) device: Device,
+    policy: Policy,
+    driving: Driving,
+    device: Device,
+}
+
+impl ReactiveSimulator {
+    /// A simulator of this policy, whose weights are on this device.
+    pub fn new(policy: Policy, driving: Driving, device: Device) -> Self {
+        Self { policy, driving, device }
+    }
 }
 
 /// What is kept of an episode.
@@ -49,11 +54,11 @@ struct Planned<'e, 'a> {
 
 impl Simulator for ReactiveSimulator {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
-        let pieces = known_pieces(&start.map, self.config.map_radius);
-        let stops = Stop::all(start, self.config.map_radius);
+        let pieces = known_pieces(&start.map, self.policy.config.map_radius);
+        let stops = Stop::all(start, self.policy.config.map_radius);
         let light_lanes: Vec<usize> = start.lights.iter().map(|l| l.lane).collect();
-        let places = Places::of(&pieces, &stops, &light_lanes, &self.config);
-        let map = self.network.encode_map(&map_tensors(&[&places], &self.config, &self.device));
+        let places = Places::of(&pieces, &stops, &light_lanes, &self.policy.config);
+        let map = self.policy.network.encode_map(&map_tensors(&[&places], &self.policy.config, &self.device));
         Memory::new(Mind { places, map, remembered: Vec::new(), due: usize::MAX })
     }
 
@@ -71,7 +76,7 @@ impl Simulator for ReactiveSimulator {
             let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
             planned.push(Planned { episode, mind, tracks, steps: Vec::new(), earlier: Vec::new() });
         }
-        let mut executor = Executor::new(self.projection);
+        let mut executor = Executor::new(self.driving.projection);
         let longest = planned.iter().map(|p| p.episode.plan.steps()).max().unwrap_or(0);
         for token in 0..longest.div_ceil(TOKEN_FRAMES) {
             let mut going: Vec<&mut Planned<'_, '_>> =
@@ -97,7 +102,7 @@ impl ReactiveSimulator {
     /// Plans the `token`-th half second of every episode.
     fn next_tokens(&self, going: &mut [&mut Planned<'_, '_>], token: usize, executor: &mut Executor) {
         for p in going.iter_mut() {
-            p.look(token, &self.config);
+            p.look(token, &self.policy.config);
         }
         // What can go on from remembered steps and what has to compute them anew are two passes: the first ones have one step, whose past
         // is elsewhere; the others have their past among their own nodes.
@@ -113,7 +118,7 @@ impl ReactiveSimulator {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
                 p.act(self, &tokens[row + rows - newest..row + rows], token, executor);
-                p.remember(&encoded.entering, row, &self.config);
+                p.remember(&encoded.entering, row, &self.policy.config);
                 row += rows;
             }
         }
@@ -123,7 +128,7 @@ impl ReactiveSimulator {
     fn encode(&self, group: &[&mut &mut Planned<'_, '_>], kept: bool) -> (NodeTensors, Encoded) {
         let (mut scenes, mut maps) = (Vec::new(), Vec::new());
         let mut at = SceneRows::default();
-        let mut past: Vec<Vec<Tensor<2>>> = vec![Vec::new(); self.config.agent_layers];
+        let mut past: Vec<Vec<Tensor<2>>> = vec![Vec::new(); self.policy.config.agent_layers];
         for p in group {
             scenes.push((p.steps.as_slice(), at));
             maps.push(p.mind.map.clone());
@@ -139,12 +144,12 @@ impl ReactiveSimulator {
                 at.earlier += p.steps.iter().map(|s| s.slots.len()).sum::<usize>();
             }
         }
-        let nodes = node_tensors(&scenes, &self.config, &self.device);
-        let empty = || Tensor::zeros([0, self.config.hidden], &self.device);
+        let nodes = node_tensors(&scenes, &self.policy.config, &self.device);
+        let empty = || Tensor::zeros([0, self.policy.config.hidden], &self.device);
         let join = |parts: Vec<Tensor<2>>| if parts.is_empty() { empty() } else { Tensor::cat(parts, 0) };
         let past: Vec<Tensor<2>> = past.into_iter().map(join).collect();
         let past = if kept { PastNodes::Kept(&past) } else { PastNodes::Here };
-        let encoded = self.network.encode(&nodes, join(maps), &past);
+        let encoded = self.policy.network.encode(&nodes, join(maps), &past);
         (nodes, encoded)
     }
 
@@ -154,9 +159,9 @@ impl ReactiveSimulator {
         for (class, rows) in &nodes.rows {
             let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
             let index = Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &self.device);
-            let logits = self.network.logits(*class, encoded.nodes.clone().select(0, index)).into_data();
+            let logits = self.policy.network.logits(*class, encoded.nodes.clone().select(0, index)).into_data();
             let values: Vec<f32> = logits.convert::<f32>().into_vec().unwrap_or_default();
-            let width = self.vocabulary.tokens(*class);
+            let width = self.policy.vocabulary.tokens(*class);
             for (row, own) in rows.iter().zip(values.chunks_exact(width)) {
                 all[*row] = own.to_vec();
             }
@@ -192,9 +197,9 @@ impl Planned<'_, '_> {
         for ((&slot, &class), logits) in newest.slots.iter().zip(&newest.classes).zip(logits) {
             let agent = &self.episode.seen.start().agents[slot];
             let track = &mut self.tracks[slot];
-            match by.sampling.draw(logits, self.episode.stream) {
+            match by.driving.sampling.draw(logits, self.episode.stream) {
                 Some(drawn) => {
-                    executor.execute(agent, class, by.vocabulary.poses(class, drawn), track);
+                    executor.execute(agent, class, by.policy.vocabulary.poses(class, drawn), track);
                 }
                 None => {
                     *self.episode.outcomes.entry("tokens that are no numbers: went on as before").or_default() += 1;
@@ -237,9 +242,4 @@ fn onward(track: &[Frame]) -> super::super::tokens::TokenPoses {
         }
     }
     poses
-}
-
-/// Numbers of tokens per class.
-pub(crate) fn token_counts(vocabulary: &Vocabulary) -> [usize; 3] {
-    Class::ALL.map(|c| vocabulary.tokens(c))
 }

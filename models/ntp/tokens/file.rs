@@ -4,12 +4,16 @@ use std::collections::HashMap;
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, heading_of};
+use reactsim::models::nn::Tensors;
+use reactsim::models::nn::weights::Tables;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{Class, ORIGIN, Provenance, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
 
 /// The entry of the metadata that says what the vocabulary was made of, as JSON. One entry, so that equal vocabularies are equal bytes.
 const MADE: &str = "reactsim.vocabulary";
+/// What the names of our tensors begin with.
+pub(crate) const PREFIX: &str = "vocabulary.";
 /// Names of our tensors `[tokens, 6, 3]`: x, y, heading.
 const OWN: [&str; 3] = ["vocabulary.vehicle", "vocabulary.pedestrian", "vocabulary.cyclist"];
 /// Names in files of poses that were taken from the releases of SMART and CATK, `[tokens, 6, 3]`.
@@ -43,6 +47,45 @@ impl Vocabulary {
         };
         let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
         Self::new(each(&file, &OWN, poses)?, provenance)
+    }
+
+    /// Reads a vocabulary that lies beside other tensors, as [`Self::tables`] gave it, with the text of its making.
+    ///
+    /// # Errors
+    /// [`VocabularyError`], as [`Self::read`].
+    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, VocabularyError> {
+        let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
+        let Some(made) = tensors.metadata().get(MADE).filter(|_| found.len() == OWN.len()) else {
+            return Err(VocabularyError::Layout { expected: listed(&OWN), found: listed(&found) });
+        };
+        let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
+        let table = |name: &'static str| {
+            let (shape, values) = tensors.floats(name).map_err(|e| VocabularyError::Table(e.to_string()))?;
+            if shape.len() != 3 || shape[1..] != [TOKEN_POSES, 3] {
+                let (tensor, found) = (name.to_owned(), shape.to_vec());
+                return Err(VocabularyError::Shape { tensor, found, expected: "[tokens, 6, 3]" });
+            }
+            let values: Vec<f64> = values.into_iter().map(f64::from).collect();
+            let pose = |v: &[f64]| Pose { position: Vec2::new(v[0], v[1]), heading: v[2] };
+            Ok(values.chunks_exact(TOKEN_POSES * 3).map(|token| token_of(token, 3, pose)).collect())
+        };
+        Self::new([table(OWN[0])?, table(OWN[1])?, table(OWN[2])?], provenance)
+    }
+
+    /// The tokens as tensors `[tokens, 6, 3]` by name, and the entry of metadata that says what they were made of: what lies beside the
+    /// weights of a network that was trained with them.
+    ///
+    /// # Errors
+    /// [`VocabularyError::Provenance`].
+    pub fn tables(&self) -> Result<(Tables, (String, String)), VocabularyError> {
+        let made = serde_json::to_string(self.provenance()).map_err(VocabularyError::Provenance)?;
+        let tables = Class::ALL.into_iter().map(|class| {
+            let tokens = (0..self.tokens(class)).flat_map(|t| self.poses(class, t));
+            let values = tokens.flat_map(|p| [p.position.x, p.position.y, p.heading].map(|v| v as f32));
+            let shape = vec![self.tokens(class), TOKEN_POSES, 3];
+            (OWN[class.index()].to_owned(), (shape, values.collect()))
+        });
+        Ok((tables.collect(), (MADE.to_owned(), made)))
     }
 
     /// The bytes of a file that [`Self::read`] reads back as the same vocabulary.

@@ -4,7 +4,7 @@
 
 mod class;
 mod errors;
-mod file;
+pub(crate) mod file;
 mod k_disks;
 mod kinematic;
 mod map;

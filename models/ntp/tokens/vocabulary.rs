@@ -42,6 +42,9 @@ pub enum VocabularyError {
     /// No safetensors file.
     #[error("the vocabulary is no whole safetensors file: {0}")]
     File(#[from] SafeTensorError),
+    /// A tensor beside weights that can not be read.
+    #[error("{0}")]
+    Table(String),
     /// The tensors of no known layout.
     #[error(
         "the file holds no vocabulary: expected the tensors {expected}, found {found}; \

@@ -1,0 +1,32 @@
+//! The baselines of this family.
+
+use reactsim::models::nn::device;
+use reactsim::models::{Baseline, ModelError, Setup};
+use reactsim::rollout::Controller;
+
+use super::reactive::{Policy, ReactiveSimulator};
+
+/// Ours, with vehicles inside kinematic limits.
+pub(in crate::models) const REACTIVE: Baseline = Baseline {
+    id: "ntp-reactive",
+    card: include_str!("cards/reactive.toml"),
+    oracle: false,
+    needs_weights: true,
+    make: reactive,
+};
+
+/// Ours, with vehicles that jump as tokens do.
+pub(in crate::models) const REACTIVE_RAW: Baseline = Baseline {
+    id: "ntp-reactive-raw",
+    card: include_str!("cards/reactive_raw.toml"),
+    oracle: false,
+    needs_weights: true,
+    make: reactive,
+};
+
+fn reactive(setup: Setup) -> Result<Controller, ModelError> {
+    let driving = setup.parameters()?;
+    let device = device();
+    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    Ok(Controller::Fair(Box::new(ReactiveSimulator::new(policy, driving, device))))
+}
