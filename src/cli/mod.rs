@@ -25,6 +25,7 @@ use clap::{Parser, Subcommand};
 use crate::evaluation::EvaluationError;
 use crate::formats::{self, Input};
 use crate::metrics::Options;
+use crate::training::TrainingError;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
 #[derive(Debug, Parser)]
@@ -57,6 +58,8 @@ enum Command {
     Report(report::ReportArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
+    /// Train a network on scenarios
+    Train(train::TrainArgs),
     /// List models, metrics, formats, weights or map types
     List(list::ListArgs),
 }
@@ -101,6 +104,7 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Inspect(args) => inspect::inspect(&args),
+        Command::Train(args) => train::train(&args),
         Command::List(args) => list::list(&args),
     };
     match result {
@@ -126,6 +130,10 @@ pub fn main() -> ExitCode {
 
 /// What to try next, where the error's own text does not say it.
 fn hint(error: &anyhow::Error) -> Option<String> {
+    if let Some(TrainingError::Write { source, .. }) = error.downcast_ref() {
+        let full = source.kind() == io::ErrorKind::StorageFull;
+        return full.then(|| "the last checkpoint is whole; make room and give --resume to go on".to_owned());
+    }
     match error.downcast_ref::<EvaluationError>()? {
         EvaluationError::UnknownSimulator { .. } => {
             Some("`reactsim list models` says what each of them does".to_owned())

@@ -12,6 +12,7 @@ mod parquet;
 pub mod realism_charts;
 pub mod realism_tables;
 mod table;
+pub mod training_curves;
 
 use std::io::{self, Write};
 

@@ -1,5 +1,9 @@
-//! `reactsim train`: what networks need and are.
+//! `reactsim train`: what networks need, and what they learn from scenarios.
 
+mod data;
+mod ntp;
+mod progress;
+mod session;
 mod vocabulary;
 
 use clap::{Args, Subcommand};
@@ -15,12 +19,15 @@ pub(super) struct TrainArgs {
 
 #[derive(Debug, Subcommand)]
 enum TrainCommand {
+    /// Train the simulator `ntp-reactive` on scenarios of any format
+    Ntp(ntp::NtpArgs),
     /// Build a vocabulary of motion tokens from scenarios
     Vocabulary(vocabulary::VocabularyArgs),
 }
 
 pub(super) fn train(args: &TrainArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
+        TrainCommand::Ntp(args) => ntp::ntp(args),
         TrainCommand::Vocabulary(args) => vocabulary::vocabulary(args),
     }
 }

@@ -37,6 +37,11 @@ impl Rows {
         self.len
     }
 
+    /// The digest that is stored for a row.
+    pub(super) fn digest(&self, row: usize) -> Option<&str> {
+        self.text("digest", row).ok()
+    }
+
     /// The scenario of a row. Its digest must be the stored one.
     pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();

@@ -1,5 +1,6 @@
 //! The program's own format: Parquet, one row per scenario. The columns are told in `scenarios/README.md`.
 
+mod by_number;
 mod decode;
 mod encode;
 
@@ -12,6 +13,8 @@ use super::error::{Cause, FormatError};
 use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
 use super::table::{self, TableReader, TableWriter};
 use crate::scene::Scenario;
+
+pub use by_number::ByNumber;
 
 /// What the file's metadata call the content.
 const KIND: &str = "reactsim-scenarios";

@@ -1,0 +1,143 @@
+//! Scenarios to learn from: read by number, from native files.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use rayon::prelude::*;
+
+use crate::cli::{find_inputs, say};
+use crate::evaluation::FileRecord;
+use crate::formats::native::{ByNumber, Writer};
+use crate::formats::{FormatError, Input};
+use crate::scene::Scenario;
+use crate::training::Source;
+
+/// Records that are decoded side by side before they are written.
+const CHUNK: usize = 32;
+
+/// Scenarios at paths, each path with the number of times that its scenarios are seen in an epoch.
+pub(super) struct Data {
+    files: Vec<ByNumber>,
+    /// File and number in it, of every scenario.
+    places: Vec<(usize, usize)>,
+    parts: Vec<(Vec<usize>, f64)>,
+    digest: String,
+}
+
+/// A path and the number of times that its scenarios are seen in an epoch: `PATH` or `PATH=TIMES`.
+fn part(text: &str) -> anyhow::Result<(PathBuf, f64)> {
+    let Some((path, times)) = text.rsplit_once('=').filter(|_| !Path::new(text).exists()) else {
+        return Ok((text.into(), 1.0));
+    };
+    match times.parse::<f64>() {
+        Ok(times) if times > 0.0 && times <= 1000.0 => Ok((path.into(), times)),
+        _ => bail!("`{text}`: {times} is no weight: write a number above 0, up to 1000, such as {path}=2.5"),
+    }
+}
+
+impl Data {
+    /// Finds the scenarios at these paths. Files of other formats are converted to native ones in the folder `cache`, one for each and named
+    /// by its content, where they are found again the next time.
+    pub(super) fn open(parts: &[String], cache: &Path) -> anyhow::Result<Self> {
+        // Everything is found before anything is converted.
+        let mut inputs = Vec::new();
+        for text in parts {
+            let (path, times) = part(text)?;
+            inputs.push((find_inputs(&[path])?, times));
+        }
+        let mut data =
+            Self { files: Vec::new(), places: Vec::new(), parts: Vec::new(), digest: String::new() };
+        let mut hasher = blake3::Hasher::new();
+        for (inputs, times) in inputs {
+            hasher.update(&times.to_le_bytes());
+            let first = data.places.len();
+            for input in inputs {
+                let file = open(&input, cache)?;
+                for number in 0..file.len() {
+                    data.places.push((data.files.len(), number));
+                    hasher.update(file.id(number).as_bytes());
+                    hasher.update(file.digest(number).as_bytes());
+                }
+                data.files.push(file);
+            }
+            data.parts.push(((first..data.places.len()).collect(), times));
+        }
+        data.digest = hasher.finalize().to_hex().to_string();
+        if data.places.is_empty() {
+            bail!("{}: no scenario could be read", parts.join(", "));
+        }
+        Ok(data)
+    }
+}
+
+/// A native file as it is; another one by way of the cache.
+fn open(input: &Input, cache: &Path) -> anyhow::Result<ByNumber> {
+    if input.format.id() == "native" {
+        return Ok(ByNumber::open(&input.path)?);
+    }
+    let record = FileRecord::of(&input.path, input.format.id())?;
+    let converted = cache.join(format!("{}.parquet", &record.blake3[..32]));
+    if !converted.exists() {
+        fs::create_dir_all(cache).with_context(|| format!("could not write {}", cache.display()))?;
+        convert(input, &converted)?;
+    }
+    Ok(ByNumber::open(&converted)?)
+}
+
+/// Writes all good scenarios of a file to a native one. Bad ones are told and left out.
+fn convert(input: &Input, out: &Path) -> anyhow::Result<()> {
+    let mut writer = Writer::create(out)?;
+    let mut ids = BTreeSet::new();
+    let warn = |error: &FormatError| say(format_args!("warning: passed over: {error}"));
+    let mut records = input.format.open_undecoded(&input.path)?;
+    loop {
+        let chunk: Vec<_> = records.by_ref().take(CHUNK).collect();
+        if chunk.is_empty() {
+            break;
+        }
+        let decoded: Vec<Result<Scenario, FormatError>> =
+            chunk.into_par_iter().map(|record| record.and_then(|decode| decode())).collect();
+        for scenario in decoded {
+            match scenario {
+                Ok(scenario) if ids.insert(scenario.id.clone()) => writer.write(&scenario)?,
+                Ok(scenario) => {
+                    let (file, id) = (input.path.display(), &scenario.id);
+                    say(format_args!(
+                        "warning: passed over: {file}: scenario `{id}`: an earlier one has this id"
+                    ));
+                }
+                Err(error) => warn(&error),
+            }
+        }
+    }
+    writer.finish()?;
+    Ok(())
+}
+
+impl Source for Data {
+    type Example = Scenario;
+
+    fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    fn id(&self, number: usize) -> &str {
+        let (file, number) = self.places[number];
+        self.files[file].id(number)
+    }
+
+    fn read(&self, number: usize) -> Result<Scenario, String> {
+        let (file, number) = self.places[number];
+        self.files[file].read(number).map_err(|e| e.to_string())
+    }
+
+    fn digest(&self) -> String {
+        self.digest.clone()
+    }
+
+    fn parts(&self) -> Vec<(Vec<usize>, f64)> {
+        self.parts.clone()
+    }
+}

@@ -1,0 +1,138 @@
+//! Progress of a training on stderr, and its curves in the folder.
+
+use std::cell::{Cell, RefCell};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::cli::{say, write_result};
+use crate::report::training_curves;
+use crate::training::{LOG, Observer, Row, ValidationRow, read_log};
+
+/// Name of the picture of the curves.
+pub(super) const CURVES: &str = "curves.svg";
+/// Scenarios passed over that are told one by one.
+const SHOWN: usize = 5;
+
+/// A line with loss, speed and the time that is left, hidden where stderr is no terminal; validations are printed in any case.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    folder: PathBuf,
+    began: Instant,
+    /// Step that this part of the training began at.
+    first: Cell<u64>,
+    steps: Cell<u64>,
+    samples: Cell<usize>,
+    /// Mean of the last losses.
+    loss: Cell<Option<f64>>,
+    passed_over: RefCell<usize>,
+}
+
+impl Progress {
+    pub(super) fn new(folder: &Path) -> Self {
+        let bar = ProgressBar::new(0);
+        if let Ok(style) = ProgressStyle::with_template("{spinner} step {pos} of {len}{msg}") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self {
+            bar,
+            folder: folder.to_owned(),
+            began: Instant::now(),
+            first: Cell::new(0),
+            steps: Cell::new(0),
+            samples: Cell::new(0),
+            loss: Cell::new(None),
+            passed_over: RefCell::new(0),
+        }
+    }
+
+    /// Scenarios per second since this part of the training began.
+    pub(super) fn per_second(&self) -> f64 {
+        self.samples.get() as f64 / self.began.elapsed().as_secs_f64().max(1e-9)
+    }
+
+    /// Takes the line away and draws the curves a last time.
+    pub(super) fn end(&self) {
+        self.bar.finish_and_clear();
+        let passed_over = *self.passed_over.borrow();
+        if passed_over > SHOWN {
+            say(format_args!("{} more scenarios were passed over for the same reason", passed_over - SHOWN));
+        }
+        self.draw();
+    }
+
+    /// Draws the log. What can not be drawn does not end a training.
+    fn draw(&self) {
+        let drawn = read_log(&self.folder.join(LOG)).map_err(anyhow::Error::from).and_then(|rows| {
+            let svg = training_curves::draw(&rows)?;
+            write_result(Some(&self.folder.join(CURVES)), |out| out.write_all(svg.as_bytes()))
+        });
+        if let Err(error) = drawn {
+            self.bar.suspend(|| say(format_args!("warning: no curves: {error:#}")));
+        }
+    }
+
+    fn step(&self, step: u64, loss: Option<f64>, samples: usize) {
+        self.samples.set(self.samples.get() + samples);
+        if let Some(loss) = loss {
+            self.loss.set(Some(self.loss.get().map_or(loss, |mean| 0.95 * mean + 0.05 * loss)));
+        }
+        let done = step.saturating_sub(self.first.get()).max(1) as f64;
+        let left = self.began.elapsed().as_secs_f64() / done * self.steps.get().saturating_sub(step) as f64;
+        let loss = self.loss.get().map(|loss| format!(", loss {loss:.4}")).unwrap_or_default();
+        let speed = self.per_second();
+        self.bar.set_position(step);
+        self.bar.set_message(format!("{loss}, {speed:.1} scenarios/s, {} left", span(left)));
+    }
+
+    fn validation(row: &ValidationRow) -> String {
+        let mut text = format!("step {}: held out: loss {:.4}", row.step, row.loss);
+        if row.best {
+            text.push_str(" (lowest so far)");
+        }
+        for (name, value) in row.metrics.iter().chain(&row.closed_loop) {
+            write!(text, ", {} {value:.4}", name.replace('_', " ")).ok();
+        }
+        text
+    }
+}
+
+impl Observer for Progress {
+    fn begun(&self, step: u64, steps: u64) {
+        self.first.set(step);
+        self.steps.set(steps);
+        self.bar.set_length(steps);
+        self.bar.set_position(step);
+    }
+
+    fn row(&self, row: &Row) {
+        match row {
+            Row::Step(row) => self.step(row.step, row.loss, row.samples),
+            Row::Validation(row) => {
+                self.bar.suspend(|| say(format_args!("{}", Self::validation(row))));
+                self.draw();
+            }
+        }
+    }
+
+    fn passed_over(&self, id: &str) {
+        let mut n = self.passed_over.borrow_mut();
+        *n += 1;
+        if *n <= SHOWN {
+            self.bar.suspend(|| say(format_args!("scenario {id} is passed over: nothing to learn in it")));
+        }
+    }
+}
+
+/// A time for people.
+fn span(seconds: f64) -> String {
+    let s = seconds as u64;
+    match s {
+        0..60 => format!("{s} s"),
+        60..3600 => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{} h {:02} min", s / 3600, s / 60 % 60),
+    }
+}

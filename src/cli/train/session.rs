@@ -1,0 +1,177 @@
+//! A training of any network on scenarios: arguments, files, ^C.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
+
+use clap::Args;
+use serde_json::{Map, json};
+
+use super::data::Data;
+use super::progress::{CURVES, Progress};
+use crate::cli::{ExitStatus, say, stop_on_interrupt};
+use crate::evaluation::{program_commit, program_version};
+use crate::scene::Scenario;
+use crate::training::{ClosedLoop, Ending, Execution, Learner, Settings, Task, WEIGHTS};
+
+/// Arguments of every training.
+#[derive(Debug, Args)]
+pub(super) struct SessionArgs {
+    /// Files or folders of scenarios, each with the number of times that its scenarios are seen in an
+    /// epoch where it is not 1, such as logs=4 or generated.parquet=0.5
+    #[arg(required = true, value_name = "SCENARIOS[=TIMES]")]
+    scenarios: Vec<String>,
+    /// Folder of the training: log, curves, checkpoints, weights
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Continue the training in --out from its last checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Folder for scenarios that were converted from other formats [default: cache in --out]
+    #[arg(long, value_name = "FOLDER")]
+    cache: Option<PathBuf>,
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// How often the scenarios are gone through
+    #[arg(long, default_value_t = Settings::default().epochs, value_name = "N")]
+    epochs: f64,
+    /// Scenarios per step
+    #[arg(long, default_value_t = Settings::default().batch, value_name = "N")]
+    batch: usize,
+    /// Scenarios that the network sees together: more need more memory
+    #[arg(long, default_value_t = Settings::default().together, value_name = "N")]
+    together: usize,
+    /// Learning rate at its highest
+    #[arg(long, default_value_t = Settings::default().learning_rate, value_name = "RATE")]
+    learning_rate: f64,
+    /// Part of the learning rate that is left in the end
+    #[arg(long, default_value_t = Settings::default().floor, value_name = "PART")]
+    floor: f64,
+    /// Steps in which the learning rate grows in the beginning
+    #[arg(long, default_value_t = Settings::default().warm_up, value_name = "STEPS")]
+    warm_up: u64,
+    /// Decay of weights
+    #[arg(long, default_value_t = Settings::default().weight_decay, value_name = "RATE")]
+    weight_decay: f64,
+    /// Norm above which gradients are scaled down
+    #[arg(long, default_value_t = Settings::default().clip, value_name = "NORM")]
+    clip: f64,
+    /// Steps between validations
+    #[arg(long, default_value_t = Settings::default().validate_every, value_name = "STEPS")]
+    validate_every: u64,
+    /// Part of the scenarios that is held out for validation
+    #[arg(long, default_value_t = Settings::default().held_out, value_name = "PART")]
+    held_out: f64,
+    /// Most scenarios that are looked at in a validation
+    #[arg(long, default_value_t = Settings::default().most_held_out, value_name = "N")]
+    most_held_out: usize,
+    /// Validations without a lower loss after which the training ends; 0: never
+    #[arg(long, default_value_t = Settings::default().patience, value_name = "N")]
+    patience: u64,
+    /// Threads; they do not change the result [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Time between checkpoints, such as 90s, 3m or 1h
+    #[arg(long, default_value = "3m", value_name = "TIME", value_parser = duration)]
+    checkpoint_every: Duration,
+}
+
+impl SessionArgs {
+    /// Threads.
+    fn jobs(&self) -> usize {
+        self.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from)
+    }
+
+    fn settings(&self) -> Settings {
+        Settings {
+            seed: self.seed,
+            epochs: self.epochs,
+            batch: self.batch,
+            together: self.together,
+            learning_rate: self.learning_rate,
+            floor: self.floor,
+            warm_up: self.warm_up,
+            weight_decay: self.weight_decay,
+            clip: self.clip,
+            validate_every: self.validate_every,
+            held_out: self.held_out,
+            most_held_out: self.most_held_out,
+            patience: self.patience,
+            ..Settings::default()
+        }
+    }
+}
+
+/// A time with its unit.
+fn duration(text: &str) -> Result<Duration, String> {
+    let wrong = || format!("`{text}` is no time: write a number with its unit, such as 90s, 3m or 1h");
+    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(wrong)?;
+    let seconds = match unit {
+        "s" => 1.0,
+        "m" => 60.0,
+        "h" => 3600.0,
+        _ => return Err(wrong()),
+    };
+    let number: f64 = number.parse().map_err(|_| wrong())?;
+    Duration::try_from_secs_f64(number * seconds).map_err(|_| wrong())
+}
+
+/// Trains a network as the arguments say.
+pub(super) fn train<T: Task<Example = Scenario>>(
+    args: &SessionArgs,
+    task: &T,
+    closed_loop: Option<&ClosedLoop<'_, T::Model>>,
+) -> anyhow::Result<ExitStatus> {
+    let stop = stop_on_interrupt("writing a checkpoint after this step")?;
+    train_until(args, task, closed_loop, &stop)
+}
+
+fn train_until<T: Task<Example = Scenario>>(
+    args: &SessionArgs,
+    task: &T,
+    closed_loop: Option<&ClosedLoop<'_, T::Model>>,
+    stop: &AtomicBool,
+) -> anyhow::Result<ExitStatus> {
+    let cache = args.cache.clone().unwrap_or_else(|| args.out.join("cache"));
+    let data = Data::open(&args.scenarios, &cache)?;
+    let about = Map::from_iter([
+        ("program".to_owned(), json!({ "version": program_version(), "commit": program_commit() })),
+        ("scenarios".to_owned(), json!(args.scenarios)),
+    ]);
+    let progress = Progress::new(&args.out);
+    let learner = Learner {
+        task,
+        source: &data,
+        settings: args.settings(),
+        execution: Execution { jobs: args.jobs(), checkpoint_every: args.checkpoint_every },
+        about,
+        closed_loop,
+        observer: &progress,
+    };
+    let outcome = learner.learn(&args.out, args.resume, stop);
+    progress.end();
+    let outcome = outcome?;
+    let (steps, folder) = (outcome.steps, args.out.display());
+    if outcome.ending == Ending::Interrupted {
+        say(format_args!("interrupted after step {steps}; go on with the same command and --resume"));
+        return Ok(ExitStatus::Interrupted);
+    }
+    if outcome.ending == Ending::NoBetter {
+        say(format_args!(
+            "ended early: the loss of what is held out got no lower in {} validations",
+            args.patience
+        ));
+    }
+    let best = outcome.best.map_or_else(String::new, |best| {
+        format!("; lowest loss of what is held out {:.4} after step {}", best.loss, best.step)
+    });
+    say(format_args!("trained {steps} steps, {:.1} scenarios/s{best}", progress.per_second()));
+    say(format_args!("weights: {folder}/{WEIGHTS}; curves: {folder}/{CURVES}"));
+    Ok(ExitStatus::Done)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,124 @@
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use burn::module::Module;
+use burn::nn::{Linear, LinearConfig};
+use burn::tensor::{Device, Tensor, TensorData};
+use clap::Parser;
+
+use super::*;
+use crate::training::{ABOUT, LOG, Output, Stream, Sums, View, draw_parameters, read_log};
+
+#[derive(Debug, Parser)]
+struct Line {
+    #[command(flatten)]
+    args: SessionArgs,
+}
+
+/// Learns how far vehicles get in 8 s from how fast they are.
+struct Speeds;
+
+#[derive(Module, Debug)]
+struct Net {
+    linear: Linear,
+}
+
+impl Task for Speeds {
+    type Example = Scenario;
+    type Sample = Vec<[f32; 2]>;
+    type Model = Net;
+
+    fn init(&self, seed: u64) -> Net {
+        draw_parameters(Net { linear: LinearConfig::new(1, 1).init(&Device::flex().autodiff()) }, seed, 1.0)
+    }
+
+    fn prepare(&self, scenario: &Scenario, _: View<'_>) -> Option<Self::Sample> {
+        let pairs = (0..scenario.start.agents.len()).filter_map(|agent| {
+            let speed = scenario.logged_velocity(agent, 10)?.norm();
+            let (now, then) = (scenario.logged_at(agent, 10)?, scenario.logged_at(agent, 90)?);
+            Some([speed as f32 / 10.0, ((then.position() - now.position()).norm() / 80.0) as f32])
+        });
+        Some(pairs.collect::<Vec<_>>()).filter(|pairs| !pairs.is_empty())
+    }
+
+    fn loss(&self, model: &Net, samples: &[Self::Sample], _: Option<&mut Stream>) -> Output {
+        let pairs = samples.concat();
+        let column = |i: usize| {
+            let data = TensorData::new(pairs.iter().map(|p| p[i]).collect::<Vec<f32>>(), [pairs.len(), 1]);
+            Tensor::<2>::from_data(data, &model.linear.weight.device())
+        };
+        let error = model.linear.forward(column(0)) - column(1);
+        Output { loss: (error.clone() * error).sum(), items: pairs.len() as f64, metrics: Sums::new() }
+    }
+}
+
+fn run(scenarios: &[&str], out: &Path, more: &[&str]) -> anyhow::Result<ExitStatus> {
+    let out = out.display().to_string();
+    let fixed = ["--out", &out, "--epochs", "20", "--batch", "4", "--learning-rate", "0.05"];
+    let line = ["train"].iter().chain(scenarios).chain(&fixed).chain(more);
+    train_until(&Line::try_parse_from(line)?.args, &Speeds, None, &AtomicBool::new(false))
+}
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+
+#[test]
+fn scenarios_of_any_format_are_learned_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a");
+    assert_eq!(run(&[MINI], &out, &["--validate-every", "5"]).unwrap(), ExitStatus::Done);
+    for name in [ABOUT, LOG, WEIGHTS, CURVES, "cache"] {
+        assert!(out.join(name).exists(), "{name}");
+    }
+    let losses = |out: &Path| -> Vec<Option<f64>> {
+        let rows = read_log(&out.join(LOG)).unwrap();
+        rows.iter()
+            .filter_map(|r| if let crate::training::Row::Step(r) = r { Some(r.loss) } else { None })
+            .collect()
+    };
+    let first = losses(&out);
+    assert!(first[first.len() - 1].unwrap() < 0.5 * first[0].unwrap(), "{first:?}");
+    // Native files by themselves are the same data, and no cache is made for them.
+    let natives: Vec<String> =
+        fs::read_dir(out.join("cache")).unwrap().map(|e| e.unwrap().path().display().to_string()).collect();
+    let mut natives: Vec<&str> = natives.iter().map(String::as_str).collect();
+    natives.sort_unstable();
+    let other = folder.path().join("b");
+    run(&natives, &other, &["--jobs", "1"]).unwrap();
+    assert!(!other.join("cache").exists());
+    assert_eq!(losses(&other).len(), first.len());
+    // Twice as often is twice as long.
+    let twice = folder.path().join("c");
+    run(&[&format!("{MINI}=2")], &twice, &["--cache", &out.join("cache").display().to_string()]).unwrap();
+    assert!(!twice.join("cache").exists() && losses(&twice).len() > first.len());
+}
+
+#[test]
+fn what_can_not_be_is_refused_with_its_mend() {
+    let folder = tempfile::tempdir().unwrap();
+    let refusal = |scenarios: &[&str], out: &Path, more: &[&str]| {
+        format!("{:#}", run(scenarios, out, more).unwrap_err())
+    };
+    let out = folder.path().join("out");
+    let empty = folder.path().display().to_string();
+    assert!(refusal(&[&empty], &out, &[]).contains("holds no scenario file"));
+    assert!(refusal(&["nowhere"], &out, &[]).contains("nowhere"));
+    assert!(refusal(&[&format!("{MINI}=x")], &out, &[]).contains("x is no weight"));
+    assert!(refusal(&[MINI], &out, &["--checkpoint-every", "3"]).contains("90s, 3m or 1h"));
+    assert!(refusal(&[MINI], Path::new("/proc/out"), &[]).contains("could not write /proc/out"));
+    run(&[MINI], &out, &[]).unwrap();
+    assert!(refusal(&[MINI], &out, &[]).contains("holds a training already"));
+    assert!(
+        refusal(&[MINI], &out, &["--resume", "--seed", "3"]).contains("`settings.seed` is 0 there and 3 now")
+    );
+}
+
+#[test]
+fn times_have_units() {
+    assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
+    assert_eq!(duration("3m"), Ok(Duration::from_secs(180)));
+    assert_eq!(duration("0.5h"), Ok(Duration::from_secs(1800)));
+    for wrong in ["", "m", "3", "-1s", "3 min", "é"] {
+        assert!(duration(wrong).is_err(), "{wrong}");
+    }
+}
