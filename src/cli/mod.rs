@@ -58,8 +58,6 @@ enum Command {
     Report(report::ReportArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
-    /// Train a network on scenarios
-    Train(train::TrainArgs),
     /// List models, metrics, formats, weights or map types
     List(list::ListArgs),
 }
@@ -104,7 +102,6 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Inspect(args) => inspect::inspect(&args),
-        Command::Train(args) => train::train(&args),
         Command::List(args) => list::list(&args),
     };
     match result {

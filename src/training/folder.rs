@@ -108,6 +108,11 @@ impl Folder {
         Ok(Self { path: path.to_owned(), log, identity, _lock: lock })
     }
 
+    /// What this training is told from others by.
+    pub(super) fn identity(&self) -> &Value {
+        &self.identity
+    }
+
     /// Appends a line to the log.
     pub(super) fn append(&mut self, row: &Row) -> Result<(), TrainingError> {
         let refuse = |source| TrainingError::Write { path: self.path.join(LOG), source };
@@ -136,6 +141,11 @@ impl Folder {
         weights.about.insert("kind".to_owned(), "reactsim-weights-1".into());
         weights.about.insert("training".to_owned(), self.identity.clone());
         weights.write(&self.path.join(WEIGHTS))
+    }
+
+    /// Writes weights in a layout of the task's own.
+    pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
+        replace(&self.path.join(WEIGHTS), bytes)
     }
 }
 

@@ -190,7 +190,7 @@ where
             self.checkpoint(run)?;
         }
         if run.held_out.is_empty() && ending != Ending::Interrupted {
-            run.folder.put_weights(self.weights(run))?;
+            self.put_weights(run)?;
         }
         let model = parameters::write(run.model.clone(), &run.state.values);
         Ok(Outcome { ending, model, steps, best })
@@ -267,7 +267,7 @@ where
         if best {
             run.state.progress.best = Some(Best { step, loss });
             run.state.progress.stale = 0;
-            run.folder.put_weights(self.weights(run))?;
+            self.put_weights(run)?;
         } else {
             run.state.progress.stale += 1;
         }
@@ -293,6 +293,18 @@ where
         let path = run.folder.keep(&state, run.batches.layout)?;
         self.observer.checkpoint(&path);
         Ok(())
+    }
+
+    /// Writes the network as it is now to the file for those who use it.
+    fn put_weights(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
+        let weights = self.weights(run);
+        let mut about = weights.about.clone();
+        about.insert("training".to_owned(), run.folder.identity().clone());
+        let model = parameters::write(run.model.clone(), &run.state.values).valid();
+        match self.task.file(&model, &Value::Object(about)) {
+            Some(bytes) => run.folder.put_file(&bytes),
+            None => run.folder.put_weights(weights),
+        }
     }
 
     /// The network's parameters as they are now.

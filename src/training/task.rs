@@ -74,6 +74,12 @@ pub trait Task: Sync {
         self.loss(model, samples, None)
     }
 
+    /// The file from which a simulator reads the trained network; `about` tells how it was made and is kept in it. By default there is
+    /// none, and the parameters are written by name.
+    fn file(&self, _model: &Self::Model, _about: &serde_json::Value) -> Option<Vec<u8>> {
+        None
+    }
+
     /// What decides about the outcome besides the settings of the learner: a training is resumed only where it is the same. Names and
     /// values, as JSON.
     fn describe(&self) -> serde_json::Value {

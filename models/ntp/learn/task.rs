@@ -1,11 +1,13 @@
 //! Next-token prediction as a task for the learner.
 
+use std::collections::BTreeMap;
+
 use burn::tensor::Device;
 use reactsim::scene::Scenario;
 use reactsim::training::{Output, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
-use super::super::reactive::{Config, Network};
+use super::super::reactive::{Config, Network, Policy};
 use super::super::tokens::{Class, Vocabulary};
 use super::drive::Noise;
 use super::loss::{Smoothing, Spread, losses};
@@ -104,17 +106,14 @@ impl Task for NextToken {
         Output { loss: found.loss, items: found.weight, metrics }
     }
 
+    fn file(&self, model: &Network, about: &serde_json::Value) -> Option<Vec<u8>> {
+        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
+        let (config, vocabulary) = (self.recipe.network, self.vocabulary.clone());
+        // The vocabulary was read from text and files: it can be written again.
+        Policy { config, vocabulary, network: model.clone() }.write(&made).ok()
+    }
+
     fn describe(&self) -> serde_json::Value {
         serde_json::json!({ "recipe": self.recipe, "vocabulary": self.vocabulary.provenance() })
-    }
-}
-
-impl NextToken {
-    /// Temporary.
-    pub fn summary(&self, samples: &[Sample]) -> String {
-        let n: usize = samples.iter().map(|s| s.steps.iter().map(|t| t.slots.len()).sum::<usize>()).sum();
-        let p: usize = samples.iter().map(|s| s.places.all.len()).sum();
-        let t: usize = samples.iter().map(|s| s.targets.len()).sum();
-        format!("nodes {} places {} targets {} per scene", n / samples.len(), p / samples.len(), t / samples.len())
     }
 }

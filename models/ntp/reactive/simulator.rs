@@ -160,7 +160,7 @@ impl ReactiveSimulator {
             let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
             let index = Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &self.device);
             let logits = self.policy.network.logits(*class, encoded.nodes.clone().select(0, index)).into_data();
-            let values: Vec<f32> = logits.convert::<f32>().into_vec().unwrap_or_default();
+            let values: Vec<f32> = logits.iter::<f32>().collect();
             let width = self.policy.vocabulary.tokens(*class);
             for (row, own) in rows.iter().zip(values.chunks_exact(width)) {
                 all[*row] = own.to_vec();
