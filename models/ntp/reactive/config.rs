@@ -91,7 +91,7 @@ impl Default for Config {
             hidden: 64,
             heads: 4,
             head_width: 16,
-            relation: 48,
+            relation: 64,
             feed_forward: 128,
             head_hidden: 128,
             map_layers: 1,

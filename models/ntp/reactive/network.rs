@@ -1,7 +1,9 @@
 //! The reactive network itself.
 
 use burn::module::Module;
+use burn::nn::Linear;
 use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
 
 use super::super::tokens::Class;
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
@@ -26,12 +28,12 @@ pub(crate) struct Block {
 #[derive(Module, Debug)]
 pub struct Network {
     place: MlpLayer,
-    place_pair: MlpLayer,
+    place_pair: Linear,
     map: Vec<RelationalAttention>,
     body: MlpLayer,
-    past: MlpLayer,
-    to_place: MlpLayer,
-    pair: MlpLayer,
+    past: Linear,
+    to_place: Linear,
+    pair: Linear,
     blocks: Vec<Block>,
     heads: Vec<MlpLayer>,
 }
@@ -70,11 +72,11 @@ impl Network {
         };
         Self {
             place: MlpLayer::init(PLACE, h, h, init),
-            place_pair: MlpLayer::init(PLACE_PAIR, r, r, init),
+            place_pair: init.linear(PLACE_PAIR, r, false),
             body: MlpLayer::init(BODY, 2 * h, h, init),
-            past: MlpLayer::init(PAST, r, r, init),
-            to_place: MlpLayer::init(TO_PLACE, r, r, init),
-            pair: MlpLayer::init(PAIR, r, r, init),
+            past: init.linear(PAST, r, false),
+            to_place: init.linear(TO_PLACE, r, false),
+            pair: init.linear(PAIR, r, false),
             heads: tokens.into_iter().map(|n| MlpLayer::init(h, config.head_hidden, n, init)).collect(),
             map: (0..config.map_layers).map(|_| attention(false).init(init)).collect(),
             blocks: (0..config.agent_layers)
@@ -136,10 +138,11 @@ fn attend(
     layer.forward(x, sources, &links.neighbors, relation.clone(), &mut Noise::none())
 }
 
-/// `[n, k, relation]`.
-fn embed(mlp: &MlpLayer, links: &LinkTensors) -> Tensor<3> {
+/// `[n, k, relation]`: one hidden layer over the numbers of a relation, the last of which is 1 in place of a bias. The layer of attention
+/// has the weights that would follow: what it does with relations is linear.
+fn embed(linear: &Linear, links: &LinkTensors) -> Tensor<3> {
     let (n, k) = (links.neighbors.destinations(), links.neighbors.slots());
-    let embedded = mlp.forward(links.relation.clone());
+    let embedded = relu(linear.forward(links.relation.clone()));
     let width = embedded.dims()[1];
     embedded.reshape([n, k, width])
 }

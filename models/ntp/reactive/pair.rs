@@ -5,7 +5,7 @@ use reactsim::geometry::Vec2;
 use super::body::{Body, into_frame};
 
 /// Numbers that describe how another agent stands to one.
-pub(crate) const PAIR: usize = 28;
+pub(crate) const PAIR: usize = 29;
 
 /// Farther ahead in time than this nothing is foreseen, seconds.
 const HORIZON: f64 = 6.0;
@@ -61,6 +61,7 @@ pub(crate) fn relate(me: &Body, other: &Body, out: &mut [f32]) {
         other.half.x / 2.5,
         other.half.y,
         f64::from(u8::from(other.is_av)),
+        1.0,
     ];
     for (slot, value) in out.iter_mut().zip(values) {
         *slot = value as f32;

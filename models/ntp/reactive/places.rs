@@ -11,9 +11,9 @@ use super::links::{Links, Nearest};
 /// Numbers that describe a place alone.
 pub(crate) const PLACE: usize = 20 + KINDS + 4;
 /// Numbers that describe how one place stands to another.
-pub(crate) const PLACE_PAIR: usize = 6;
+pub(crate) const PLACE_PAIR: usize = 7;
 /// Numbers that describe how a place stands to an agent.
-pub(crate) const TO_PLACE: usize = 25;
+pub(crate) const TO_PLACE: usize = 26;
 /// Kinds of places: those of pieces, and stops at lights, signs and give-way lines.
 const KINDS: usize = PieceKind::COUNT + 3;
 /// Stops farther ahead than this do not count, metres.
@@ -205,6 +205,7 @@ impl Place {
             toward.x,
             toward.y,
             1.0 / (1.0 + distance),
+            1.0,
         ];
         for (slot, value) in out.iter_mut().zip(values) {
             *slot = value as f32;
@@ -276,6 +277,7 @@ impl Place {
             // Off which side of an edge the box comes.
             ((aside.abs() - me.half.y) / 2.0).clamp(-1.0, 3.0),
             f64::from(u8::from(at.x > 0.0)),
+            1.0,
         ];
         for (slot, value) in out.iter_mut().zip(values) {
             *slot = value as f32;

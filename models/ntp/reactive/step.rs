@@ -11,7 +11,7 @@ use super::pair::{PAIR, relate};
 use super::places::{Chooser, Places, TO_PLACE};
 
 /// Numbers that describe how an earlier step of an agent stands to its present one.
-pub(crate) const PAST: usize = 6;
+pub(crate) const PAST: usize = 7;
 
 /// A node of an earlier step: whose, where, when.
 #[derive(Clone, Copy, Debug)]
@@ -100,8 +100,15 @@ impl Step {
                 let steps = (now - then.frame) as f64 / 5.0;
                 let at = into_frame(node.ahead, then.position - node.position) / steps;
                 let toward = into_frame(node.ahead, then.ahead);
-                let values =
-                    [at.x / 5.0, at.y / 2.0, 1.0 - toward.x, toward.y, steps / 4.0, 1.0 / (1.0 + at.norm())];
+                let values = [
+                    at.x / 5.0,
+                    at.y / 2.0,
+                    1.0 - toward.x,
+                    toward.y,
+                    steps / 4.0,
+                    1.0 / (1.0 + at.norm()),
+                    1.0,
+                ];
                 for (slot, value) in out.iter_mut().zip(values) {
                     *slot = value as f32;
                 }
