@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 
+use super::futures::Futures;
 use super::{ExitStatus, find_inputs, say};
 use crate::formats::{self, native::Writer};
 
@@ -18,6 +19,12 @@ pub(super) struct ConvertArgs {
     /// The native Parquet file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Rollouts (`run --keep-rollouts`) that take the place of what was logged after the current frame; scenarios without one are left out
+    #[arg(long, value_name = "ROLLOUTS", requires = "model")]
+    futures: Option<PathBuf>,
+    /// The simulator whose rollouts these are
+    #[arg(long, value_name = "ID", requires = "futures")]
+    model: Option<String>,
 }
 
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
@@ -26,13 +33,21 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }
-    let (good, bad) = stream(&inputs, &args.out)?;
+    let mut futures = match (&args.futures, &args.model) {
+        (Some(path), Some(model)) => Some(Futures::open(path, model)?),
+        _ => None,
+    };
+    let (good, bad) = stream(&inputs, &args.out, futures.as_mut())?;
     say(format_args!("converted {good} scenarios, {bad} failed"));
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
 /// Writes every good scenario; counts the good and the bad.
-fn stream(inputs: &[formats::Input], out: &Path) -> anyhow::Result<(usize, usize)> {
+fn stream(
+    inputs: &[formats::Input],
+    out: &Path,
+    mut futures: Option<&mut Futures>,
+) -> anyhow::Result<(usize, usize)> {
     let mut writer = Writer::create(out)?;
     let (mut good, mut bad, mut ids) = (0, 0, BTreeSet::new());
     for input in inputs {
@@ -54,7 +69,12 @@ fn stream(inputs: &[formats::Input], out: &Path) -> anyhow::Result<(usize, usize
                     ));
                     bad += 1;
                 }
-                Ok(scenario) => {
+                Ok(mut scenario) => {
+                    if let Some(futures) = &mut futures
+                        && !futures.put_into(&mut scenario)?
+                    {
+                        continue;
+                    }
                     writer.write(&scenario)?;
                     good += 1;
                 }

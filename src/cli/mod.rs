@@ -2,6 +2,7 @@
 
 mod convert;
 mod curate;
+mod futures;
 mod generate;
 mod inspect;
 mod list;

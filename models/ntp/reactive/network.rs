@@ -2,8 +2,8 @@
 
 use burn::module::Module;
 use burn::nn::Linear;
-use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
+use burn::tensor::{Int, Tensor, TensorData};
 
 use super::super::tokens::Class;
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
@@ -123,6 +123,25 @@ impl Network {
     /// `[m, tokens of the class]`: unnormalised log-probabilities of the next token of nodes of one class.
     pub(crate) fn logits(&self, class: Class, nodes: Tensor<2>) -> Tensor<2> {
         self.heads[class as usize].forward(nodes)
+    }
+}
+
+impl Network {
+    /// Per node its logits, as many as its class has tokens.
+    pub(crate) fn all_logits(&self, nodes: &NodeTensors, encoded: &Encoded) -> Vec<Vec<f32>> {
+        let mut all = vec![Vec::new(); encoded.nodes.dims()[0]];
+        for (class, rows) in &nodes.rows {
+            let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
+            let index =
+                Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &encoded.nodes.device());
+            let logits = self.logits(*class, encoded.nodes.clone().select(0, index));
+            let width = logits.dims()[1];
+            let values: Vec<f32> = logits.into_data().iter::<f32>().collect();
+            for (row, own) in rows.iter().zip(values.chunks_exact(width)) {
+                all[*row] = own.to_vec();
+            }
+        }
+        all
     }
 }
 

@@ -59,6 +59,14 @@ pub(crate) struct Places {
 }
 
 impl Places {
+    /// The places that are known of a scenario.
+    pub(crate) fn known(start: &Start, config: &Config) -> Self {
+        let pieces = known_pieces(&start.map, config.map_radius);
+        let stops = Stop::all(start, config.map_radius);
+        let light_lanes: Vec<usize> = start.lights.iter().map(|l| l.lane).collect();
+        Self::of(&pieces, &stops, &light_lanes, config)
+    }
+
     /// The places of a map. `light_lanes` are the lanes that lights control, in the order of the lights.
     pub(crate) fn of(pieces: &[MapPiece], stops: &[Stop], light_lanes: &[usize], config: &Config) -> Self {
         let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);

@@ -1,6 +1,6 @@
 //! The reactive network as a simulator.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use reactsim::rollout::{Episode, Memory, PlanError, Simulator, Stream};
 use reactsim::scene::{Frame, Start};
 
@@ -10,7 +10,7 @@ use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
 use super::batch::{NodeTensors, SceneRows, map_tensors, node_tensors};
 use super::config::Config;
 use super::network::{Encoded, PastNodes};
-use super::places::{Places, Stop, known_pieces};
+use super::places::Places;
 use super::policy::Policy;
 use super::step::{Earlier, Step};
 use super::window::{Remembered, earlier_frames, observed_steps, step_at};
@@ -54,10 +54,7 @@ struct Planned<'e, 'a> {
 
 impl Simulator for ReactiveSimulator {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
-        let pieces = known_pieces(&start.map, self.policy.config.map_radius);
-        let stops = Stop::all(start, self.policy.config.map_radius);
-        let light_lanes: Vec<usize> = start.lights.iter().map(|l| l.lane).collect();
-        let places = Places::of(&pieces, &stops, &light_lanes, &self.policy.config);
+        let places = Places::known(start, &self.policy.config);
         let map = self.policy.network.encode_map(&map_tensors(&[&places], &self.policy.config, &self.device));
         Memory::new(Mind { places, map, remembered: Vec::new(), due: usize::MAX })
     }
@@ -112,7 +109,7 @@ impl ReactiveSimulator {
                 continue;
             }
             let (nodes, encoded) = self.encode(group, kept);
-            let tokens = self.logits(&nodes, &encoded);
+            let tokens = self.policy.network.all_logits(&nodes, &encoded);
             let mut row = 0;
             for p in group.iter_mut() {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
@@ -151,22 +148,6 @@ impl ReactiveSimulator {
         let past = if kept { PastNodes::Kept(&past) } else { PastNodes::Here };
         let encoded = self.policy.network.encode(&nodes, join(maps), &past);
         (nodes, encoded)
-    }
-
-    /// Per node its class and logits.
-    fn logits(&self, nodes: &NodeTensors, encoded: &Encoded) -> Vec<Vec<f32>> {
-        let mut all = vec![Vec::new(); encoded.nodes.dims()[0]];
-        for (class, rows) in &nodes.rows {
-            let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
-            let index = Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &self.device);
-            let logits = self.policy.network.logits(*class, encoded.nodes.clone().select(0, index)).into_data();
-            let values: Vec<f32> = logits.iter::<f32>().collect();
-            let width = self.policy.vocabulary.tokens(*class);
-            for (row, own) in rows.iter().zip(values.chunks_exact(width)) {
-                all[*row] = own.to_vec();
-            }
-        }
-        all
     }
 }
 
