@@ -1,6 +1,8 @@
 //! `reactsim train`: what networks need and are.
 
+mod new_file;
 mod vocabulary;
+mod vocabulary_manifest;
 
 use clap::{Args, Subcommand};
 
