@@ -7,6 +7,7 @@ use reactsim::rollout::{Purpose, stream};
 use reactsim::scene::DT;
 use serde::Serialize;
 
+use super::token_set::corner_distance;
 use super::{BuildError, Class, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
 
 /// Draws a motion, makes the mean of all near it a token, takes them away, and goes on.
@@ -99,49 +100,41 @@ impl Tokenizer for KDisks {
 
     fn tokens(&self, class: Class, segments: &Segments) -> Result<Vec<TokenPoses>, BuildError> {
         self.check()?;
-        let mut left: Vec<Candidate> = segments
-            .of(class)
-            .iter()
-            .filter(|m| self.takes(class, m))
-            .map(|m| Candidate::new(class, m))
-            .collect();
+        let mut motions: Vec<TokenPoses> =
+            segments.of(class).iter().filter(|m| self.takes(class, m)).copied().collect();
         if self.symmetric {
-            let mirrored: Vec<_> = left.iter().map(|c| Candidate::new(class, &mirror(&c.poses))).collect();
-            left.extend(mirrored);
+            let mirrored: Vec<_> = motions.iter().map(mirror).collect();
+            motions.extend(mirrored);
         }
-        if left.is_empty() {
+        if motions.is_empty() {
             let needed = "at least one that no fault of the recording made".to_owned();
-            return Err(BuildError::NoData {
-                class,
-                segments: segments.of(class).len(),
-                method: METHOD,
-                needed,
-            });
+            let segments = segments.of(class).len();
+            return Err(BuildError::NoData { class, segments, method: METHOD, needed });
         }
         let tolerance = self.tolerance[class.index()];
+        let mut pool = Pool::new(class, motions, self.distance, tolerance);
         let name = format!("vocabulary/k-disks/{class}");
         let mut stream = stream(segments.seed(), &name, 0, Purpose::Begin);
         let mut tokens = Vec::new();
         if self.stand_still {
             let still = [ORIGIN; TOKEN_POSES];
-            self.gather(&mut left, &Candidate::new(class, &still), tolerance);
+            pool.gather(&still);
             tokens.push(still);
         }
-        while tokens.len() < self.tokens && !left.is_empty() {
-            let drawn = left[stream.random_range(0..left.len())].clone();
-            let near = self.gather(&mut left, &drawn, tolerance);
-            let token = mean(&near, &drawn.poses);
+        while tokens.len() < self.tokens && !pool.left.is_empty() {
+            let drawn = pool.motion(stream.random_range(0..pool.left.len()));
+            let token = mean(&pool.gather(&drawn), &drawn);
             if !self.symmetric {
                 tokens.push(token);
                 continue;
             }
-            let other = Candidate::new(class, &mirror(&drawn.poses));
-            if self.between(&drawn.contour, &other.contour) <= tolerance {
+            let other = mirror(&drawn);
+            if pool.are_near(&drawn, &other) {
                 // Nearly its own mirror image: made exactly so, with those that are near on the other side.
-                self.gather(&mut left, &other, tolerance);
+                pool.gather(&other);
                 tokens.push(token.map(|p| Pose { position: Vec2::new(p.position.x, 0.0), heading: 0.0 }));
             } else if tokens.len() + 2 <= self.tokens {
-                self.gather(&mut left, &other, tolerance);
+                pool.gather(&other);
                 tokens.extend([token, mirror(&token)]);
             }
             // Otherwise one place is left, which a pair does not fit into: the next draw may.
@@ -167,44 +160,63 @@ impl KDisks {
         let turns = steps.iter().any(|s| s.0 > CURVATURE_FROM * DT && s.1 > quality.curvature * s.0);
         !accelerates && (class == Class::Pedestrian || !turns)
     }
+}
+
+/// The motions that were not taken yet.
+struct Pool {
+    class: Class,
+    motions: Vec<TokenPoses>,
+    contours: Vec<[Vec2; 4]>,
+    /// Where they end, and their indices.
+    left: Vec<(Vec2, u32)>,
+    distance: CornerDistance,
+    tolerance: f64,
+}
+
+impl Pool {
+    fn new(class: Class, motions: Vec<TokenPoses>, distance: CornerDistance, tolerance: f64) -> Self {
+        let contours = motions.iter().map(|m| class.contour(m[TOKEN_FRAMES])).collect();
+        let left = motions.iter().zip(0..).map(|(m, i)| (m[TOKEN_FRAMES].position, i)).collect();
+        Self { class, motions, contours, left, distance, tolerance }
+    }
+
+    /// One of those that are left.
+    fn motion(&self, at: usize) -> TokenPoses {
+        self.motions[self.left[at].1 as usize]
+    }
 
     /// Takes away the motions near one, and gives them.
-    fn gather(&self, left: &mut Vec<Candidate>, about: &Candidate, tolerance: f64) -> Vec<TokenPoses> {
+    fn gather(&mut self, about: &TokenPoses) -> Vec<TokenPoses> {
+        let mut left = std::mem::take(&mut self.left);
+        let end = about[TOKEN_FRAMES];
+        let contour = self.class.contour(end);
         let mut near = Vec::new();
-        left.retain(|candidate| {
-            // The distance of the centres is at most that of the corners, by either measure.
-            let far = (candidate.end - about.end).norm_squared() > (tolerance + 1e-9) * (tolerance + 1e-9);
-            if far || self.between(&candidate.contour, &about.contour) > tolerance {
+        // The distance of the centres is at most that of the corners, by either measure; rounding aside.
+        let reach = self.tolerance + 1e-9;
+        left.retain(|&(at, i)| {
+            let far = (at - end.position).norm_squared() > reach * reach;
+            if far || self.between(&self.contours[i as usize], &contour) > self.tolerance {
                 return true;
             }
-            near.push(candidate.poses);
+            near.push(self.motions[i as usize]);
             false
         });
+        self.left = left;
         near
+    }
+
+    fn are_near(&self, a: &TokenPoses, b: &TokenPoses) -> bool {
+        let contour = |m: &TokenPoses| self.class.contour(m[TOKEN_FRAMES]);
+        self.between(&contour(a), &contour(b)) <= self.tolerance
     }
 
     fn between(&self, a: &[Vec2; 4], b: &[Vec2; 4]) -> f64 {
         match self.distance {
-            CornerDistance::Mean => super::token_set::corner_distance(a, b) / 4.0,
+            CornerDistance::Mean => corner_distance(a, b) / 4.0,
             CornerDistance::RootMeanSquare => {
                 (a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>() / 4.0).sqrt()
             }
         }
-    }
-}
-
-/// A motion that may become a token.
-#[derive(Clone, Debug)]
-struct Candidate {
-    end: Vec2,
-    contour: [Vec2; 4],
-    poses: TokenPoses,
-}
-
-impl Candidate {
-    fn new(class: Class, poses: &TokenPoses) -> Self {
-        let end = poses[TOKEN_FRAMES];
-        Self { end: end.position, contour: class.contour(end), poses: *poses }
     }
 }
 

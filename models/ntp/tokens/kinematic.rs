@@ -81,20 +81,20 @@ impl Default for Kinematic {
                 curvature: 0.3,
                 lateral: 8.0,
                 axle: REAR_AXLE * Class::Vehicle.matching_box().0,
-                even: 0.5,
+                even: 0.2,
             },
             pedestrian: PolarGrid {
-                bands: vec![band(2.0, 0.2, 24), band(4.0, 0.4, 24)],
-                walking_turns: vec![0.15, 0.3, 0.5, 0.8],
+                bands: vec![band(2.1, 0.15, 24), band(3.9, 0.3, 24)],
+                walking_turns: vec![0.08, 0.16, 0.26, 0.4, 0.6, 0.8],
                 standing_turns: vec![0.15, 0.3, 0.5, 0.8, 1.2, 1.6, 2.2, 2.8],
             },
             cyclist: ArcGrid {
-                bands: vec![band(4.0, 0.2, 9), band(12.0, 0.4, 9)],
+                bands: vec![band(4.0, 0.2, 11), band(12.0, 0.4, 11)],
                 reverse: Vec::new(),
                 curvature: 0.4,
                 lateral: 6.0,
                 axle: 0.0,
-                even: 0.5,
+                even: 0.2,
             },
         }
     }

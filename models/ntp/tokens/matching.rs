@@ -125,10 +125,10 @@ pub fn fill_gaps(track: &mut [Frame]) {
     let Some(mut before) = track.iter().position(Option::is_some) else { return };
     for frame in before + 1..track.len() {
         let (Some(a), Some(b)) = (track[before], track[frame]) else { continue };
-        for gap in before + 1..frame {
+        for (gap, missing) in track.iter_mut().enumerate().take(frame).skip(before + 1) {
             let u = (gap - before) as f64 / (frame - before) as f64;
             let mix = |a: f64, b: f64| a + (b - a) * u;
-            track[gap] = Some(AgentState {
+            *missing = Some(AgentState {
                 x: mix(a.x, b.x),
                 y: mix(a.y, b.y),
                 heading: a.heading + wrap(b.heading - a.heading) * u,

@@ -199,8 +199,12 @@ fn mean_token(grid: &EndGrid, cell: Cell, motions: &[TokenPoses], class: Class) 
         pose.position += shift * (i as f64 / TOKEN_FRAMES as f64);
     }
     token[TOKEN_FRAMES].position = middle;
-    let jumps = token.windows(2).any(|w| wrap(w[1].heading - w[0].heading).abs() > TURN);
-    if jumps { curve(middle, token[TOKEN_FRAMES].heading, class) } else { token }
+    if turns_too_fast(&token) { curve(middle, token[TOKEN_FRAMES].heading, class) } else { token }
+}
+
+/// Whether the heading turns by more than [`TURN`] within a frame.
+fn turns_too_fast(token: &TokenPoses) -> bool {
+    token.windows(2).any(|w| wrap(w[1].heading - w[0].heading).abs() > TURN)
 }
 
 /// The heading at the end of the nearest token, counted in cells along the axes; the first of equally near ones.
@@ -209,7 +213,8 @@ fn nearest_heading(ends: &BTreeMap<Cell, f64>, cell: Cell) -> f64 {
     ends.iter().min_by_key(|(c, _)| far(c)).map_or(0.0, |(_, heading)| *heading)
 }
 
-/// A cubic Hermite curve to a point, with tangents as long as the chord. Vehicles point along it (in reverse against it), people turn evenly.
+/// A cubic Hermite curve to a point, with tangents as long as the chord. Vehicles point along it (in reverse against it); people turn
+/// evenly, and so does who would have to turn too fast, which is the case where a short way leads aside.
 fn curve(to: Vec2, heading: f64, class: Class) -> TokenPoses {
     let gear = if to.x < 0.0 { -1.0 } else { 1.0 };
     let chord = to.norm() * gear;
@@ -221,9 +226,13 @@ fn curve(to: Vec2, heading: f64, class: Class) -> TokenPoses {
         let position = start * (u3 - 2.0 * u2 + u) + to * (3.0 * u2 - 2.0 * u3) + end * (u3 - u2);
         let along =
             start * (3.0 * u2 - 4.0 * u + 1.0) + to * (6.0 * u - 6.0 * u2) + end * (3.0 * u2 - 2.0 * u);
-        let heading = if class == Class::Pedestrian { heading * u } else { heading_of(along * gear) };
-        *pose = Pose { position, heading };
+        *pose = Pose { position, heading: heading_of(along * gear) };
     }
     poses[TOKEN_FRAMES] = Pose { position: to, heading };
+    if class == Class::Pedestrian || turns_too_fast(&poses) {
+        for (i, pose) in poses.iter_mut().enumerate() {
+            pose.heading = heading * (i as f64 / TOKEN_FRAMES as f64);
+        }
+    }
     poses
 }

@@ -4,7 +4,9 @@ mod data;
 mod ntp;
 mod progress;
 mod session;
+mod new_file;
 mod vocabulary;
+mod vocabulary_manifest;
 
 use clap::{Args, Subcommand};
 

@@ -1,23 +1,20 @@
 //! `reactsim train vocabulary`: motion tokens from scenarios.
 
-use std::fs::{self, File};
-use std::io::Write;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::{Args, ValueEnum};
-use serde::Serialize;
 
+use super::new_file::NewFile;
+use super::vocabulary_manifest::{Entry, Manifest};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
 use crate::curation::driver::CurationObserver;
-use crate::evaluation::FileRecord;
 use crate::formats::Input;
 use crate::models::ntp::tokens::{
-    Class, KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Provenance, Segments, Tokenizer, TrajTok,
-    Vocabulary,
+    KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
 };
 use crate::scene::Scenario;
 
@@ -29,8 +26,8 @@ are given only tell how well it fits.
   reactsim generate --preset train --count 200 --out train.parquet
   reactsim train vocabulary train.parquet --method k-disks --out vocab.safetensors
 
-The result on stdout says what was made (TOML), with the mean distance of the corners of tokenised
-from recorded boxes, in metres.";
+The result on stdout says what was made (TOML), with mean, median and 99 % of the distance of the
+corners of tokenised from recorded boxes, in metres.";
 
 /// Arguments of `train vocabulary`.
 #[derive(Debug, Args)]
@@ -66,7 +63,7 @@ pub(super) struct VocabularyArgs {
     /// Motions of every class to keep in memory
     #[arg(long, default_value = "204800", value_name = "N")]
     segments: NonZeroUsize,
-    /// Take kinematic tokens for classes of which too little was recorded
+    /// Add kinematic tokens where no other is near: for classes of which little was recorded
     #[arg(long)]
     fill: bool,
 }
@@ -82,7 +79,7 @@ enum Method {
 }
 
 /// Curves of a vocabulary of the map, how near two are one (metres), and how many are kept to choose from.
-const MAP: (usize, f64, usize) = (1024, 0.05, 200_000);
+const MAP: (usize, f64, usize) = (1024, 0.05, 50_000);
 /// Scenarios on which the errors are measured.
 const MEASURED: usize = 200;
 
@@ -125,8 +122,14 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     let map_out = args.map_out.as_deref().map(NewFile::create).transpose()?;
     let stop = stop_on_interrupt("nothing is written")?;
     let progress = Progress::new();
-    let mut reader =
-        Reader { inputs: &inputs, limit: args.limit, progress: &progress, stop: &stop, failed: 0 };
+    let mut reader = Reader {
+        inputs: &inputs,
+        limit: args.limit,
+        progress: &progress,
+        stop: &stop,
+        tells: true,
+        failed: 0,
+    };
     let mut segments = Segments::new(args.segments.get(), args.seed);
     let mut map = map_out.is_some().then(|| MapVocabularyBuilder::new(MAP.2, args.seed));
     let read = reader.each(usize::MAX, |scenario| {
@@ -135,7 +138,6 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
             map.add(scenario);
         }
     });
-    let failed = reader.failed;
     if !inputs.is_empty() && read == 0 && !stop.load(Ordering::Relaxed) {
         progress.end();
         bail!("no scenario could be read: see the warnings above");
@@ -143,6 +145,7 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     let made = tokenizer.build_from(&segments, args.fill);
     let mut errors = MatchingErrors::default();
     if let Ok(vocabulary) = &made {
+        reader.tells = false;
         reader.each(MEASURED, |scenario| errors.add(vocabulary, scenario));
     }
     progress.end();
@@ -150,14 +153,14 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
         say(format_args!("interrupted: nothing is written"));
         return Ok(ExitStatus::Interrupted);
     }
+    let failed = reader.failed;
     let vocabulary = made?;
     let written = out.finish(&vocabulary.write()?)?;
     let mut entries = vec![Entry::of_vocabulary(written, &vocabulary, &errors)];
     if let (Some(map), Some(out)) = (map, map_out) {
         let map = map.build(MAP.0, MAP.1)?;
         let written = out.finish(&map.write()?)?;
-        let tokens = vec![Tokens { class: "map", tokens: map.tokens(), error_mean: None, error_p99: None }];
-        entries.push(Entry::new(written, map.provenance(), tokens));
+        entries.push(Entry::of_map_vocabulary(written, &map));
     }
     let text = toml::to_string(&Manifest { vocabulary: entries })?;
     write_result(None, |out| out.write_all(text.as_bytes()))?;
@@ -177,7 +180,9 @@ struct Reader<'a> {
     limit: Option<NonZeroUsize>,
     progress: &'a Progress,
     stop: &'a AtomicBool,
-    /// Scenarios and files that could not be read, in all passes.
+    /// Whether what can not be read is told: not where it was told before.
+    tells: bool,
+    /// Scenarios and files that could not be read and were told.
     failed: usize,
 }
 
@@ -211,102 +216,9 @@ impl Reader<'_> {
     }
 
     fn fail(&mut self, error: &str) {
-        self.progress.failed(error);
-        self.failed += 1;
-    }
-}
-
-/// A file that gets its name when it is whole; dropped before, it is removed.
-struct NewFile {
-    path: PathBuf,
-    partial: PathBuf,
-    file: File,
-}
-
-impl NewFile {
-    fn create(path: &Path) -> anyhow::Result<Self> {
-        let name = || format!("could not write {}", path.display());
-        if path.exists() && !path.is_file() {
-            bail!("{}: it is there and no regular file; choose another name", name());
+        if self.tells {
+            self.progress.failed(error);
+            self.failed += 1;
         }
-        let file_name = path.file_name().with_context(name)?;
-        let partial = path.with_file_name(format!(".{}.{}.partial", file_name.display(), std::process::id()));
-        let file = File::create(&partial).with_context(name)?;
-        Ok(Self { path: path.to_owned(), partial, file })
-    }
-
-    fn finish(mut self, bytes: &[u8]) -> anyhow::Result<FileRecord> {
-        let written = self.file.write_all(bytes).and_then(|()| self.file.sync_all());
-        written
-            .and_then(|()| fs::rename(&self.partial, &self.path))
-            .with_context(|| format!("could not write {}", self.path.display()))?;
-        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
-        Ok(FileRecord::of_content(&name, "safetensors", bytes))
-    }
-}
-
-impl Drop for NewFile {
-    fn drop(&mut self) {
-        // After it got its name there is nothing to remove.
-        let _ = fs::remove_file(&self.partial);
-    }
-}
-
-/// What was made, as it stands in a manifest.
-#[derive(Serialize)]
-struct Manifest {
-    vocabulary: Vec<Entry>,
-}
-
-/// One vocabulary.
-#[derive(Serialize)]
-struct Entry {
-    id: String,
-    file: String,
-    bytes: u64,
-    blake3: String,
-    method: String,
-    seed: u64,
-    scenarios: u64,
-    /// Digest of the scenarios.
-    #[serde(skip_serializing_if = "String::is_empty")]
-    data: String,
-    /// JSON, as in the file.
-    settings: String,
-    tokens: Vec<Tokens>,
-}
-
-/// The tokens of one class.
-#[derive(Serialize)]
-struct Tokens {
-    class: &'static str,
-    tokens: usize,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    error_mean: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    error_p99: Option<f64>,
-}
-
-impl Entry {
-    fn new(file: FileRecord, made: &Provenance, tokens: Vec<Tokens>) -> Self {
-        let id = Path::new(&file.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let Provenance { method, settings, seed, scenarios, data } = made.clone();
-        let settings = settings.to_string();
-        let FileRecord { name, bytes, blake3, .. } = file;
-        Self { id, file: name, bytes, blake3, method, seed, scenarios, data, settings, tokens }
-    }
-
-    fn of_vocabulary(file: FileRecord, vocabulary: &Vocabulary, errors: &MatchingErrors) -> Self {
-        let short = |v: f64| (v * 1e5).round() / 1e5;
-        let tokens = Class::ALL.map(|class| {
-            let error = errors.of(class);
-            Tokens {
-                class: class.name(),
-                tokens: vocabulary.tokens(class),
-                error_mean: error.map(|e| short(e.mean)),
-                error_p99: error.map(|e| short(e.p99)),
-            }
-        });
-        Self::new(file, vocabulary.provenance(), tokens.into())
     }
 }

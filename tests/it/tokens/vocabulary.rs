@@ -92,15 +92,9 @@ fn motions_lead_back() {
 pub(super) fn is_symmetric(vocabulary: &Vocabulary, class: Class) -> bool {
     let tokens: Vec<&TokenPoses> =
         (0..vocabulary.tokens(class)).map(|t| vocabulary.poses(class, t)).collect();
-    // Half a turn to the left is half a turn to the right.
-    let turned = |h: f64| if h.abs() > 3.141_59 { 3.2 } else { h };
     tokens.iter().all(|poses| {
         let mirrored = poses.map(|p| pose(p.position.x, -p.position.y, -p.heading));
-        tokens.iter().any(|other| {
-            other.iter().zip(&mirrored).all(|(a, b)| {
-                a.position == b.position && (a.heading == b.heading || turned(a.heading) == turned(b.heading))
-            })
-        })
+        tokens.contains(&&mirrored)
     })
 }
 

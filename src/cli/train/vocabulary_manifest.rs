@@ -1,0 +1,78 @@
+//! What vocabularies were made of: their entries in a manifest.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::evaluation::FileRecord;
+use crate::models::ntp::tokens::{Class, MapVocabulary, MatchingErrors, Provenance, Vocabulary};
+
+/// What was made, as it stands in a manifest.
+#[derive(Serialize)]
+pub(super) struct Manifest {
+    pub(super) vocabulary: Vec<Entry>,
+}
+
+/// One vocabulary.
+#[derive(Serialize)]
+pub(super) struct Entry {
+    id: String,
+    file: String,
+    bytes: u64,
+    blake3: String,
+    method: String,
+    seed: u64,
+    scenarios: u64,
+    /// Digest of the scenarios.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    data: String,
+    /// JSON, as in the file.
+    settings: String,
+    tokens: Vec<Tokens>,
+}
+
+/// The tokens of one class.
+#[derive(Serialize)]
+struct Tokens {
+    class: &'static str,
+    tokens: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_mean: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_p50: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_p99: Option<f64>,
+}
+
+impl Entry {
+    /// The entry of a vocabulary of the map.
+    pub(super) fn of_map_vocabulary(file: FileRecord, map: &MapVocabulary) -> Self {
+        let tokens =
+            Tokens { class: "map", tokens: map.tokens(), error_mean: None, error_p50: None, error_p99: None };
+        Self::new(file, map.provenance(), vec![tokens])
+    }
+
+    fn new(file: FileRecord, made: &Provenance, tokens: Vec<Tokens>) -> Self {
+        let id = Path::new(&file.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let Provenance { method, settings, seed, scenarios, data } = made.clone();
+        let settings = settings.to_string();
+        let FileRecord { name, bytes, blake3, .. } = file;
+        Self { id, file: name, bytes, blake3, method, seed, scenarios, data, settings, tokens }
+    }
+
+    /// The entry of a vocabulary of motion, and how well it fits.
+    pub(super) fn of_vocabulary(file: FileRecord, vocabulary: &Vocabulary, errors: &MatchingErrors) -> Self {
+        let short = |v: f64| (v * 1e5).round() / 1e5;
+        let tokens = Class::ALL.map(|class| {
+            let error = errors.of(class);
+            Tokens {
+                class: class.name(),
+                tokens: vocabulary.tokens(class),
+                error_mean: error.map(|e| short(e.mean)),
+                error_p50: error.map(|e| short(e.p50)),
+                error_p99: error.map(|e| short(e.p99)),
+            }
+        });
+        Self::new(file, vocabulary.provenance(), tokens.into())
+    }
+}
