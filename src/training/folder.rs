@@ -10,7 +10,7 @@ use super::TrainingError;
 use super::checkpoint::{Checkpoint, refuse_other};
 use super::log::{Row, read_log};
 use super::parameters::Layout;
-use super::tensors::{NamedTensors, replace};
+use super::tensors::{NamedTensors, PARTIAL, replace};
 
 /// Name of the file that tells what is trained, how and on what.
 pub const ABOUT: &str = "training.json";
@@ -92,7 +92,9 @@ impl Folder {
             let kept = read_log(&log)?.into_iter().filter(|row| row.step() <= step);
             replace(&log, kept.map(|row| row.line()).collect::<String>().as_bytes())?;
         }
-        Ok((Self::open(path, identity)?, checkpoint))
+        let folder = Self::open(path, identity)?;
+        remove_halves(path);
+        Ok((folder, checkpoint))
     }
 
     fn open(path: &Path, identity: Value) -> Result<Self, TrainingError> {
@@ -146,6 +148,17 @@ impl Folder {
     /// Writes weights in a layout of the task's own.
     pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
         replace(&self.path.join(WEIGHTS), bytes)
+    }
+}
+
+/// Removes what a kill left of a file that was being written. What can not be removed only takes room.
+fn remove_halves(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let own = ["checkpoint-", WEIGHTS, LOG, ABOUT].iter().any(|own| name.starts_with(own));
+        if own && name.ends_with(PARTIAL) {
+            fs::remove_file(entry.path()).ok();
+        }
     }
 }
 

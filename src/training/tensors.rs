@@ -117,10 +117,13 @@ impl NamedTensors {
     }
 }
 
+/// What the name of a file ends with while it is being written.
+pub(super) const PARTIAL: &str = ".partial";
+
 /// The name under which a file is written first.
 fn partial(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".partial");
+    name.push(PARTIAL);
     path.with_file_name(name)
 }
 

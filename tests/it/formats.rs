@@ -6,6 +6,7 @@
     reason = "tests stop at what they did not expect, and say what they skip"
 )]
 
+mod by_number;
 mod damage;
 mod odd;
 pub(crate) mod proto;

@@ -105,6 +105,15 @@ fn a_loss_that_is_no_number_ends_it_with_the_step_and_the_scenarios() {
 }
 
 #[test]
+fn an_example_that_can_not_be_read_ends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = Curve::of(64);
+    source.torn = Some(12);
+    let error = Trial { source, ..Trial::default() }.learn(folder.path(), false).unwrap_err();
+    assert_eq!(error.to_string(), "could not read point-12: the disk says no");
+}
+
+#[test]
 fn data_without_anything_to_learn_are_refused() {
     let refusal = |source| {
         let folder = tempfile::tempdir().unwrap();

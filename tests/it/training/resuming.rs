@@ -53,10 +53,13 @@ fn what_is_resumed_comes_out_as_if_it_had_never_ended() {
         text.push_str(&text.lines().last().unwrap().replace(&format!("\"step\":{step},"), "\"step\":999,"));
         text.push_str("\n{\"row\":\"st");
         fs::write(&log, text).unwrap();
+        let half = folder.path().join("checkpoint-00000099.safetensors.partial");
+        fs::write(&half, "half").unwrap();
         let outcome = Trial { jobs: 1, ..Trial::default() }.learn(folder.path(), true).unwrap();
         assert_eq!(outcome.ending, Ending::Finished);
         assert!(left(folder.path()) == expected, "resumed at {step}");
         assert_eq!(checkpoints(folder.path()).len(), 2);
+        assert!(!half.exists());
     }
 }
 

@@ -21,11 +21,13 @@ pub(super) struct Curve {
     pub(super) poison: Option<usize>,
     /// An example that nothing is made of.
     pub(super) empty: Option<usize>,
+    /// An example that can not be read.
+    pub(super) torn: Option<usize>,
 }
 
 impl Curve {
     pub(super) fn of(n: usize) -> Self {
-        Self { ids: (0..n).map(|i| format!("point-{i}")).collect(), poison: None, empty: None }
+        Self { ids: (0..n).map(|i| format!("point-{i}")).collect(), poison: None, empty: None, torn: None }
     }
 }
 
@@ -47,6 +49,9 @@ impl Source for Curve {
     fn read(&self, number: usize) -> Result<f32, String> {
         if self.poison == Some(number) {
             return Ok(f32::NAN);
+        }
+        if self.torn == Some(number) {
+            return Err("the disk says no".to_owned());
         }
         let x = number as f32 / self.ids.len() as f32;
         Ok(if self.empty == Some(number) { -x } else { x })

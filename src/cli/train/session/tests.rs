@@ -57,8 +57,11 @@ fn run(scenarios: &[&str], out: &Path, more: &[&str]) -> anyhow::Result<ExitStat
     let out = out.display().to_string();
     let fixed = ["--out", &out, "--epochs", "20", "--batch", "4", "--learning-rate", "0.05"];
     let line = ["train"].iter().chain(scenarios).chain(&fixed).chain(more);
-    train_until(&Line::try_parse_from(line)?.args, &Speeds, None, &AtomicBool::new(false))
+    train_until(&Line::try_parse_from(line)?.args, &Speeds, None, &AtomicBool::new(more == INTERRUPTED))
 }
+
+/// Arguments of a training that is interrupted at once.
+const INTERRUPTED: &[&str] = &["--validate-every", "5"];
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
@@ -66,7 +69,7 @@ const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 fn scenarios_of_any_format_are_learned_from() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("a");
-    assert_eq!(run(&[MINI], &out, &["--validate-every", "5"]).unwrap(), ExitStatus::Done);
+    assert_eq!(run(&[MINI], &out, &["--validate-every", "5", "--jobs", "2"]).unwrap(), ExitStatus::Done);
     for name in [ABOUT, LOG, WEIGHTS, CURVES, "cache"] {
         assert!(out.join(name).exists(), "{name}");
     }
@@ -91,6 +94,17 @@ fn scenarios_of_any_format_are_learned_from() {
     let twice = folder.path().join("c");
     run(&[&format!("{MINI}=2")], &twice, &["--cache", &out.join("cache").display().to_string()]).unwrap();
     assert!(!twice.join("cache").exists() && losses(&twice).len() > first.len());
+}
+
+#[test]
+fn an_interrupted_training_leaves_a_checkpoint_and_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    assert_eq!(run(&[MINI], folder.path(), INTERRUPTED).unwrap(), ExitStatus::Interrupted);
+    assert!(folder.path().join("checkpoint-00000000.safetensors").exists());
+    assert!(!folder.path().join(WEIGHTS).exists());
+    let again = run(&[MINI], folder.path(), &["--validate-every", "5", "--resume"]).unwrap();
+    assert_eq!(again, ExitStatus::Done);
+    assert!(folder.path().join(WEIGHTS).exists());
 }
 
 #[test]
