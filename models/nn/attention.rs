@@ -153,8 +153,8 @@ impl RelationalAttention {
 
         let of_sources = weights.clone().matmul(near).swap_dims(0, 1);
         let of_relations = weights.clone().matmul(relations).swap_dims(0, 1);
-        let message =
-            of_sources.matmul(self.values(self.to_v.weight.val())) + of_relations.matmul(self.values(value_r));
+        let message = of_sources.matmul(self.values(self.to_v.weight.val()))
+            + of_relations.matmul(self.values(value_r));
         let message = message.swap_dims(0, 1);
         let bias = self.value_bias(&message.device()).reshape([1, heads, self.head_dim]);
         let message = if noise.active() {

@@ -37,7 +37,8 @@ impl Initializer {
 
     /// Uniform between `-bound` and `bound`, in this shape.
     pub fn uniform<const D: usize>(&mut self, shape: [usize; D], bound: f64) -> Param<Tensor<D>> {
-        let values = (0..shape.iter().product()).map(|_| ((2.0 * self.unit() - 1.0) * bound) as f32).collect();
+        let values =
+            (0..shape.iter().product()).map(|_| ((2.0 * self.unit() - 1.0) * bound) as f32).collect();
         self.param(values, shape)
     }
 

@@ -11,6 +11,7 @@ mod initializer;
 mod mlp;
 mod neighbors;
 mod noise;
+mod turns;
 pub mod weights;
 
 pub use attention::{AttentionConfig, RelationalAttention, normalize};

@@ -61,8 +61,18 @@ impl Neighbors {
     ///
     /// # Panics
     /// If the lengths are not N·K.
-    pub fn from_slots(destinations: usize, slots: usize, sources: &[u32], open: &[bool], device: &Device) -> Self {
-        assert_eq!((sources.len(), open.len()), (destinations * slots, destinations * slots), "rows of slots");
+    pub fn from_slots(
+        destinations: usize,
+        slots: usize,
+        sources: &[u32],
+        open: &[bool],
+        device: &Device,
+    ) -> Self {
+        assert_eq!(
+            (sources.len(), open.len()),
+            (destinations * slots, destinations * slots),
+            "rows of slots"
+        );
         let any = (0..destinations)
             .map(|n| if open[n * slots..(n + 1) * slots].contains(&true) { 1.0f32 } else { 0.0 })
             .collect::<Vec<_>>();

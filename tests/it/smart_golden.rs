@@ -118,7 +118,8 @@ struct Golden {
 
 impl Golden {
     fn scenes(&self) -> Vec<(String, File)> {
-        let mut paths: Vec<PathBuf> = fs::read_dir(&self.folder).unwrap().map(|e| e.unwrap().path()).collect();
+        let mut paths: Vec<PathBuf> =
+            fs::read_dir(&self.folder).unwrap().map(|e| e.unwrap().path()).collect();
         paths.sort();
         paths.retain(|p| p.file_name().unwrap().to_string_lossy().starts_with("scene_"));
         assert!(!paths.is_empty());
@@ -134,7 +135,9 @@ fn golden() -> Vec<Golden> {
         let values = file.floats(&format!("agent_token_all_{class}"));
         values.as_chunks::<2>().0.as_chunks::<4>().0.as_chunks::<6>().0.to_vec()
     });
-    let ends = |tokens: &Vec<[[[f32; 2]; 4]; 6]>| tokens.iter().map(|t| std::array::from_fn(|i| t[5][i / 2][i % 2])).collect();
+    let ends = |tokens: &Vec<[[[f32; 2]; 4]; 6]>| {
+        tokens.iter().map(|t| std::array::from_fn(|i| t[5][i / 2][i % 2])).collect()
+    };
     let vocabulary = Vocabulary {
         agents: [ends(&corners[0]), ends(&corners[1]), ends(&corners[2])],
         map: file.floats("map_token_traj_src").as_chunks::<22>().0.to_vec(),
@@ -144,7 +147,8 @@ fn golden() -> Vec<Golden> {
     folders.retain(|f| f.join("config.json").exists());
     assert!(!folders.is_empty());
     let load = |folder: &PathBuf| {
-        let config = SmartConfig::from_json(&fs::read_to_string(folder.join("config.json")).unwrap()).unwrap();
+        let config =
+            SmartConfig::from_json(&fs::read_to_string(folder.join("config.json")).unwrap()).unwrap();
         assert!(config.n_params > 0, "the number of parameters is compared in loading");
         let weights = fs::read(folder.join("weights.safetensors")).unwrap();
         let network = Smart::load(&config, &weights, &Device::flex()).unwrap();
@@ -211,7 +215,9 @@ fn embedded_relations_are_those_of_the_original() {
             for (kind, embedding) in
                 [("pl2pl", among_map), ("temporal", over_time), ("pl2a", from_map), ("a2a", among)]
             {
-                let Some(expected) = file.has_floats(&format!("rel.{kind}.embedded_first64")) else { continue };
+                let Some(expected) = file.has_floats(&format!("rel.{kind}.embedded_first64")) else {
+                    continue;
+                };
                 let Some(scalars) = file.has_floats(&format!("rel.{kind}")) else { continue };
                 let width = if kind == "temporal" { 4 } else { 3 };
                 let rows = expected.len() / embedding.width();
@@ -247,7 +253,8 @@ fn features_and_logits_are_those_of_the_original() {
                     checked += 1;
                 }
             };
-            let logits = golden.network.forward_watched(&golden.tables, &batch, &mut Noise::none(), &mut look);
+            let logits =
+                golden.network.forward_watched(&golden.tables, &batch, &mut Noise::none(), &mut look);
             assert!(checked > 2, "{name}");
             check_logits(&name, &file, &scene, &values(logits));
         }
@@ -326,7 +333,9 @@ fn roll_out(golden: &Golden, name: &str, file: &File) {
             assert!((row[token] - best[at]).abs() < 1e-3, "{name} agent {a} step {t}");
             let own: Vec<f32> = row.iter().step_by(8).copied().collect();
             assert!(worst(&own, &some[at * own.len()..][..own.len()]) < 2e-3, "{name} agent {a} step {t}");
-            if t == 0 && let Some(first) = file.has_floats("roll.logits_step0") {
+            if t == 0
+                && let Some(first) = file.has_floats("roll.logits_step0")
+            {
                 assert!(worst(row, &first[a * width..][..width]) < CLOSE, "{name} agent {a}");
             }
             let class = usize::from(scene.agents.class[a]);
@@ -369,7 +378,11 @@ fn positions_alone_nearly_suffice() {
                 let row = &logits[node * width..][..width];
                 others += usize::from(argmax(row) != best[node]);
                 let own: Vec<f32> = row.iter().step_by(stride).copied().collect();
-                squares += own.iter().zip(&stored[node * own.len()..]).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+                squares += own
+                    .iter()
+                    .zip(&stored[node * own.len()..])
+                    .map(|(a, b)| f64::from(a - b).powi(2))
+                    .sum::<f64>();
                 count += own.len();
             }
             let rms = (squares / count as f64).sqrt();

@@ -7,7 +7,9 @@ pub enum WeightsError {
     #[error("the file is cut short or not safetensors ({0}): export it again")]
     Format(#[from] safetensors::SafeTensorError),
     /// The network has tensors that the file lacks.
-    #[error("tensor `{name}` {expected:?} is missing, and {others} more: the weights are of another network or configuration")]
+    #[error(
+        "tensor `{name}` {expected:?} is missing, and {others} more: the weights are of another network or configuration"
+    )]
     Missing {
         /// The first one by name.
         name: String,
@@ -17,7 +19,9 @@ pub enum WeightsError {
         others: usize,
     },
     /// The file has tensors that the network lacks.
-    #[error("tensor `{name}` {found:?} has no place in the network, and {others} more: the weights are of another network or configuration")]
+    #[error(
+        "tensor `{name}` {found:?} has no place in the network, and {others} more: the weights are of another network or configuration"
+    )]
     Extra {
         /// The first one by name.
         name: String,
@@ -27,7 +31,9 @@ pub enum WeightsError {
         others: usize,
     },
     /// A tensor has another shape than in the network.
-    #[error("tensor `{name}` is {found:?}, expected {expected:?}: the configuration is not the one of these weights")]
+    #[error(
+        "tensor `{name}` is {found:?}, expected {expected:?}: the configuration is not the one of these weights"
+    )]
     Shape {
         /// Which one.
         name: String,

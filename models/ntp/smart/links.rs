@@ -1,6 +1,6 @@
 //! Pairs as attention wants them.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 
 use reactsim::models::nn::{FourierEmbedding, Neighbors, normalize};
 
@@ -23,8 +23,7 @@ impl Links {
             let relations = Tensor::zeros([targets, 0, embedding.width()], device);
             return Self { neighbors, relations };
         }
-        let scalars = TensorData::new(edges.relations.clone(), [edges.len(), edges.width]);
-        let vectors = normalize(embedding.forward(Tensor::from_data(scalars, device), None));
+        let vectors = normalize(embedding.forward_host(&edges.relations, None, device));
         let relations = neighbors.relations(vectors);
         Self { neighbors, relations }
     }

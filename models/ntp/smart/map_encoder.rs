@@ -51,7 +51,8 @@ impl MapEncoder {
         noise: &mut Noise,
         watch: &mut dyn FnMut(Stage, &Tensor<2>),
     ) -> Tensor<2> {
-        let of = |table: &Embedding, rows: &[u8]| pick(&table.weight.val(), rows.iter().map(|r| usize::from(*r)));
+        let of =
+            |table: &Embedding, rows: &[u8]| pick(&table.weight.val(), rows.iter().map(|r| usize::from(*r)));
         let mut x = tables.map(&map.token);
         if map.is_empty() {
             return x;

@@ -7,8 +7,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::models::nn::{
-    AttentionConfig, FeedForwardConfig, FourierEmbedding, Initializer, Neighbors, Noise, RelationalAttention, Tensors,
-    normalize, save,
+    AttentionConfig, FeedForwardConfig, FourierEmbedding, Initializer, Neighbors, Noise, RelationalAttention,
+    Tensors, normalize, save,
 };
 
 use super::naive::{Naive, Rows};
@@ -21,7 +21,11 @@ impl ModuleMapper for Shaken {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         param.map(|old| {
             let shape = old.dims();
-            let moved = old.to_data().iter::<f32>().map(|v| v + self.0.random_range(-0.3f32..0.3)).collect::<Vec<_>>();
+            let moved = old
+                .to_data()
+                .iter::<f32>()
+                .map(|v| v + self.0.random_range(-0.3f32..0.3))
+                .collect::<Vec<_>>();
             let new = Tensor::from_data(TensorData::new(moved, shape), &old.device());
             new.set_require_grad(old.is_require_grad())
         })
@@ -86,7 +90,8 @@ impl Case {
     }
 
     fn forward(&self, config: &AttentionConfig, layer: &RelationalAttention, device: &Device) -> Vec<f32> {
-        let (sources, targets): (Vec<u32>, Vec<u32>) = self.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
+        let (sources, targets): (Vec<u32>, Vec<u32>) =
+            self.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
         let neighbors = Neighbors::from_edges(9, &sources, &targets, device);
         let mut relations = tensor(&self.relations, config.relation_width, device);
         if config.relation_norm {
@@ -169,10 +174,12 @@ fn dropout_is_what_its_stream_says() {
     let (config, device) = (config(), Device::flex());
     let layer = layer(&config, &device);
     let case = Case::new(&config);
-    let (sources, targets): (Vec<u32>, Vec<u32>) = case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
+    let (sources, targets): (Vec<u32>, Vec<u32>) =
+        case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
     let neighbors = Neighbors::from_edges(9, &sources, &targets, &device);
     let run = |mut noise: Noise| {
-        let relations = neighbors.relations(normalize(tensor(&case.relations, config.relation_width, &device)));
+        let relations =
+            neighbors.relations(normalize(tensor(&case.relations, config.relation_width, &device)));
         let (dst, src) = (tensor(&case.dst, config.width, &device), tensor(&case.src, config.width, &device));
         values(layer.forward(dst, layer.sources(src), &neighbors, relations, &mut noise))
     };
@@ -205,7 +212,8 @@ fn gradients_flow_through_every_weight() {
     // Loaded weights are trained on like any.
     let layer = Tensors::read(&bytes).unwrap().load(layer(&config, &device)).unwrap();
     let case = Case::new(&config);
-    let (sources, targets): (Vec<u32>, Vec<u32>) = case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
+    let (sources, targets): (Vec<u32>, Vec<u32>) =
+        case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
     let neighbors = Neighbors::from_edges(9, &sources, &targets, &device);
     let relations = neighbors.relations(normalize(tensor(&case.relations, config.relation_width, &device)));
     let (dst, src) = (tensor(&case.dst, config.width, &device), tensor(&case.src, config.width, &device));

@@ -1,7 +1,9 @@
 //! The layers that networks share, and the published next-token network on scenes that are made up.
 
 mod attention;
+mod literal;
 pub(crate) mod naive;
+mod smart;
 mod weights;
 
 use burn::tensor::{Device, Tensor};
@@ -21,8 +23,9 @@ pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 #[track_caller]
 pub(crate) fn worst(found: &[f32], expected: &[f32]) -> f32 {
     assert_eq!(found.len(), expected.len());
-    found.iter().zip(expected).map(|(a, b)| if a.is_nan() || b.is_nan() { f32::NAN } else { (a - b).abs() }).fold(
-        0.0,
-        |worst: f32, d| if d.is_nan() || worst.is_nan() { f32::NAN } else { worst.max(d) },
-    )
+    found
+        .iter()
+        .zip(expected)
+        .map(|(a, b)| if a.is_nan() || b.is_nan() { f32::NAN } else { (a - b).abs() })
+        .fold(0.0, |worst: f32, d| if d.is_nan() || worst.is_nan() { f32::NAN } else { worst.max(d) })
 }

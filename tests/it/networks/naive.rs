@@ -44,11 +44,18 @@ impl<'a> Naive<'a> {
 
     /// The Fourier embedding of some scalars.
     pub(crate) fn fourier(&self, scalars: &[f64]) -> Vec<f64> {
+        self.fourier_with(scalars, &[])
+    }
+
+    /// With categorical vectors, if there are any.
+    pub(crate) fn fourier_with(&self, scalars: &[f64], categorical: &[f64]) -> Vec<f64> {
         let (shape, frequencies) = self.floats("freqs.weight").unwrap();
-        let mut sum = Vec::new();
+        let mut sum = categorical.to_vec();
         for (d, u) in scalars.iter().enumerate() {
-            let angles: Vec<f64> =
-                frequencies[d * shape[1]..][..shape[1]].iter().map(|f| std::f64::consts::TAU * f * u).collect();
+            let angles: Vec<f64> = frequencies[d * shape[1]..][..shape[1]]
+                .iter()
+                .map(|f| std::f64::consts::TAU * f * u)
+                .collect();
             let mut features: Vec<f64> = angles.iter().map(|a| a.cos()).collect();
             features.extend(angles.iter().map(|a| a.sin()));
             features.push(*u);
@@ -59,8 +66,19 @@ impl<'a> Naive<'a> {
     }
 
     /// One attention layer: features of destinations and sources, edges (source, destination) with their relations.
-    pub(crate) fn attention(&self, heads: usize, dst: &Rows, src: &Rows, edges: &[(usize, usize)], relations: &Rows) -> Rows {
-        let own_norm = if self.floats("attn_prenorm_x_dst.weight").is_some() { "attn_prenorm_x_dst" } else { "attn_prenorm_x_src" };
+    pub(crate) fn attention(
+        &self,
+        heads: usize,
+        dst: &Rows,
+        src: &Rows,
+        edges: &[(usize, usize)],
+        relations: &Rows,
+    ) -> Rows {
+        let own_norm = if self.floats("attn_prenorm_x_dst.weight").is_some() {
+            "attn_prenorm_x_dst"
+        } else {
+            "attn_prenorm_x_src"
+        };
         let normed: Rows = src.iter().map(|s| self.norm("attn_prenorm_x_src", s)).collect();
         let mut out = Rows::new();
         for (at, raw) in dst.iter().enumerate() {

@@ -27,8 +27,10 @@ fn changed(change: impl FnOnce(&mut BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>
         .map(|(name, view)| (name, (view.dtype(), view.shape().to_vec(), view.data().to_vec())))
         .collect();
     change(&mut tensors);
-    let views: Vec<_> =
-        tensors.iter().map(|(n, (d, s, b))| (n.clone(), TensorView::new(*d, s.clone(), b).unwrap())).collect();
+    let views: Vec<_> = tensors
+        .iter()
+        .map(|(n, (d, s, b))| (n.clone(), TensorView::new(*d, s.clone(), b).unwrap()))
+        .collect();
     safetensors::serialize(views, None).unwrap()
 }
 
@@ -86,7 +88,9 @@ fn wrong_tensors_are_named() {
     let text = refusal(&changed(|t| drop(t.insert("mlp.3.bias".into(), (Dtype::F16, vec![2], vec![0; 4])))));
     assert!(text.contains("`mlp.3.bias` holds F16, expected F32"), "{text}");
     for (value, shown) in [(f32::NAN, "NaN"), (f32::NEG_INFINITY, "-inf")] {
-        let text = refusal(&changed(|t| t.get_mut("mlp.3.weight").unwrap().2[20..24].copy_from_slice(&value.to_le_bytes())));
+        let text = refusal(&changed(|t| {
+            t.get_mut("mlp.3.weight").unwrap().2[20..24].copy_from_slice(&value.to_le_bytes())
+        }));
         assert!(text.contains(&format!("`mlp.3.weight` holds {shown} at 5")), "{text}");
     }
 }
