@@ -54,7 +54,7 @@ pub(super) fn vocabulary(config: &SmartConfig) -> Vocabulary {
 pub(super) fn scene(config: &SmartConfig, seed: u64, agents: usize, pieces: usize, gaps: bool) -> Scene {
     let stream = &mut ChaCha8Rng::seed_from_u64(seed);
     let counts = config.n_token_agent.of_classes();
-    let mut place = |stream: &mut ChaCha8Rng| [0, 1].map(|_| stream.random_range(-16.0f32..16.0));
+    let place = |stream: &mut ChaCha8Rng| [0, 1].map(|_| stream.random_range(-16.0f32..16.0));
     let class: Vec<u8> = (0..agents).map(|_| stream.random_range(0..3)).collect();
     let map = MapTokens {
         position: (0..pieces).map(|_| place(stream)).collect(),
@@ -335,7 +335,7 @@ fn state_dicts_are_loaded() {
         assert_eq!(forward(&loaded, &tables, &[&scene]), scores);
     }
     let error = Smart::load(&config, &state_dict(&network, "", |data| data[0] ^= 1), &device).unwrap_err();
-    assert!(error.to_string().contains("attn_prenorm_x_dst.bias` and"), "{error}");
+    assert!(error.to_string().contains("attn_prenorm_x_dst.weight` and"), "{error}");
 
     let counted = SmartConfig { n_params: network.num_params() + 1, ..config.clone() };
     let error = Smart::load(&counted, &state_dict(&network, "", |_| {}), &device).unwrap_err();
