@@ -10,6 +10,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::Initializer;
 use super::turns::cos_sin_rows;
 
+/// How many rows go through the layers at a time, so that what is between them stays in the processor's caches.
+const CHUNK: usize = 1024;
+
 /// The Fourier embedding of the SMART family: every scalar u gives cos(2πfu) and sin(2πfu) for its own learned frequencies f, and u
 /// itself; a perceptron per scalar; the sum, with categorical vectors added, through norm, ReLU and a last linear layer.
 #[derive(Module, Debug)]
@@ -82,12 +85,22 @@ impl FourierEmbedding {
             return self.forward(Tensor::from_data(scalars, device), categorical);
         }
         let frequency: Vec<f32> = self.freqs.val().into_data().iter::<f32>().collect();
-        let features = |d: usize| {
-            let own = scalars.iter().skip(d).step_by(count).copied();
-            let values = cos_sin_rows(own, &frequency[d * frequencies..][..frequencies]);
-            Tensor::from_data(TensorData::new(values, [rows, 2 * frequencies + 1]), device)
-        };
-        self.embed_features(rows, features, categorical, device)
+        let mut parts = Vec::new();
+        for (i, scalars) in scalars.chunks(CHUNK * count).enumerate() {
+            let rows = scalars.len() / count;
+            let features = |d: usize| {
+                let own = scalars.iter().skip(d).step_by(count).copied();
+                let values = cos_sin_rows(own, &frequency[d * frequencies..][..frequencies]);
+                Tensor::from_data(TensorData::new(values, [rows, 2 * frequencies + 1]), device)
+            };
+            let categorical = categorical.clone().map(|c| c.narrow(0, i * CHUNK, rows));
+            parts.push(self.embed_features(rows, features, categorical, device));
+        }
+        match parts.len() {
+            0 => Tensor::zeros([0, self.width()], device),
+            1 => parts.remove(0),
+            _ => Tensor::cat(parts, 0),
+        }
     }
 
     fn embed_features(

@@ -11,6 +11,7 @@ mod initializer;
 mod mlp;
 mod neighbors;
 mod noise;
+mod relations;
 mod turns;
 pub mod weights;
 
@@ -22,4 +23,5 @@ pub use initializer::Initializer;
 pub use mlp::{MlpEmbedding, MlpLayer};
 pub use neighbors::Neighbors;
 pub use noise::Noise;
+pub use relations::Relations;
 pub use weights::{Tensors, WeightsError, save};

@@ -135,19 +135,19 @@ impl Smart {
             } else {
                 Tensor::cat(past.iter().cloned().collect(), 0)
             };
-            x = layer.forward(x, earlier, &own.neighbors, own.relations.clone(), noise);
+            x = layer.forward_with(x, earlier, &own.neighbors, &own.relations, noise);
             past.push_back(sources);
             let layer = &layers.pt2a_attn_layers[i];
-            x = layer.forward(
+            x = layer.forward_with(
                 x,
                 episode.map.sources[i].clone(),
                 &from_map.neighbors,
-                from_map.relations.clone(),
+                &from_map.relations,
                 noise,
             );
             let layer = &layers.a2a_attn_layers[i];
             let sources = layer.sources(x.clone());
-            x = layer.forward(x, sources, &among.neighbors, among.relations.clone(), noise);
+            x = layer.forward_with(x, sources, &among.neighbors, &among.relations, noise);
         }
         if episode.steps.len() > config.window() {
             episode.steps.pop_front();
