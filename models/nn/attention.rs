@@ -7,10 +7,13 @@ use burn::tensor::module::layer_norm;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
-use super::{FeedForward, FeedForwardConfig, Initializer, Neighbors, Noise};
+use super::{FeedForward, FeedForwardConfig, Initializer, Neighbors, Noise, Relations};
 
 /// Layer norms of the published networks add this to variances.
 const EPSILON: f64 = 1e-5;
+
+/// With at most this many times as many sources as slots, products are taken with all sources.
+const DENSE: usize = 3;
 
 /// The measures of a [`RelationalAttention`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,6 +119,18 @@ impl RelationalAttention {
         relations: Tensor<3>,
         noise: &mut Noise,
     ) -> Tensor<2> {
+        self.forward_with(destinations, sources, neighbors, &Relations::new(relations), noise)
+    }
+
+    /// As [`RelationalAttention::forward`], with relations that several layers share.
+    pub fn forward_with(
+        &self,
+        destinations: Tensor<2>,
+        sources: Tensor<2>,
+        neighbors: &Neighbors,
+        relations: &Relations,
+        noise: &mut Noise,
+    ) -> Tensor<2> {
         let own_norm = self.attn_prenorm_x_dst.as_ref().unwrap_or(&self.attn_prenorm_x_src);
         let own = own_norm.forward(destinations.clone());
         let message = self.attend(own.clone(), sources, neighbors, relations, noise);
@@ -132,7 +147,7 @@ impl RelationalAttention {
         own: Tensor<2>,
         sources: Tensor<2>,
         neighbors: &Neighbors,
-        relations: Tensor<3>,
+        relations: &Relations,
         noise: &mut Noise,
     ) -> Tensor<2> {
         let (count, heads, width) = (neighbors.destinations(), self.heads, self.heads * self.head_dim);
@@ -141,18 +156,16 @@ impl RelationalAttention {
         }
         let query = self.to_q.forward(own) * (1.0 / (self.head_dim as f32).sqrt());
         let query = query.reshape([count, heads, self.head_dim]).swap_dims(0, 1);
-        let near = neighbors.sources(sources);
         let (key_r, value_r) = (self.folded(&self.to_k_r), self.folded(&self.to_v_r));
-
         let to_sources = query.clone().matmul(self.keys(self.to_k.weight.val())).swap_dims(0, 1);
         let to_relations = query.matmul(self.keys(key_r)).swap_dims(0, 1);
-        let scores = to_sources.matmul(near.clone().swap_dims(1, 2))
-            + to_relations.matmul(relations.clone().swap_dims(1, 2))
-            + neighbors.closed();
+        let near = Near::new(sources, neighbors);
+        let scores =
+            near.scores(to_sources) + to_relations.matmul(relations.columns.clone()) + neighbors.closed();
         let weights = noise.drop(softmax(scores, 2), self.dropout);
 
-        let of_sources = weights.clone().matmul(near).swap_dims(0, 1);
-        let of_relations = weights.clone().matmul(relations).swap_dims(0, 1);
+        let of_sources = near.sum(weights.clone()).swap_dims(0, 1);
+        let of_relations = weights.clone().matmul(relations.rows.clone()).swap_dims(0, 1);
         let message = of_sources.matmul(self.values(self.to_v.weight.val()))
             + of_relations.matmul(self.values(value_r));
         let message = message.swap_dims(0, 1);
@@ -198,5 +211,50 @@ impl RelationalAttention {
             sum = sum + moved.squeeze_dim(0);
         }
         sum
+    }
+}
+
+/// The sources of all slots.
+enum Near<'a> {
+    /// Gathered, [N, K, h]: for few neighbours of many.
+    Gathered(Tensor<3>),
+    /// All of them, [M, h], when most are neighbours of most: one large product and a gather of its results take less time than a gather
+    /// of features and many small products.
+    All(Tensor<2>, &'a Neighbors),
+}
+
+impl<'a> Near<'a> {
+    fn new(sources: Tensor<2>, neighbors: &'a Neighbors) -> Self {
+        if sources.dims()[0] <= DENSE * neighbors.slots() {
+            Self::All(sources, neighbors)
+        } else {
+            Self::Gathered(neighbors.sources(sources))
+        }
+    }
+
+    /// What vectors [N, heads, h] and sources have in common, [N, heads, K].
+    fn scores(&self, vectors: Tensor<3>) -> Tensor<3> {
+        match self {
+            Self::Gathered(near) => vectors.matmul(near.clone().swap_dims(1, 2)),
+            Self::All(sources, neighbors) => {
+                let [count, heads, width] = vectors.dims();
+                let table = sources.clone().matmul(vectors.reshape([count * heads, width]).transpose());
+                let table = table.reshape([sources.dims()[0] * count, heads]);
+                neighbors.pairs(table).swap_dims(1, 2)
+            }
+        }
+    }
+
+    /// Sums of sources with weights [N, heads, K], [N, heads, h].
+    fn sum(&self, weights: Tensor<3>) -> Tensor<3> {
+        match self {
+            Self::Gathered(near) => weights.matmul(near.clone()),
+            Self::All(sources, neighbors) => {
+                let [count, heads, _] = weights.dims();
+                let [all, width] = sources.dims();
+                let table = neighbors.spread(weights.swap_dims(1, 2), all).reshape([all, count * heads]);
+                table.transpose().matmul(sources.clone()).reshape([count, heads, width])
+            }
+        }
     }
 }

@@ -11,6 +11,8 @@ mod initializer;
 mod mlp;
 mod neighbors;
 mod noise;
+mod relations;
+mod turns;
 pub mod weights;
 
 pub use attention::{AttentionConfig, RelationalAttention, normalize};
@@ -21,4 +23,5 @@ pub use initializer::Initializer;
 pub use mlp::{MlpEmbedding, MlpLayer};
 pub use neighbors::Neighbors;
 pub use noise::Noise;
+pub use relations::Relations;
 pub use weights::{Tensors, WeightsError, save};

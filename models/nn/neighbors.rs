@@ -1,6 +1,6 @@
 //! Who attends to whom: lists of edges as rows of equal length.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
 
 /// For every one of N destinations up to K sources, the rest of the row closed. It is what a list of edges becomes so that attention is
 /// made of gathers and dense products.
@@ -10,6 +10,8 @@ pub struct Neighbors {
     slots: usize,
     /// Row of the source of each slot, [N·K]; closed slots hold 0.
     source: Tensor<1, Int>,
+    /// Row of each slot in a table of all sources with all destinations, [N·K]: source · N + destination.
+    pair: Tensor<1, Int>,
     /// Row of the edge of each slot in the list of edges, [N·K]; closed slots hold 0.
     edge: Tensor<1, Int>,
     /// Added to scores, [N, 1, K]: 0 where open, very negative where closed.
@@ -49,6 +51,7 @@ impl Neighbors {
         Self {
             destinations,
             slots,
+            pair: pairs(&source, destinations, slots, device),
             source: ints(source, device),
             edge: ints(edge, device),
             closed: Tensor::from_data(TensorData::new(closed, [destinations, 1, slots]), device),
@@ -77,10 +80,12 @@ impl Neighbors {
             .map(|n| if open[n * slots..(n + 1) * slots].contains(&true) { 1.0f32 } else { 0.0 })
             .collect::<Vec<_>>();
         let closed = open.iter().map(|&o| if o { 0.0 } else { CLOSED }).collect::<Vec<_>>();
-        let source = sources.iter().zip(open).map(|(&s, &o)| if o { s as i32 } else { 0 }).collect();
+        let source: Vec<i32> =
+            sources.iter().zip(open).map(|(&s, &o)| if o { s as i32 } else { 0 }).collect();
         Self {
             destinations,
             slots,
+            pair: pairs(&source, destinations, slots, device),
             source: ints(source, device),
             edge: ints((0..(destinations * slots) as i32).collect(), device),
             closed: Tensor::from_data(TensorData::new(closed, [destinations, 1, slots]), device),
@@ -116,6 +121,20 @@ impl Neighbors {
         rows.select(0, index.clone()).reshape([self.destinations, self.slots, width])
     }
 
+    /// What each slot has in a table of all sources with all destinations: [M·N, w] to [N, K, w].
+    pub(super) fn pairs(&self, table: Tensor<2>) -> Tensor<3> {
+        self.gather(table, &self.pair)
+    }
+
+    /// The other way round: [N, K, w] to a table of `sources` · N rows that is 0 elsewhere. What closed slots hold is added to their
+    /// destination's pair with the first source.
+    pub(super) fn spread(&self, slots: Tensor<3>, sources: usize) -> Tensor<2> {
+        let width = slots.dims()[2];
+        let table = Tensor::zeros([sources * self.destinations, width], &slots.device());
+        let rows = slots.reshape([self.destinations * self.slots, width]);
+        table.select_assign(0, self.pair.clone(), rows, IndexingUpdateOp::Add)
+    }
+
     /// [N, 1, K]: to be added to scores.
     pub(super) fn closed(&self) -> Tensor<3> {
         self.closed.clone()
@@ -125,6 +144,11 @@ impl Neighbors {
     pub(super) fn any(&self) -> Tensor<2> {
         self.any.clone()
     }
+}
+
+fn pairs(source: &[i32], destinations: usize, slots: usize, device: &Device) -> Tensor<1, Int> {
+    let pair = |(slot, source): (usize, &i32)| source * destinations as i32 + (slot / slots) as i32;
+    ints(source.iter().enumerate().map(pair).collect(), device)
 }
 
 fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {

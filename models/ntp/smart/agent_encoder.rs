@@ -73,7 +73,7 @@ impl AgentEncoder {
     /// What goes into the first block, [N, h]: the vectors of tokens [N, h], identities [N, h], motions.
     pub(super) fn embed(&self, tokens: Tensor<2>, identities: Tensor<2>, motion: &[[f32; 2]]) -> Tensor<2> {
         let device = tokens.device();
-        let motion = self.x_a_emb.forward(rows(motion, &device), Some(identities));
+        let motion = self.x_a_emb.forward_host(motion.as_flattened(), Some(identities), &device);
         self.fusion_emb.forward(Tensor::cat(vec![tokens, motion], 1))
     }
 }

@@ -72,7 +72,11 @@ impl Batch {
                 self.token.push(step.token[agent]);
                 let own = Pose::new(step.position[agent], step.heading[agent]);
                 // The first step has no motion; one after an invalid step moves from wherever that is said to be, as published.
-                self.motion.push(if t == 0 { [0.0; 2] } else { own.motion(scene.steps[t - 1].position[agent]) });
+                self.motion.push(if t == 0 {
+                    [0.0; 2]
+                } else {
+                    own.motion(scene.steps[t - 1].position[agent])
+                });
             }
         }
         self.agents.class.extend_from_slice(&scene.agents.class);

@@ -54,7 +54,8 @@ impl Edges {
         let poses = Pose::all(&map.position, &map.orientation);
         let mut edges = Self::new(3);
         for (target, own) in poses.iter().enumerate() {
-            let near = poses.iter().enumerate().filter(|(s, p)| *s != target && own.near(p, config.pl2pl_radius));
+            let near =
+                poses.iter().enumerate().filter(|(s, p)| *s != target && own.near(p, config.pl2pl_radius));
             for (source, pose) in near.take(config.max_neighbours_pl2pl) {
                 edges.push(source, target, &own.sees(pose));
             }
@@ -90,7 +91,13 @@ impl Edges {
 
     /// Map tokens (sources) that agents see at one step. The limit is on agents that see one map token: the first by number, those that
     /// are not valid counted too.
-    pub(super) fn from_map(&mut self, config: &SmartConfig, map: &[Pose], step: &Step, node: impl Fn(usize) -> usize) {
+    pub(super) fn from_map(
+        &mut self,
+        config: &SmartConfig,
+        map: &[Pose],
+        step: &Step,
+        node: impl Fn(usize) -> usize,
+    ) {
         let mut seen_by = vec![0; map.len()];
         for (agent, own) in Pose::all(&step.position, &step.heading).iter().enumerate() {
             for (source, pose) in map.iter().enumerate() {
@@ -109,7 +116,8 @@ impl Edges {
     pub(super) fn among_agents(&mut self, config: &SmartConfig, step: &Step, node: impl Fn(usize) -> usize) {
         let poses = Pose::all(&step.position, &step.heading);
         for (target, own) in poses.iter().enumerate().filter(|(t, _)| step.valid[*t]) {
-            let near = poses.iter().enumerate().filter(|(s, p)| *s != target && own.near(p, config.a2a_radius));
+            let near =
+                poses.iter().enumerate().filter(|(s, p)| *s != target && own.near(p, config.a2a_radius));
             for (source, pose) in near.take(config.max_neighbours_a2a).filter(|(s, _)| step.valid[*s]) {
                 self.push(node(source), node(target), &own.sees(pose));
             }

@@ -56,7 +56,12 @@ impl Smart {
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the agents.
-    pub fn begin(&self, tables: &TokenTables, map: EncodedMap, agents: Agents) -> Result<Episode, InputError> {
+    pub fn begin(
+        &self,
+        tables: &TokenTables,
+        map: EncodedMap,
+        agents: Agents,
+    ) -> Result<Episode, InputError> {
         agents.check()?;
         let identities = self.agent_encoder.identities(&agents, &tables.device());
         let pasts = vec![VecDeque::new(); self.config().num_agent_layers];
@@ -68,7 +73,12 @@ impl Smart {
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the step; the episode is as before.
-    pub fn step(&self, tables: &TokenTables, episode: &mut Episode, step: Step) -> Result<Tensor<2>, InputError> {
+    pub fn step(
+        &self,
+        tables: &TokenTables,
+        episode: &mut Episode,
+        step: Step,
+    ) -> Result<Tensor<2>, InputError> {
         let x = self.advance(tables, episode, step)?;
         let counts = self.config().n_token_agent.of_classes();
         if episode.agents.is_empty() {
@@ -81,7 +91,12 @@ impl Smart {
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the step; the episode is as before.
-    pub fn advance(&self, tables: &TokenTables, episode: &mut Episode, step: Step) -> Result<Tensor<2>, InputError> {
+    pub fn advance(
+        &self,
+        tables: &TokenTables,
+        episode: &mut Episode,
+        step: Step,
+    ) -> Result<Tensor<2>, InputError> {
         let (config, layers, count) = (self.config(), &self.agent_encoder, episode.agents.len());
         step.check(config, &episode.agents)?;
         let device = tables.device();
@@ -115,14 +130,24 @@ impl Smart {
             let layer = &layers.t_attn_layers[i];
             let past = &mut episode.pasts[i];
             let sources = layer.sources(x.clone());
-            let earlier = if past.is_empty() { sources.clone() } else { Tensor::cat(past.iter().cloned().collect(), 0) };
-            x = layer.forward(x, earlier, &own.neighbors, own.relations.clone(), noise);
+            let earlier = if past.is_empty() {
+                sources.clone()
+            } else {
+                Tensor::cat(past.iter().cloned().collect(), 0)
+            };
+            x = layer.forward_with(x, earlier, &own.neighbors, &own.relations, noise);
             past.push_back(sources);
             let layer = &layers.pt2a_attn_layers[i];
-            x = layer.forward(x, episode.map.sources[i].clone(), &from_map.neighbors, from_map.relations.clone(), noise);
+            x = layer.forward_with(
+                x,
+                episode.map.sources[i].clone(),
+                &from_map.neighbors,
+                &from_map.relations,
+                noise,
+            );
             let layer = &layers.a2a_attn_layers[i];
             let sources = layer.sources(x.clone());
-            x = layer.forward(x, sources, &among.neighbors, among.relations.clone(), noise);
+            x = layer.forward_with(x, sources, &among.neighbors, &among.relations, noise);
         }
         if episode.steps.len() > config.window() {
             episode.steps.pop_front();

@@ -53,7 +53,8 @@ impl TokenHead {
         let (mut parts, mut order) = (Vec::new(), vec![0i32; classes.len()]);
         let mut placed = 0;
         for (class, head) in heads.into_iter().enumerate() {
-            let rows: Vec<i32> = (0..classes.len() as i32).filter(|r| usize::from(classes[*r as usize]) == class).collect();
+            let rows: Vec<i32> =
+                (0..classes.len() as i32).filter(|r| usize::from(classes[*r as usize]) == class).collect();
             if rows.is_empty() {
                 continue;
             }

@@ -1,8 +1,8 @@
 //! Pairs as attention wants them.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 
-use reactsim::models::nn::{FourierEmbedding, Neighbors, normalize};
+use reactsim::models::nn::{FourierEmbedding, Neighbors, Relations, normalize};
 
 use super::Edges;
 
@@ -11,8 +11,8 @@ use super::Edges;
 pub struct Links {
     /// Who attends to whom.
     pub neighbors: Neighbors,
-    /// [N, K, width]
-    pub relations: Tensor<3>,
+    /// What is known of each pair.
+    pub relations: Relations,
 }
 
 impl Links {
@@ -20,12 +20,11 @@ impl Links {
     pub fn new(edges: &Edges, targets: usize, embedding: &FourierEmbedding, device: &Device) -> Self {
         let neighbors = Neighbors::from_edges(targets, &edges.sources, &edges.targets, device);
         if edges.is_empty() {
-            let relations = Tensor::zeros([targets, 0, embedding.width()], device);
+            let relations = Relations::new(Tensor::zeros([targets, 0, embedding.width()], device));
             return Self { neighbors, relations };
         }
-        let scalars = TensorData::new(edges.relations.clone(), [edges.len(), edges.width]);
-        let vectors = normalize(embedding.forward(Tensor::from_data(scalars, device), None));
-        let relations = neighbors.relations(vectors);
+        let vectors = normalize(embedding.forward_host(&edges.relations, None, device));
+        let relations = Relations::of_edges(&neighbors, vectors);
         Self { neighbors, relations }
     }
 }

@@ -51,7 +51,8 @@ impl MapEncoder {
         noise: &mut Noise,
         watch: &mut dyn FnMut(Stage, &Tensor<2>),
     ) -> Tensor<2> {
-        let of = |table: &Embedding, rows: &[u8]| pick(&table.weight.val(), rows.iter().map(|r| usize::from(*r)));
+        let of =
+            |table: &Embedding, rows: &[u8]| pick(&table.weight.val(), rows.iter().map(|r| usize::from(*r)));
         let mut x = tables.map(&map.token);
         if map.is_empty() {
             return x;
@@ -63,7 +64,7 @@ impl MapEncoder {
         let links = Links::new(edges, map.len(), &self.r_pt2pt_emb, &x.device());
         for (i, layer) in self.pt2pt_layers.iter().enumerate() {
             let sources = layer.sources(x.clone());
-            x = layer.forward(x, sources, &links.neighbors, links.relations.clone(), noise);
+            x = layer.forward_with(x, sources, &links.neighbors, &links.relations, noise);
             watch(Stage::Map(i), &x);
         }
         x

@@ -87,7 +87,9 @@ pub enum InputError {
         index: usize,
     },
     /// A vocabulary of another size than the network's.
-    #[error("the vocabulary has {found} tokens of {of}, expected {expected}: it is not the one of this network")]
+    #[error(
+        "the vocabulary has {found} tokens of {of}, expected {expected}: it is not the one of this network"
+    )]
     Vocabulary {
         /// Of which class.
         of: &'static str,
@@ -99,7 +101,11 @@ pub enum InputError {
 }
 
 fn length<T>(field: &'static str, list: &[T], expected: usize) -> Result<(), InputError> {
-    if list.len() == expected { Ok(()) } else { Err(InputError::Length { field, found: list.len(), expected }) }
+    if list.len() == expected {
+        Ok(())
+    } else {
+        Err(InputError::Length { field, found: list.len(), expected })
+    }
 }
 
 fn below(field: &'static str, numbers: impl Iterator<Item = (usize, usize)>) -> Result<(), InputError> {
@@ -111,7 +117,10 @@ fn below(field: &'static str, numbers: impl Iterator<Item = (usize, usize)>) -> 
     Ok(())
 }
 
-fn finite<const D: usize>(field: &'static str, rows: impl Iterator<Item = [f32; D]>) -> Result<(), InputError> {
+fn finite<const D: usize>(
+    field: &'static str,
+    rows: impl Iterator<Item = [f32; D]>,
+) -> Result<(), InputError> {
     for (index, row) in rows.enumerate() {
         if !row.iter().all(|v| v.is_finite()) {
             return Err(InputError::NotFinite { field, index });

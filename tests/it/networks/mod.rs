@@ -1,7 +1,9 @@
 //! The layers that networks share, and the published next-token network on scenes that are made up.
 
 mod attention;
+mod literal;
 pub(crate) mod naive;
+mod smart;
 mod weights;
 
 use burn::tensor::{Device, Tensor};

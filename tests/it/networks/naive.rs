@@ -44,8 +44,13 @@ impl<'a> Naive<'a> {
 
     /// The Fourier embedding of some scalars.
     pub(crate) fn fourier(&self, scalars: &[f64]) -> Vec<f64> {
+        self.fourier_with(scalars, &[])
+    }
+
+    /// With categorical vectors, if there are any.
+    pub(crate) fn fourier_with(&self, scalars: &[f64], categorical: &[f64]) -> Vec<f64> {
         let (shape, frequencies) = self.floats("freqs.weight").unwrap();
-        let mut sum = Vec::new();
+        let mut sum = categorical.to_vec();
         for (d, u) in scalars.iter().enumerate() {
             let angles: Vec<f64> = frequencies[d * shape[1]..][..shape[1]]
                 .iter()

@@ -1,0 +1,216 @@
+//! How fast the networks are on one thread, with random weights on made-up scenes, beside what the machine's matrix products reach.
+//!
+//! `cargo bench --bench networks`. Best and median are by the wall clock; the best by the processor time of the measuring thread is what
+//! other programs on the machine disturb less.
+#![expect(clippy::print_stdout, reason = "the table is what this program is for")]
+
+use std::fs;
+use std::time::Instant;
+
+use anyhow::Result;
+use burn::tensor::{Device, Distribution, Tensor};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use reactsim::models::nn::{Initializer, Noise, device};
+use reactsim::models::ntp::smart::{
+    Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, Vocabulary,
+};
+
+/// Rounds of everything.
+const ROUNDS: usize = 15;
+const AGENTS: usize = 64;
+const PIECES: usize = 300;
+
+/// The published network of 7 million parameters.
+const TINY: &str = r#"{"hidden_dim": 128, "num_freq_bands": 64, "num_heads": 8, "head_dim": 16, "dropout": 0.1,
+    "num_map_layers": 3, "num_agent_layers": 6, "pl2pl_radius": 10, "pl2a_radius": 30, "a2a_radius": 60, "time_span": 30,
+    "n_token_agent": 2048, "n_params": 7001024}"#;
+
+fn main() -> Result<()> {
+    let device = device();
+    println!("| what | best | median | best by CPU time | aim |\n|---|--:|--:|--:|--:|");
+    let peak = products(&device);
+    published(&device, peak)
+}
+
+/// Wall clock and processor time of some work, seconds.
+#[derive(Clone, Copy)]
+struct Time {
+    wall: f64,
+    cpu: f64,
+}
+
+/// Processor time of this thread so far, seconds; the wall clock where the system does not tell.
+fn cpu_time() -> Option<f64> {
+    let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split_ascii_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
+}
+
+/// Does some work a few times, the first time unmeasured.
+fn measured(mut work: impl FnMut()) -> Vec<Time> {
+    work();
+    let round = |_| {
+        let (wall, cpu) = (Instant::now(), cpu_time());
+        work();
+        let wall = wall.elapsed().as_secs_f64();
+        Time { wall, cpu: cpu.and_then(|before| Some(cpu_time()? - before)).unwrap_or(wall) }
+    };
+    (0..ROUNDS).map(round).collect()
+}
+
+/// Prints a row and returns the best processor time.
+fn row(what: &str, rounds: &[Time], aim: &str, shown: impl Fn(f64) -> String) -> f64 {
+    let mut wall: Vec<f64> = rounds.iter().map(|t| t.wall).collect();
+    wall.sort_by(f64::total_cmp);
+    let cpu = rounds.iter().map(|t| t.cpu).fold(f64::INFINITY, f64::min);
+    println!("| {what} | {} | {} | {} | {aim} |", shown(wall[0]), shown(wall[wall.len() / 2]), shown(cpu));
+    cpu
+}
+
+fn milliseconds(seconds: f64) -> String {
+    format!("{:.2} ms", seconds * 1e3)
+}
+
+/// What the backend's matrix products reach, GFLOP/s.
+fn products(device: &Device) -> f64 {
+    let mut best = 0.0;
+    for [m, k, n] in [[1024, 1024, 1024], [8192, 128, 128], [64, 128, 512]] {
+        let uniform =
+            |shape: [usize; 2]| Tensor::<2>::random(shape, Distribution::Uniform(-1.0, 1.0), device);
+        let (a, b) = (uniform([m, k]), uniform([k, n]));
+        let times = measured(|| drop(std::hint::black_box(a.clone().matmul(b.clone()))));
+        let operations = 2.0 * (m * k * n) as f64;
+        let rate = |seconds: f64| operations / seconds * 1e-9;
+        let cpu =
+            row(&format!("product {m} × {k} × {n}"), &times, "", |s| format!("{:.0} GFLOP/s", rate(s)));
+        best = f64::max(best, rate(cpu));
+    }
+    best
+}
+
+/// A scene of the shape of a crowded junction: everybody sees about a third of the map.
+fn scene(config: &SmartConfig, stream: &mut ChaCha8Rng, steps: usize) -> Scene {
+    let mut place = |radius: f32| {
+        loop {
+            let [x, y] = [0, 1].map(|_| stream.random_range(-radius..radius));
+            if x * x + y * y < radius * radius {
+                return [x, y];
+            }
+        }
+    };
+    let starts: Vec<[f32; 2]> = (0..AGENTS).map(|_| place(40.0)).collect();
+    let pieces: Vec<[f32; 2]> = (0..PIECES).map(|_| place(50.0)).collect();
+    let headings: Vec<f32> = (0..AGENTS).map(|_| stream.random_range(-3.1..3.1)).collect();
+    let tokens = config.n_token_agent.of_classes()[0] as u32;
+    let step = |t: usize, stream: &mut ChaCha8Rng| Step {
+        position: starts
+            .iter()
+            .zip(&headings)
+            .map(|(p, h)| [p[0] + t as f32 * h.cos(), p[1] + t as f32 * h.sin()])
+            .collect(),
+        heading: headings.clone(),
+        valid: vec![true; AGENTS],
+        token: (0..AGENTS).map(|_| stream.random_range(0..tokens)).collect(),
+    };
+    Scene {
+        map: MapTokens {
+            orientation: pieces.iter().map(|_| stream.random_range(-3.1..3.1)).collect(),
+            token: pieces.iter().map(|_| stream.random_range(0..config.n_token_map as u32)).collect(),
+            kind: vec![1; PIECES],
+            polygon: vec![0; PIECES],
+            light: vec![0; PIECES],
+            position: pieces,
+        },
+        agents: Agents { class: vec![0; AGENTS], shape: vec![[4.8, 2.0, 1.6]; AGENTS] },
+        steps: (0..steps).map(|t| step(t, stream)).collect(),
+    }
+}
+
+fn vocabulary(config: &SmartConfig, stream: &mut ChaCha8Rng) -> Vocabulary {
+    let counts = config.n_token_agent.of_classes();
+    Vocabulary {
+        agents: counts
+            .map(|n| (0..n).map(|_| std::array::from_fn(|_| stream.random_range(-3.0..8.0))).collect()),
+        map: (0..config.n_token_map)
+            .map(|_| std::array::from_fn(|_| stream.random_range(-1.0..5.0)))
+            .collect(),
+    }
+}
+
+/// Additions and multiplications that one new step takes, counted by pairs of agents' steps, of map and agents, of agents.
+fn operations(config: &SmartConfig, pairs: [usize; 3]) -> f64 {
+    let (h, a, f) = (config.hidden_dim, config.num_heads * config.head_dim, config.num_freq_bands);
+    let (heads, hidden) = (config.num_heads, config.ffn_multiple * config.hidden_dim);
+    let fourier = |scalars: usize| scalars * ((2 * f + 1) * h + h * h) + h * h;
+    let embeddings = pairs[0] * fourier(4) + (pairs[1] + pairs[2]) * fourier(3);
+    // Queries to sources and relations and back, values, gate and transform, output, feed-forward.
+    let node = h * a + 4 * a * h + (a + h) * a + h * a + a * h + 2 * h * hidden;
+    let pair = 4 * heads * h;
+    let blocks = config.num_agent_layers * (3 * AGENTS * node + pairs.iter().sum::<usize>() * pair);
+    let tokens = config.n_token_agent.of_classes()[0];
+    2.0 * (embeddings + blocks + AGENTS * (h * h + h * tokens)) as f64
+}
+
+fn published(device: &Device, peak: f64) -> Result<()> {
+    let config = SmartConfig::from_json(TINY)?;
+    let stream = &mut ChaCha8Rng::seed_from_u64(1);
+    let network = Smart::init(&config, &mut Initializer::new(1, device))?;
+    let tables = network.tables(&vocabulary(&config, stream), device)?;
+    let scene = scene(&config, stream, 8);
+    let map = network.encode_map(&tables, &scene.map)?;
+    let window = config.window();
+    let mut before = network.begin(&tables, map.clone(), scene.agents.clone())?;
+    for step in &scene.steps[..window] {
+        network.advance(&tables, &mut before, step.clone())?;
+    }
+    let newest = &scene.steps[window];
+    let one = Scene { steps: vec![newest.clone()], ..scene.clone() };
+    let one = Batch::new(&config, [&one], &mut Noise::none())?;
+    let past = Batch::new(&config, [&scene], &mut Noise::none())?;
+    let kept: Vec<usize> = (0..past.over_time.len())
+        .filter(|e| past.over_time.targets[*e] as usize % scene.steps.len() == window)
+        .collect();
+    let mut over_time = Edges::new(4);
+    for e in kept {
+        over_time.sources.push(0);
+        over_time.targets.push(past.over_time.targets[e] / scene.steps.len() as u32);
+        over_time.relations.extend_from_slice(&past.over_time.relations[4 * e..4 * e + 4]);
+    }
+    let pairs = [over_time.len(), one.from_map.len(), one.among_agents.len()];
+    let name = format!("`smart` 7 M, {AGENTS} agents, {PIECES} map tokens");
+
+    let times = measured(|| {
+        let logits = network.step(&tables, &mut before.clone(), newest.clone()).expect("a step");
+        std::hint::black_box(logits.into_data());
+    });
+    let cpu = row(&format!("{name}: one replan, {pairs:?} pairs"), &times, "60 ms", milliseconds);
+    let rate = operations(&config, pairs) / cpu * 1e-9;
+    println!(
+        "| – its products alone: {rate:.0} GFLOP/s, {:.0} % of the best product | | | | |",
+        100.0 * rate / peak
+    );
+
+    let embeddings = network.agent_encoder().relation_embeddings();
+    for (what, edges, embedding) in [
+        ("over time", &over_time, embeddings[0]),
+        ("from map", &one.from_map, embeddings[1]),
+        ("among agents", &one.among_agents, embeddings[2]),
+    ] {
+        let times = measured(|| drop(std::hint::black_box(Links::new(edges, AGENTS, embedding, device))));
+        row(&format!("– of it relations {what}"), &times, "", milliseconds);
+    }
+    let times = measured(|| {
+        drop(std::hint::black_box(network.encode_map(&tables, &scene.map).expect("a map")));
+    });
+    row(&format!("{name}: the map, once per scene"), &times, "", milliseconds);
+    let times = measured(|| {
+        let mut episode = network.begin(&tables, map.clone(), scene.agents.clone()).expect("agents");
+        for step in &scene.steps[1..window] {
+            network.advance(&tables, &mut episode, step.clone()).expect("a step");
+        }
+        let logits = network.step(&tables, &mut episode, newest.clone()).expect("a step");
+        std::hint::black_box(logits.into_data());
+    });
+    row(&format!("{name}: one replan with the {window} last steps anew"), &times, "", milliseconds);
+    Ok(())
+}
