@@ -225,7 +225,8 @@ enum Near<'a> {
 
 impl<'a> Near<'a> {
     fn new(sources: Tensor<2>, neighbors: &'a Neighbors) -> Self {
-        if sources.dims()[0] <= DENSE * neighbors.slots() {
+        // Not where rows are of a fixed length: what is computed for a scene must not depend on how many share the batch.
+        if !neighbors.is_fixed() && sources.dims()[0] <= DENSE * neighbors.slots() {
             Self::All(sources, neighbors)
         } else {
             Self::Gathered(neighbors.sources(sources))

@@ -8,6 +8,8 @@ use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
 pub struct Neighbors {
     destinations: usize,
     slots: usize,
+    /// Whether the length of rows was given, not found.
+    fixed: bool,
     /// Row of the source of each slot, [N·K]; closed slots hold 0.
     source: Tensor<1, Int>,
     /// Row of each slot in a table of all sources with all destinations, [N·K]: source · N + destination.
@@ -51,6 +53,7 @@ impl Neighbors {
         Self {
             destinations,
             slots,
+            fixed: false,
             pair: pairs(&source, destinations, slots, device),
             source: ints(source, device),
             edge: ints(edge, device),
@@ -85,6 +88,7 @@ impl Neighbors {
         Self {
             destinations,
             slots,
+            fixed: true,
             pair: pairs(&source, destinations, slots, device),
             source: ints(source, device),
             edge: ints((0..(destinations * slots) as i32).collect(), device),
@@ -96,6 +100,11 @@ impl Neighbors {
     /// N: how many destinations there are.
     pub fn destinations(&self) -> usize {
         self.destinations
+    }
+
+    /// Whether rows are of a length that was given.
+    pub(super) fn is_fixed(&self) -> bool {
+        self.fixed
     }
 
     /// K: the length of a row.

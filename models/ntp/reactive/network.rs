@@ -13,7 +13,7 @@ use super::pair::PAIR;
 use super::places::{PLACE, PLACE_PAIR, TO_PLACE};
 use super::step::PAST;
 use crate::models::nn::{
-    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention,
+    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations,
 };
 
 /// A block: an agent attends to its past, to the map, to the others.
@@ -94,8 +94,7 @@ impl Network {
         let relation = embed(&self.place_pair, &map.links);
         let mut x = self.place.forward(map.places.clone());
         for layer in &self.map {
-            let sources = layer.sources(x.clone());
-            x = layer.forward(x, sources, &map.links.neighbors, relation.clone(), &mut Noise::none());
+            x = attend(layer, x, None, &map.links, &relation);
         }
         x
     }
@@ -151,17 +150,17 @@ fn attend(
     x: Tensor<2>,
     sources: Option<Tensor<2>>,
     links: &LinkTensors,
-    relation: &Tensor<3>,
+    relation: &Relations,
 ) -> Tensor<2> {
     let sources = layer.sources(sources.unwrap_or_else(|| x.clone()));
-    layer.forward(x, sources, &links.neighbors, relation.clone(), &mut Noise::none())
+    layer.forward_with(x, sources, &links.neighbors, relation, &mut Noise::none())
 }
 
 /// `[n, k, relation]`: one hidden layer over the numbers of a relation, the last of which is 1 in place of a bias. The layer of attention
 /// has the weights that would follow: what it does with relations is linear.
-fn embed(linear: &Linear, links: &LinkTensors) -> Tensor<3> {
+fn embed(linear: &Linear, links: &LinkTensors) -> Relations {
     let (n, k) = (links.neighbors.destinations(), links.neighbors.slots());
     let embedded = relu(linear.forward(links.relation.clone()));
     let width = embedded.dims()[1];
-    embedded.reshape([n, k, width])
+    Relations::new(embedded.reshape([n, k, width]))
 }
