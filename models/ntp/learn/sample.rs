@@ -1,7 +1,7 @@
 //! A scenario made ready for the network to learn from.
 
 use rand::RngExt;
-use reactsim::scene::{AgentState, CURRENT, FRAMES, Frame};
+use reactsim::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +21,10 @@ pub struct Augmentation {
     pub mirror: f64,
     /// Scenes are stretched by up to this part, either way.
     pub stretch: f64,
-    /// The first step is up to so many frames from the current one.
+    /// The first step is up to so many frames from the current one, or from one that is some half seconds later.
     pub shift: usize,
+    /// Steps that are learnt from at a time, from a random one on: fewer cost less, and neighbouring steps teach much the same.
+    pub window: usize,
     /// How often the AV is not known one step ahead.
     pub blind: f64,
     /// Errors put in.
@@ -50,6 +52,8 @@ pub struct Sample {
     pub(crate) targets: Vec<Target>,
 }
 
+/// Steps from the current frame to the last one.
+const ALL_STEPS: usize = FUTURE / TOKEN_FRAMES;
 /// What parked vehicles count.
 const PARKED: f32 = 0.05;
 /// Who moves less than this over the whole log is parked, metres.
@@ -63,14 +67,17 @@ pub(crate) fn sample(
     most: usize,
     varied: Option<(&Augmentation, &mut Stream)>,
 ) -> Option<Sample> {
-    let (mut first, mut blind) = (CURRENT, false);
+    let (mut first, mut blind, mut window) = (CURRENT, false, ALL_STEPS);
     let mut noise = None;
     if let Some((a, stream)) = varied {
         if stream.random::<f64>() < a.mirror {
             scene = scene.mirrored();
         }
         scene = scene.stretched(1.0 + a.stretch * (2.0 * stream.random::<f64>() - 1.0));
-        first = CURRENT + stream.random_range(0..=2 * a.shift) - a.shift;
+        let later = ALL_STEPS.saturating_sub(a.window);
+        let later = TOKEN_FRAMES * stream.random_range(0..=later);
+        first = (CURRENT + later + stream.random_range(0..=2 * a.shift)).saturating_sub(a.shift);
+        window = a.window;
         blind = stream.random::<f64>() < a.blind;
         noise = Some((&a.noise, stream));
     }
@@ -91,9 +98,9 @@ pub(crate) fn sample(
     let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
     let mut earlier: Vec<Earlier> = Vec::new();
     let mut row = 0;
-    // Two steps before the first one, as far as there are any: what the first ones remember.
-    let mut at = first % TOKEN_FRAMES;
-    while at + TOKEN_FRAMES < FRAMES {
+    // Two steps before the first one, as far as there are any: what a rollout remembers when it begins.
+    let mut at = first - TOKEN_FRAMES * (first / TOKEN_FRAMES).min(2);
+    while at + TOKEN_FRAMES < FRAMES && at < first + window * TOKEN_FRAMES {
         let lights: Vec<_> = scene.lights.iter().map(|l| l[at]).collect();
         let av_next: Option<AgentState> = if blind { None } else { tracks[0][at + 1] };
         let view = View { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };

@@ -38,6 +38,7 @@ impl Default for Recipe {
                 mirror: 0.5,
                 stretch: 0.1,
                 shift: 4,
+                window: 8,
                 blind: 0.1,
                 noise: Noise { wrong: 0.3, among: 12, remains: 0.5 },
             },
