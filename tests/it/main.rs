@@ -18,6 +18,7 @@ mod metrics;
 mod mini_scenarios;
 mod model_weights;
 mod networks;
+mod ntp_reactive;
 mod protocol;
 mod pufferdrive;
 mod realism;

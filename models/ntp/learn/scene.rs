@@ -32,7 +32,7 @@ impl LearningScene {
         Self {
             agents: start.agents.clone(),
             tracks: (0..start.agents.len()).map(|a| scenario.logged(a)).collect(),
-            pieces: known_pieces(&start.map, radius),
+            pieces: known_pieces(start, radius),
             stops: Stop::all(start, radius),
             light_lanes: start.lights.iter().map(|l| l.lane).collect(),
             lights: (0..start.lights.len()).map(|l| scenario.light_states(l)).collect(),

@@ -55,8 +55,10 @@ impl Nearest {
         self.found.clear();
     }
 
-    /// Offers an index.
+    /// Offers an index. Values that differ by less than a millionth count as equal: what is as far by symmetry must not be told apart by
+    /// how numbers are rounded.
     pub(crate) fn offer(&mut self, value: f64, index: usize) {
+        let value = (value * 1e6).round();
         if self.found.len() == self.k {
             match self.found.last() {
                 Some(worst) if value < worst.0 => {}

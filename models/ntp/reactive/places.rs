@@ -61,7 +61,7 @@ pub(crate) struct Places {
 impl Places {
     /// The places that are known of a scenario.
     pub(crate) fn known(start: &Start, config: &Config) -> Self {
-        let pieces = known_pieces(&start.map, config.map_radius);
+        let pieces = known_pieces(start, config.map_radius);
         let stops = Stop::all(start, config.map_radius);
         let light_lanes: Vec<usize> = start.lights.iter().map(|l| l.lane).collect();
         Self::of(&pieces, &stops, &light_lanes, config)
@@ -124,9 +124,9 @@ impl Places {
     }
 }
 
-/// The pieces of a map within `radius` of the origin, without stop lines: those are [`Stop`]s.
-pub(crate) fn known_pieces(map: &RoadMap, radius: f64) -> Vec<MapPiece> {
-    let mut pieces = map_pieces(map, Vec2::zeros(), radius);
+/// The pieces of a map within `radius` of where the AV is at the current frame, without stop lines: those are [`Stop`]s.
+pub(crate) fn known_pieces(start: &Start, radius: f64) -> Vec<MapPiece> {
+    let mut pieces = map_pieces(&start.map, start.now(0).position(), radius);
     pieces.retain(|p| !matches!(p.kind, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine));
     pieces
 }
@@ -145,7 +145,7 @@ pub(crate) struct Stop {
 }
 
 impl Stop {
-    /// The stops of a scenario within `radius` of the origin: lights, then signs and give-way lines.
+    /// The stops of a scenario within `radius` of where the AV is at the current frame: lights, then signs and give-way lines.
     pub(crate) fn all(start: &Start, radius: f64) -> Vec<Self> {
         let map: &RoadMap = &start.map;
         let ahead = |lane: usize, p: Vec2| {
@@ -167,7 +167,8 @@ impl Stop {
             let at = map.lanes[line.lane].baseline.at(line.s);
             found.push(Self { at, ahead: ahead(line.lane, at), light: None, kind });
         }
-        found.retain(|s| s.at.norm() < radius);
+        let about = start.now(0).position();
+        found.retain(|s| (s.at - about).norm() < radius);
         found
     }
 }

@@ -1,0 +1,289 @@
+//! The reactive network and its simulator: what is the same seen from elsewhere, what may not be seen, what a batch changes (nothing).
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Device;
+use reactsim::formats;
+use reactsim::geometry::{Vec2, direction};
+use reactsim::models::nn::{Initializer, device};
+use reactsim::models::ntp::learn::{NextToken, Recipe};
+use reactsim::models::ntp::reactive::{Config, Known, Logits, Policy, PolicyError, ReactiveSimulator};
+use reactsim::models::ntp::tokens::{Class, Kinematic};
+use reactsim::models::ntp::{Driving, Sampling};
+use reactsim::rollout::{Controller, LogAv, Replan, Request, Rollout, Settings, roll_out};
+use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
+use reactsim::training::{Task, View};
+
+/// A network with random weights: what it says is nonsense, how it says it is not.
+fn policy(device: &Device) -> Policy {
+    let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), device);
+    let bytes = task.file(&task.init(7), &serde_json::json!({"seed": 7})).unwrap();
+    Policy::read(&bytes, device).unwrap()
+}
+
+fn scenarios(count: usize) -> Vec<Scenario> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+    formats::open(std::path::Path::new(path)).unwrap().take(count).map(Result::unwrap).collect()
+}
+
+fn greedy() -> Driving {
+    Driving { projection: true, sampling: Sampling { top_k: 1, temperature: 1.0 } }
+}
+
+fn tracks(scenario: &Scenario) -> Vec<Vec<Frame>> {
+    (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect()
+}
+
+fn lights(scenario: &Scenario) -> Vec<Vec<Option<reactsim::scene::LightState>>> {
+    (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect()
+}
+
+const STEPS: [usize; 5] = [0, 5, 10, 15, 20];
+
+fn logits_of(policy: &Policy, scenario: &Scenario, tracks: &[Vec<Frame>], device: &Device) -> Vec<Logits> {
+    let lights = lights(scenario);
+    let known = Known { start: &scenario.start, tracks, lights: &lights, av_lookahead: true };
+    policy.logits(&known, &STEPS, device)
+}
+
+fn largest_difference(a: &[Logits], b: &[Logits]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    let mut largest = 0.0f32;
+    for (a, b) in a.iter().zip(b) {
+        assert_eq!((a.frame, a.slot), (b.frame, b.slot));
+        for (x, y) in a.values.iter().zip(&b.values) {
+            largest = largest.max((x - y).abs());
+        }
+    }
+    largest
+}
+
+fn run(controller: &Controller, batch: &[&Scenario], settings: &Settings) -> Vec<Rollout> {
+    let request = |s: &&'_ Scenario| LogAv::new(s).unwrap();
+    let requests = batch
+        .iter()
+        .map(|s| Request { scenario: s, av: Box::new(request(s)), rollout: 0 })
+        .collect();
+    roll_out(requests, controller, settings).into_iter().map(Result::unwrap).collect()
+}
+
+#[test]
+fn what_is_computed_step_by_step_is_what_one_pass_gives() {
+    let device = device();
+    let policy = policy(&device);
+    let controller =
+        Controller::Fair(Box::new(ReactiveSimulator::new(policy.clone(), greedy(), device.clone())));
+    for scenario in &scenarios(3) {
+        let rollout = &run(&controller, &[scenario], &Settings::default())[0];
+        let lights = lights(scenario);
+        let known =
+            Known { start: &scenario.start, tracks: &rollout.tracks, lights: &lights, av_lookahead: true };
+        let frames: Vec<usize> = (0..FRAMES - 1).step_by(5).collect();
+        let mut checked = 0;
+        for Logits { frame, slot, values } in policy.logits(&known, &frames, &device) {
+            let agent = &scenario.start.agents[slot];
+            if frame < CURRENT || slot == 0 || agent.kind == AgentKind::Vehicle {
+                continue;
+            }
+            // People on foot and on bicycles do what their tokens say, so that the token can be told.
+            let class = Class::of(agent.kind).unwrap();
+            let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a))).unwrap();
+            let (from, to) = (rollout.tracks[slot][frame].unwrap(), rollout.tracks[slot][frame + 5].unwrap());
+            let token = policy.vocabulary.end(class, best);
+            let ahead = direction(from.heading);
+            let end = from.position()
+                + ahead * token.position.x
+                + Vec2::new(-ahead.y, ahead.x) * token.position.y;
+            let runner_up = (0..values.len()).filter(|&i| i != best).map(|i| values[i]).fold(f32::MIN, f32::max);
+            if values[best] - runner_up > 1e-4 {
+                assert!((end - to.position()).norm() < 1e-6, "{} {frame} {slot}", scenario.id);
+                checked += 1;
+            }
+        }
+        assert!(checked > 0 || scenario.start.agents.iter().all(|a| a.kind == AgentKind::Vehicle));
+    }
+}
+
+#[test]
+fn a_scene_that_is_turned_and_moved_is_the_same() {
+    let device = device();
+    let policy = policy(&device);
+    for scenario in scenarios(2) {
+        let before = logits_of(&policy, &scenario, &tracks(&scenario), &device);
+        let (angle, shift) = (2.1f64, Vec2::new(13.0, -4.0));
+        let turned = moved(scenario, angle, shift);
+        let after = logits_of(&policy, &turned, &tracks(&turned), &device);
+        let largest = largest_difference(&before, &after);
+        assert!(largest < 1e-4, "{largest}");
+    }
+}
+
+/// The scenario turned about the origin, then shifted.
+fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario {
+    use reactsim::geometry::Polyline;
+    let turn = |p: Vec2| {
+        Vec2::new(p.x * angle.cos() - p.y * angle.sin(), p.x * angle.sin() + p.y * angle.cos()) + shift
+    };
+    let frames = scenario.start.history.iter_mut().chain(&mut scenario.log_future.tracks);
+    for state in frames.flatten().flatten() {
+        let (p, v) = (turn(state.position()), turn(Vec2::new(state.vx, state.vy)) - shift);
+        (state.x, state.y, state.vx, state.vy) = (p.x, p.y, v.x, v.y);
+        state.heading += angle;
+    }
+    let map = &mut scenario.start.map;
+    for lane in &mut map.lanes {
+        let points: Vec<Vec2> = lane.baseline.points().iter().copied().map(turn).collect();
+        lane.baseline = Polyline::new(&points).unwrap();
+    }
+    map.road_edges.iter_mut().flat_map(|e| &mut e.points).for_each(|p| *p = turn(*p));
+    map.stop_lines.iter_mut().flat_map(|s| &mut s.ends).for_each(|p| *p = turn(*p));
+    map.crosswalks.iter_mut().flat_map(|c| &mut c.outline).for_each(|p| *p = turn(*p));
+    if let Some(area) = &mut map.drivable_area {
+        for polygon in area {
+            let rings = std::iter::once(&mut polygon.exterior).chain(&mut polygon.holes);
+            rings.flatten().for_each(|p| *p = turn(*p));
+        }
+    }
+    scenario.start.lights.iter_mut().for_each(|l| l.stop_point = turn(l.stop_point));
+    scenario
+}
+
+#[test]
+fn the_order_of_agents_does_not_matter() {
+    let device = device();
+    let policy = policy(&device);
+    let mut scenario = scenarios(1).remove(0);
+    let before = logits_of(&policy, &scenario, &tracks(&scenario), &device);
+    // The AV stays in slot 0.
+    let n = scenario.start.agents.len();
+    scenario.start.agents[1..].reverse();
+    scenario.start.history[1..].reverse();
+    scenario.log_future.tracks[1..].reverse();
+    let mut after = logits_of(&policy, &scenario, &tracks(&scenario), &device);
+    after.iter_mut().filter(|l| l.slot > 0).for_each(|l| l.slot = n - l.slot);
+    after.sort_by_key(|l| (l.frame, l.slot));
+    let largest = largest_difference(&before, &after);
+    assert!(largest < 1e-4, "{largest}");
+}
+
+#[test]
+fn what_the_av_does_counts_from_the_step_on_that_sees_it() {
+    let device = device();
+    let policy = policy(&device);
+    let scenario = scenarios(1).remove(0);
+    let mut tracks = tracks(&scenario);
+    let before = logits_of(&policy, &scenario, &tracks, &device);
+    // With the AV seen one frame ahead, a change at frame 16 is first seen by the step at frame 15.
+    for state in tracks[0][16..].iter_mut().flatten() {
+        state.x += 3.0;
+    }
+    let after = logits_of(&policy, &scenario, &tracks, &device);
+    let mut changed = BTreeMap::new();
+    for (a, b) in before.iter().zip(&after) {
+        *changed.entry(a.frame).or_insert(false) |= a.slot > 0 && a.values != b.values;
+    }
+    assert_eq!(changed.into_values().collect::<Vec<_>>(), [false, false, false, true, true]);
+}
+
+#[test]
+fn a_scenario_does_not_depend_on_its_batch() {
+    let device = device();
+    let driving = Driving { projection: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
+    let controller = Controller::Fair(Box::new(ReactiveSimulator::new(policy(&device), driving, device)));
+    let scenarios = scenarios(5);
+    let all: Vec<&Scenario> = scenarios.iter().collect();
+    let together = run(&controller, &all, &Settings::default());
+    for (scenario, wanted) in all.iter().zip(&together) {
+        let alone = &run(&controller, &[scenario], &Settings::default())[0];
+        assert!(alone == wanted, "{}", scenario.id);
+    }
+}
+
+#[test]
+fn any_interval_between_plans_gives_whole_rollouts() {
+    let device = device();
+    let controller = Controller::Fair(Box::new(ReactiveSimulator::new(policy(&device), greedy(), device)));
+    let scenario = scenarios(1).remove(0);
+    for steps in [1, 2, 3, 5, 7, 10, 20, 40, 80] {
+        let settings = Settings { replan: Replan::every(steps).unwrap(), ..Settings::default() };
+        let rollout = &run(&controller, &[&scenario], &settings)[0];
+        for (slot, track) in rollout.tracks.iter().enumerate() {
+            let present = scenario.start.agents[slot].kind != AgentKind::Other;
+            assert!(track[CURRENT..].iter().all(|s| s.is_some_and(|s| s.is_finite()) == present), "{steps} {slot}");
+        }
+    }
+}
+
+#[test]
+fn an_agent_alone_without_a_map_moves() {
+    let device = device();
+    let policy = policy(&device);
+    let mut scenario = scenarios(1).remove(0);
+    scenario.start.agents.truncate(2);
+    scenario.start.history.truncate(2);
+    scenario.log_future.tracks.truncate(2);
+    let map = &mut scenario.start.map;
+    map.lanes.clear();
+    map.stop_lines.clear();
+    map.crosswalks.clear();
+    map.drivable_area = None;
+    map.road_edges.clear();
+    scenario.start.lights.clear();
+    scenario.start.light_history.clear();
+    scenario.log_future.lights.clear();
+    let logits = logits_of(&policy, &scenario, &tracks(&scenario), &device);
+    assert!(!logits.is_empty() && logits.iter().flat_map(|l| &l.values).all(|v| v.is_finite()));
+}
+
+#[test]
+#[expect(deprecated, reason = "ndarray is deprecated by its authors; here it is what flex is compared with")]
+fn the_other_backend_agrees() {
+    let scenario = scenarios(1).remove(0);
+    let run = |device: &Device| logits_of(&policy(device), &scenario, &tracks(&scenario), device);
+    let largest = largest_difference(&run(&Device::flex()), &run(&Device::ndarray()));
+    assert!(largest < 1e-4, "{largest}");
+}
+
+#[test]
+fn foreign_and_damaged_policies_are_refused() {
+    let device = device();
+    let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), &device);
+    let good = task.file(&task.init(7), &serde_json::Value::Null).unwrap();
+    let refusal = |bytes: &[u8]| Policy::read(bytes, &device).unwrap_err().to_string();
+    assert!(refusal(&good[..good.len() - 8]).contains("cut short"), "{}", refusal(&good[..good.len() - 8]));
+    assert!(refusal(b"").contains("cut short"));
+    let with = |from: &str, to: &str| {
+        let text: Vec<u8> = good.clone();
+        let at = text.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        assert_eq!(from.len(), to.len());
+        let mut text = text;
+        text[at..at + to.len()].copy_from_slice(to.as_bytes());
+        text
+    };
+    let other = with("\\\"kind\\\":\\\"reactive\\\"", "\\\"kind\\\":\\\"reactivf\\\"");
+    assert!(refusal(&other).contains("`reactivf`"), "{}", refusal(&other));
+    let narrow = with("\\\"hidden\\\":64", "\\\"hidden\\\":32");
+    assert!(refusal(&narrow).contains("expected ["), "{}", refusal(&narrow));
+    let none = with("\\\"heads\\\":4", "\\\"heads\\\":0");
+    assert!(refusal(&none).contains("heads = 0"), "{}", refusal(&none));
+    let mut nan = good.clone();
+    let end = nan.len();
+    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(refusal(&nan).contains("NaN") || refusal(&nan).contains("finite"), "{}", refusal(&nan));
+    let config = Config { past: 0, ..Config::default() };
+    assert!(matches!(config.check(), Err(PolicyError::Size { field: "past", .. })));
+    let _ = Initializer::new(0, &device);
+}
+
+#[test]
+fn samples_teach_the_nearest_token_and_only_where_there_is_one() {
+    let device = device();
+    let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), &device);
+    for scenario in scenarios(2) {
+        let sample = task.prepare(&scenario, View::Plain).unwrap();
+        let output = task.loss(&task.init(0), &[sample], None);
+        let loss = f64::from(output.loss.into_scalar::<f32>()) / output.items;
+        // About as surprised as one who knows nothing of a thousand tokens.
+        assert!((5.0..9.0).contains(&loss), "{loss}");
+    }
+}
