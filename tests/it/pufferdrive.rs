@@ -1,21 +1,14 @@
 //! The policy that others trained: its network against recorded values, its driving against what it may do.
 
 use std::fs;
-use std::path::PathBuf;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::pufferdrive::network::{HIDDEN, Network, ROAD, Recurrent};
 use serde_json::Value;
 
-/// A file of the published weights' folder, where there is one.
-fn published(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/weights")).join(name);
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
-    }
-    path.exists().then_some(path)
-}
+use crate::networks::devices;
+use crate::shared;
 
 fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect()
@@ -62,8 +55,6 @@ fn golden_on(device: &Device) {
 }
 
 #[test]
-#[allow(deprecated, reason = "the ndarray backend stays one to compare with")]
 fn the_network_says_what_it_should() {
-    golden_on(&Device::flex());
-    golden_on(&Device::ndarray());
+    devices().iter().for_each(golden_on);
 }
