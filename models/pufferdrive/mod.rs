@@ -1,21 +1,54 @@
 //! PufferDrive 2.0: a policy that others trained by self-play, as a simulator.
+//!
+//! The network acts every 0.1 s. A plan of n steps is n steps of its own environment: the vehicles that it drives move by their actions
+//! and see one another do so; the AV goes on from its next state, if that is known, at its velocity, as everybody else does.
 
+mod memory;
+mod motion;
 pub mod network;
+mod road;
+mod route;
+mod world;
 
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::RngExt;
+use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
+use reactsim::geometry::{direction, math};
 use reactsim::models::nn::{Initializer, Tensors, device};
 use reactsim::models::{Baseline, ModelError, Setup};
-use reactsim::rollout::{Controller, Episode, PlanError, Simulator};
+use reactsim::rollout::{Controller, Episode, Memory, PlanError, Simulator, Stream};
+use reactsim::scene::{AgentKind, Start};
 use serde::Deserialize;
 
-use self::network::Network;
+use self::memory::{Drive, Vehicle};
+use self::motion::{Body, actions, keeps_limit};
+use self::network::{ACTIONS, EGO, HIDDEN, Network, PARTNER, ROAD, Recurrent};
+use self::world::World;
 
 pub(super) const ENTRY: Baseline =
     Baseline { id: "pufferdrive", card: include_str!("card.toml"), oracle: false, needs_weights: true, make };
 
+/// What the card sets.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
     projection: bool,
+    greedy: bool,
+    goal_seconds: f64,
+    goal_nearest: f64,
+    goal_farthest: f64,
+    speed_limit: f64,
+    parked: Parked,
+}
+
+/// What counts as parked.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parked {
+    travel: f64,
+    speed: f64,
+    offset: f64,
+    angle: f64,
 }
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
@@ -24,7 +57,7 @@ fn make(setup: Setup) -> Result<Controller, ModelError> {
     let network = Network::init(&mut Initializer::new(0, &device), &device);
     let tensors = Tensors::read(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;
     let network = tensors.load(network).map_err(|e| setup.refuse_weights(e))?;
-    Ok(Controller::Fair(Box::new(PufferDrive { parameters, network })))
+    Ok(Controller::Fair(Box::new(PufferDrive { parameters, network, device })))
 }
 
 /// Vehicles driven by the network.
@@ -32,11 +65,205 @@ fn make(setup: Setup) -> Result<Controller, ModelError> {
 pub struct PufferDrive {
     parameters: Parameters,
     network: Network,
+    device: Device,
+}
+
+/// A vehicle in the course of one plan.
+struct Driven {
+    /// Index in the batch.
+    episode: usize,
+    /// Index among the vehicles that the episode's memory holds.
+    vehicle: usize,
+    agent: usize,
+    path: Vec<Pose>,
 }
 
 impl Simulator for PufferDrive {
-    fn plan(&self, _batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
-        let _ = (&self.parameters.projection, &self.network);
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
+        Memory::new(Drive::begin(start, &self.parameters))
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        let mut worlds = Vec::with_capacity(batch.len());
+        let mut driven = Vec::new();
+        for (index, episode) in batch.iter_mut().enumerate() {
+            let (seen, moves_av) = (episode.seen, episode.moves_av);
+            let Some(drive) = episode.memory.get::<Drive>() else {
+                episode.error = Some(PlanError::ForeignMemory(ENTRY.id));
+                worlds.push(World::now(&seen, |_| true));
+                continue;
+            };
+            let vehicle = |agent: usize| drive.vehicles.binary_search_by_key(&agent, |v| v.agent).ok();
+            let agents = &seen.start().agents;
+            // Vehicles that are not driven are parked.
+            let stays = |i: usize| i > 0 && agents[i].kind == AgentKind::Vehicle && vehicle(i).is_none();
+            worlds.push(World::now(&seen, stays));
+            for agent in usize::from(!moves_av)..episode.plan.agents() {
+                if let (Some(vehicle), Some(_)) = (vehicle(agent), seen.state(agent)) {
+                    driven.push(Driven { episode: index, vehicle, agent, path: Vec::new() });
+                }
+            }
+        }
+        // All episodes of a batch are planned for the same number of steps.
+        let steps = batch.iter().map(|e| e.plan.steps()).max().unwrap_or(0);
+        let mut kept = self.recall(batch, &driven);
+        for step in 0..steps {
+            let logits;
+            (logits, kept) = self.look(batch, &worlds, &driven, kept);
+            let mut moves = vec![Vec::new(); batch.len()];
+            for (one, logits) in driven.iter_mut().zip(logits.chunks_exact(ACTIONS)) {
+                let world = &worlds[one.episode];
+                if let Some(body) = self.act(&mut batch[one.episode], world, one, logits) {
+                    moves[one.episode].push((one.agent, body));
+                }
+            }
+            for ((world, episode), moves) in worlds.iter_mut().zip(batch.iter_mut()).zip(moves) {
+                let av = episode.seen.av_next().filter(|_| step == 0 && !episode.moves_av);
+                world.advance(&moves, av);
+                if step < episode.plan.steps() {
+                    for agent in 0..episode.plan.agents() {
+                        episode.plan.set(agent, step, world.state(agent));
+                    }
+                }
+            }
+        }
+        keep(batch, &driven, kept);
+        if self.parameters.projection {
+            project(batch, &driven);
+        }
         Ok(())
+    }
+}
+
+impl PufferDrive {
+    /// The LSTM states of the vehicles.
+    fn recall(&self, batch: &mut [Episode<'_>], driven: &[Driven]) -> Recurrent {
+        let (mut hidden, mut cell) = (Vec::new(), Vec::new());
+        for one in driven {
+            if let Some(vehicle) = vehicle(batch, one) {
+                hidden.extend_from_slice(&vehicle.hidden);
+                cell.extend_from_slice(&vehicle.cell);
+            }
+        }
+        let tensor =
+            |values| Tensor::from_data(TensorData::new(values, [driven.len(), HIDDEN]), &self.device);
+        Recurrent { hidden: tensor(hidden), cell: tensor(cell) }
+    }
+
+    /// What the network says to what every vehicle sees: [`ACTIONS`] logits for each.
+    fn look(
+        &self,
+        batch: &mut [Episode<'_>],
+        worlds: &[World],
+        driven: &[Driven],
+        kept: Recurrent,
+    ) -> (Vec<f32>, Recurrent) {
+        let n = driven.len();
+        if n == 0 {
+            return (Vec::new(), kept);
+        }
+        let (road_size, partners_size) = (road::ROWS * ROAD, world::ROWS * PARTNER);
+        let mut ego = vec![0.0; n * EGO];
+        let mut road = vec![0.0; n * road_size];
+        let mut partners = vec![0.0; n * partners_size];
+        let rows = ego.chunks_exact_mut(EGO).zip(road.chunks_exact_mut(road_size));
+        let rows = rows.zip(partners.chunks_exact_mut(partners_size));
+        for (one, ((ego, road), partners)) in driven.iter().zip(rows) {
+            let world = &worlds[one.episode];
+            let Some(body) = world.body(one.agent) else { continue };
+            let Some(drive) = batch[one.episode].memory.get::<Drive>() else { continue };
+            let Parameters { goal_seconds, goal_nearest, goal_farthest, .. } = self.parameters;
+            let distance = (body.speed * goal_seconds).min(goal_farthest).max(goal_nearest);
+            let goal = drive.vehicles[one.vehicle].route.ahead(body.pose.position, distance);
+            drive.road.fill(body.pose.position, direction(body.pose.heading), road);
+            world.fill(one.agent, goal, ego, partners);
+        }
+        let flat = |values| TensorData::new(values, [n, EGO]);
+        let table = |values, rows, width| {
+            Tensor::<3>::from_data(TensorData::new(values, [n, rows, width]), &self.device)
+        };
+        let output = self.network.forward(
+            Tensor::from_data(flat(ego), &self.device),
+            table(road, road::ROWS, ROAD),
+            table(partners, world::ROWS, PARTNER),
+            kept,
+        );
+        (output.logits.into_data().iter::<f32>().collect(), output.next)
+    }
+
+    /// Where a vehicle comes to by the action that it takes; `None` where there is none, which is noted.
+    fn act(
+        &self,
+        episode: &mut Episode<'_>,
+        world: &World,
+        one: &mut Driven,
+        logits: &[f32],
+    ) -> Option<Body> {
+        let body = world.body(one.agent)?;
+        if logits.iter().any(|l| !l.is_finite()) {
+            let text = format!(
+                "the network has no answer for agent `{}`",
+                episode.seen.start().agents[one.agent].id
+            );
+            episode.error.get_or_insert(PlanError::Failed(text));
+            return None;
+        }
+        let vehicle = &episode.memory.get::<Drive>()?.vehicles[one.vehicle];
+        let (limit, length) = (vehicle.limit, vehicle.length);
+        let allowed: Vec<usize> = actions().filter(|&a| keeps_limit(a, body.speed, limit)).collect();
+        let best =
+            allowed.iter().copied().max_by(|&a, &b| logits[a].total_cmp(&logits[b]).then(b.cmp(&a)))?;
+        let chosen = if self.parameters.greedy { best } else { draw(&allowed, logits, best, episode.stream) };
+        let moved = body.moved(chosen, length);
+        one.path.push(moved.pose);
+        Some(moved)
+    }
+}
+
+/// Draws one of the allowed actions, each as probable as the network thinks it among them.
+fn draw(allowed: &[usize], logits: &[f32], best: usize, stream: &mut Stream) -> usize {
+    let weight = |a: usize| math::exp(f64::from(logits[a]) - f64::from(logits[best]));
+    let mut left = stream.random::<f64>() * allowed.iter().map(|&a| weight(a)).sum::<f64>();
+    for &a in allowed {
+        left -= weight(a);
+        if left < 0.0 {
+            return a;
+        }
+    }
+    best
+}
+
+fn vehicle<'a>(batch: &'a mut [Episode<'_>], one: &Driven) -> Option<&'a mut Vehicle> {
+    batch[one.episode].memory.get::<Drive>()?.vehicles.get_mut(one.vehicle)
+}
+
+/// Keeps the LSTM states for the next plan.
+fn keep(batch: &mut [Episode<'_>], driven: &[Driven], kept: Recurrent) {
+    let values = |tensor: Tensor<2>| tensor.into_data().iter::<f32>().collect::<Vec<f32>>();
+    let (hidden, cell) = (values(kept.hidden), values(kept.cell));
+    let states = hidden.chunks_exact(HIDDEN).zip(cell.chunks_exact(HIDDEN));
+    for (one, (hidden, cell)) in driven.iter().zip(states) {
+        if let Some(vehicle) = vehicle(batch, one) {
+            vehicle.hidden.copy_from_slice(hidden);
+            vehicle.cell.copy_from_slice(cell);
+        }
+    }
+}
+
+/// Drives the planned poses within the limits of the metrics. The environment's vehicles turn about their rear end.
+fn project(batch: &mut [Episode<'_>], driven: &[Driven]) {
+    let mut tracker = Tracker::new(Ability::of_vehicle(0.0));
+    let mut made = Vec::new();
+    for one in driven {
+        let Some(length) = vehicle(batch, one).map(|v| v.length) else { continue };
+        let episode = &mut batch[one.episode];
+        let Some(now) = Moving::after(episode.seen.track(one.agent)) else { continue };
+        tracker.set_ability(Ability::of_vehicle(0.5 * length));
+        tracker.track(now, &one.path, &mut made);
+        let mut from = now.pose.position;
+        for (step, moving) in made.iter().enumerate().take(episode.plan.steps()) {
+            episode.plan.set(one.agent, step, Some(moving.state(from)));
+            from = moving.pose.position;
+        }
     }
 }

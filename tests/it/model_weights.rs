@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use burn::tensor::Device;
 use reactsim::models::nn::{Initializer, save};
 use reactsim::models::pufferdrive::network::Network;
-use reactsim::models::{MODELS, find};
+use reactsim::models::{MODELS, WeightsFile, find};
 
 fn reactsim(arguments: &[&str]) -> Output {
     Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
@@ -30,10 +30,20 @@ fn refused(arguments: &[&str]) -> String {
     stderr(&output)
 }
 
-/// A file of weights that nobody trained.
-fn untrained(path: &Path) -> Vec<u8> {
+/// Weights that nobody trained, for a baseline whose weights do not ship; `None` where there is no rule for them.
+pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     let device = Device::flex();
-    let bytes = save(&Network::init(&mut Initializer::new(7, &device), &device), &BTreeMap::new());
+    let mut init = Initializer::new(7, &device);
+    let bytes = match id {
+        "pufferdrive" => save(&Network::init(&mut init, &device), &BTreeMap::new()),
+        _ => return None,
+    };
+    Some(WeightsFile::new("untrained.safetensors", bytes))
+}
+
+/// A file of such weights.
+fn write_untrained(path: &Path) -> Vec<u8> {
+    let bytes = untrained("pufferdrive").unwrap().bytes.into_owned();
     fs::write(path, &bytes).unwrap();
     bytes
 }
@@ -60,7 +70,7 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
         assert!(text.contains("write ID=FILE"), "{text}");
     }
 
-    let whole = untrained(&file);
+    let whole = write_untrained(&file);
     for (id, part) in [("stop", "`stop` has no weights"), ("nobody", "there is no simulator `nobody`")] {
         let text = refused(&["--models", id, "--model-weights", &format!("{id}={}", file.display())]);
         assert!(text.contains(part), "{text}");
@@ -78,7 +88,7 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
     let known = folder.path().join("pufferdrive_v2.safetensors");
     fs::write(&known, &whole).unwrap();
     let text = refused(&["--model-weights", &given(&known)]);
-    let found = reactsim::models::WeightsFile::new("", whole).digest;
+    let found = WeightsFile::new("", whole).digest;
     assert!(text.contains(&found) && text.contains("d3b1b5ec0616a3b0a64b6059b41a931a"), "{text}");
 }
 
@@ -106,7 +116,7 @@ fn what_was_given_stands_in_the_results_and_counts_when_resuming() {
     let folder = tempfile::tempdir().unwrap();
     let (out, file) = (folder.path().join("run"), folder.path().join("some.safetensors"));
     let out = out.to_str().unwrap();
-    let digest = reactsim::models::WeightsFile::new("", untrained(&file)).digest;
+    let digest = WeightsFile::new("", write_untrained(&file)).digest;
     let weights = given(&file);
     let base =
         ["run", "--limit", "1", "--models", "stop,pufferdrive", "--model-weights", &weights, "--out", out];

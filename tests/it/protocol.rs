@@ -9,6 +9,7 @@ use reactsim::rollout::{Controller, Replan, Rollout, Settings, roll_out};
 use reactsim::scene::{AgentState, Scenario};
 
 use crate::generated;
+use crate::model_weights::untrained;
 use crate::scenes::{mini, real, request};
 
 /// Replan intervals: every step, the default, one that divides nothing, and a plan for the whole horizon.
@@ -27,7 +28,14 @@ fn settings(replan: usize, av_lookahead: bool) -> Settings {
 }
 
 fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
-    MODELS.iter().filter(|m| m.is_complete()).map(|m| (m, m.simulator().unwrap()))
+    MODELS.iter().filter_map(|model| {
+        let mut setup = model.setup().unwrap();
+        if model.needs_weights && setup.weights.is_none() {
+            // Of what was never trained the protocol holds all the same.
+            setup.weights = Some(untrained(model.id)?);
+        }
+        Some((model, (model.make)(setup).unwrap()))
+    })
 }
 
 fn roll(scenario: &Scenario, av: Vec<AgentState>, controller: &Controller, settings: &Settings) -> Rollout {

@@ -1,21 +1,21 @@
 //! The policy that others trained: its network against recorded values, its driving against what it may do.
 
 use std::fs;
-use std::path::PathBuf;
 
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
+use reactsim::geometry::wrap;
+use reactsim::models::find;
 use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::pufferdrive::network::{HIDDEN, Network, ROAD, Recurrent};
+use reactsim::rollout::{Controller, Settings, roll_out};
+use reactsim::scene::{AgentKind, CURRENT, DT, Frame, Scenario};
 use serde_json::Value;
 
-/// A file of the published weights' folder, where there is one.
-fn published(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/weights")).join(name);
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
-    }
-    path.exists().then_some(path)
-}
+use crate::model_weights::untrained;
+use crate::networks::devices;
+use crate::scenes::{coasting, mini, real, request};
+use crate::{generated, shared};
 
 fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect()
@@ -23,11 +23,8 @@ fn numbers(value: &Value) -> Vec<f32> {
 
 /// The published inputs and outputs of three equal steps.
 fn golden_on(device: &Device) {
-    let Some((weights, golden)) =
-        published("pufferdrive_v2.safetensors").zip(published("pufferdrive_v2.golden.json"))
-    else {
-        return;
-    };
+    let Some(weights) = shared("data/weights/pufferdrive_v2.safetensors") else { return };
+    let Some(golden) = shared("data/weights/pufferdrive_v2.golden.json") else { return };
     let bytes = fs::read(weights).unwrap();
     let network = Network::init(&mut Initializer::new(0, device), device);
     let network = Tensors::read(&bytes).unwrap().load(network).unwrap();
@@ -62,8 +59,69 @@ fn golden_on(device: &Device) {
 }
 
 #[test]
-#[allow(deprecated, reason = "the ndarray backend stays one to compare with")]
 fn the_network_says_what_it_should() {
-    golden_on(&Device::flex());
-    golden_on(&Device::ndarray());
+    devices().iter().for_each(golden_on);
+}
+
+/// The simulator with weights that nobody trained, and changes to its card.
+fn simulator(changes: &[(&str, &str)]) -> Controller {
+    let model = find("pufferdrive").unwrap();
+    let mut setup = model.setup().unwrap();
+    setup.weights = untrained(model.id);
+    for (key, value) in changes {
+        setup.set(key, value).unwrap();
+    }
+    (model.make)(setup).unwrap()
+}
+
+fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
+    let batch = vec![request(scenario, coasting(scenario), 0)];
+    roll_out(batch, controller, &Settings::default()).remove(0).unwrap().tracks
+}
+
+fn scenarios() -> Vec<Scenario> {
+    let mut all: Vec<Scenario> = (0..2).map(generated::scenario).collect();
+    all.extend(mini());
+    all.extend(real(1));
+    all
+}
+
+#[test]
+fn with_the_projection_no_choice_of_actions_breaks_the_limits() {
+    let wild = simulator(&[("greedy", "false"), ("speed_limit", "40")]);
+    for scenario in &scenarios() {
+        for (agent, track) in scenario.start.agents.iter().zip(tracks(scenario, &wild)).skip(1) {
+            if agent.kind != AgentKind::Vehicle {
+                continue;
+            }
+            for pair in track[CURRENT..].windows(2) {
+                let (Some(a), Some(b)) = (pair[0], pair[1]) else { panic!("{} is gone", agent.id) };
+                let (v0, v1) = (a.speed(), b.speed());
+                if v0.is_nan() {
+                    continue;
+                }
+                assert!((v1 - v0).abs() / DT <= MAX_ACCELERATION, "{}: {v0} to {v1} m/s", agent.id);
+                let bend = wrap(b.heading - a.heading).abs() / (0.5 * (v0 + v1) * DT);
+                assert!(v0 < 0.6 || v1 < 0.6 || bend <= MAX_CURVATURE, "{}: {bend} 1/m", agent.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn parameters_of_the_card_do_what_they_say() {
+    let (with, without) = (simulator(&[]), simulator(&[("projection", "false")]));
+    let everything_parked =
+        simulator(&[("parked.travel", "1e6"), ("parked.speed", "1e3"), ("parked.offset", "-1")]);
+    let mut differ = 0;
+    for scenario in &scenarios() {
+        differ += usize::from(tracks(scenario, &with) != tracks(scenario, &without));
+        for (agent, track) in scenario.start.agents.iter().zip(tracks(scenario, &everything_parked)).skip(1) {
+            if agent.kind == AgentKind::Vehicle {
+                let place = |f: usize| track[f].map(|s: reactsim::scene::AgentState| (s.x, s.y, s.heading));
+                assert_eq!(place(CURRENT), place(CURRENT + 80), "{}", agent.id);
+            }
+        }
+    }
+    assert!(differ > 0);
 }

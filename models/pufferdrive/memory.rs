@@ -1,0 +1,62 @@
+//! What is kept of an episode: the road in pieces, and each vehicle's way and LSTM state.
+
+use reactsim::scene::{AgentKind, CURRENT, Start};
+
+use super::Parameters;
+use super::network::HIDDEN;
+use super::road::Pieces;
+use super::route::Route;
+
+/// A vehicle that the network drives.
+#[derive(Debug)]
+pub(super) struct Vehicle {
+    pub(super) agent: usize,
+    pub(super) length: f64,
+    pub(super) route: Route,
+    /// m/s.
+    pub(super) limit: f64,
+    pub(super) hidden: Vec<f32>,
+    pub(super) cell: Vec<f32>,
+}
+
+/// An episode.
+#[derive(Debug)]
+pub(super) struct Drive {
+    pub(super) road: Pieces,
+    /// In the order of the agents; the AV first.
+    pub(super) vehicles: Vec<Vehicle>,
+}
+
+impl Drive {
+    pub(super) fn begin(start: &Start, parameters: &Parameters) -> Self {
+        let vehicles = (0..start.agents.len()).filter_map(|agent| {
+            let what = &start.agents[agent];
+            // The AV drives in the realism protocol, parked or not.
+            if what.kind != AgentKind::Vehicle {
+                return None;
+            }
+            let now = start.now(agent);
+            let route = Route::from(&start.road(), now.position(), now.heading);
+            if agent > 0 && is_parked(start, agent, &route, parameters) {
+                return None;
+            }
+            let speed = now.velocity().map_or(0.0, |v| v.norm());
+            let limit = route.limit.unwrap_or(parameters.speed_limit).max(speed);
+            let zeros = || vec![0.0; HIDDEN];
+            Some(Vehicle { agent, length: what.length, route, limit, hidden: zeros(), cell: zeros() })
+        });
+        Self { vehicles: vehicles.collect(), road: Pieces::of(&start.map) }
+    }
+}
+
+/// Whether a vehicle stands beside the lanes or across them, and has not moved in the history.
+fn is_parked(start: &Start, agent: usize, route: &Route, parameters: &Parameters) -> bool {
+    let bounds = &parameters.parked;
+    let now = start.now(agent);
+    let seen = start.history[agent][..CURRENT].iter().flatten();
+    let moved = seen.map(|s| (s.position() - now.position()).norm()).fold(0.0, f64::max);
+    if moved > bounds.travel || now.velocity().is_some_and(|v| v.norm() > bounds.speed) {
+        return false;
+    }
+    route.offset.is_none_or(|(aside, angle)| aside > bounds.offset || angle > bounds.angle)
+}
