@@ -94,7 +94,7 @@ pub(crate) fn sample(
     }
     let weights: Vec<f32> = scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED } else { 1.0 }).collect();
 
-    let places = Places::of(&scene.pieces, &scene.stops, &scene.light_lanes, config);
+    let places = Places::of(&scene.pieces, &scene.stops, &scene.light_lanes, &scene.successors, config);
     let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
     let mut earlier: Vec<Earlier> = Vec::new();
     let mut row = 0;

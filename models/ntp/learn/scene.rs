@@ -19,6 +19,8 @@ pub(crate) struct LearningScene {
     pub pieces: Vec<MapPiece>,
     /// Where to stop.
     pub stops: Vec<Stop>,
+    /// Per lane those that follow.
+    pub successors: Vec<Vec<usize>>,
     /// Per light its lane.
     pub light_lanes: Vec<usize>,
     /// Per light what it showed in 91 frames.
@@ -34,6 +36,7 @@ impl LearningScene {
             tracks: (0..start.agents.len()).map(|a| scenario.logged(a)).collect(),
             pieces: known_pieces(start, radius),
             stops: Stop::all(start, radius),
+            successors: start.map.lanes.iter().map(|l| l.successors.clone()).collect(),
             light_lanes: start.lights.iter().map(|l| l.lane).collect(),
             lights: (0..start.lights.len()).map(|l| scenario.light_states(l)).collect(),
         }

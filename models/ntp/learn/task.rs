@@ -40,7 +40,7 @@ impl Default for Recipe {
                 shift: 4,
                 window: 8,
                 blind: 0.1,
-                noise: Noise { wrong: 0.3, among: 12, remains: 0.5 },
+                noise: Noise { wrong: 0.2, among: 6, remains: 0.5 },
             },
             smoothing: Smoothing { uniform: 0.0, spatial: 0.1 },
         }

@@ -4,13 +4,17 @@ use reactsim::geometry::{Vec2, direction, math};
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame};
 
 use super::super::tokens::Class;
+use super::lane::{self, Driver, LANE};
+use super::places::Places;
 
 /// Frames before now whose poses are shown to the network.
 const LOOKS_BACK: [usize; 4] = [1, 2, 5, 10];
 /// Numbers per earlier pose: forward and left in the frame of now, cosine and sine of the turn, whether it is known.
 const PER_LOOK: usize = 5;
 /// Numbers that describe an agent at a step.
-pub(crate) const BODY: usize = 14 + LOOKS_BACK.len() * PER_LOOK;
+pub(crate) const BODY: usize = OWN + LANE;
+/// Of these, numbers of its own; the others describe its lane.
+const OWN: usize = 14 + LOOKS_BACK.len() * PER_LOOK;
 
 /// An agent at one step, as relations are computed from it.
 #[derive(Clone, Copy, Debug)]
@@ -40,8 +44,15 @@ pub(crate) fn into_frame(ahead: Vec2, v: Vec2) -> Vec2 {
 
 impl Body {
     /// The agent at frame `now` of its track, from this and earlier frames; the AV also from its state one step later where the
-    /// protocol shows it (`next`). `None` where it is absent or of no class.
-    pub(crate) fn at(agent: &Agent, track: &[Frame], now: usize, is_av: bool, next: Option<AgentState>) -> Option<Self> {
+    /// protocol shows it (`next`), with its lane among `places`. `None` where it is absent or of no class.
+    pub(crate) fn at(
+        agent: &Agent,
+        track: &[Frame],
+        now: usize,
+        is_av: bool,
+        next: Option<AgentState>,
+        places: &Places,
+    ) -> Option<Self> {
         let class = Class::of(agent.kind)?;
         let state = track.get(now).copied().flatten()?;
         let ahead = direction(state.heading);
@@ -65,7 +76,10 @@ impl Body {
             is_av,
             features: [0.0; BODY],
         };
-        body.describe(agent.kind, state, next, |k| back(k));
+        body.describe(agent.kind, state, next, back);
+        let speed = body.velocity.dot(&ahead).max(0.0);
+        let driver = Driver { position: body.position, ahead, speed, class };
+        lane::describe(&driver, places, &mut body.features[OWN..]);
         Some(body)
     }
 

@@ -6,6 +6,7 @@ use reactsim::scene::{LightState, RoadMap, Start, StopKind};
 use super::super::tokens::{MapPiece, PieceKind, map_pieces};
 use super::body::{Body, into_frame};
 use super::config::Config;
+use super::lane::LaneGraph;
 use super::links::{Links, Nearest};
 
 /// Numbers that describe a place alone.
@@ -13,7 +14,7 @@ pub(crate) const PLACE: usize = 20 + KINDS + 4;
 /// Numbers that describe how one place stands to another.
 pub(crate) const PLACE_PAIR: usize = 7;
 /// Numbers that describe how a place stands to an agent.
-pub(crate) const TO_PLACE: usize = 26;
+pub(crate) const TO_PLACE: usize = 27;
 /// Kinds of places: those of pieces, and stops at lights, signs and give-way lines.
 const KINDS: usize = PieceKind::COUNT + 3;
 /// Stops farther ahead than this do not count, metres.
@@ -56,6 +57,8 @@ pub(crate) struct Places {
     pub all: Vec<Place>,
     /// To the nearest other places.
     pub links: Links,
+    /// Which pieces of lanes follow which.
+    pub graph: LaneGraph,
 }
 
 impl Places {
@@ -64,11 +67,18 @@ impl Places {
         let pieces = known_pieces(start, config.map_radius);
         let stops = Stop::all(start, config.map_radius);
         let light_lanes: Vec<usize> = start.lights.iter().map(|l| l.lane).collect();
-        Self::of(&pieces, &stops, &light_lanes, config)
+        let successors: Vec<Vec<usize>> = start.map.lanes.iter().map(|l| l.successors.clone()).collect();
+        Self::of(&pieces, &stops, &light_lanes, &successors, config)
     }
 
-    /// The places of a map. `light_lanes` are the lanes that lights control, in the order of the lights.
-    pub(crate) fn of(pieces: &[MapPiece], stops: &[Stop], light_lanes: &[usize], config: &Config) -> Self {
+    /// The places of a map. `light_lanes` are the lanes that lights control, in the order of the lights; `successors` those of each lane.
+    pub(crate) fn of(
+        pieces: &[MapPiece],
+        stops: &[Stop],
+        light_lanes: &[usize],
+        successors: &[Vec<usize>],
+        config: &Config,
+    ) -> Self {
         let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
         let mut all: Vec<Place> =
             pieces.iter().map(|p| Place::of_piece(p, p.lane.and_then(light_of))).collect();
@@ -87,7 +97,11 @@ impl Places {
             found.extend(nearest.found());
             links.push(config.map_neighbours, PLACE_PAIR, &found, |j, out| place.relate_place(&all[j], out));
         }
-        Self { all, links }
+        let lanes: Vec<Option<usize>> =
+            pieces.iter().map(|p| p.lane.filter(|_| p.kind.is_lane())).collect();
+        let aheads: Vec<Vec2> = all.iter().map(|p| p.end_ahead()).collect();
+        let graph = LaneGraph::of(&lanes, &aheads, successors);
+        Self { all, links, graph }
     }
 
     /// The places that are used, and those that their encoding depends on (`hops` layers away); per old index the new one.
@@ -221,8 +235,21 @@ impl Place {
         }
     }
 
+    /// Where it ends.
+    pub(crate) fn end(&self) -> Vec2 {
+        self.points[self.points.len() - 1]
+    }
+
+    /// Its direction at the end.
+    fn end_ahead(&self) -> Vec2 {
+        match self.points.as_slice() {
+            [.., a, b] if (b - a).norm() > 1e-6 => (b - a).normalize(),
+            _ => self.ahead,
+        }
+    }
+
     /// The nearest point, and the direction of the piece there.
-    fn nearest(&self, p: Vec2) -> (Vec2, Vec2) {
+    pub(crate) fn nearest(&self, p: Vec2) -> (Vec2, Vec2) {
         let mut best = (f64::INFINITY, self.start, self.ahead);
         for pair in self.points.windows(2) {
             let (d2, t) = point_segment(p, pair[0], pair[1]);
@@ -243,11 +270,8 @@ impl Place {
         let toward = into_frame(me.ahead, along);
         let at = local(nearest);
         let first = local(self.start);
-        let last = local(self.points[self.points.len() - 1]);
-        let end_ahead = match self.points.as_slice() {
-            [.., a, b] if (b - a).norm() > 1e-6 => into_frame(me.ahead, (b - a).normalize()),
-            _ => toward,
-        };
+        let last = local(self.end());
+        let end_ahead = if self.points.len() > 1 { into_frame(me.ahead, self.end_ahead()) } else { toward };
         // Left of the piece is positive.
         let aside = into_frame(along, me.position - nearest).y;
         let distance = at.norm();
@@ -264,15 +288,16 @@ impl Place {
             at.y / 5.0,
             1.0 / (1.0 + distance),
             distance / 30.0,
+            aside.clamp(-2.0, 2.0),
             (aside / 3.0).clamp(-3.0, 3.0),
             toward.x,
-            toward.y,
+            (toward.y * 3.0).clamp(-3.0, 3.0),
             first.x / 30.0,
             first.y / 30.0,
             last.x / 30.0,
             last.y / 30.0,
             end_ahead.x,
-            end_ahead.y,
+            (end_ahead.y * 3.0).clamp(-3.0, 3.0),
             shown(LightState::is_red),
             shown(LightState::is_yellow),
             shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),

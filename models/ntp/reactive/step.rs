@@ -76,7 +76,8 @@ impl Step {
         let mut bodies = Vec::new();
         for (slot, agent) in view.agents.iter().enumerate().filter(|(slot, _)| keep(*slot)) {
             let next = if slot == 0 { view.av_next } else { None };
-            let Some(body) = Body::at(agent, &view.tracks[slot], view.now, slot == 0, next) else { continue };
+            let body = Body::at(agent, &view.tracks[slot], view.now, slot == 0, next, places);
+            let Some(body) = body else { continue };
             step.slots.push(slot);
             step.classes.push(body.class);
             step.bodies.extend_from_slice(&body.features);
