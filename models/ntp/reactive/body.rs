@@ -4,7 +4,8 @@ use reactsim::geometry::{Vec2, direction, math};
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame};
 
 use super::super::tokens::Class;
-use super::lane::{self, Driver, LANE};
+use super::corridor::CORRIDOR;
+use super::lane::{self, Driver, LANE, Way};
 use super::places::Places;
 
 /// Frames before now whose poses are shown to the network.
@@ -12,8 +13,8 @@ const LOOKS_BACK: [usize; 4] = [1, 2, 5, 10];
 /// Numbers per earlier pose: forward and left in the frame of now, cosine and sine of the turn, whether it is known.
 const PER_LOOK: usize = 5;
 /// Numbers that describe an agent at a step.
-pub(crate) const BODY: usize = OWN + LANE;
-/// Of these, numbers of its own; the others describe its lane.
+pub(crate) const BODY: usize = OWN + LANE + CORRIDOR;
+/// Of these, numbers of its own; then its lane, then what is in its way.
 const OWN: usize = 14 + LOOKS_BACK.len() * PER_LOOK;
 
 /// An agent at one step, as relations are computed from it.
@@ -44,7 +45,7 @@ pub(crate) fn into_frame(ahead: Vec2, v: Vec2) -> Vec2 {
 
 impl Body {
     /// The agent at frame `now` of its track, from this and earlier frames; the AV also from its state one step later where the
-    /// protocol shows it (`next`), with its lane among `places`. `None` where it is absent or of no class.
+    /// protocol shows it (`next`), with its lane among `places`; and the ways on. `None` where it is absent or of no class.
     pub(crate) fn at(
         agent: &Agent,
         track: &[Frame],
@@ -52,7 +53,7 @@ impl Body {
         is_av: bool,
         next: Option<AgentState>,
         places: &Places,
-    ) -> Option<Self> {
+    ) -> Option<(Self, Vec<Way>)> {
         let class = Class::of(agent.kind)?;
         let state = track.get(now).copied().flatten()?;
         let ahead = direction(state.heading);
@@ -79,8 +80,13 @@ impl Body {
         body.describe(agent.kind, state, next, back);
         let speed = body.velocity.dot(&ahead).max(0.0);
         let driver = Driver { position: body.position, ahead, speed, class };
-        lane::describe(&driver, places, &mut body.features[OWN..]);
-        Some(body)
+        let ways = lane::describe(&driver, places, &mut body.features[OWN..OWN + LANE]);
+        Some((body, ways))
+    }
+
+    /// Where what is in the way of an agent is described.
+    pub(crate) const fn corridor() -> std::ops::Range<usize> {
+        OWN + LANE..BODY
     }
 
     /// Fills `features`.

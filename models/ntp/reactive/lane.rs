@@ -9,7 +9,7 @@ use super::places::{Places, Role};
 /// Numbers that describe the lane of an agent and where it leads.
 pub(crate) const LANE: usize = 4 + WAYS * POINTS * 3;
 /// Ways on: the leftmost, the straightest, the rightmost.
-const WAYS: usize = 3;
+pub(crate) const WAYS: usize = 3;
 /// Points of a way.
 const POINTS: usize = 3;
 /// A lane piece whose middle is farther away is not looked at, metres.
@@ -65,13 +65,24 @@ pub(crate) struct Driver {
     pub class: Class,
 }
 
+/// A way on: points every [`SPACING`] metres and the direction there.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Way(pub Vec<(Vec2, Vec2)>);
+
+/// Distance of the points of a way, metres.
+pub(crate) const SPACING: f64 = 2.5;
+/// Ways are this long at least and at most, metres.
+const LENGTHS: (f64, f64) = (12.0, 70.0);
+/// They grow with so many seconds of speed.
+const FORESIGHT: f64 = 4.0;
+
 /// Fills in how far aside of its lane an agent is and how it is turned, and points of the ways on, in its frame: about 0.5, 1 and 2 s
-/// ahead. Zeros for people on foot and where there is no lane.
-pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) {
+/// ahead. Returns the ways. Zeros and none for people on foot and where there is no lane.
+pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way> {
     if me.class == Class::Pedestrian {
-        return;
+        return Vec::new();
     }
-    let Some((piece, point, along)) = own_lane(me, places) else { return };
+    let Some((piece, point, along)) = own_lane(me, places) else { return Vec::new() };
     let local = into_frame(me.ahead, along);
     let aside = into_frame(along, me.position - point).y;
     out[0] = 1.0;
@@ -82,8 +93,14 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) {
     let distances = [3.0 + 0.5 * v, 6.0 + v, 10.0 + 2.0 * v];
     let scales = [1.0, 3.0, 10.0];
     let choices: [fn(f64) -> f64; WAYS] = [|turn| -turn, f64::abs, |turn| turn];
+    let reach = (LENGTHS.0 + FORESIGHT * v).min(LENGTHS.1);
+    let mut ways = Vec::with_capacity(WAYS);
     for (way, choice) in choices.iter().enumerate() {
-        let mut walk = Walk { places, piece, from: point, heading: along, gone: 0.0, left: MOST_PIECES };
+        let begin = || Walk { places, piece, from: point, heading: along, gone: 0.0, left: MOST_PIECES };
+        let mut walk = begin();
+        let points = (0..=(reach / SPACING) as usize).map(|i| walk.to(i as f64 * SPACING, me.ahead, choice));
+        ways.push(Way(points.collect()));
+        let mut walk = begin();
         for (k, (d, scale)) in distances.iter().zip(scales).enumerate() {
             let (at, heading) = walk.to(*d, me.ahead, choice);
             let at = into_frame(me.ahead, at - me.position);
@@ -94,6 +111,7 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) {
             slot[2] = (heading.y * 3.0) as f32;
         }
     }
+    ways
 }
 
 /// The piece that an agent follows: near, and not across; with the nearest point on it and its direction there.

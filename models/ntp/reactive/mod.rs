@@ -7,6 +7,7 @@
 pub(crate) mod batch;
 mod body;
 mod config;
+mod corridor;
 mod lane;
 mod links;
 pub(crate) mod network;

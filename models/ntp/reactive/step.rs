@@ -6,6 +6,7 @@ use reactsim::scene::{Agent, AgentState, Frame, LightState};
 use super::super::tokens::Class;
 use super::body::{Body, into_frame};
 use super::config::Config;
+use super::corridor;
 use super::links::{Links, Nearest};
 use super::pair::{PAIR, relate};
 use super::places::{Chooser, Places, TO_PLACE};
@@ -73,16 +74,23 @@ impl Step {
         config: &Config,
     ) -> Self {
         let mut step = Self { frame: view.now, ..Self::default() };
-        let mut bodies = Vec::new();
+        let (mut bodies, mut ways) = (Vec::new(), Vec::new());
         for (slot, agent) in view.agents.iter().enumerate().filter(|(slot, _)| keep(*slot)) {
             let next = if slot == 0 { view.av_next } else { None };
             let body = Body::at(agent, &view.tracks[slot], view.now, slot == 0, next, places);
-            let Some(body) = body else { continue };
+            let Some((body, own_ways)) = body else { continue };
             step.slots.push(slot);
             step.classes.push(body.class);
-            step.bodies.extend_from_slice(&body.features);
+            ways.push(own_ways);
             step.here.push(Earlier { slot, position: body.position, ahead: body.ahead, frame: view.now });
             bodies.push(body);
+        }
+        for (i, ways) in ways.iter().enumerate() {
+            let me: Body = bodies[i];
+            let mut features = me.features;
+            let out = &mut features[Body::corridor()];
+            corridor::describe(&me, &bodies, i, ways, &places.all, view.lights, out);
+            step.bodies.extend_from_slice(&features);
         }
         step.link_past(earlier, view.now, config);
         step.link_places(&bodies, places, view.lights, config);
