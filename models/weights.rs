@@ -39,7 +39,7 @@ impl WeightsFile {
     /// [`ModelError::OtherDigest`] names both digests.
     pub fn check(&self, id: &'static str) -> Result<(), ModelError> {
         let rows = manifest()?;
-        let Some(row) = rows.into_iter().find(|row| row.id == id && row.file == self.name) else {
+        let Some(row) = rows.into_iter().find(|row| row.is_for(id) && row.file == self.name) else {
             return Ok(());
         };
         if row.sha256 == self.digest {
@@ -56,6 +56,9 @@ impl WeightsFile {
 pub struct WeightsRow {
     /// Id of the baseline that reads it.
     pub id: String,
+    /// Ids of other baselines that read it too.
+    #[serde(default)]
+    pub also: Vec<String>,
     /// Its name.
     pub file: String,
     /// What it is.
@@ -72,6 +75,13 @@ pub struct WeightsRow {
     pub made: Option<Made>,
     /// Whether it is part of the program.
     pub shipped: bool,
+}
+
+impl WeightsRow {
+    /// Whether a baseline reads this file.
+    pub fn is_for(&self, id: &str) -> bool {
+        self.id == id || self.also.iter().any(|other| other == id)
+    }
 }
 
 /// How weights were made.
@@ -113,7 +123,7 @@ pub fn manifest() -> Result<Vec<WeightsRow>, ModelError> {
 /// [`ModelError`] where manifest and files do not agree, which a test excludes.
 pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
     let rows = manifest()?;
-    let Some(row) = rows.into_iter().find(|row| row.id == id && row.shipped) else { return Ok(None) };
+    let Some(row) = rows.into_iter().find(|row| row.is_for(id) && row.shipped) else { return Ok(None) };
     let Some((_, bytes)) = SHIPPED.iter().find(|(name, _)| *name == row.file) else {
         return Err(ModelError::NotEmbedded { id, file: row.file });
     };
@@ -130,8 +140,9 @@ mod tests {
     fn manifest_and_files_agree() {
         let rows = manifest().unwrap();
         for (i, row) in rows.iter().enumerate() {
-            let baseline = crate::models::find(&row.id).unwrap_or_else(|| panic!("no baseline `{}`", row.id));
-            assert!(baseline.needs_weights, "{}", row.id);
+            let of = |id: &str| crate::models::find(id).unwrap_or_else(|| panic!("no baseline `{id}`"));
+            let baseline = of(&row.id);
+            assert!(baseline.needs_weights && row.also.iter().all(|id| of(id).needs_weights), "{}", row.id);
             assert!(rows[..i].iter().all(|r| (&r.id, &r.file) != (&row.id, &row.file)), "{} twice", row.file);
             assert!(row.sha256.len() == 64 && row.sha256.chars().all(|c| matches!(c, '0'..='9' | 'a'..='f')));
             assert_eq!(row.shipped, row.made.is_some(), "{}: what ships was made here", row.file);

@@ -1,10 +1,11 @@
 //! `reactsim train`: what networks need, and what they learn from scenarios.
 
+mod closed_loop;
 mod data;
+mod new_file;
 mod ntp;
 mod progress;
 mod session;
-mod new_file;
 mod vocabulary;
 mod vocabulary_manifest;
 

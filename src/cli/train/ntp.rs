@@ -1,16 +1,22 @@
 //! `reactsim train ntp`.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
 
+use super::closed_loop::ClosedLoop;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
 use crate::models::nn::device;
+use crate::models::ntp::Driving;
 use crate::models::ntp::learn::{NextToken, Recipe};
+use crate::models::ntp::reactive::{Network, Policy, ReactiveSimulator};
 use crate::models::ntp::tokens::{Kinematic, Vocabulary};
+use crate::models::{self, ModelError, Setup};
+use crate::rollout::Controller;
 
 /// Arguments of `train ntp`.
 #[derive(Debug, Args)]
@@ -23,6 +29,12 @@ pub(super) struct NtpArgs {
     /// Vocabulary of motion tokens, as `train vocabulary` makes it [default: the kinematic one]
     #[arg(long, value_name = "FILE")]
     vocabulary: Option<PathBuf>,
+    /// Scenarios to drive in at every validation: what the network scores there goes into the log
+    #[arg(long, value_name = "SCENARIOS")]
+    closed_loop: Option<PathBuf>,
+    /// Most scenarios that are driven in
+    #[arg(long, default_value_t = 32, value_name = "N")]
+    most_closed_loop: usize,
 }
 
 pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
@@ -41,6 +53,31 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
         }
         None => Kinematic::default().build()?,
     };
-    let task = NextToken::new(recipe, vocabulary, &device());
-    session::train(&args.session, &task, None)
+    let device = device();
+    let drive = match &args.closed_loop {
+        Some(path) => Some(ClosedLoop::read(path, args.most_closed_loop)?),
+        None => None,
+    };
+    let task = NextToken::new(recipe, vocabulary.clone(), &device);
+    let driving = ntp_driving()?;
+    let measure = |network: &Network, _step: u64| match &drive {
+        Some(drive) => {
+            let policy = Policy {
+                config: recipe.network,
+                vocabulary: vocabulary.clone(),
+                network: network.clone(),
+            };
+            let simulator = ReactiveSimulator::new(policy, driving, device.clone());
+            drive.measure(&Controller::Fair(Box::new(simulator)))
+        }
+        None => Ok(BTreeMap::new()),
+    };
+    session::train(&args.session, &task, Some(&measure))
+}
+
+/// How the network drives while it is being trained: as its card says.
+fn ntp_driving() -> Result<Driving, ModelError> {
+    let id = "ntp-reactive";
+    let card = models::find(id).map_or("", |baseline| baseline.card);
+    Ok(Setup::new(id, card, None)?.parameters()?)
 }
