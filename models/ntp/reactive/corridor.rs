@@ -11,7 +11,7 @@ use super::places::{Place, Role};
 pub(crate) const CORRIDOR: usize = WAYS * (TIMES.len() * PER_TIME + PER_STOP);
 /// When others are looked at, seconds from now; they go on as they move now.
 const TIMES: [f64; 3] = [0.0, 1.0, 2.0];
-const PER_TIME: usize = 4;
+const PER_TIME: usize = 7;
 const PER_STOP: usize = 8;
 /// Room on both sides that is wanted beside boxes, metres.
 const CLEARANCE: f64 = 0.2;
@@ -20,8 +20,8 @@ const FREE: f64 = 60.0;
 /// A stop belongs to a way that passes it this near, metres.
 const STOP_ASIDE: f64 = 2.0;
 
-/// Fills in, per way and time, the gap to the nearest other agent in it, its speed along the way and whether it is the AV; and per way
-/// the nearest stop. Zeros without ways.
+/// Fills in, per way and time, the gap to the nearest other agent in it, its speed along the way, whether it is the AV, and what a driver
+/// goes by; and per way the nearest stop. Zeros without ways.
 pub(crate) fn describe(
     me: &Body,
     bodies: &[Body],
@@ -54,6 +54,14 @@ pub(crate) fn describe(
             slot[1] = (gap / 30.0) as f32;
             slot[2] = (speed / 10.0) as f32;
             slot[3] = f32::from(u8::from(is_av));
+            if gap < FREE {
+                // What a driver goes by: time gap, time to contact, and the braking that it takes.
+                let (room, own) = (gap.max(0.5), me.velocity.dot(&me.ahead).max(0.0));
+                let closing = (own - speed).max(0.0);
+                slot[4] = (1.0 / (0.5 + room / own.max(0.5))) as f32;
+                slot[5] = (closing / room).min(2.0) as f32;
+                slot[6] = (closing * closing / (2.0 * room) / 4.0).min(3.0) as f32;
+            }
         }
         let stops = places.iter().filter(|p| p.role == Role::Stop);
         let nearest = stops

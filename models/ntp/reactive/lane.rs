@@ -7,7 +7,9 @@ use super::body::into_frame;
 use super::places::{Places, Role};
 
 /// Numbers that describe the lane of an agent and where it leads.
-pub(crate) const LANE: usize = 4 + WAYS * POINTS * 3;
+pub(crate) const LANE: usize = OWN + WAYS * POINTS * 3;
+/// Of these, numbers of the lane beside the agent.
+const OWN: usize = 6;
 /// Ways on: the leftmost, the straightest, the rightmost.
 pub(crate) const WAYS: usize = 3;
 /// Points of a way.
@@ -76,7 +78,7 @@ const LENGTHS: (f64, f64) = (12.0, 70.0);
 /// They grow with so many seconds of speed.
 const FORESIGHT: f64 = 4.0;
 
-/// Fills in how far aside of its lane an agent is and how it is turned, and points of the ways on, in its frame: about 0.5, 1 and 2 s
+/// Fills in how far aside of its lane an agent is and how it is turned, its speed as part of the limit, and points of the ways on, in its frame: about 0.5, 1 and 2 s
 /// ahead. Returns the ways. Zeros and none for people on foot and where there is no lane.
 pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way> {
     if me.class == Class::Pedestrian {
@@ -89,6 +91,10 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
     out[1] = aside.clamp(-3.0, 3.0) as f32;
     out[2] = (aside / 3.0).clamp(-2.0, 2.0) as f32;
     out[3] = (local.y * 5.0).clamp(-3.0, 3.0) as f32;
+    if let Some(limit) = places.all[piece].speed_limit.filter(|l| *l > 1.0) {
+        out[4] = 1.0;
+        out[5] = (me.speed / limit).min(2.0) as f32;
+    }
     let v = me.speed;
     let distances = [3.0 + 0.5 * v, 6.0 + v, 10.0 + 2.0 * v];
     let scales = [1.0, 3.0, 10.0];
@@ -105,7 +111,7 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
             let (at, heading) = walk.to(*d, me.ahead, choice);
             let at = into_frame(me.ahead, at - me.position);
             let heading = into_frame(me.ahead, heading);
-            let slot = &mut out[4 + (way * POINTS + k) * 3..][..3];
+            let slot = &mut out[OWN + (way * POINTS + k) * 3..][..3];
             slot[0] = ((at.x - d) / scale).clamp(-5.0, 5.0) as f32;
             slot[1] = (at.y / scale).clamp(-5.0, 5.0) as f32;
             slot[2] = (heading.y * 3.0) as f32;

@@ -33,6 +33,8 @@ pub(crate) struct Place {
     pub role: Role,
     /// The light that controls its lane.
     pub light: Option<usize>,
+    /// Speed limit, m/s, where known.
+    pub speed_limit: Option<f64>,
     /// Along the piece; a single point at stops.
     points: Vec<Vec2>,
     /// What describes it alone.
@@ -205,7 +207,8 @@ impl Place {
         features[22 + KINDS] = f32::from(u8::from(piece.speed_limit.is_some()));
         features[23 + KINDS] = f32::from(u8::from(light.is_some()));
         let role = if piece.kind.is_lane() { Role::Lane } else { Role::Border };
-        Self { start, ahead, middle: points[5], role, light, points, features }
+        let (middle, speed_limit) = (points[5], piece.speed_limit);
+        Self { start, ahead, middle, role, light, speed_limit, points, features }
     }
 
     fn of_stop(stop: &Stop) -> Self {
@@ -213,7 +216,8 @@ impl Place {
         let mut features = [0.0; PLACE];
         features[20 + PieceKind::COUNT + kind] = 1.0;
         features[23 + KINDS] = f32::from(u8::from(light.is_some()));
-        Self { start: at, ahead, middle: at, role: Role::Stop, light, points: vec![at], features }
+        let points = vec![at];
+        Self { start: at, ahead, middle: at, role: Role::Stop, light, speed_limit: None, points, features }
     }
 
     /// How another place stands to this one, in the frame of this one.
