@@ -7,14 +7,22 @@
 use std::fs;
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use burn::tensor::{Device, Distribution, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use reactsim::formats;
+use reactsim::metrics::{Case, Options, score_case};
 use reactsim::models::nn::{Initializer, Noise, device};
+use reactsim::models::ntp::learn::{NextToken, Recipe};
+use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
 use reactsim::models::ntp::smart::{
     Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, Vocabulary,
 };
+use reactsim::models::ntp::tokens::Kinematic;
+use reactsim::models::ntp::{Driving, Sampling};
+use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, roll_out};
+use reactsim::training::Task;
 
 /// Rounds of everything.
 const ROUNDS: usize = 15;
@@ -30,7 +38,8 @@ fn main() -> Result<()> {
     let device = device();
     println!("| what | best | median | best by CPU time | aim |\n|---|--:|--:|--:|--:|");
     let peak = products(&device);
-    published(&device, peak)
+    published(&device, peak)?;
+    reactive(&device)
 }
 
 /// Wall clock and processor time of some work, seconds.
@@ -212,5 +221,42 @@ fn published(device: &Device, peak: f64) -> Result<()> {
         std::hint::black_box(logits.into_data());
     });
     row(&format!("{name}: one replan with the {window} last steps anew"), &times, "", milliseconds);
+    Ok(())
+}
+
+/// The reactive network with random weights, on the shipped scenario with the most agents: 16 plans and 80 steps.
+fn reactive(device: &Device) -> Result<()> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+    let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;
+    let Some(scenario) = all.iter().max_by_key(|s| s.start.agents.len()) else { return Ok(()) };
+    let task = NextToken::new(Recipe::default(), Kinematic::default().build()?, device);
+    let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
+    let driving = Driving { projection: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
+    let simulator = ReactiveSimulator::new(Policy::read(&file, device)?, driving, device.clone());
+    let controller = Controller::Fair(Box::new(simulator));
+    let roll = |count: usize| -> Result<Vec<Rollout>> {
+        let av = || -> Result<Box<dyn AvPolicy>> { Ok(Box::new(LogAv::new(scenario)?)) };
+        let request = |i| -> Result<Request<'_>> { Ok(Request { scenario, av: av()?, rollout: i as u32 }) };
+        let batch = (0..count).map(request).collect::<Result<Vec<_>>>()?;
+        let rollouts = roll_out(batch, &controller, &Settings::default());
+        Ok(rollouts.into_iter().collect::<Result<Vec<_>, _>>()?)
+    };
+    roll(1)?;
+    let agents = scenario.start.agents.len();
+    for (count, aim) in [(1usize, "6 ms"), (16, "5 ms")] {
+        let times = measured(|| drop(std::hint::black_box(roll(count))));
+        row(&format!("reactive: a plan of {agents} agents, {count} at a time"), &times, aim, |s| {
+            milliseconds(s / (16 * count) as f64)
+        });
+    }
+    let times = measured(|| {
+        if let Ok(rollouts) = roll(1) {
+            for rollout in rollouts {
+                let case = Case::of_rollout(scenario, rollout.tracks, Options::default());
+                std::hint::black_box(score_case(&case));
+            }
+        }
+    });
+    row(&format!("reactive: a rollout of {agents} agents with all metrics"), &times, "120 ms", milliseconds);
     Ok(())
 }
