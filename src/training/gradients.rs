@@ -64,6 +64,9 @@ impl<S> Default for Prepared<S> {
     }
 }
 
+/// Parts by the place of their first example.
+type Ahead<S> = BTreeMap<u64, Result<Prepared<S>, TrainingError>>;
+
 /// Runs the network on batches.
 pub(super) struct Batches<'a, T: Task, S> {
     pub(super) task: &'a T,
@@ -71,8 +74,8 @@ pub(super) struct Batches<'a, T: Task, S> {
     pub(super) settings: &'a Settings,
     pub(super) layout: &'a Layout,
     pub(super) jobs: usize,
-    /// What was prepared ahead, by the place of its first example.
-    ahead: Mutex<BTreeMap<u64, Result<Prepared<T::Sample>, TrainingError>>>,
+    /// What was prepared ahead.
+    ahead: Mutex<Ahead<T::Sample>>,
 }
 
 impl<'a, T, S> Batches<'a, T, S>

@@ -176,7 +176,7 @@ where
                     run.told.len()
                 )));
             }
-            if step % settings.validate_every == 0 || step == run.steps {
+            if step.is_multiple_of(settings.validate_every) || step == run.steps {
                 self.validate(run)?;
             }
             if kept_at.elapsed() >= self.execution.checkpoint_every {
