@@ -31,7 +31,13 @@ impl Executor {
 
     /// Appends the states of the next half second to the track of an agent that is present at its last frame. Velocities are position
     /// differences.
-    pub(crate) fn execute(&mut self, agent: &Agent, class: Class, token: &TokenPoses, track: &mut Vec<Frame>) {
+    pub(crate) fn execute(
+        &mut self,
+        agent: &Agent,
+        class: Class,
+        token: &TokenPoses,
+        track: &mut Vec<Frame>,
+    ) {
         let Some(Some(state)) = track.last().copied() else { return };
         let from = Pose { position: state.position(), heading: state.heading };
         let tracker = self.tracker.as_mut().filter(|_| class == Class::Vehicle);
@@ -84,7 +90,8 @@ fn smoothed(token: &TokenPoses, speed: f64) -> [Pose; TOKEN_FRAMES] {
     for (k, pose) in poses.iter_mut().enumerate() {
         let u = (k + 1) as f64 / TOKEN_FRAMES as f64;
         let (u2, u3) = (u * u, u * u * u);
-        let s = (u3 - 2.0 * u2 + u) * total * start + (3.0 * u2 - 2.0 * u3) * length + (u3 - u2) * total * finish;
+        let s =
+            (u3 - 2.0 * u2 + u) * total * start + (3.0 * u2 - 2.0 * u3) * length + (u3 - u2) * total * finish;
         *pose = along(token, &way, s.clamp(0.0, length));
     }
     poses

@@ -35,9 +35,8 @@ impl Sampling {
         }
         let k = if self.top_k == 0 { logits.len() } else { self.top_k.min(logits.len()) };
         let mut order: Vec<u32> = (0..logits.len() as u32).collect();
-        let likelier = |a: &u32, b: &u32| {
-            logits[*b as usize].total_cmp(&logits[*a as usize]).then_with(|| a.cmp(b))
-        };
+        let likelier =
+            |a: &u32, b: &u32| logits[*b as usize].total_cmp(&logits[*a as usize]).then_with(|| a.cmp(b));
         if k < order.len() {
             order.select_nth_unstable_by(k - 1, likelier);
             order.truncate(k);

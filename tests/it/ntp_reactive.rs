@@ -60,10 +60,8 @@ fn largest_difference(a: &[Logits], b: &[Logits]) -> f32 {
 
 fn run(controller: &Controller, batch: &[&Scenario], settings: &Settings) -> Vec<Rollout> {
     let request = |s: &&'_ Scenario| LogAv::new(s).unwrap();
-    let requests = batch
-        .iter()
-        .map(|s| Request { scenario: s, av: Box::new(request(s)), rollout: 0 })
-        .collect();
+    let requests =
+        batch.iter().map(|s| Request { scenario: s, av: Box::new(request(s)), rollout: 0 }).collect();
     roll_out(requests, controller, settings).into_iter().map(Result::unwrap).collect()
 }
 
@@ -87,14 +85,15 @@ fn what_is_computed_step_by_step_is_what_one_pass_gives() {
             }
             // People on foot and on bicycles do what their tokens say, so that the token can be told.
             let class = Class::of(agent.kind).unwrap();
-            let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a))).unwrap();
+            let best =
+                (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a))).unwrap();
             let (from, to) = (rollout.tracks[slot][frame].unwrap(), rollout.tracks[slot][frame + 5].unwrap());
             let token = policy.vocabulary.end(class, best);
             let ahead = direction(from.heading);
-            let end = from.position()
-                + ahead * token.position.x
-                + Vec2::new(-ahead.y, ahead.x) * token.position.y;
-            let runner_up = (0..values.len()).filter(|&i| i != best).map(|i| values[i]).fold(f32::MIN, f32::max);
+            let end =
+                from.position() + ahead * token.position.x + Vec2::new(-ahead.y, ahead.x) * token.position.y;
+            let runner_up =
+                (0..values.len()).filter(|&i| i != best).map(|i| values[i]).fold(f32::MIN, f32::max);
             if values[best] - runner_up > 1e-4 {
                 assert!((end - to.position()).norm() < 1e-6, "{} {frame} {slot}", scenario.id);
                 checked += 1;
@@ -209,7 +208,10 @@ fn any_interval_between_plans_gives_whole_rollouts() {
         let rollout = &run(&controller, &[&scenario], &settings)[0];
         for (slot, track) in rollout.tracks.iter().enumerate() {
             let present = scenario.start.agents[slot].kind != AgentKind::Other;
-            assert!(track[CURRENT..].iter().all(|s| s.is_some_and(|s| s.is_finite()) == present), "{steps} {slot}");
+            assert!(
+                track[CURRENT..].iter().all(|s| s.is_some_and(|s| s.is_finite()) == present),
+                "{steps} {slot}"
+            );
         }
     }
 }

@@ -4,9 +4,9 @@ use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 
+use super::super::reactive::Config;
 use super::super::reactive::batch::{SceneRows, map_tensors, node_tensors};
 use super::super::reactive::network::{Network, PastNodes};
-use super::super::reactive::Config;
 use super::super::tokens::{Class, Vocabulary};
 use super::sample::{Sample, Target};
 

@@ -6,9 +6,9 @@ use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
+use super::super::reactive::Config;
 use super::super::reactive::places::Places;
 use super::super::reactive::step::{Earlier, Step, View};
-use super::super::reactive::Config;
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
 use super::drive::{Noise, drive};
 use super::scene::LearningScene;
@@ -87,12 +87,20 @@ pub(crate) fn sample(
     let mut labels = Vec::with_capacity(count);
     for slot in 0..count {
         let logged = &scene.tracks[slot];
-        let driven = drive(&scene.agents[slot], logged, first, vocabulary, &mut executor, noise.as_mut().map(|(n, s)| (*n, &mut **s)));
+        let driven = drive(
+            &scene.agents[slot],
+            logged,
+            first,
+            vocabulary,
+            &mut executor,
+            noise.as_mut().map(|(n, s)| (*n, &mut **s)),
+        );
         // The AV comes from outside: it is shown as recorded.
         tracks.push(if slot == 0 { logged.clone() } else { driven.track });
         labels.push(driven.labels);
     }
-    let weights: Vec<f32> = scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED } else { 1.0 }).collect();
+    let weights: Vec<f32> =
+        scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED } else { 1.0 }).collect();
 
     let places = Places::of(&scene.pieces, &scene.stops, &scene.light_lanes, &scene.successors, config);
     let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
@@ -103,7 +111,8 @@ pub(crate) fn sample(
     while at + TOKEN_FRAMES < FRAMES && at < first + window * TOKEN_FRAMES {
         let lights: Vec<_> = scene.lights.iter().map(|l| l[at]).collect();
         let av_next: Option<AgentState> = if blind { None } else { tracks[0][at + 1] };
-        let view = View { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };
+        let view =
+            View { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };
         let step = Step::of(&view, &sample.places, &earlier, |_| true, config);
         if let Some(k) = at.checked_sub(first).map(|d| d / TOKEN_FRAMES) {
             for (i, (&slot, &class)) in step.slots.iter().zip(&step.classes).enumerate() {

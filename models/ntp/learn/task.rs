@@ -60,8 +60,8 @@ impl NextToken {
     /// A task on this device, which is one without autodiff.
     pub fn new(recipe: Recipe, vocabulary: Vocabulary, device: &Device) -> Self {
         let device = device.clone();
-        let spread =
-            [device.clone().autodiff(), device.clone()].map(|d| Spread::of(&vocabulary, &recipe.smoothing, &d));
+        let spread = [device.clone().autodiff(), device.clone()]
+            .map(|d| Spread::of(&vocabulary, &recipe.smoothing, &d));
         Self { recipe, vocabulary, device, spread }
     }
 

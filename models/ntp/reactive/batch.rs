@@ -7,9 +7,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::super::tokens::Class;
 use super::body::BODY;
 use super::config::Config;
+use super::links::Links;
 use super::pair::PAIR;
 use super::places::{PLACE, PLACE_PAIR, Places, TO_PLACE};
-use super::links::Links;
 use super::step::{PAST, Step};
 use crate::models::nn::Neighbors;
 
@@ -89,11 +89,7 @@ pub(crate) fn map_tensors(scenes: &[&Places], config: &Config, device: &Device) 
 }
 
 /// The steps of several scenes: per scene its steps, oldest first, and at which rows its places and its earlier nodes begin.
-pub(crate) fn node_tensors(
-    scenes: &[(&[Step], SceneRows)],
-    config: &Config,
-    device: &Device,
-) -> NodeTensors {
+pub(crate) fn node_tensors(scenes: &[(&[Step], SceneRows)], config: &Config, device: &Device) -> NodeTensors {
     let (mut past, mut places, mut agents) =
         (Collected::default(), Collected::default(), Collected::default());
     let mut bodies = Vec::new();

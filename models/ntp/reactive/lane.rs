@@ -45,9 +45,7 @@ impl LaneGraph {
         let follow = |(place, lane): (usize, &Option<usize>)| match *lane {
             // Pieces of a lane that lie within reach are neighbours in the list.
             Some(lane) if lanes.get(place + 1) == Some(&Some(lane)) => vec![(place + 1, end(lane))],
-            Some(lane) => {
-                successors[lane].iter().filter_map(|&s| first[s].map(|p| (p, end(s)))).collect()
-            }
+            Some(lane) => successors[lane].iter().filter_map(|&s| first[s].map(|p| (p, end(s)))).collect(),
             None => Vec::new(),
         };
         Self { next: lanes.iter().enumerate().map(follow).collect() }

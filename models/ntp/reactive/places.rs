@@ -99,8 +99,7 @@ impl Places {
             found.extend(nearest.found());
             links.push(config.map_neighbours, PLACE_PAIR, &found, |j, out| place.relate_place(&all[j], out));
         }
-        let lanes: Vec<Option<usize>> =
-            pieces.iter().map(|p| p.lane.filter(|_| p.kind.is_lane())).collect();
+        let lanes: Vec<Option<usize>> = pieces.iter().map(|p| p.lane.filter(|_| p.kind.is_lane())).collect();
         let aheads: Vec<Vec2> = all.iter().map(|p| p.end_ahead()).collect();
         let graph = LaneGraph::of(&lanes, &aheads, successors);
         Self { all, links, graph }

@@ -43,7 +43,9 @@ pub enum PolicyError {
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
     /// A network of another kind.
-    #[error("the file holds a network of kind `{0}`, expected `{KIND}`: give it to the simulator that it was made for")]
+    #[error(
+        "the file holds a network of kind `{0}`, expected `{KIND}`: give it to the simulator that it was made for"
+    )]
     Kind(String),
     /// Sizes that can not be.
     #[error("the file's configuration has {field} = {value}, expected {expected}")]

@@ -67,7 +67,8 @@ impl Simulator for ReactiveSimulator {
                 continue;
             };
             // Taken out, to be put back when the plan is made.
-            let empty = Mind { places: Places::default(), map: mind.map.clone(), remembered: Vec::new(), due: 0 };
+            let empty =
+                Mind { places: Places::default(), map: mind.map.clone(), remembered: Vec::new(), due: 0 };
             let mind = std::mem::replace(mind, empty);
             let agents = episode.seen.start().agents.len();
             let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
@@ -161,7 +162,8 @@ impl Planned<'_, '_> {
         let fresh = token > 0 || self.mind.due == now;
         if fresh && known == frames {
             self.earlier = self.mind.remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
-            let step = step_at(&self.episode.seen, &self.tracks, now, &self.mind.places, &self.earlier, config);
+            let step =
+                step_at(&self.episode.seen, &self.tracks, now, &self.mind.places, &self.earlier, config);
             self.steps = vec![step];
         } else {
             self.mind.remembered.clear();
@@ -183,7 +185,11 @@ impl Planned<'_, '_> {
                     executor.execute(agent, class, by.policy.vocabulary.poses(class, drawn), track);
                 }
                 None => {
-                    *self.episode.outcomes.entry("tokens that are no numbers: went on as before").or_default() += 1;
+                    *self
+                        .episode
+                        .outcomes
+                        .entry("tokens that are no numbers: went on as before")
+                        .or_default() += 1;
                     executor.execute(agent, class, &onward(track), track);
                 }
             }

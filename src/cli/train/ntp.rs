@@ -40,7 +40,8 @@ pub(super) struct NtpArgs {
 pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
     let recipe: Recipe = match &args.recipe {
         Some(path) => {
-            let text = fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
+            let text =
+                fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
             toml::from_str(&text).with_context(|| format!("{} is no recipe", path.display()))?
         }
         None => Recipe::default(),
@@ -62,11 +63,8 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
     let driving = ntp_driving()?;
     let measure = |network: &Network, _step: u64| match &drive {
         Some(drive) => {
-            let policy = Policy {
-                config: recipe.network,
-                vocabulary: vocabulary.clone(),
-                network: network.clone(),
-            };
+            let policy =
+                Policy { config: recipe.network, vocabulary: vocabulary.clone(), network: network.clone() };
             let simulator = ReactiveSimulator::new(policy, driving, device.clone());
             drive.measure(&Controller::Fair(Box::new(simulator)))
         }
