@@ -95,7 +95,7 @@ impl Crossing {
         }
         let t = -apart.y / toward.y;
         let s = apart.x + toward.x * t;
-        if t < 0.0 || s < 0.0 || s > 80.0 || t > 80.0 {
+        if !(0.0..=80.0).contains(&s) || !(0.0..=80.0).contains(&t) {
             return none;
         }
         let when = |way: f64, speed: f64| if speed > 0.2 { (way / speed).min(HORIZON) } else { HORIZON };

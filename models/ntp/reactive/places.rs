@@ -108,7 +108,7 @@ impl Places {
     /// The places that are used, and those that their encoding depends on (`hops` layers away); per old index the new one.
     pub(crate) fn reduced(&self, used: impl IntoIterator<Item = usize>, hops: usize) -> (Self, Vec<u32>) {
         let n = self.all.len();
-        let k = if n == 0 { 0 } else { self.links.index.len() / n };
+        let k = self.links.index.len().checked_div(n).unwrap_or(0);
         let neighbours = |i: usize| (i * k..(i + 1) * k).filter(|&at| self.links.open[at]);
         let mut kept = vec![false; n];
         let mut border: Vec<usize> =

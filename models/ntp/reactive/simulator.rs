@@ -205,7 +205,7 @@ impl Planned<'_, '_> {
         let mut row = row;
         for step in &self.steps {
             let rows = step.slots.len();
-            let own = entering.iter().map(|x| x.clone().slice([row..row + rows])).collect();
+            let own = entering.iter().map(|x| x.clone().narrow(0, row, rows)).collect();
             let frame = step.frame;
             self.mind.remembered.push(Remembered { frame, nodes: step.here.clone(), entering: own });
             row += rows;

@@ -88,7 +88,7 @@ impl Batch {
         let (mut seen, mut others) = (Edges::new(3), Edges::new(3));
         let map = Pose::all(&scene.map.position, &scene.map.orientation);
         for (t, step) in scene.steps.iter().enumerate() {
-            seen.from_map(config, &map, step, |agent| node(agent, t));
+            seen.add_from_map(config, &map, step, |agent| node(agent, t));
             others.among_agents(config, step, |agent| node(agent, t));
         }
         self.over_time.append(&own, first_node, first_node);

@@ -91,7 +91,7 @@ impl Edges {
 
     /// Map tokens (sources) that agents see at one step. The limit is on agents that see one map token: the first by number, those that
     /// are not valid counted too.
-    pub(super) fn from_map(
+    pub(super) fn add_from_map(
         &mut self,
         config: &SmartConfig,
         map: &[Pose],

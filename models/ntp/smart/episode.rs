@@ -114,7 +114,7 @@ impl Smart {
         let mut x = layers.embed(tokens, episode.identities.clone(), &motion);
 
         let (mut from_map, mut among) = (Edges::new(3), Edges::new(3));
-        from_map.from_map(config, &episode.map.poses, &step, |agent| agent);
+        from_map.add_from_map(config, &episode.map.poses, &step, |agent| agent);
         among.among_agents(config, &step, |agent| agent);
         episode.steps.push_back(step);
         let steps = episode.steps.make_contiguous();
