@@ -26,6 +26,7 @@ mod scenes;
 mod scripted_av;
 mod shipped;
 mod tokens;
+mod trained;
 mod training;
 mod smart_golden;
 

@@ -1,0 +1,163 @@
+//! From logs to a network that drives: training from the command line, what it leaves behind, what it refuses.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use reactsim::formats;
+use reactsim::formats::rollouts;
+use reactsim::scene::CURRENT;
+use serde_json::Value;
+
+const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+
+fn reactsim(arguments: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
+}
+
+fn done(arguments: &[&str]) -> Output {
+    let output = reactsim(arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    output
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Sizes of a network that learns in a moment.
+const SMALL: &str = "agents = 12
+[network]
+hidden = 16
+heads = 2
+head_width = 8
+relation = 16
+feed_forward = 16
+head_hidden = 16
+map_layers = 1
+agent_layers = 1
+map_neighbours = 4
+near_pieces = 4
+ahead_pieces = 2
+stops = 1
+agents = 4
+past = 2
+agent_radius = 40.0
+map_radius = 80.0
+[augmentation]
+mirror = 0.5
+stretch = 0.1
+shift = 4
+window = 4
+blind = 0.1
+noise = { wrong = 0.2, among = 6, remains = 0.5 }
+[smoothing]
+uniform = 0.0
+spatial = 0.1
+";
+
+#[test]
+fn a_network_is_trained_and_drives() {
+    let folder = tempfile::tempdir().unwrap();
+    let few = folder.path().join("few");
+    fs::create_dir(&few).unwrap();
+    let native = few.join("few.parquet");
+    let mut writer = formats::native::Writer::create(&native).unwrap();
+    for scenario in formats::open(Path::new(BENCH)).unwrap().take(6) {
+        writer.write(&scenario.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    let recipe = folder.path().join("recipe.toml");
+    fs::write(&recipe, SMALL).unwrap();
+
+    let train = |out: &Path, more: &[&str]| {
+        let base =
+            ["train", "ntp", text(&few), "--recipe", text(&recipe), "--out", text(out), "--batch", "2"];
+        let rest = ["--held-out", "0.3", "--validate-every", "2", "--closed-loop", text(&few)];
+        let most = ["--most-closed-loop", "2"];
+        reactsim(&[&base[..], &rest[..], &most[..], more].concat())
+    };
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let output = train(&one, &["--epochs", "2", "--jobs", "1"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let output = train(&two, &["--epochs", "2", "--jobs", "2"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+
+    // The same numbers on any number of threads, closed loop included.
+    let rows = |out: &Path| {
+        let log = fs::read_to_string(out.join("log.jsonl")).unwrap();
+        let mut rows: Vec<Value> = log.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        rows.iter_mut().for_each(|r| drop(r.as_object_mut().unwrap().remove("wall")));
+        rows
+    };
+    assert_eq!(rows(&one), rows(&two));
+    assert_eq!(
+        fs::read(one.join("weights.safetensors")).unwrap(),
+        fs::read(two.join("weights.safetensors")).unwrap()
+    );
+    let closed = rows(&one).into_iter().filter_map(|r| r["closed_loop"]["aav-ttc"].as_f64()).count();
+    assert!(closed > 0, "what the network does in closed loop is logged");
+
+    let weights = format!("ntp-reactive={}", text(&one.join("weights.safetensors")));
+    let output =
+        done(&["run", text(&few), "--models", "ntp-reactive", "--model-weights", &weights, "--limit", "2"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("| NTP-reactive "));
+
+    let other = train(&one, &["--epochs", "3", "--resume"]);
+    assert!(said(&other).contains("epochs"), "another training is not this one: {}", said(&other));
+}
+
+#[test]
+fn what_can_not_be_learnt_from_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let empty = folder.path().join("empty");
+    fs::create_dir(&empty).unwrap();
+    let refused = |arguments: &[&str]| {
+        let output = reactsim(&[&["train", "ntp"], arguments, &["--out", text(&out)]].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        said(&output)
+    };
+    assert!(refused(&[text(&empty)]).contains("empty"));
+    let recipe = folder.path().join("recipe.toml");
+    fs::write(&recipe, SMALL.replace("heads = 2", "heads = 0")).unwrap();
+    assert!(refused(&[BENCH, "--recipe", text(&recipe)]).contains("heads = 0"));
+    fs::write(&recipe, SMALL.replace("past = 2", "pest = 2")).unwrap();
+    assert!(refused(&[BENCH, "--recipe", text(&recipe)]).contains("pest"));
+    assert!(refused(&[BENCH, "--vocabulary", text(&recipe)]).contains("vocabulary"));
+}
+
+#[test]
+fn rollouts_become_futures() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let base = ["run", BENCH, "--limit", "3", "--models", "log-replay,stop"];
+    done(&[&base[..], &["--keep-rollouts", "--out", text(&run)]].concat());
+    let file = run.join("rollouts.parquet");
+    let out = folder.path().join("stopped.parquet");
+    let convert = ["convert", BENCH, "--futures", text(&file), "--out", text(&out)];
+    done(&[&convert[..], &["--model", "stop"]].concat());
+    let stopped: Vec<_> = formats::open(&out).unwrap().map(Result::unwrap).collect();
+    let logged: Vec<_> = formats::open(Path::new(BENCH)).unwrap().take(3).map(Result::unwrap).collect();
+    assert_eq!(stopped.len(), 3);
+    let records: Vec<_> = rollouts::read(&file).unwrap().map(Result::unwrap).collect();
+    for (new, old) in stopped.iter().zip(&logged) {
+        assert_eq!(new.id, format!("{}+stop", old.id));
+        assert_eq!(new.start.history, old.start.history);
+        let record = records.iter().find(|r| r.simulator == "stop" && r.scenario_id == old.id).unwrap();
+        let tracks = record.tracks_in(old.origin);
+        for (slot, agent) in old.start.agents.iter().enumerate() {
+            let at = record.agent_ids.iter().position(|id| *id == agent.id).unwrap();
+            let wanted = tracks[at].last().unwrap().map(|s| (s.x, s.y));
+            let found = new.logged_at(slot, CURRENT + 80).map(|s| (s.x, s.y));
+            assert_eq!(found, wanted, "{}", agent.id);
+        }
+        assert!(new.deviation.is_none());
+    }
+    let output = reactsim(&[&convert[..], &["--model", "idm"]].concat());
+    assert!(said(&output).contains("no rollouts of `idm`"), "{}", said(&output));
+}
