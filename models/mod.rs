@@ -64,6 +64,8 @@ pub const MODELS: &[Baseline] = &[
     idm::ENTRY,
     ntp::entries::REACTIVE,
     ntp::entries::REACTIVE_RAW,
+    ntp::entries::SMART,
+    ntp::entries::SMART_PROJECTED,
     pufferdrive::ENTRY,
 ];
 

@@ -5,6 +5,7 @@ use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 
 use super::reactive::{Policy, ReactiveSimulator};
+use super::smart::{SmartPolicy, SmartSimulator};
 
 /// Ours, with vehicles inside kinematic limits.
 pub(in crate::models) const REACTIVE: Baseline = Baseline {
@@ -24,9 +25,34 @@ pub(in crate::models) const REACTIVE_RAW: Baseline = Baseline {
     make: reactive,
 };
 
+/// The published network, with tokens as they are.
+pub(in crate::models) const SMART: Baseline = Baseline {
+    id: "smart",
+    card: include_str!("cards/smart.toml"),
+    oracle: false,
+    needs_weights: true,
+    make: smart,
+};
+
+/// The published network, with vehicles inside kinematic limits.
+pub(in crate::models) const SMART_PROJECTED: Baseline = Baseline {
+    id: "smart-projected",
+    card: include_str!("cards/smart_projected.toml"),
+    oracle: false,
+    needs_weights: true,
+    make: smart,
+};
+
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
     let device = device();
     let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(ReactiveSimulator::new(policy, driving, device))))
+}
+
+fn smart(setup: Setup) -> Result<Controller, ModelError> {
+    let parameters = setup.parameters()?;
+    let policy =
+        SmartPolicy::read(&setup.weights()?.bytes, &device()).map_err(|e| setup.refuse_weights(e))?;
+    Ok(Controller::Fair(Box::new(SmartSimulator::new(setup.id, policy, parameters))))
 }

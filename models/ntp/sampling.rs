@@ -3,7 +3,7 @@
 use rand::RngExt;
 use reactsim::geometry::math;
 use reactsim::rollout::Stream;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// How tokens are drawn from the network's distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -12,7 +12,16 @@ pub struct Sampling {
     /// Only so many of the likeliest tokens are drawn from; 1 is greedy, 0 all.
     pub top_k: usize,
     /// Logits are divided by this; above 0.
+    #[serde(deserialize_with = "above_zero")]
     pub temperature: f64,
+}
+
+fn above_zero<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    let value = f64::deserialize(from)?;
+    if value > 0.0 && value.is_finite() {
+        return Ok(value);
+    }
+    Err(serde::de::Error::custom(format!("{value} is no temperature; expected a number above 0")))
 }
 
 /// How tokens become motion: the parameters of the cards of this family.

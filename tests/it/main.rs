@@ -29,6 +29,7 @@ mod tokens;
 mod trained;
 mod training;
 mod smart_golden;
+mod smart_simulator;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]

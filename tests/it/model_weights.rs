@@ -35,6 +35,8 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     let device = Device::flex();
     let mut init = Initializer::new(7, &device);
     let bytes = match id {
+        "ntp-reactive" | "ntp-reactive-raw" => crate::ntp_reactive::untrained(),
+        "smart" | "smart-projected" => crate::smart_simulator::untrained(),
         "pufferdrive" => save(&Network::init(&mut init, &device), &BTreeMap::new()),
         _ => return None,
     };

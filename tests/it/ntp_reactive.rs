@@ -21,6 +21,15 @@ fn policy(device: &Device) -> Policy {
     Policy::read(&bytes, device).unwrap()
 }
 
+/// The file of a small network that nobody trained.
+pub(crate) fn untrained() -> Vec<u8> {
+    let network =
+        Config { hidden: 16, heads: 2, head_width: 8, relation: 16, feed_forward: 16, head_hidden: 16, ..Config::default() };
+    let vocabulary = crate::smart_simulator::coarse().build().unwrap();
+    let task = NextToken::new(Recipe { network, ..Recipe::default() }, vocabulary, &device());
+    task.file(&task.init(7), &serde_json::Value::Null).unwrap()
+}
+
 fn scenarios(count: usize) -> Vec<Scenario> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
     formats::open(std::path::Path::new(path)).unwrap().take(count).map(Result::unwrap).collect()

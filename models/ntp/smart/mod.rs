@@ -1,7 +1,8 @@
 //! The published next-token network (SMART, CATK, and TrajTok's variant), so that their exported weights run unchanged.
 //!
 //! Read [`Scene`] first (what goes in), then [`Smart`] (what comes out: a score for every token of every agent), then [`Episode`] (one step
-//! after the other, with what is known kept). [`Edges`] says who sees whom and what is known of a pair.
+//! after the other, with what is known kept). [`Edges`] says who sees whom and what is known of a pair. [`SmartSimulator`] drives with it: a
+//! [`SmartPolicy`] is the network with its vocabularies in one file, and `README.md` tells how to make that file.
 //!
 //! Sources: SMART (Wu et al., NeurIPS 2024, github.com/rainmaker22/SMART), CATK (Zhang et al., CVPR 2025, github.com/NVlabs/catk), TrajTok
 //! (arXiv 2506.21618, github.com/Thinklab-SJTU/TrajTok).
@@ -15,8 +16,11 @@ mod head;
 mod links;
 mod map_encoder;
 mod network;
+mod observed;
+mod policy;
 mod relation;
 mod scene;
+mod simulator;
 mod vocabulary;
 
 pub use agent_encoder::AgentEncoder;
@@ -28,6 +32,8 @@ pub use head::{ClassHeads, TokenHead};
 pub use links::Links;
 pub use map_encoder::MapEncoder;
 pub use network::{LoadError, Smart, Stage};
+pub use policy::{SmartPolicy, SmartPolicyError};
 pub use relation::{bearing, wrap};
 pub use scene::{Agents, InputError, MapTokens, Scene, Step};
+pub use simulator::{SmartParameters, SmartSimulator};
 pub use vocabulary::{TokenTables, Vocabulary};

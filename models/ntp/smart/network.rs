@@ -74,12 +74,24 @@ impl Smart {
     /// # Errors
     /// [`LoadError`] that names what does not fit.
     pub fn load(config: &SmartConfig, weights: &[u8], device: &Device) -> Result<Self, LoadError> {
+        Self::of_tensors(config, Tensors::read(weights)?, device)
+    }
+
+    /// As [`Smart::load`], from tensors that lay in a file beside others.
+    ///
+    /// # Errors
+    /// [`LoadError`] that names what does not fit.
+    pub fn of_tensors(
+        config: &SmartConfig,
+        tensors: Tensors<'_>,
+        device: &Device,
+    ) -> Result<Self, LoadError> {
         let network = Self::init(config, &mut Initializer::new(0, device))?;
         let found = network.num_params();
         if config.n_params != 0 && config.n_params != found {
             return Err(LoadError::Size { stated: config.n_params, found });
         }
-        let mut tensors = Tensors::read(weights)?.without_prefix("encoder.");
+        let mut tensors = tensors.without_prefix("encoder.");
         // One norm under two names wherever sources and destinations are of one kind.
         for (layers, count) in [
             ("map_encoder.pt2pt_layers", config.num_map_layers),

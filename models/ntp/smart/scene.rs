@@ -54,7 +54,7 @@ pub struct Scene {
 }
 
 /// What a scene must not be.
-#[derive(Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InputError {
     /// Lists that should be equally long are not.
     #[error("`{field}` has {found} entries, expected {expected}: one for each")]

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use rand::RngExt;
 use reactsim::geometry::{Vec2, direction, left};
+use reactsim::models::nn::Tensors;
+use reactsim::models::nn::weights::Tables;
 use reactsim::rollout::{Purpose, stream};
 use reactsim::scene::Scenario;
 use safetensors::tensor::TensorView;
@@ -24,6 +26,8 @@ pub struct MapVocabulary {
 
 /// The entry of the metadata that says what the vocabulary was made of, as JSON.
 const MADE: &str = "reactsim.map_vocabulary";
+/// What the name of our tensor begins with.
+pub(crate) const MAP_PREFIX: &str = "map_vocabulary.";
 /// Our tensor `[tokens, 11, 2]`, the one of SMART's curves, and CATK's `[tokens, 22]`.
 const OWN: &str = "map_vocabulary.curves";
 const FOREIGN: [&str; 2] = ["traj_src", "map_token_traj_src"];
@@ -105,28 +109,37 @@ impl MapVocabulary {
             return Err(VocabularyError::Type { tensor: name.to_owned(), found: tensor.dtype() });
         }
         let shape = tensor.shape();
-        let fits = match shape {
-            [_, points, 2] => *points == CURVE_POINTS,
-            [_, values] => *values == 2 * CURVE_POINTS,
-            _ => false,
-        };
-        if !fits {
-            let (tensor, found) = (name.to_owned(), shape.to_vec());
-            return Err(VocabularyError::Shape {
-                tensor,
-                found,
-                expected: "[tokens, 11, 2] or [tokens, 22]",
-            });
-        }
         let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         let values: Vec<f64> = tensor.data().chunks_exact(4).map(number).collect();
-        let curve = |v: &[f64]| std::array::from_fn(|i| Vec2::new(v[2 * i], v[2 * i + 1]));
-        let curves: Vec<Curve> = values.chunks_exact(2 * CURVE_POINTS).map(curve).collect();
-        let provenance = match header.metadata().as_ref().and_then(|m| m.get(MADE)) {
-            Some(made) => serde_json::from_str(made).map_err(VocabularyError::Provenance)?,
-            None => Provenance { method: "foreign".to_owned(), ..Provenance::default() },
-        };
-        Self::new(&curves, provenance)
+        let made = header.metadata().as_ref().and_then(|m| m.get(MADE));
+        Self::new(&curves(name, shape, &values)?, provenance(made)?)
+    }
+
+    /// Reads a vocabulary that lies beside other tensors, as [`Self::tables`] gave it, with the text of its making. Without that text it
+    /// is foreign.
+    ///
+    /// # Errors
+    /// [`VocabularyError`], as [`Self::read`].
+    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, VocabularyError> {
+        let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
+        if found != [OWN] {
+            return Err(VocabularyError::Layout { expected: format!("`{OWN}`"), found: found.join(", ") });
+        }
+        let (shape, values) = tensors.floats(OWN).map_err(|e| VocabularyError::Table(e.to_string()))?;
+        let values: Vec<f64> = values.into_iter().map(f64::from).collect();
+        Self::new(&curves(OWN, shape, &values)?, provenance(tensors.metadata().get(MADE))?)
+    }
+
+    /// The curves as a tensor `[tokens, 11, 2]` by name, and the entry of metadata that says what they were made of: what lies beside the
+    /// weights of a network that was trained with them.
+    ///
+    /// # Errors
+    /// [`VocabularyError::Provenance`].
+    pub fn tables(&self) -> Result<(Tables, (String, String)), VocabularyError> {
+        let made = serde_json::to_string(&self.provenance).map_err(VocabularyError::Provenance)?;
+        let values = self.curves.iter().flatten().flat_map(|p| [p.x as f32, p.y as f32]).collect();
+        let table = (vec![self.curves.len(), CURVE_POINTS, 2], values);
+        Ok((Tables::from([(OWN.to_owned(), table)]), (MADE.to_owned(), made)))
     }
 
     /// The bytes of a file that [`Self::read`] reads back as the same vocabulary.
@@ -139,6 +152,29 @@ impl MapVocabulary {
         let data: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
         let view = TensorView::new(Dtype::F32, vec![self.curves.len(), CURVE_POINTS, 2], &data)?;
         Ok(safetensors::serialize([(OWN, view)], Some(HashMap::from([(MADE.to_owned(), made)])))?)
+    }
+}
+
+/// The curves of a tensor.
+fn curves(name: &str, shape: &[usize], values: &[f64]) -> Result<Vec<Curve>, VocabularyError> {
+    let fits = match shape {
+        [_, points, 2] => *points == CURVE_POINTS,
+        [_, values] => *values == 2 * CURVE_POINTS,
+        _ => false,
+    };
+    if !fits {
+        let (tensor, found) = (name.to_owned(), shape.to_vec());
+        return Err(VocabularyError::Shape { tensor, found, expected: "[tokens, 11, 2] or [tokens, 22]" });
+    }
+    let curve = |v: &[f64]| std::array::from_fn(|i| Vec2::new(v[2 * i], v[2 * i + 1]));
+    Ok(values.chunks_exact(2 * CURVE_POINTS).map(curve).collect())
+}
+
+/// What a file says of the making.
+fn provenance(made: Option<&String>) -> Result<Provenance, VocabularyError> {
+    match made {
+        Some(made) => serde_json::from_str(made).map_err(VocabularyError::Provenance),
+        None => Ok(Provenance { method: "foreign".to_owned(), ..Provenance::default() }),
     }
 }
 

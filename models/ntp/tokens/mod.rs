@@ -9,7 +9,7 @@ mod k_disks;
 mod kinematic;
 mod map;
 mod map_pieces;
-mod map_vocabulary;
+pub(crate) mod map_vocabulary;
 mod matching;
 mod motion;
 mod sample;
