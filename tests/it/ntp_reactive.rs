@@ -23,8 +23,15 @@ fn policy(device: &Device) -> Policy {
 
 /// The file of a small network that nobody trained.
 pub(crate) fn untrained() -> Vec<u8> {
-    let network =
-        Config { hidden: 16, heads: 2, head_width: 8, relation: 16, feed_forward: 16, head_hidden: 16, ..Config::default() };
+    let network = Config {
+        hidden: 16,
+        heads: 2,
+        head_width: 8,
+        relation: 16,
+        feed_forward: 16,
+        head_hidden: 16,
+        ..Config::default()
+    };
     let vocabulary = crate::smart_simulator::coarse().build().unwrap();
     let task = NextToken::new(Recipe { network, ..Recipe::default() }, vocabulary, &device());
     task.file(&task.init(7), &serde_json::Value::Null).unwrap()

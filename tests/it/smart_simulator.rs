@@ -12,8 +12,8 @@ use reactsim::models::ntp::smart::{
     Agents, Batch, MapTokens, Scene, Smart, SmartConfig, SmartParameters, SmartPolicy, SmartSimulator, Step,
 };
 use reactsim::models::ntp::tokens::{
-    ArcGrid, Band, Class, Kinematic, MapVocabulary, PolarGrid, PreparedTrack, Provenance, TOKEN_FRAMES, Vocabulary,
-    curve_pieces, fill_gaps, moved, token_of_motion,
+    ArcGrid, Band, Class, Kinematic, MapVocabulary, PolarGrid, PreparedTrack, Provenance, TOKEN_FRAMES,
+    Vocabulary, curve_pieces, fill_gaps, moved, token_of_motion,
 };
 use reactsim::models::{WeightsFile, find};
 use reactsim::rollout::{Controller, Rollout, Settings, roll_out};
@@ -124,7 +124,10 @@ fn a_file_gives_the_same_policy_and_what_is_none_is_refused_by_name() {
     };
     refusal(&config("\"n_token_map\":5", "\"n_token_map\":6"), "5 tokens of the map, expected 6");
     refusal(&config("\"ped\":", "\"ped\":1"), "tokens of pedestrians, expected 1");
-    refusal(&config("\"shift_frames\":5", "\"shift_frames\":2"), "`shift_frames` of the network's configuration is 2");
+    refusal(
+        &config("\"shift_frames\":5", "\"shift_frames\":2"),
+        "`shift_frames` of the network's configuration is 2",
+    );
     refusal(&config("\"num_heads\":2", "\"num_heads\":0"), "`num_heads`");
     refusal(&config("\"num_agent_layers\":2", "\"num_agent_layers\":1"), "has no place in the network");
     refusal(&config("\"num_agent_layers\":2", "\"num_agent_layers\":3"), "layers.2");
@@ -135,9 +138,15 @@ fn a_file_gives_the_same_policy_and_what_is_none_is_refused_by_name() {
             header.insert(to.to_owned(), entry);
         })
     };
-    refusal(&renamed("agent_encoder.type_a_emb.weight", "other"), "`agent_encoder.type_a_emb.weight` [3, 16] is missing");
-    refusal(&renamed("map_vocabulary.curves", "map_vocabulary.x"), "expected the tensors `map_vocabulary.curves`");
-    refusal(&renamed("vocabulary.vehicle", "vocabulary.car"), "`vocabulary.car`");
+    refusal(
+        &renamed("agent_encoder.type_a_emb.weight", "other"),
+        "`agent_encoder.type_a_emb.weight` [3, 16] is missing",
+    );
+    refusal(
+        &renamed("map_vocabulary.curves", "map_vocabulary.x"),
+        "expected the tensors `map_vocabulary.curves`",
+    );
+    refusal(&renamed("vocabulary.vehicle", "vocabulary.car"), "`vocabulary.vehicle`");
     let shaped = |name: &'static str, shape: &'static [usize]| {
         edited(&good, move |header| header[name]["shape"] = serde_json::json!(shape))
     };
@@ -145,7 +154,8 @@ fn a_file_gives_the_same_policy_and_what_is_none_is_refused_by_name() {
     refusal(&shaped("map_vocabulary.curves", &[11, 5, 2]), "expected [tokens, 11, 2]");
     // Tokens of two poses.
     let tokens = coarse().build().unwrap().tokens(Class::Vehicle);
-    let two = edited(&good, |header| header["vocabulary.vehicle"]["shape"] = serde_json::json!([tokens * 3, 2, 3]));
+    let two =
+        edited(&good, |header| header["vocabulary.vehicle"]["shape"] = serde_json::json!([tokens * 3, 2, 3]));
     refusal(&two, "expected [tokens, 6, 3]");
     let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
     for (at, part) in [(header, "agent_encoder.a2a"), (good.len() - 4, "vocabulary.vehicle")] {
@@ -250,12 +260,14 @@ fn what_is_kept_is_what_one_look_at_the_whole_rollout_gives() {
                 for t in 1..steps {
                     let own = &logits[(a * steps + t) * width..][..policy.vocabulary.tokens(class)];
                     let best = (1..own.len()).fold(0, |b, i| if own[i] > own[b] { i } else { b });
-                    let second = (0..own.len()).filter(|i| *i != best).map(|i| own[i]).fold(f32::MIN, f32::max);
+                    let second =
+                        (0..own.len()).filter(|i| *i != best).map(|i| own[i]).fold(f32::MIN, f32::max);
                     if own[best] - second < 1e-3 {
                         continue;
                     }
                     let frame = (t + 1) * TOKEN_FRAMES;
-                    let (from, to) = (rollout.tracks[a][frame].unwrap(), rollout.tracks[a][frame + 5].unwrap());
+                    let (from, to) =
+                        (rollout.tracks[a][frame].unwrap(), rollout.tracks[a][frame + 5].unwrap());
                     let from = Pose { position: from.position(), heading: from.heading };
                     let end = moved(from, policy.vocabulary.end(class, best));
                     assert!((end.position - to.position()).norm() < 1e-6, "{} {a} {frame}", scenario.id);
@@ -278,7 +290,8 @@ fn the_av_is_where_it_is_and_counts_from_then_on() {
         // From step 21 on it stands.
         let halt = av[19];
         av[20..].fill(halt);
-        let other = roll_out(vec![request(scenario, av.clone(), 0)], &controller, &Settings::default()).remove(0);
+        let other =
+            roll_out(vec![request(scenario, av.clone(), 0)], &controller, &Settings::default()).remove(0);
         let other = other.unwrap();
         for (k, state) in av.iter().enumerate() {
             let realised = other.tracks[0][HISTORY + k].unwrap();
@@ -286,7 +299,12 @@ fn the_av_is_where_it_is_and_counts_from_then_on() {
         }
         // The plan at step 20 does not see it, the one at step 25 does.
         for a in 1..straight.tracks.len() {
-            assert_eq!(straight.tracks[a][..=CURRENT + 25], other.tracks[a][..=CURRENT + 25], "{}", scenario.id);
+            assert_eq!(
+                straight.tracks[a][..=CURRENT + 25],
+                other.tracks[a][..=CURRENT + 25],
+                "{}",
+                scenario.id
+            );
             reactions += usize::from(straight.tracks[a] != other.tracks[a]);
         }
     }

@@ -5,8 +5,8 @@ use reactsim::rollout::Observation;
 use reactsim::scene::{CURRENT, Frame, Start};
 
 use super::super::tokens::{
-    Class, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces, fill_gaps,
-    token_of_motion,
+    Class, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces,
+    fill_gaps, token_of_motion,
 };
 use super::{Agents, MapTokens, Step};
 
