@@ -23,7 +23,7 @@ use crate::rollout::Controller;
 pub(super) struct NtpArgs {
     #[command(flatten)]
     session: SessionArgs,
-    /// Recipe, TOML: sizes of the network, augmentation, smoothing [default: that of the shipped weights]
+    /// Recipe, TOML: sizes of the network, augmentation, smoothing [default: a network for two cores]
     #[arg(long, value_name = "FILE")]
     recipe: Option<PathBuf>,
     /// Vocabulary of motion tokens, as `train vocabulary` makes it [default: the kinematic one]
