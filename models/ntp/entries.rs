@@ -8,40 +8,28 @@ use super::reactive::{Policy, ReactiveSimulator};
 use super::smart::{SmartPolicy, SmartSimulator};
 
 /// Ours, with vehicles inside kinematic limits.
-pub(in crate::models) const REACTIVE: Baseline = Baseline {
-    id: "ntp-reactive",
-    card: include_str!("cards/reactive.toml"),
-    oracle: false,
-    needs_weights: true,
-    make: reactive,
-};
+pub(in crate::models) const REACTIVE: Baseline =
+    entry("ntp-reactive", include_str!("cards/reactive.toml"), reactive);
 
 /// Ours, with vehicles that jump as tokens do.
-pub(in crate::models) const REACTIVE_RAW: Baseline = Baseline {
-    id: "ntp-reactive-raw",
-    card: include_str!("cards/reactive_raw.toml"),
-    oracle: false,
-    needs_weights: true,
-    make: reactive,
-};
+pub(in crate::models) const REACTIVE_RAW: Baseline =
+    entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), reactive);
 
 /// The published network, with tokens as they are.
-pub(in crate::models) const SMART: Baseline = Baseline {
-    id: "smart",
-    card: include_str!("cards/smart.toml"),
-    oracle: false,
-    needs_weights: true,
-    make: smart,
-};
+pub(in crate::models) const SMART: Baseline = entry("smart", include_str!("cards/smart.toml"), smart);
 
 /// The published network, with vehicles inside kinematic limits.
-pub(in crate::models) const SMART_PROJECTED: Baseline = Baseline {
-    id: "smart-projected",
-    card: include_str!("cards/smart_projected.toml"),
-    oracle: false,
-    needs_weights: true,
-    make: smart,
-};
+pub(in crate::models) const SMART_PROJECTED: Baseline =
+    entry("smart-projected", include_str!("cards/smart_projected.toml"), smart);
+
+/// A network's baseline: fair, and in need of weights.
+const fn entry(
+    id: &'static str,
+    card: &'static str,
+    make: fn(Setup) -> Result<Controller, ModelError>,
+) -> Baseline {
+    Baseline { id, card, oracle: false, needs_weights: true, make }
+}
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use burn::tensor::Device;
 use reactsim::formats;
 use reactsim::geometry::{Vec2, direction};
-use reactsim::models::nn::{Initializer, device};
+use reactsim::models::nn::device;
 use reactsim::models::ntp::learn::{NextToken, Recipe};
 use reactsim::models::ntp::reactive::{Config, Known, Logits, Policy, PolicyError, ReactiveSimulator};
 use reactsim::models::ntp::tokens::{Class, Kinematic};
@@ -290,7 +290,6 @@ fn foreign_and_damaged_policies_are_refused() {
     assert!(refusal(&nan).contains("NaN") || refusal(&nan).contains("finite"), "{}", refusal(&nan));
     let config = Config { past: 0, ..Config::default() };
     assert!(matches!(config.check(), Err(PolicyError::Size { field: "past", .. })));
-    let _ = Initializer::new(0, &device);
 }
 
 #[test]

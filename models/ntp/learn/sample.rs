@@ -102,7 +102,7 @@ pub(crate) fn sample(
     let weights: Vec<f32> =
         scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED } else { 1.0 }).collect();
 
-    let places = Places::of(&scene.pieces, &scene.stops, &scene.light_lanes, &scene.successors, config);
+    let places = Places::of(&scene.map, config);
     let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
     let mut earlier: Vec<Earlier> = Vec::new();
     let mut row = 0;
@@ -113,7 +113,7 @@ pub(crate) fn sample(
         let av_next: Option<AgentState> = if blind { None } else { tracks[0][at + 1] };
         let view =
             View { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };
-        let step = Step::of(&view, &sample.places, &earlier, |_| true, config);
+        let step = Step::of(&view, &sample.places, &earlier, config);
         if let Some(k) = at.checked_sub(first).map(|d| d / TOKEN_FRAMES) {
             for (i, (&slot, &class)) in step.slots.iter().zip(&step.classes).enumerate() {
                 if let Some(token) = labels[slot].get(k).copied().flatten() {

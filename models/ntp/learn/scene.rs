@@ -4,9 +4,8 @@ use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
 
-use super::super::reactive::places::Stop;
-use super::super::reactive::places::known_pieces;
-use super::super::tokens::{MapPiece, PieceKind};
+use super::super::reactive::places::KnownMap;
+use super::super::tokens::PieceKind;
 
 /// A logged scene: agents, their whole tracks, the map, what lights showed.
 #[derive(Clone, Debug)]
@@ -15,14 +14,8 @@ pub(crate) struct LearningScene {
     pub agents: Vec<Agent>,
     /// Per agent 91 frames.
     pub tracks: Vec<Vec<Frame>>,
-    /// Pieces of the map.
-    pub pieces: Vec<MapPiece>,
-    /// Where to stop.
-    pub stops: Vec<Stop>,
-    /// Per lane those that follow.
-    pub successors: Vec<Vec<usize>>,
-    /// Per light its lane.
-    pub light_lanes: Vec<usize>,
+    /// The map.
+    pub map: KnownMap,
     /// Per light what it showed in 91 frames.
     pub lights: Vec<Vec<Option<LightState>>>,
 }
@@ -34,10 +27,7 @@ impl LearningScene {
         Self {
             agents: start.agents.clone(),
             tracks: (0..start.agents.len()).map(|a| scenario.logged(a)).collect(),
-            pieces: known_pieces(start, radius),
-            stops: Stop::all(start, radius),
-            successors: start.map.lanes.iter().map(|l| l.successors.clone()).collect(),
-            light_lanes: start.lights.iter().map(|l| l.lane).collect(),
+            map: KnownMap::of(start, radius),
             lights: (0..start.lights.len()).map(|l| scenario.light_states(l)).collect(),
         }
     }
@@ -48,14 +38,14 @@ impl LearningScene {
         for state in self.tracks.iter_mut().flatten().flatten() {
             *state = AgentState { y: -state.y, heading: -state.heading, vy: -state.vy, ..*state };
         }
-        for piece in &mut self.pieces {
+        for piece in &mut self.map.pieces {
             piece.points = piece.points.map(flip);
             // Edges have the road on their left.
             if matches!(piece.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian) {
                 piece.points.reverse();
             }
         }
-        for stop in &mut self.stops {
+        for stop in &mut self.map.stops {
             (stop.at, stop.ahead) = (flip(stop.at), flip(stop.ahead));
         }
         self
@@ -68,12 +58,12 @@ impl LearningScene {
             let (x, y, vx, vy) = (state.x * factor, state.y * factor, state.vx * factor, state.vy * factor);
             *state = AgentState { x, y, heading, vx, vy };
         }
-        for piece in &mut self.pieces {
+        for piece in &mut self.map.pieces {
             piece.points = piece.points.map(|p| p * factor);
             piece.length *= factor;
             piece.speed_limit = piece.speed_limit.map(|v| v * factor);
         }
-        for stop in &mut self.stops {
+        for stop in &mut self.map.stops {
             stop.at *= factor;
         }
         self

@@ -16,6 +16,14 @@ const PER_LOOK: usize = 5;
 pub(crate) const BODY: usize = OWN + LANE + CORRIDOR;
 /// Of these, numbers of its own; then its lane, then what is in its way.
 const OWN: usize = 14 + LOOKS_BACK.len() * PER_LOOK;
+/// The course of an agent bends as it did over so many frames: over less it is mostly noise in recordings.
+const COURSE_FRAMES: usize = 5;
+/// Who has gone less in that time is taken to have gone so far, metres.
+const MOVES: f64 = 1.0;
+/// No course bends more, 1/m.
+const BEND: f64 = 0.2;
+/// Pedestrians who are faster walk, m/s.
+const WALKS: f64 = 0.3;
 
 /// An agent at one step, as relations are computed from it.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +53,7 @@ pub(crate) fn into_frame(ahead: Vec2, v: Vec2) -> Vec2 {
 
 impl Body {
     /// The agent at frame `now` of its track, from this and earlier frames; the AV also from its state one step later where the
-    /// protocol shows it (`next`), with its lane among `places`; and the ways on. `None` where it is absent or of no class.
+    /// protocol shows it (`next`), with its lane among `places`; and the ways on, its own course first. `None` where it is absent or of no class.
     pub(crate) fn at(
         agent: &Agent,
         track: &[Frame],
@@ -79,9 +87,23 @@ impl Body {
         };
         body.describe(agent.kind, state, next, back);
         let speed = body.velocity.dot(&ahead).max(0.0);
-        let driver = Driver { position: body.position, ahead, speed, class };
-        let ways = lane::describe(&driver, places, &mut body.features[OWN..OWN + LANE]);
+        let (course, curvature) = body.course(back(COURSE_FRAMES));
+        let driver = Driver { position: body.position, ahead, speed, class, course, curvature };
+        let mut ways = vec![lane::course(&driver)];
+        ways.extend(lane::describe(&driver, places, &mut body.features[OWN..OWN + LANE]));
         Some((body, ways))
+    }
+
+    /// Which way it moves and how that way bends, 1/m, by how it was turned a moment `ago`. Pedestrians walk where they do not look.
+    fn course(&self, ago: Frame) -> (Vec2, f64) {
+        let speed = self.velocity.norm();
+        if self.class == Class::Pedestrian {
+            return (if speed > WALKS { self.velocity / speed } else { self.ahead }, 0.0);
+        }
+        let Some(ago) = ago else { return (self.ahead, 0.0) };
+        let turned = into_frame(direction(ago.heading), self.ahead);
+        let gone = (self.position - ago.position()).norm().max(MOVES);
+        (self.ahead, (math::atan2(turned.y, turned.x) / gone).clamp(-BEND, BEND))
     }
 
     /// Where what is in the way of an agent is described.

@@ -1,4 +1,4 @@
-//! What is in the way of an agent: others on the ways that its lane leads, now and soon, and where to stop.
+//! What is in the way of an agent: others on its own course and on the ways that its lane leads, now and soon, and where to stop.
 
 use reactsim::geometry::Vec2;
 use reactsim::scene::LightState;
@@ -8,7 +8,9 @@ use super::lane::{SPACING, WAYS, Way};
 use super::places::{Place, Role};
 
 /// Numbers that describe what is in the way.
-pub(crate) const CORRIDOR: usize = WAYS * (TIMES.len() * PER_TIME + PER_STOP);
+pub(crate) const CORRIDOR: usize = (1 + WAYS) * EACH;
+/// Numbers of one way.
+const EACH: usize = TIMES.len() * PER_TIME + PER_STOP;
 /// When others are looked at, seconds from now; they go on as they move now.
 const TIMES: [f64; 3] = [0.0, 1.0, 2.0];
 const PER_TIME: usize = 7;
@@ -21,9 +23,8 @@ const FREE: f64 = 60.0;
 const STOP_ASIDE: f64 = 2.0;
 
 /// Fills in, per way and time, the gap to the nearest other agent in it, its speed along the way, whether it is the AV, and what a driver
-/// goes by; and per way the nearest stop. Zeros without ways.
+/// goes by; and per way the nearest stop. Zeros for ways that are not there.
 pub(crate) fn describe(
-    me: &Body,
     bodies: &[Body],
     own: usize,
     ways: &[Way],
@@ -31,14 +32,14 @@ pub(crate) fn describe(
     lights: &[Option<LightState>],
     out: &mut [f32],
 ) {
-    let each = CORRIDOR / WAYS;
+    let me = &bodies[own];
     for (w, way) in ways.iter().enumerate() {
         // Most lanes lead one way for a while.
         if let Some(same) = ways[..w].iter().position(|other| other == way) {
-            out.copy_within(same * each..(same + 1) * each, w * each);
+            out.copy_within(same * EACH..(same + 1) * EACH, w * EACH);
             continue;
         }
-        let out = &mut out[w * each..(w + 1) * each];
+        let out = &mut out[w * EACH..(w + 1) * EACH];
         for (t, time) in TIMES.into_iter().enumerate() {
             let mut nearest = (FREE, 0.0, false);
             for other in bodies.iter().enumerate().filter(|(j, _)| *j != own).map(|(_, b)| b) {

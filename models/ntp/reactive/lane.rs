@@ -1,6 +1,6 @@
-//! Where the lane of an agent leads.
+//! Where an agent is going: its own course, and where its lane leads.
 
-use reactsim::geometry::Vec2;
+use reactsim::geometry::{Vec2, math};
 
 use super::super::tokens::Class;
 use super::body::into_frame;
@@ -52,7 +52,7 @@ impl LaneGraph {
     }
 }
 
-/// An agent, as lanes are looked for.
+/// An agent, as its ways are looked for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Driver {
     /// Box centre.
@@ -63,6 +63,10 @@ pub(crate) struct Driver {
     pub speed: f64,
     /// Class.
     pub class: Class,
+    /// Unit vector of the motion; of the heading where it stands.
+    pub course: Vec2,
+    /// Curvature of the motion of late, 1/m; left is positive.
+    pub curvature: f64,
 }
 
 /// A way on: points every [`SPACING`] metres and the direction there.
@@ -75,6 +79,32 @@ pub(crate) const SPACING: f64 = 2.5;
 const LENGTHS: (f64, f64) = (12.0, 70.0);
 /// They grow with so many seconds of speed.
 const FORESIGHT: f64 = 4.0;
+/// Nobody is taken to turn further than this on its course, radians.
+const MOST_TURN: f64 = 1.6;
+
+/// How far ahead the ways of an agent are looked at, in points.
+fn points_ahead(speed: f64) -> usize {
+    ((LENGTHS.0 + FORESIGHT * speed).min(LENGTHS.1) / SPACING) as usize
+}
+
+/// The way that an agent takes if it goes on as it does: what is there counts wherever lanes lead.
+pub(crate) fn course(me: &Driver) -> Way {
+    let turn = |s: f64| (me.curvature * s).clamp(-MOST_TURN, MOST_TURN);
+    let mut at = me.position;
+    let mut points = Vec::new();
+    for i in 0..=points_ahead(me.speed) {
+        let s = i as f64 * SPACING;
+        points.push((at, rotated(me.course, turn(s))));
+        at += rotated(me.course, turn(s + 0.5 * SPACING)) * SPACING;
+    }
+    Way(points)
+}
+
+/// `v` turned to the left by `angle` radians.
+fn rotated(v: Vec2, angle: f64) -> Vec2 {
+    let (sin, cos) = math::sin_cos(angle);
+    Vec2::new(v.x * cos - v.y * sin, v.x * sin + v.y * cos)
+}
 
 /// Fills in how far aside of its lane an agent is and how it is turned, its speed as part of the limit, and points of the ways on, in its frame: about 0.5, 1 and 2 s
 /// ahead. Returns the ways. Zeros and none for people on foot and where there is no lane.
@@ -97,12 +127,11 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
     let distances = [3.0 + 0.5 * v, 6.0 + v, 10.0 + 2.0 * v];
     let scales = [1.0, 3.0, 10.0];
     let choices: [fn(f64) -> f64; WAYS] = [|turn| -turn, f64::abs, |turn| turn];
-    let reach = (LENGTHS.0 + FORESIGHT * v).min(LENGTHS.1);
     let mut ways = Vec::with_capacity(WAYS);
     for (way, choice) in choices.iter().enumerate() {
         let begin = || Walk { places, piece, from: point, heading: along, gone: 0.0, left: MOST_PIECES };
         let mut walk = begin();
-        let points = (0..=(reach / SPACING) as usize).map(|i| walk.to(i as f64 * SPACING, me.ahead, choice));
+        let points = (0..=points_ahead(v)).map(|i| walk.to(i as f64 * SPACING, me.ahead, choice));
         ways.push(Way(points.collect()));
         let mut walk = begin();
         for (k, (d, scale)) in distances.iter().zip(scales).enumerate() {
@@ -168,7 +197,7 @@ impl Walk<'_> {
             }
             let turn = |to: Vec2| {
                 let local = into_frame(ahead, to);
-                reactsim::geometry::math::atan2(local.y, local.x)
+                math::atan2(local.y, local.x)
             };
             let next = &self.places.graph.next[self.piece];
             let chosen = next.iter().min_by(|a, b| cost(turn(a.1)).total_cmp(&cost(turn(b.1))));

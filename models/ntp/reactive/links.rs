@@ -37,6 +37,13 @@ impl Links {
     }
 }
 
+/// Writes numbers to where the network reads them.
+pub(crate) fn put<const N: usize>(out: &mut [f32], values: [f64; N]) {
+    for (slot, value) in out.iter_mut().zip(values) {
+        *slot = value as f32;
+    }
+}
+
 /// The `k` smallest of what is offered, by value and then by order of offering.
 #[derive(Debug)]
 pub(crate) struct Nearest {

@@ -3,6 +3,7 @@
 use reactsim::geometry::Vec2;
 
 use super::body::{Body, into_frame};
+use super::links::put;
 
 /// Numbers that describe how another agent stands to one.
 pub(crate) const PAIR: usize = 29;
@@ -32,40 +33,40 @@ pub(crate) fn relate(me: &Body, other: &Body, out: &mut [f32]) {
     let (nearest_time, nearest) = nearest_approach(apart, relative);
     let crossing = Crossing::of(apart, toward, own.x, theirs.dot(&toward));
 
-    let values = [
-        apart.x / 30.0,
-        apart.y / 30.0,
-        distance / 30.0,
-        apart.x / distance,
-        apart.y / distance,
-        toward.x,
-        toward.y,
-        relative.x / 10.0,
-        relative.y / 10.0,
-        closing / 10.0,
-        theirs.dot(&toward) / 10.0,
-        other.acceleration / 4.0,
-        1.0 / (1.0 + between),
-        1.0 / (1.0 + gap.x.max(0.0)),
-        1.0 / (1.0 + gap.y.max(0.0)),
-        (gap.y / 5.0).clamp(-1.0, 2.0),
-        if gap.y < 0.3 { apart.x.signum() } else { 0.0 },
-        1.0 / (0.5 + contact.min(HORIZON)),
-        nearest_time / HORIZON,
-        1.0 / (1.0 + (nearest - me.half.y - other.half.y).max(0.0)),
-        f64::from(u8::from(crossing.exists)),
-        crossing.mine / HORIZON,
-        crossing.theirs / HORIZON,
-        ((crossing.theirs - crossing.mine) / 3.0).clamp(-2.0, 2.0),
-        crossing.room / 30.0,
-        other.half.x / 2.5,
-        other.half.y,
-        f64::from(u8::from(other.is_av)),
-        1.0,
-    ];
-    for (slot, value) in out.iter_mut().zip(values) {
-        *slot = value as f32;
-    }
+    put(
+        out,
+        [
+            apart.x / 30.0,
+            apart.y / 30.0,
+            distance / 30.0,
+            apart.x / distance,
+            apart.y / distance,
+            toward.x,
+            toward.y,
+            relative.x / 10.0,
+            relative.y / 10.0,
+            closing / 10.0,
+            theirs.dot(&toward) / 10.0,
+            other.acceleration / 4.0,
+            1.0 / (1.0 + between),
+            1.0 / (1.0 + gap.x.max(0.0)),
+            1.0 / (1.0 + gap.y.max(0.0)),
+            (gap.y / 5.0).clamp(-1.0, 2.0),
+            if gap.y < 0.3 { apart.x.signum() } else { 0.0 },
+            1.0 / (0.5 + contact.min(HORIZON)),
+            nearest_time / HORIZON,
+            1.0 / (1.0 + (nearest - me.half.y - other.half.y).max(0.0)),
+            f64::from(u8::from(crossing.exists)),
+            crossing.mine / HORIZON,
+            crossing.theirs / HORIZON,
+            ((crossing.theirs - crossing.mine) / 3.0).clamp(-2.0, 2.0),
+            crossing.room / 30.0,
+            other.half.x / 2.5,
+            other.half.y,
+            f64::from(u8::from(other.is_av)),
+            1.0,
+        ],
+    );
 }
 
 /// Time and distance of the nearest approach of two points that go straight on, seconds and metres.

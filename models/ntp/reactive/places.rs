@@ -7,7 +7,7 @@ use super::super::tokens::{MapPiece, PieceKind, map_pieces};
 use super::body::{Body, into_frame};
 use super::config::Config;
 use super::lane::LaneGraph;
-use super::links::{Links, Nearest};
+use super::links::{Links, Nearest, put};
 
 /// Numbers that describe a place alone.
 pub(crate) const PLACE: usize = 20 + KINDS + 4;
@@ -66,21 +66,12 @@ pub(crate) struct Places {
 impl Places {
     /// The places that are known of a scenario.
     pub(crate) fn known(start: &Start, config: &Config) -> Self {
-        let pieces = known_pieces(start, config.map_radius);
-        let stops = Stop::all(start, config.map_radius);
-        let light_lanes: Vec<usize> = start.lights.iter().map(|l| l.lane).collect();
-        let successors: Vec<Vec<usize>> = start.map.lanes.iter().map(|l| l.successors.clone()).collect();
-        Self::of(&pieces, &stops, &light_lanes, &successors, config)
+        Self::of(&KnownMap::of(start, config.map_radius), config)
     }
 
-    /// The places of a map. `light_lanes` are the lanes that lights control, in the order of the lights; `successors` those of each lane.
-    pub(crate) fn of(
-        pieces: &[MapPiece],
-        stops: &[Stop],
-        light_lanes: &[usize],
-        successors: &[Vec<usize>],
-        config: &Config,
-    ) -> Self {
+    /// The places of a map.
+    pub(crate) fn of(map: &KnownMap, config: &Config) -> Self {
+        let KnownMap { pieces, stops, light_lanes, successors } = map;
         let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
         let mut all: Vec<Place> =
             pieces.iter().map(|p| Place::of_piece(p, p.lane.and_then(light_of))).collect();
@@ -139,11 +130,32 @@ impl Places {
     }
 }
 
-/// The pieces of a map within `radius` of where the AV is at the current frame, without stop lines: those are [`Stop`]s.
-pub(crate) fn known_pieces(start: &Start, radius: f64) -> Vec<MapPiece> {
-    let mut pieces = map_pieces(&start.map, start.now(0).position(), radius);
-    pieces.retain(|p| !matches!(p.kind, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine));
-    pieces
+/// What is known of a map: what places are made of.
+#[derive(Clone, Debug)]
+pub(crate) struct KnownMap {
+    /// Pieces of lines, without stop lines: those are [`Stop`]s.
+    pub pieces: Vec<MapPiece>,
+    /// Where to stop.
+    pub stops: Vec<Stop>,
+    /// Per light the lane that it controls.
+    light_lanes: Vec<usize>,
+    /// Per lane those that follow.
+    successors: Vec<Vec<usize>>,
+}
+
+impl KnownMap {
+    /// The map of a scenario within `radius` of where the AV is at the current frame.
+    pub(crate) fn of(start: &Start, radius: f64) -> Self {
+        let mut pieces = map_pieces(&start.map, start.now(0).position(), radius);
+        let is_stop = |k| matches!(k, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine);
+        pieces.retain(|p| !is_stop(p.kind));
+        Self {
+            pieces,
+            stops: Stop::all(start, radius),
+            light_lanes: start.lights.iter().map(|l| l.lane).collect(),
+            successors: start.map.lanes.iter().map(|l| l.successors.clone()).collect(),
+        }
+    }
 }
 
 /// Where vehicles stop.
@@ -161,7 +173,7 @@ pub(crate) struct Stop {
 
 impl Stop {
     /// The stops of a scenario within `radius` of where the AV is at the current frame: lights, then signs and give-way lines.
-    pub(crate) fn all(start: &Start, radius: f64) -> Vec<Self> {
+    fn all(start: &Start, radius: f64) -> Vec<Self> {
         let map: &RoadMap = &start.map;
         let ahead = |lane: usize, p: Vec2| {
             let line = &map.lanes[lane].baseline;
@@ -224,18 +236,18 @@ impl Place {
         let apart = into_frame(self.ahead, other.start - self.start);
         let toward = into_frame(self.ahead, other.ahead);
         let distance = apart.norm();
-        let values = [
-            apart.x / 10.0,
-            apart.y / 10.0,
-            distance / 10.0,
-            toward.x,
-            toward.y,
-            1.0 / (1.0 + distance),
-            1.0,
-        ];
-        for (slot, value) in out.iter_mut().zip(values) {
-            *slot = value as f32;
-        }
+        put(
+            out,
+            [
+                apart.x / 10.0,
+                apart.y / 10.0,
+                distance / 10.0,
+                toward.x,
+                toward.y,
+                1.0 / (1.0 + distance),
+                1.0,
+            ],
+        );
     }
 
     /// Where it ends.
@@ -286,39 +298,39 @@ impl Place {
             brake = (speed * speed / (2.0 * room) / 4.0).min(3.0);
             arrival = (room / speed.max(0.5) / 5.0).min(2.0);
         }
-        let values = [
-            at.x / 10.0,
-            at.y / 5.0,
-            1.0 / (1.0 + distance),
-            distance / 30.0,
-            aside.clamp(-2.0, 2.0),
-            (aside / 3.0).clamp(-3.0, 3.0),
-            toward.x,
-            (toward.y * 3.0).clamp(-3.0, 3.0),
-            first.x / 30.0,
-            first.y / 30.0,
-            last.x / 30.0,
-            last.y / 30.0,
-            end_ahead.x,
-            (end_ahead.y * 3.0).clamp(-3.0, 3.0),
-            shown(LightState::is_red),
-            shown(LightState::is_yellow),
-            shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),
-            shown(|l| matches!(l, LightState::Unknown)),
-            shown(|l| matches!(l, LightState::FlashingStop | LightState::FlashingCaution)),
-            brake,
-            arrival,
-            f64::from(u8::from(self.role == Role::Lane)),
-            f64::from(u8::from(self.role == Role::Border)),
-            f64::from(u8::from(self.role == Role::Stop)),
-            // Off which side of an edge the box comes.
-            ((aside.abs() - me.half.y) / 2.0).clamp(-1.0, 3.0),
-            f64::from(u8::from(at.x > 0.0)),
-            1.0,
-        ];
-        for (slot, value) in out.iter_mut().zip(values) {
-            *slot = value as f32;
-        }
+        put(
+            out,
+            [
+                at.x / 10.0,
+                at.y / 5.0,
+                1.0 / (1.0 + distance),
+                distance / 30.0,
+                aside.clamp(-2.0, 2.0),
+                (aside / 3.0).clamp(-3.0, 3.0),
+                toward.x,
+                (toward.y * 3.0).clamp(-3.0, 3.0),
+                first.x / 30.0,
+                first.y / 30.0,
+                last.x / 30.0,
+                last.y / 30.0,
+                end_ahead.x,
+                (end_ahead.y * 3.0).clamp(-3.0, 3.0),
+                shown(LightState::is_red),
+                shown(LightState::is_yellow),
+                shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),
+                shown(|l| matches!(l, LightState::Unknown)),
+                shown(|l| matches!(l, LightState::FlashingStop | LightState::FlashingCaution)),
+                brake,
+                arrival,
+                f64::from(u8::from(self.role == Role::Lane)),
+                f64::from(u8::from(self.role == Role::Border)),
+                f64::from(u8::from(self.role == Role::Stop)),
+                // Off which side of an edge the box comes.
+                ((aside.abs() - me.half.y) / 2.0).clamp(-1.0, 3.0),
+                f64::from(u8::from(at.x > 0.0)),
+                1.0,
+            ],
+        );
     }
 }
 

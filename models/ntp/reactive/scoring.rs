@@ -46,7 +46,7 @@ impl Policy {
             let av_next = next.filter(|_| known.av_lookahead);
             let view =
                 View { agents: &known.start.agents, tracks: known.tracks, now, av_next, lights: &lights };
-            let step = Step::of(&view, &places, &earlier, |_| true, config);
+            let step = Step::of(&view, &places, &earlier, config);
             earlier.extend_from_slice(&step.here);
             steps.push(step);
         }

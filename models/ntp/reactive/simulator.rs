@@ -48,7 +48,7 @@ struct Planned<'e, 'a> {
     /// Realised frames, then planned ones.
     tracks: Vec<Vec<Frame>>,
     steps: Vec<Step>,
-    /// Nodes that the first of these steps may attend to, and how many of the remembered ones they are.
+    /// The remembered nodes, where the newest step goes on from them.
     earlier: Vec<Earlier>,
 }
 
@@ -56,20 +56,17 @@ impl Simulator for ReactiveSimulator {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
         let places = Places::known(start, &self.policy.config);
         let map = self.policy.network.encode_map(&map_tensors(&[&places], &self.policy.config, &self.device));
-        Memory::new(Mind { places, map, remembered: Vec::new(), due: usize::MAX })
+        Memory::new(Some(Mind { places, map, remembered: Vec::new(), due: usize::MAX }))
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
         let mut planned = Vec::with_capacity(batch.len());
         for episode in batch.iter_mut() {
-            let Some(mind) = episode.memory.get::<Mind>() else {
+            // Taken out, to be put back when the plan is made.
+            let Some(mind) = episode.memory.get::<Option<Mind>>().and_then(Option::take) else {
                 episode.error = Some(PlanError::ForeignMemory("ntp-reactive"));
                 continue;
             };
-            // Taken out, to be put back when the plan is made.
-            let empty =
-                Mind { places: Places::default(), map: mind.map.clone(), remembered: Vec::new(), due: 0 };
-            let mind = std::mem::replace(mind, empty);
             let agents = episode.seen.start().agents.len();
             let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
             planned.push(Planned { episode, mind, tracks, steps: Vec::new(), earlier: Vec::new() });
@@ -88,8 +85,8 @@ impl Simulator for ReactiveSimulator {
                     p.episode.plan.set(slot, k, track.get(now + 1 + k).copied().flatten());
                 }
             }
-            if let Some(mind) = p.episode.memory.get::<Mind>() {
-                *mind = p.mind;
+            if let Some(mind) = p.episode.memory.get::<Option<Mind>>() {
+                *mind = Some(p.mind);
             }
         }
         Ok(())

@@ -7,7 +7,7 @@ use super::super::tokens::Class;
 use super::body::{Body, into_frame};
 use super::config::Config;
 use super::corridor;
-use super::links::{Links, Nearest};
+use super::links::{Links, Nearest, put};
 use super::pair::{PAIR, relate};
 use super::places::{Chooser, Places, TO_PLACE};
 
@@ -64,18 +64,11 @@ pub(crate) struct View<'a> {
 }
 
 impl Step {
-    /// What the network is fed. `earlier` are the nodes of earlier steps that may be attended to, oldest first; `keep` says which slots
-    /// are looked at at all.
-    pub(crate) fn of(
-        view: &View<'_>,
-        places: &Places,
-        earlier: &[Earlier],
-        keep: impl Fn(usize) -> bool,
-        config: &Config,
-    ) -> Self {
+    /// What the network is fed. `earlier` are the nodes of earlier steps that may be attended to, oldest first.
+    pub(crate) fn of(view: &View<'_>, places: &Places, earlier: &[Earlier], config: &Config) -> Self {
         let mut step = Self { frame: view.now, ..Self::default() };
         let (mut bodies, mut ways) = (Vec::new(), Vec::new());
-        for (slot, agent) in view.agents.iter().enumerate().filter(|(slot, _)| keep(*slot)) {
+        for (slot, agent) in view.agents.iter().enumerate() {
             let next = if slot == 0 { view.av_next } else { None };
             let body = Body::at(agent, &view.tracks[slot], view.now, slot == 0, next, places);
             let Some((body, own_ways)) = body else { continue };
@@ -86,10 +79,9 @@ impl Step {
             bodies.push(body);
         }
         for (i, ways) in ways.iter().enumerate() {
-            let me: Body = bodies[i];
-            let mut features = me.features;
+            let mut features = bodies[i].features;
             let out = &mut features[Body::corridor()];
-            corridor::describe(&me, &bodies, i, ways, &places.all, view.lights, out);
+            corridor::describe(&bodies, i, ways, &places.all, view.lights, out);
             step.bodies.extend_from_slice(&features);
         }
         step.link_past(earlier, view.now, config);
@@ -109,18 +101,18 @@ impl Step {
                 let steps = (now - then.frame) as f64 / 5.0;
                 let at = into_frame(node.ahead, then.position - node.position) / steps;
                 let toward = into_frame(node.ahead, then.ahead);
-                let values = [
-                    at.x / 5.0,
-                    at.y / 2.0,
-                    1.0 - toward.x,
-                    toward.y,
-                    steps / 4.0,
-                    1.0 / (1.0 + at.norm()),
-                    1.0,
-                ];
-                for (slot, value) in out.iter_mut().zip(values) {
-                    *slot = value as f32;
-                }
+                put(
+                    out,
+                    [
+                        at.x / 5.0,
+                        at.y / 2.0,
+                        1.0 - toward.x,
+                        toward.y,
+                        steps / 4.0,
+                        1.0 / (1.0 + at.norm()),
+                        1.0,
+                    ],
+                );
             });
         }
     }

@@ -63,5 +63,5 @@ pub(crate) fn step_at(
     };
     let lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l)[now.min(real)]).collect();
     let view = View { agents: &seen.start().agents, tracks, now, av_next, lights: &lights };
-    Step::of(&view, places, earlier, |_| true, config)
+    Step::of(&view, places, earlier, config)
 }

@@ -1,6 +1,5 @@
 //! `reactsim train ntp`.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
@@ -10,12 +9,12 @@ use clap::Args;
 use super::closed_loop::ClosedLoop;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
+use crate::models;
 use crate::models::nn::device;
 use crate::models::ntp::Driving;
 use crate::models::ntp::learn::{NextToken, Recipe};
 use crate::models::ntp::reactive::{Network, Policy, ReactiveSimulator};
 use crate::models::ntp::tokens::{Kinematic, Vocabulary};
-use crate::models::{self, ModelError, Setup};
 use crate::rollout::Controller;
 
 /// Arguments of `train ntp`.
@@ -60,22 +59,15 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
         None => None,
     };
     let task = NextToken::new(recipe, vocabulary.clone(), &device);
-    let driving = ntp_driving()?;
-    let measure = |network: &Network, _step: u64| match &drive {
-        Some(drive) => {
-            let policy =
-                Policy { config: recipe.network, vocabulary: vocabulary.clone(), network: network.clone() };
-            let simulator = ReactiveSimulator::new(policy, driving, device.clone());
-            drive.measure(&Controller::Fair(Box::new(simulator)))
-        }
-        None => Ok(BTreeMap::new()),
+    let Some(drive) = drive else { return session::train(&args.session, &task, None) };
+    // As its card says.
+    let baseline = models::find("ntp-reactive").context("there is no simulator `ntp-reactive`")?;
+    let driving: Driving = baseline.setup()?.parameters()?;
+    let measure = |network: &Network, _step: u64| {
+        let policy =
+            Policy { config: recipe.network, vocabulary: vocabulary.clone(), network: network.clone() };
+        let simulator = ReactiveSimulator::new(policy, driving, device.clone());
+        drive.measure(&Controller::Fair(Box::new(simulator)))
     };
     session::train(&args.session, &task, Some(&measure))
-}
-
-/// How the network drives while it is being trained: as its card says.
-fn ntp_driving() -> Result<Driving, ModelError> {
-    let id = "ntp-reactive";
-    let card = models::find(id).map_or("", |baseline| baseline.card);
-    Ok(Setup::new(id, card, None)?.parameters()?)
 }
