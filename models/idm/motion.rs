@@ -411,7 +411,7 @@ fn actor(agent: &Agent, now: &AgentState, speed: f64, acceleration: f64) -> Acto
     Actor {
         kind: agent.kind,
         is_av: false,
-        pose: Pose { position: now.position(), heading: now.heading },
+        pose: Pose::from(*now),
         speed,
         acceleration,
         half_length: 0.5 * agent.length,

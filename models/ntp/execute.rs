@@ -39,7 +39,7 @@ impl Executor {
         track: &mut Vec<Frame>,
     ) {
         let Some(Some(state)) = track.last().copied() else { return };
-        let from = Pose { position: state.position(), heading: state.heading };
+        let from = Pose::from(state);
         let tracker = self.tracker.as_mut().filter(|_| class == Class::Vehicle);
         let (Some(tracker), Some(now)) = (tracker, Moving::after(track)) else {
             let mut before = from.position;

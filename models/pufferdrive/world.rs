@@ -36,7 +36,7 @@ impl World {
             let state = seen.state(i)?;
             let velocity = if stays(i) { Vec2::zeros() } else { state.velocity().unwrap_or_default() };
             let speed = velocity.norm().copysign(velocity.dot(&direction(state.heading)));
-            let pose = Pose { position: state.position(), heading: state.heading };
+            let pose = Pose::from(state);
             let body = Body { pose, speed };
             Some(Being { body, velocity, length: agent.length, width: agent.width })
         };
@@ -57,7 +57,7 @@ impl World {
                 being.velocity = (body.pose.position - being.body.pose.position) / DT;
                 being.body = *body;
             } else if let (0, Some(next)) = (i, av) {
-                let pose = Pose { position: next.position(), heading: next.heading };
+                let pose = Pose::from(next);
                 being.velocity = (pose.position - being.body.pose.position) / DT;
                 let along = being.velocity.dot(&direction(next.heading));
                 being.body = Body { pose, speed: being.velocity.norm().copysign(along) };

@@ -1,6 +1,7 @@
 //! The kinematic bicycle model, in terms of the curvature of its path.
 
 use crate::geometry::{Vec2, direction, math, wrap};
+use crate::scene::AgentState;
 
 /// Where a vehicle is and where it points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,6 +10,12 @@ pub struct Pose {
     pub position: Vec2,
     /// Heading, radians.
     pub heading: f64,
+}
+
+impl From<AgentState> for Pose {
+    fn from(state: AgentState) -> Self {
+        Self { position: state.position(), heading: state.heading }
+    }
 }
 
 impl Pose {

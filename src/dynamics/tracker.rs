@@ -80,7 +80,7 @@ impl Moving {
         let now = at(0)?;
         let speed = signed(0).unwrap_or(0.0);
         let acceleration = signed(1).map_or(0.0, |before| (speed - before) / DT);
-        Some(Self { pose: Pose { position: now.position(), heading: now.heading }, speed, acceleration })
+        Some(Self { pose: Pose::from(now), speed, acceleration })
     }
 
     /// The state with the velocity that the last step had, for a step that started at `from`.

@@ -25,6 +25,11 @@ pub fn left(v: Vec2) -> Vec2 {
     Vec2::new(-v.y, v.x)
 }
 
+/// The vector `v` in the frame whose x axis is `ahead` (unit) and whose y axis is to the left of it.
+pub fn into_frame(ahead: Vec2, v: Vec2) -> Vec2 {
+    Vec2::new(ahead.dot(&v), left(ahead).dot(&v))
+}
+
 /// The signed angle from `a` to `b`, in (-pi, pi]; positive is counter-clockwise. Zero vectors give 0.
 pub fn signed_angle_between(a: Vec2, b: Vec2) -> f64 {
     math::atan2(a.perp(&b), a.dot(&b))

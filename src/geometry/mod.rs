@@ -10,7 +10,7 @@ mod obb;
 mod polygon;
 mod polyline;
 
-pub use angle::{direction, heading_of, left, signed_angle_between, wrap};
+pub use angle::{direction, heading_of, into_frame, left, signed_angle_between, wrap};
 pub use edges::{NearestEdge, OrientedEdges};
 pub use grid::{Bounds, Grid};
 pub use obb::{OrientedBox, rounded_distance};

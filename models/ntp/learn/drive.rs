@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary, motion_between, moved};
-use super::scene::pose;
 
 /// Errors that are put in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,7 +58,7 @@ pub(crate) fn drive(
             driven.track.extend_from_slice(&logged[at + 1..=next]);
             continue;
         };
-        let (from, log, goal) = (pose(state), pose(log), pose(goal));
+        let (from, log, goal) = (Pose::from(state), Pose::from(log), Pose::from(goal));
         // Where the agent would be if it kept its distance to the log, and how much of that is to remain.
         let off = motion_between(log, from);
         let remains = noise.as_ref().map_or(0.0, |(n, _)| n.remains);

@@ -1,6 +1,5 @@
 //! A scenario as it is learnt from, and its variants: mirrored, stretched.
 
-use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
 
@@ -68,9 +67,4 @@ impl LearningScene {
         }
         self
     }
-}
-
-/// The pose of a state.
-pub(crate) fn pose(state: AgentState) -> Pose {
-    Pose { position: state.position(), heading: state.heading }
 }

@@ -1,6 +1,6 @@
 //! What of an agent enters the network at one step: where it is, how it moves, how it moved.
 
-use reactsim::geometry::{Vec2, direction, math};
+use reactsim::geometry::{Vec2, direction, into_frame, math};
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame};
 
 use super::super::tokens::Class;
@@ -44,11 +44,6 @@ pub(crate) struct Body {
     pub is_av: bool,
     /// What describes the agent alone.
     pub features: [f32; BODY],
-}
-
-/// The vector `v` in the frame whose x axis is `ahead`.
-pub(crate) fn into_frame(ahead: Vec2, v: Vec2) -> Vec2 {
-    Vec2::new(ahead.dot(&v), ahead.x * v.y - ahead.y * v.x)
 }
 
 impl Body {

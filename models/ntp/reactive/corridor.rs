@@ -1,9 +1,9 @@
 //! What is in the way of an agent: others on its own course and on the ways that its lane leads, now and soon, and where to stop.
 
-use reactsim::geometry::Vec2;
+use reactsim::geometry::{Vec2, into_frame};
 use reactsim::scene::LightState;
 
-use super::body::{Body, into_frame};
+use super::body::Body;
 use super::lane::{SPACING, WAYS, Way};
 use super::places::{Place, Role};
 

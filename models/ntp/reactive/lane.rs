@@ -1,9 +1,8 @@
 //! Where an agent is going: its own course, and where its lane leads.
 
-use reactsim::geometry::{Vec2, math};
+use reactsim::geometry::{Vec2, into_frame, math};
 
 use super::super::tokens::Class;
-use super::body::into_frame;
 use super::places::{Places, Role};
 
 /// Numbers that describe the lane of an agent and where it leads.

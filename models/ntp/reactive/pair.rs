@@ -1,8 +1,8 @@
 //! Relations between agents at the same step.
 
-use reactsim::geometry::Vec2;
+use reactsim::geometry::{Vec2, into_frame};
 
-use super::body::{Body, into_frame};
+use super::body::Body;
 use super::links::put;
 
 /// Numbers that describe how another agent stands to one.

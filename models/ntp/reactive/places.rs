@@ -1,10 +1,10 @@
 //! Places of the map that agents attend to: pieces of lanes, edges and crosswalks, and where to stop.
 
-use reactsim::geometry::{Vec2, direction, point_segment};
+use reactsim::geometry::{Vec2, direction, into_frame, point_segment};
 use reactsim::scene::{LightState, RoadMap, Start, StopKind};
 
 use super::super::tokens::{MapPiece, PieceKind, map_pieces};
-use super::body::{Body, into_frame};
+use super::body::Body;
 use super::config::Config;
 use super::lane::LaneGraph;
 use super::links::{Links, Nearest, put};

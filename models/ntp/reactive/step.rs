@@ -1,10 +1,10 @@
 //! What the network is fed of one scene at one step: agents, and whom and what each attends to.
 
-use reactsim::geometry::Vec2;
+use reactsim::geometry::{Vec2, into_frame};
 use reactsim::scene::{Agent, AgentState, Frame, LightState};
 
 use super::super::tokens::Class;
-use super::body::{Body, into_frame};
+use super::body::Body;
 use super::config::Config;
 use super::corridor;
 use super::links::{Links, Nearest, put};

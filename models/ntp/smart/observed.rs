@@ -86,7 +86,7 @@ impl Participant {
                 return self.past.pose(frame);
             }
             let state = track.get(frame).copied().flatten();
-            state.map(|s| Pose { position: s.position(), heading: s.heading })
+            state.map(Pose::from)
         };
         match (pose(frame - TOKEN_FRAMES), pose(frame)) {
             (Some(from), Some(to)) => (to, token_of_motion(vocabulary, self.class, from, to).0, true),

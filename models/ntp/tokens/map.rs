@@ -1,6 +1,6 @@
 //! The map as CATK's network sees it: pieces of 5 m that are matched to curves of a vocabulary.
 
-use reactsim::geometry::{Polyline, Vec2, direction, heading_of, left};
+use reactsim::geometry::{Polyline, Vec2, direction, heading_of, into_frame};
 use reactsim::scene::{CURRENT, LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 use super::map_pieces::{LONGEST, edge_rings};
@@ -137,8 +137,7 @@ impl CurvePiece {
             let at = last * i as f64 / STEPS as f64;
             let k = (at.floor() as usize).min(self.points.len() - 2);
             let point = self.points[k] + (self.points[k + 1] - self.points[k]) * (at - k as f64);
-            let way = point - self.points[0];
-            Vec2::new(way.dot(&ahead), way.dot(&left(ahead)))
+            into_frame(ahead, point - self.points[0])
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use rand::RngExt;
-use reactsim::geometry::{Vec2, direction, left};
+use reactsim::geometry::{Vec2, direction, into_frame};
 use reactsim::models::nn::Tensors;
 use reactsim::models::nn::weights::Tables;
 use reactsim::rollout::{Purpose, stream};
@@ -73,10 +73,7 @@ impl MapVocabulary {
     /// As [`Self::nearest`], for a piece of which start, middle, end and the direction at the start are known.
     pub fn nearest_to(&self, points: [Vec2; 3], heading: f64) -> usize {
         let ahead = direction(heading);
-        let local = |p: Vec2| {
-            let way = p - points[0];
-            Vec2::new(way.dot(&ahead), way.dot(&left(ahead)))
-        };
+        let local = |p: Vec2| into_frame(ahead, p - points[0]);
         let (middle, end) = (local(points[1]), local(points[2]));
         let mut best = (f64::INFINITY, 0);
         for (token, curve) in self.curves.iter().enumerate() {

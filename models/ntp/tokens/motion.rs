@@ -1,17 +1,15 @@
 //! Motions: a pose in the frame of another one.
 
 use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, direction, left, wrap};
+use reactsim::geometry::{Vec2, direction, into_frame, left, wrap};
 
 /// The pose at the origin that looks along x: no motion.
 pub const ORIGIN: Pose = Pose { position: Vec2::new(0.0, 0.0), heading: 0.0 };
 
 /// The motion that leads from one pose to the other: `to` in the frame of `from` (x ahead, y left). The heading is wrapped.
 pub fn motion_between(from: Pose, to: Pose) -> Pose {
-    let ahead = direction(from.heading);
-    let way = to.position - from.position;
     Pose {
-        position: Vec2::new(way.dot(&ahead), way.dot(&left(ahead))),
+        position: into_frame(direction(from.heading), to.position - from.position),
         heading: wrap(to.heading - from.heading),
     }
 }

@@ -95,7 +95,7 @@ fn segment(frames: &[Frame]) -> Option<TokenPoses> {
     let mut world = [ORIGIN; TOKEN_POSES];
     for (pose, frame) in world.iter_mut().zip(frames) {
         let state = frame.filter(|s| s.is_finite())?;
-        *pose = Pose { position: state.position(), heading: state.heading };
+        *pose = Pose::from(state);
     }
     let jumps = world.windows(2).any(|w| wrap(w[1].heading - w[0].heading).abs() >= JUMP);
     (!jumps).then(|| world.map(|pose| motion_between(world[0], pose)))

@@ -143,7 +143,7 @@ pub(super) fn lane_along(
 fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
     let now = scenario.start.now(0);
     let from = Departure {
-        pose: Pose { position: now.position(), heading: now.heading },
+        pose: Pose::from(now),
         rear: REAR_AXLE * scenario.start.agents[0].length,
         reverse: false,
         curvature: Some(curvature),

@@ -4,7 +4,7 @@
 //! lanes all the time); they matter as what sensors see and networks must learn to leave alone.
 
 use crate::generation::{Draw, Layout, ParkingSpot};
-use crate::geometry::{Polyline, Vec2, direction, left, wrap};
+use crate::geometry::{Polyline, Vec2, direction, into_frame, left, wrap};
 use crate::rollout::Stream;
 use crate::scene::{LaneClass, RoadEdge, RoadEdgeKind};
 
@@ -108,9 +108,8 @@ fn is_free(spot: &ParkingSpot, layout: &Layout, edges: &[Polyline], yards: &[Par
     let ground = layout.map.drivable_area.as_deref().unwrap_or_default();
     p.norm() < REACH
         && yards.iter().all(|o| {
-            let d = p - o.position;
-            let (along, side) = (d.dot(&direction(spot.heading)), d.dot(&left(direction(spot.heading))));
-            along.abs() > LENGTH + 0.3 || side.abs() > STALL - 0.05
+            let apart = into_frame(direction(spot.heading), p - o.position);
+            apart.x.abs() > LENGTH + 0.3 || apart.y.abs() > STALL - 0.05
         })
         && ground.iter().all(|g| !g.contains(p))
         && edges.iter().all(|e| e.project(p).distance > CLEAR)

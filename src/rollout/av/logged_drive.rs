@@ -83,7 +83,7 @@ impl LoggedDrive {
         let (guide, told, cusp) = guide(scenario, self, rear, aside, reach);
         let now = self.states[0];
         let from = Departure {
-            pose: Pose { position: now.position(), heading: now.heading },
+            pose: Pose::from(now),
             rear,
             reverse: self.reverses(),
             curvature,
