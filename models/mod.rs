@@ -3,6 +3,7 @@
 mod card;
 pub mod constant_velocity;
 pub mod idm;
+pub(crate) mod learning;
 pub mod log_replay;
 pub mod nn;
 pub mod ntp;

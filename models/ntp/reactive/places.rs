@@ -8,6 +8,7 @@ use super::body::Body;
 use super::config::Config;
 use super::lane::LaneGraph;
 use super::links::{Links, Nearest, put};
+use crate::models::learning::LearningMap;
 
 /// Numbers that describe a place alone.
 pub(crate) const PLACE: usize = 20 + KINDS + 4;
@@ -154,6 +155,32 @@ impl KnownMap {
             stops: Stop::all(start, radius),
             light_lanes: start.lights.iter().map(|l| l.lane).collect(),
             successors: start.map.lanes.iter().map(|l| l.successors.clone()).collect(),
+        }
+    }
+}
+
+impl LearningMap for KnownMap {
+    fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
+        for piece in &mut self.pieces {
+            piece.points = piece.points.map(flip);
+            // Edges have the road on their left.
+            if matches!(piece.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian) {
+                piece.points.reverse();
+            }
+        }
+        for stop in &mut self.stops {
+            (stop.at, stop.ahead) = (flip(stop.at), flip(stop.ahead));
+        }
+    }
+
+    fn stretch(&mut self, factor: f64) {
+        for piece in &mut self.pieces {
+            piece.points = piece.points.map(|p| p * factor);
+            piece.length *= factor;
+            piece.speed_limit = piece.speed_limit.map(|v| v * factor);
+        }
+        for stop in &mut self.stops {
+            stop.at *= factor;
         }
     }
 }
