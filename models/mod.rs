@@ -8,6 +8,7 @@ pub mod log_replay;
 pub mod nn;
 pub mod ntp;
 pub mod pufferdrive;
+pub mod qp_regression;
 mod setup;
 pub mod stop;
 pub mod weights;
@@ -68,6 +69,7 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::SMART,
     ntp::entries::SMART_PROJECTED,
     pufferdrive::ENTRY,
+    qp_regression::entries::REGRESSION,
 ];
 
 /// The baseline with this id.

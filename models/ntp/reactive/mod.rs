@@ -9,7 +9,7 @@ mod body;
 mod config;
 mod corridor;
 mod lane;
-mod links;
+pub(crate) mod links;
 pub(crate) mod network;
 mod pair;
 pub(crate) mod places;
