@@ -113,7 +113,8 @@ fn leader(seen: &Observation<'_>, slot: usize, way: &[Vec2]) -> Option<(f64, f64
         let meets = way.windows(2).enumerate().find_map(|(k, pair)| {
             let ahead = (pair[1] - pair[0]).try_normalize(1e-9)?;
             let at = into_frame(ahead, state.position() - pair[0]);
-            (at.x >= 0.0 && at.x < SPACING && at.y.abs() < reach).then_some((k as f64 * SPACING + at.x, ahead))
+            (at.x >= 0.0 && at.x < SPACING && at.y.abs() < reach)
+                .then_some((k as f64 * SPACING + at.x, ahead))
         });
         if let Some((s, ahead)) = meets.filter(|(s, _)| *s <= SIGHT && *s > 0.5) {
             let gap = s - 0.5 * (me.length + agent.length);

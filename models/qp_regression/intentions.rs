@@ -33,7 +33,9 @@ pub enum IntentionsError {
         found: Vec<usize>,
     },
     /// Classes with different numbers of points.
-    #[error("there are {found:?} intention points of vehicles, pedestrians and cyclists, expected as many of each")]
+    #[error(
+        "there are {found:?} intention points of vehicles, pedestrians and cyclists, expected as many of each"
+    )]
     Counts {
         /// Points per class.
         found: [usize; 3],
@@ -187,7 +189,8 @@ mod tests {
     fn what_is_none_is_refused_by_name() {
         let bytes = Intentions::fan().write().unwrap();
         assert!(Intentions::read(&bytes[..40]).is_err());
-        let uneven = Intentions::new([vec![Vec2::zeros(); 3], vec![Vec2::zeros(); 2], vec![]], Provenance::default());
+        let uneven =
+            Intentions::new([vec![Vec2::zeros(); 3], vec![Vec2::zeros(); 2], vec![]], Provenance::default());
         assert!(uneven.unwrap_err().to_string().contains("[3, 2, 0]"));
         let none = Intentions::new(Default::default(), Provenance::default());
         assert!(none.unwrap_err().to_string().contains("1 to 4096"));

@@ -88,7 +88,8 @@ impl EndPoints {
             }
             points[class.index()] = self.means(class, places, count);
         }
-        let digest = if self.scenarios == 0 { String::new() } else { self.digest.finalize().to_hex().to_string() };
+        let digest =
+            if self.scenarios == 0 { String::new() } else { self.digest.finalize().to_hex().to_string() };
         let provenance = Provenance {
             method: "k-means".to_owned(),
             settings: json!({ "points": count, "seconds": 8, "straight": STRAIGHT, "stands": STANDS }),
@@ -193,10 +194,11 @@ mod tests {
     #[test]
     fn clusters_are_found_on_both_sides() {
         let ends = ends(&[(20.0, 0.0), (60.0, 0.0), (15.0, 15.0), (40.0, 8.0)], 3);
-        let made = ends.build(8).unwrap();
+        let made = ends.build(7).unwrap();
         let points = made.of(Class::Vehicle);
         assert_eq!(points[0], Vec2::zeros());
-        for wanted in [(20.35, 0.0), (60.35, 0.0), (15.35, 15.2), (15.35, -15.2), (40.35, 8.2), (40.35, -8.2)] {
+        for wanted in [(20.35, 0.0), (60.35, 0.0), (15.35, 15.2), (15.35, -15.2), (40.35, 8.2), (40.35, -8.2)]
+        {
             let wanted = Vec2::new(wanted.0, wanted.1);
             assert!(points.iter().any(|p| (p - wanted).norm() < 0.6), "{wanted} is not among {points:?}");
         }

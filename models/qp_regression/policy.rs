@@ -14,6 +14,7 @@ use super::intentions::PREFIX;
 use super::network::{Batch, Config, Network, SizeError};
 use super::predict::{Prediction, prediction};
 use super::{Intentions, IntentionsError};
+use crate::models::ntp::reactive::Known;
 use crate::models::ntp::reactive::step::View;
 
 /// What the configuration in the file calls this kind of network.
@@ -128,8 +129,25 @@ impl Policy {
         let tracks: Vec<_> = (0..agents.len()).map(|a| seen.track(a).to_vec()).collect();
         let lights: Vec<_> =
             (0..seen.start().lights.len()).map(|l| seen.light(l).last().copied().flatten()).collect();
-        let view = View { agents, tracks: &tracks, now: seen.frame(), av_next: seen.av_next(), lights: &lights };
+        let view =
+            View { agents, tracks: &tracks, now: seen.frame(), av_next: seen.av_next(), lights: &lights };
         self.predict_view(&view, lines, slots, device)
+    }
+
+    /// As [`Self::predict`], of motion that is known, from frame `now` on; nothing after it is looked at but the AV one frame later, where
+    /// agents see that.
+    pub fn predict_known(
+        &self,
+        known: &Known<'_>,
+        now: usize,
+        slots: &[usize],
+        device: &Device,
+    ) -> Vec<Prediction> {
+        let lights: Vec<_> = known.lights.iter().map(|l| l.get(now).copied().flatten()).collect();
+        let next = known.tracks.first().and_then(|av| av.get(now + 1).copied().flatten());
+        let av_next = next.filter(|_| known.av_lookahead);
+        let view = View { agents: &known.start.agents, tracks: known.tracks, now, av_next, lights: &lights };
+        self.predict_view(&view, &self.lines(known.start), slots, device)
     }
 
     /// As [`Self::predict`], for whoever sees a scene otherwise.
@@ -154,7 +172,11 @@ impl Policy {
         let states: Vec<f32> = last.modes.into_data().iter::<f32>().collect();
         let per_scene = (scores.len() / scenes.len(), states.len() / scenes.len());
         let said = scores.chunks_exact(per_scene.0).zip(states.chunks_exact(per_scene.1));
-        scenes.iter().zip(said).map(|(s, (scores, states))| prediction(s, scores, states, &self.config)).collect()
+        scenes
+            .iter()
+            .zip(said)
+            .map(|(s, (scores, states))| prediction(s, scores, states, &self.config))
+            .collect()
     }
 }
 

@@ -22,6 +22,7 @@ mod ntp_reactive;
 mod protocol;
 mod pufferdrive;
 mod realism;
+mod regression;
 mod scenes;
 mod scripted_av;
 mod shipped;

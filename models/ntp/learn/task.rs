@@ -84,7 +84,8 @@ impl Task for NextToken {
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let scene = LearningScene::of(scenario, KnownMap::of(&scenario.start, self.recipe.network.map_radius));
+        let scene =
+            LearningScene::of(scenario, KnownMap::of(&scenario.start, self.recipe.network.map_radius));
         let (config, most) = (&self.recipe.network, self.recipe.agents);
         let augmentation = &self.recipe.augmentation;
         match view {

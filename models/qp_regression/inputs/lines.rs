@@ -139,7 +139,13 @@ impl Lines {
             for k in 0..line.points.len() {
                 let at = k * config.lines + row;
                 rows.there[at] = 1.0;
-                line.write(k, frame, light, config.attributes, &mut rows.points[at * numbers..(at + 1) * numbers]);
+                line.write(
+                    k,
+                    frame,
+                    light,
+                    config.attributes,
+                    &mut rows.points[at * numbers..(at + 1) * numbers],
+                );
             }
         }
         rows

@@ -109,8 +109,7 @@ impl Surroundings {
             nearest.offer(rank, other);
         }
         let slots: Vec<usize> = nearest.found().collect();
-        let velocities: Vec<Vec2> =
-            slots.iter().map(|&s| frame.vector(velocity_now(view, s))).collect();
+        let velocities: Vec<Vec2> = slots.iter().map(|&s| frame.vector(velocity_now(view, s))).collect();
         let base = match config.attributes {
             Attributes::Published => PUBLISHED_BASE,
             Attributes::Own => {

@@ -83,7 +83,9 @@ mod tests {
     const MUCH: Disturbance = Disturbance { often: 1.0, aside: 1.0, along: 1.0, turn: 0.1, recovers: 3.0 };
 
     fn straight(speed: f64) -> Vec<Frame> {
-        let at = |f: i32| Some(AgentState { x: speed * 0.1 * f64::from(f), y: 0.0, heading: 0.0, vx: speed, vy: 0.0 });
+        let at = |f: i32| {
+            Some(AgentState { x: speed * 0.1 * f64::from(f), y: 0.0, heading: 0.0, vx: speed, vy: 0.0 })
+        };
         (0..91).map(at).collect()
     }
 

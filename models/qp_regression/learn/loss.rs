@@ -69,10 +69,7 @@ pub(super) fn losses(
 
     // Those who are shown, each as a part of all that are known with it.
     let (mut truths, mut weights) = (Vec::new(), Vec::new());
-    let nobody = Truth {
-        states: vec![0.0; config.states() * TRUTH],
-        known: vec![0.0; config.states()],
-    };
+    let nobody = Truth { states: vec![0.0; config.states() * TRUTH], known: vec![0.0; config.states()] };
     for target in &targets {
         let is_known = |t: &Truth| t.known.contains(&1.0);
         let with = target.others.iter().filter(|t| is_known(t)).count().max(1);
@@ -104,7 +101,12 @@ fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
 }
 
 /// True states `[n, states, 4]`, and what each counts `[n, states, 1]`: 0 where not known.
-fn truth_tensors(truths: &[&Truth], weights: &[f32], config: &Config, device: &Device) -> (Tensor<3>, Tensor<3>) {
+fn truth_tensors(
+    truths: &[&Truth],
+    weights: &[f32],
+    config: &Config,
+    device: &Device,
+) -> (Tensor<3>, Tensor<3>) {
     let (n, s) = (truths.len(), config.states());
     let states: Vec<f32> = truths.iter().flat_map(|t| t.states.iter().copied()).collect();
     let known = truths.iter().zip(weights).flat_map(|(t, w)| t.known.iter().map(move |k| k * w)).collect();

@@ -99,6 +99,8 @@ pub(super) fn sample(
         }
     } else {
         chosen = candidates(&scene, now);
+        // Whoever is parked would make every figure better than it is.
+        chosen.retain(|&slot| !is_parked(&scene.tracks[slot]));
     }
     chosen.truncate(most);
     let lights: Vec<_> = scene.lights.iter().map(|l| l[now]).collect();
@@ -115,7 +117,8 @@ pub(super) fn sample(
             return None;
         }
         let (goal, goal_ahead) = goal(track, now, &frame)?;
-        let others = around.slots.iter().map(|&s| self::truth(&scene.tracks[s], now, &frame, config)).collect();
+        let others =
+            around.slots.iter().map(|&s| self::truth(&scene.tracks[s], now, &frame, config)).collect();
         Some(Target { around, truth, goal, goal_ahead, others })
     };
     let targets: Vec<Target> = chosen.into_iter().filter_map(target).collect();

@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::super::inputs::Lines;
 use super::super::network::{Config, Network};
 use super::super::{Intentions, Policy};
+use super::Disturbance;
 use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
-use super::Disturbance;
 use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
 
@@ -60,11 +60,7 @@ impl Regression {
 
     /// The network as a simulator reads it.
     pub fn policy(&self, network: &Network) -> Policy {
-        Policy {
-            config: self.recipe.network,
-            intentions: self.intentions.clone(),
-            network: network.clone(),
-        }
+        Policy { config: self.recipe.network, intentions: self.intentions.clone(), network: network.clone() }
     }
 
     fn run(&self, model: &Network, samples: &[Sample], device: &Device) -> (Losses, Sums) {

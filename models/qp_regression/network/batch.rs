@@ -169,7 +169,8 @@ fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Ten
     let mut nearest = Nearest::new(config.neighbours);
     for (scene, block) in scenes.iter().zip(closed.chunks_exact_mut(tokens * tokens)) {
         let lines = scene.lines.places.iter().enumerate().map(|(i, p)| (agents + i, *p));
-        let all: Vec<(usize, [f32; 2])> = scene.agents.places.iter().copied().enumerate().chain(lines).collect();
+        let all: Vec<(usize, [f32; 2])> =
+            scene.agents.places.iter().copied().enumerate().chain(lines).collect();
         for i in 0..tokens {
             block[i * tokens + i] = 0.0;
         }

@@ -36,9 +36,8 @@ pub(crate) fn collected(
             (way.as_chunks::<2>().0.iter().map(|p| d2(p)).fold(f32::INFINITY, f32::min), i)
         }));
         if distances.len() > config.way_lines {
-            distances.select_nth_unstable_by(config.way_lines - 1, |a, b| {
-                a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
-            });
+            distances
+                .select_nth_unstable_by(config.way_lines - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             distances.truncate(config.way_lines);
         }
         distances.iter().for_each(|d| out[d.1] = 0.0);

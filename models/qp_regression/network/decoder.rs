@@ -57,9 +57,7 @@ impl MotionDecoder {
             map_decoder_layers: layers(m, init),
             map_query_content_mlps: (0..narrowing).map(|_| init.linear(d, m, true)).collect(),
             map_query_embed_mlps: (d != m).then(|| init.linear(d, m, true)),
-            query_feature_fusion_layers: each(init, &|i| {
-                NormedMlp::init(2 * d + m, &[d, d], true, norms, i)
-            }),
+            query_feature_fusion_layers: each(init, &|i| NormedMlp::init(2 * d + m, &[d, d], true, norms, i)),
             motion_reg_heads: each(init, &|i| NormedMlp::init(d, &[d, d, states], true, norms, i)),
             motion_cls_heads: each(init, &|i| NormedMlp::init(d, &[d, d, 1], true, norms, i)),
         }

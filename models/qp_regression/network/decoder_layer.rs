@@ -90,7 +90,13 @@ impl DecoderLayer {
     }
 
     /// New contents of the queries. In the first layer intentions are added to what is compared with tokens.
-    pub(crate) fn forward(&self, queries: Queries, attended: &Attended, first: bool, scenes: usize) -> Tensor<2> {
+    pub(crate) fn forward(
+        &self,
+        queries: Queries,
+        attended: &Attended,
+        first: bool,
+        scenes: usize,
+    ) -> Tensor<2> {
         let Queries { content, intention, searching } = queries;
         let heads = |x: Tensor<2>| split(x, scenes, self.heads);
         let q = self.sa_qcontent_proj.forward(content.clone()) + self.sa_qpos_proj.forward(intention.clone());

@@ -31,7 +31,12 @@ impl Dense {
     }
 
     /// Agents `[n, width]` to agents that know a future, and the futures `[n, states, 7]` in the frame of the predicted agent.
-    pub(crate) fn forward(&self, agents: Tensor<2>, batch: &Batch, config: &Config) -> (Tensor<2>, Tensor<3>) {
+    pub(crate) fn forward(
+        &self,
+        agents: Tensor<2>,
+        batch: &Batch,
+        config: &Config,
+    ) -> (Tensor<2>, Tensor<3>) {
         let (rows, states) = (agents.dims()[0], config.states());
         // Own attributes are numbers near 1 where published ones are metres.
         let scale = match config.attributes {

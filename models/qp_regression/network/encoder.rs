@@ -104,14 +104,7 @@ impl Encoder {
         let agent = agent_numbers(config.attributes);
         let point = point_numbers(config.attributes);
         Self {
-            agent_polyline_encoder: PolylineEncoder::init(
-                agent,
-                config.agent_hidden,
-                1,
-                width,
-                norms,
-                init,
-            ),
+            agent_polyline_encoder: PolylineEncoder::init(agent, config.agent_hidden, 1, width, norms, init),
             map_polyline_encoder: PolylineEncoder::init(
                 point,
                 config.line_hidden,
