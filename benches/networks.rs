@@ -24,8 +24,8 @@ use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
 use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
 use reactsim::models::qp_regression::{Intentions, Policy as Predictor};
-use reactsim::scene::CURRENT;
 use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, roll_out};
+use reactsim::scene::CURRENT;
 use reactsim::training::Task;
 
 /// Rounds of everything.

@@ -433,9 +433,7 @@ fn every_part_that_is_used_learns() {
     model.visit(&mut visitor);
     // After the first layer intentions are not added to what is compared with tokens; in the first one queries know nothing yet that they
     // could tell one another.
-    visitor
-        .still
-        .retain(|name| !name.contains("layers.1.ca_qpos_proj") && !name.contains("layers.0.sa_"));
+    visitor.still.retain(|name| !name.contains("layers.1.ca_qpos_proj") && !name.contains("layers.0.sa_"));
     assert!(visitor.still.is_empty(), "{:?}", visitor.still);
     // Judged without autodiff it is the same.
     let plain = task.validate(&model.valid(), &samples);

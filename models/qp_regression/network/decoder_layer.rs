@@ -66,13 +66,19 @@ pub(crate) struct Queries {
 impl DecoderLayer {
     pub(crate) fn init(width: usize, heads: usize, widening: usize, init: &mut Initializer) -> Self {
         let square = |init: &mut Initializer| init.linear(width, width, true);
+        // In the first layer queries know nothing, and what they tell one another is biases alone: were those zero, a norm of nothing would
+        // follow, whose gradient is huge.
+        let biased = |init: &mut Initializer| {
+            let bound = 1.0 / (width as f64).sqrt();
+            Linear { bias: Some(init.uniform([width], bound)), ..init.linear(width, width, false) }
+        };
         Self {
             sa_qcontent_proj: square(init),
             sa_qpos_proj: square(init),
             sa_kcontent_proj: square(init),
             sa_kpos_proj: square(init),
-            sa_v_proj: square(init),
-            self_attn: Output { out_proj: square(init) },
+            sa_v_proj: biased(init),
+            self_attn: Output { out_proj: biased(init) },
             norm1: init.norm(width),
             ca_qcontent_proj: square(init),
             ca_qpos_proj: square(init),
