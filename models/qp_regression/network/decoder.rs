@@ -126,6 +126,8 @@ impl MotionDecoder {
             };
             let places = modes.clone().narrow(2, 0, 2);
             if i + 1 < config.decoder_layers {
+                // Where to search is no matter of gradients: the shortest waves are a metre long, and their slopes lead nowhere.
+                let places = places.detach();
                 center = places.clone().narrow(1, config.states() - 1, 1).reshape([rows, 2]);
                 ways = places.into_data().iter::<f32>().collect();
                 points = config.states();

@@ -16,7 +16,7 @@ pub(crate) fn guess(velocity: Vec2, goal: Option<Vec2>, config: &Config, out: &m
         let u = t / end;
         let at = velocity * t + rest * (u * u);
         let v = velocity + rest * (2.0 * u / end);
-        let deviation = math::ln(0.1 + 0.25 * t * t.sqrt().sqrt());
+        let deviation = math::ln(0.15 + 0.4 * t * t.sqrt().sqrt());
         let state = [at.x, at.y, deviation, deviation, 0.0, v.x, v.y];
         out.extend(state.map(|value| value as f32));
     }

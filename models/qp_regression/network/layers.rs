@@ -11,6 +11,8 @@ use crate::models::nn::Initializer;
 
 /// Added to variances.
 const EPSILON: f64 = 1e-5;
+/// The last of three layers, which is that of a head, begins with so much smaller weights: what is guessed is better than what nobody learnt.
+const HEAD: f64 = 0.1;
 
 /// Batch norm with fixed statistics, or layer norm.
 #[derive(Module, Debug)]
@@ -67,7 +69,10 @@ impl NormedMlp {
         let mut last = inputs;
         let mut layers = widths.iter().enumerate().map(|(i, &width)| {
             let hidden = !open || i + 1 < widths.len();
-            let linear = init.linear(last, width, !hidden);
+            let mut linear = init.linear(last, width, !hidden);
+            if !hidden && i == 2 {
+                linear.weight = init.uniform([last, width], HEAD * (6.0 / (last + width) as f64).sqrt());
+            }
             last = width;
             (linear, hidden.then(|| Norm::init(norms, width, init)))
         });
