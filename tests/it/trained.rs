@@ -116,7 +116,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     let folder = tempfile::tempdir().unwrap();
     let few = folder.path().join("few");
     fs::create_dir(&few).unwrap();
-    let mut writer = formats::native::Writer::create(&few.join("few.parquet")).unwrap();
+    let mut writer = formats::native::Writer::create(few.join("few.parquet")).unwrap();
     for scenario in formats::open(Path::new(BENCH)).unwrap().take(6) {
         writer.write(&scenario.unwrap()).unwrap();
     }
