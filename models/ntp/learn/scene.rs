@@ -3,7 +3,7 @@
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
 
-use super::super::reactive::places::KnownMap;
+use super::super::reactive::known_map::KnownMap;
 use super::super::tokens::PieceKind;
 
 /// A logged scene: agents, their whole tracks, the map, what lights showed.

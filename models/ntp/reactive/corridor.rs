@@ -5,7 +5,7 @@ use reactsim::scene::LightState;
 
 use super::body::Body;
 use super::lane::{SPACING, WAYS, Way};
-use super::places::{Place, Role};
+use super::place::{Place, Role};
 
 /// Numbers that describe what is in the way.
 pub(crate) const CORRIDOR: usize = (1 + WAYS) * EACH;

@@ -3,7 +3,8 @@
 use reactsim::geometry::{Vec2, into_frame, math};
 
 use super::super::tokens::Class;
-use super::places::{Places, Role};
+use super::place::Role;
+use super::places::Places;
 
 /// Numbers that describe the lane of an agent and where it leads.
 pub(crate) const LANE: usize = OWN + WAYS * POINTS * 3;
