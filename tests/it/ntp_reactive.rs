@@ -43,7 +43,7 @@ fn scenarios(count: usize) -> Vec<Scenario> {
 }
 
 fn greedy() -> Driving {
-    Driving { projection: true, sampling: Sampling { top_k: 1, temperature: 1.0 } }
+    Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 1, temperature: 1.0 } }
 }
 
 fn tracks(scenario: &Scenario) -> Vec<Vec<Frame>> {
@@ -203,7 +203,8 @@ fn what_the_av_does_counts_from_the_step_on_that_sees_it() {
 #[test]
 fn a_scenario_does_not_depend_on_its_batch() {
     let device = device();
-    let driving = Driving { projection: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
+    let driving =
+        Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
     let controller = Controller::Fair(Box::new(ReactiveSimulator::new(policy(&device), driving, device)));
     let scenarios = scenarios(5);
     let all: Vec<&Scenario> = scenarios.iter().collect();
