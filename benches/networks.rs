@@ -238,7 +238,8 @@ fn reactive(device: &Device) -> Result<()> {
     let Some(scenario) = all.iter().max_by_key(|s| s.start.agents.len()) else { return Ok(()) };
     let task = NextToken::new(Recipe::default(), Kinematic::default().build()?, device);
     let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
-    let driving = Driving { projection: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
+    let driving =
+        Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
     let simulator = ReactiveSimulator::new(Policy::read(&file, device)?, driving, device.clone());
     let controller = Controller::Fair(Box::new(simulator));
     let roll = |count: usize| -> Result<Vec<Rollout>> {

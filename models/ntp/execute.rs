@@ -4,11 +4,19 @@ use reactsim::dynamics::{Ability, Moving, Pose, REAR_AXLE, Tracker};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
-use super::tokens::{Class, TOKEN_FRAMES, TokenPoses, moved};
+use super::clearance::Traffic;
+use super::tokens::{Class, ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, moved};
 
 /// How much of a change of speed goes on beyond the mean of a token: 0 ends a token at its mean speed, 1 keeps the acceleration
 /// constant. Between, speeds settle where the same token follows itself.
 const CARRY: f64 = 0.4;
+
+/// Who comes nearer than this to another does not keep clear, metres.
+const CLEAR: f64 = 0.1;
+/// So many tokens are tried.
+const TRIES: usize = 8;
+/// Half a second of standing.
+const STILL: TokenPoses = [ORIGIN; TOKEN_POSES];
 
 /// Executes tokens: as they are, or as a vehicle can drive them.
 #[derive(Clone, Debug)]
@@ -27,6 +35,34 @@ impl Executor {
             aims: Vec::new(),
             driven: Vec::new(),
         }
+    }
+
+    /// Appends the states of the next half second by the first of `tokens` (the likeliest few) that keeps clear of the others in `traffic`, or by standing still
+    /// if only that does; where nothing does, by what stays farthest away. Without `traffic`, by the first one.
+    pub(crate) fn execute_clear<'t>(
+        &mut self,
+        agent: &Agent,
+        slot: usize,
+        class: Class,
+        tokens: impl Iterator<Item = &'t TokenPoses>,
+        traffic: Option<&Traffic>,
+        track: &mut Vec<Frame>,
+    ) {
+        let from = track.len();
+        let mut best: Option<(f64, Vec<Frame>)> = None;
+        for token in tokens.take(TRIES).chain([&STILL]) {
+            self.execute(agent, class, token, track);
+            let Some(traffic) = traffic else { return };
+            let room = traffic.room(slot, agent, &track[from..]);
+            if room >= CLEAR {
+                return;
+            }
+            let planned = track.split_off(from);
+            if best.as_ref().is_none_or(|(most, _)| room > *most) {
+                best = Some((room, planned));
+            }
+        }
+        track.extend(best.into_iter().flat_map(|(_, planned)| planned));
     }
 
     /// Appends the states of the next half second to the track of an agent that is present at its last frame. Velocities are position

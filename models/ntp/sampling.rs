@@ -30,14 +30,21 @@ fn above_zero<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
 pub struct Driving {
     /// Whether vehicles drive tokens within the limits of the benchmark, or jump as tokens do.
     pub projection: bool,
+    /// Whether a drawn token that leads into others gives way to a likely one that does not, or as it was drawn.
+    pub keep_clear: bool,
     /// How tokens are drawn.
     pub sampling: Sampling,
 }
 
 impl Sampling {
-    /// Draws a token. Of equal logits the lower index counts as the likelier. One number is drawn from the stream whatever the settings.
-    /// `None` where a logit is no number.
+    /// Draws a token. One number is drawn from the stream whatever the settings. `None` where a logit is no number.
     pub(crate) fn draw(&self, logits: &[f32], stream: &mut Stream) -> Option<usize> {
+        self.draw_first(logits, stream).map(|order| order[0])
+    }
+
+    /// The tokens that can be drawn: first the one that is, then the others, the likeliest first. Of equal logits the lower index counts as
+    /// the likelier.
+    pub(crate) fn draw_first(&self, logits: &[f32], stream: &mut Stream) -> Option<Vec<usize>> {
         let u: f64 = stream.random();
         if logits.is_empty() || logits.iter().any(|l| l.is_nan() || *l == f32::INFINITY) {
             return None;
@@ -57,13 +64,12 @@ impl Sampling {
             .map(|&i| math::exp((f64::from(logits[i as usize]) - best) / self.temperature))
             .collect();
         let mut left = u * weights.iter().sum::<f64>();
-        for (i, w) in order.iter().zip(&weights) {
+        let drawn = weights.iter().position(|w| {
             left -= w;
-            if left < 0.0 {
-                return Some(*i as usize);
-            }
-        }
-        order.first().map(|&i| i as usize)
+            left < 0.0
+        });
+        order[..=drawn.unwrap_or(0)].rotate_right(1);
+        Some(order.into_iter().map(|i| i as usize).collect())
     }
 }
 

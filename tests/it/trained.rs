@@ -99,8 +99,12 @@ fn a_network_is_trained_and_drives() {
         fs::read(one.join("weights.safetensors")).unwrap(),
         fs::read(two.join("weights.safetensors")).unwrap()
     );
-    let closed = rows(&one).into_iter().filter_map(|r| r["closed_loop"]["aav-ttc"].as_f64()).count();
-    assert!(closed > 0, "what the network does in closed loop is logged");
+    let in_closed_loop =
+        |id: &str| rows(&one).into_iter().filter_map(|r| r["closed_loop"][id].as_f64()).collect::<Vec<_>>();
+    assert!(!in_closed_loop("aav-ttc").is_empty(), "what the network does in closed loop is logged");
+    let (mean, least) = (in_closed_loop("ade"), in_closed_loop("min-ade"));
+    assert_eq!(mean.len(), least.len());
+    assert!(least.iter().zip(&mean).all(|(least, mean)| least <= mean), "{least:?} {mean:?}");
 
     let weights = format!("ntp-reactive={}", text(&one.join("weights.safetensors")));
     let output =

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::reactive::Config;
-use super::super::reactive::places::{KnownMap, Places};
+use super::super::reactive::known_map::KnownMap;
+use super::super::reactive::places::Places;
 use super::super::reactive::step::{Earlier, Step, View};
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
 use super::drive::{Noise, drive};

@@ -7,7 +7,7 @@ use reactsim::scene::Scenario;
 use reactsim::training::{Output, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
-use super::super::reactive::places::KnownMap;
+use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::{Config, Network, Policy};
 use super::super::tokens::{Class, Vocabulary};
 use super::drive::Noise;

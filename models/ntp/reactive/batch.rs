@@ -9,7 +9,8 @@ use super::body::BODY;
 use super::config::Config;
 use super::links::Links;
 use super::pair::PAIR;
-use super::places::{PLACE, PLACE_PAIR, Places, TO_PLACE};
+use super::place::{PLACE, PLACE_PAIR, TO_PLACE};
+use super::places::Places;
 use super::step::{PAST, Step};
 use crate::models::nn::Neighbors;
 

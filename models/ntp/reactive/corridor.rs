@@ -5,7 +5,7 @@ use reactsim::scene::LightState;
 
 use super::body::Body;
 use super::lane::{SPACING, WAYS, Way};
-use super::places::{Place, Role};
+use super::place::{Place, Role};
 
 /// Numbers that describe what is in the way.
 pub(crate) const CORRIDOR: usize = (1 + WAYS) * EACH;
@@ -88,20 +88,24 @@ pub(crate) fn describe(
 /// The gap along a way to another agent and its speed along it, if its box will be in the way then. Gaps may be negative.
 fn ahead_of(me: &Body, other: &Body, time: f64, way: &Way) -> Option<(f64, f64)> {
     let at = other.position + other.velocity * time;
+    // Most are nowhere near.
+    if !way.bounds.inflated(me.half.y + other.half.x + other.half.y + CLEARANCE + SPACING).contains(at) {
+        return None;
+    }
     let (mut best, mut nearest) = (f64::INFINITY, 0);
-    for (i, (p, _)) in way.0.iter().enumerate() {
+    for (i, (p, _)) in way.points.iter().enumerate() {
         let d2 = (at - p).norm_squared();
         if d2 < best {
             (best, nearest) = (d2, i);
         }
     }
-    let (p, along) = way.0[nearest];
+    let (p, along) = way.points[nearest];
     let local = into_frame(along, at - p);
     let turned = into_frame(along, other.ahead);
     let aside = turned.y.abs() * other.half.x + turned.x.abs() * other.half.y;
     let reach = turned.x.abs() * other.half.x + turned.y.abs() * other.half.y;
     let s = nearest as f64 * SPACING + local.x;
-    let last = (way.0.len() - 1) as f64 * SPACING;
+    let last = (way.points.len() - 1) as f64 * SPACING;
     let beyond = s > last + reach || s < 0.0;
     if beyond || local.y.abs() > me.half.y + aside + CLEARANCE {
         return None;
@@ -111,7 +115,7 @@ fn ahead_of(me: &Body, other: &Body, time: f64, way: &Way) -> Option<(f64, f64)>
 
 /// How far along a way a stop is, metres.
 fn stop_ahead(stop: &Place, way: &Way) -> Option<f64> {
-    let found = way.0.iter().enumerate().find(|(_, (p, along))| {
+    let found = way.points.iter().enumerate().find(|(_, (p, along))| {
         let local: Vec2 = into_frame(*along, stop.start - p);
         local.x.abs() <= 0.5 * SPACING + 1e-9 && local.y.abs() < STOP_ASIDE && along.dot(&stop.ahead) > 0.5
     });

@@ -1,9 +1,10 @@
 //! Where an agent is going: its own course, and where its lane leads.
 
-use reactsim::geometry::{Vec2, into_frame, math};
+use reactsim::geometry::{Bounds, Vec2, into_frame, math};
 
 use super::super::tokens::Class;
-use super::places::{Places, Role};
+use super::place::Role;
+use super::places::Places;
 
 /// Numbers that describe the lane of an agent and where it leads.
 pub(crate) const LANE: usize = OWN + WAYS * POINTS * 3;
@@ -70,7 +71,19 @@ pub(crate) struct Driver {
 
 /// A way on: points every [`SPACING`] metres and the direction there.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Way(pub Vec<(Vec2, Vec2)>);
+pub(crate) struct Way {
+    /// Where, and the direction there.
+    pub points: Vec<(Vec2, Vec2)>,
+    /// Around all of them.
+    pub bounds: Bounds,
+}
+
+impl Way {
+    fn new(points: Vec<(Vec2, Vec2)>) -> Self {
+        let bounds = Bounds::of(points.iter().map(|p| p.0));
+        Self { points, bounds }
+    }
+}
 
 /// Distance of the points of a way, metres.
 pub(crate) const SPACING: f64 = 2.5;
@@ -96,7 +109,7 @@ pub(crate) fn course(me: &Driver) -> Way {
         points.push((at, rotated(me.course, turn(s))));
         at += rotated(me.course, turn(s + 0.5 * SPACING)) * SPACING;
     }
-    Way(points)
+    Way::new(points)
 }
 
 /// `v` turned to the left by `angle` radians.
@@ -131,7 +144,7 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
         let begin = || Walk { places, piece, from: point, heading: along, gone: 0.0, left: MOST_PIECES };
         let mut walk = begin();
         let points = (0..=points_ahead(v)).map(|i| walk.to(i as f64 * SPACING, me.ahead, choice));
-        ways.push(Way(points.collect()));
+        ways.push(Way::new(points.collect()));
         let mut walk = begin();
         for (k, (d, scale)) in distances.iter().zip(scales).enumerate() {
             let (at, heading) = walk.to(*d, me.ahead, choice);

@@ -6,12 +6,15 @@
 
 pub(crate) mod batch;
 mod body;
+mod choice;
 mod config;
 mod corridor;
+pub(crate) mod known_map;
 mod lane;
 pub(crate) mod links;
 pub(crate) mod network;
 mod pair;
+mod place;
 pub(crate) mod places;
 mod policy;
 mod scoring;

@@ -10,7 +10,7 @@ use super::batch::{LinkTensors, MapTensors, NodeTensors};
 use super::body::BODY;
 use super::config::Config;
 use super::pair::PAIR;
-use super::places::{PLACE, PLACE_PAIR, TO_PLACE};
+use super::place::{PLACE, PLACE_PAIR, TO_PLACE};
 use super::step::PAST;
 use crate::models::nn::{
     AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations,

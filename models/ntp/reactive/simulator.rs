@@ -4,6 +4,7 @@ use burn::tensor::{Device, Tensor};
 use reactsim::rollout::{Episode, Memory, PlanError, Simulator, Stream};
 use reactsim::scene::{Frame, Start};
 
+use super::super::clearance::Traffic;
 use super::super::execute::Executor;
 use super::super::sampling::Driving;
 use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
@@ -174,12 +175,16 @@ impl Planned<'_, '_> {
     fn act(&mut self, by: &ReactiveSimulator, logits: &[Vec<f32>], token: usize, executor: &mut Executor) {
         let from = self.episode.seen.frame() + token * TOKEN_FRAMES;
         let Some(newest) = self.steps.last() else { return };
+        let agents = &self.episode.seen.start().agents;
+        let av_next = self.episode.seen.av_next().filter(|_| token == 0);
+        let traffic = by.driving.keep_clear.then(|| Traffic::at(agents, &self.tracks, from, av_next));
         for ((&slot, &class), logits) in newest.slots.iter().zip(&newest.classes).zip(logits) {
-            let agent = &self.episode.seen.start().agents[slot];
+            let agent = &agents[slot];
             let track = &mut self.tracks[slot];
-            match by.driving.sampling.draw(logits, self.episode.stream) {
-                Some(drawn) => {
-                    executor.execute(agent, class, by.policy.vocabulary.poses(class, drawn), track);
+            match by.driving.sampling.draw_first(logits, self.episode.stream) {
+                Some(order) => {
+                    let tokens = order.into_iter().map(|t| by.policy.vocabulary.poses(class, t));
+                    executor.execute_clear(agent, slot, class, tokens, traffic.as_ref(), track);
                 }
                 None => {
                     *self

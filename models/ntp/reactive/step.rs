@@ -5,11 +5,13 @@ use reactsim::scene::{Agent, AgentState, Frame, LightState};
 
 use super::super::tokens::Class;
 use super::body::Body;
+use super::choice::Chooser;
 use super::config::Config;
 use super::corridor;
 use super::links::{Links, Nearest, put};
 use super::pair::{PAIR, relate};
-use super::places::{Chooser, Places, TO_PLACE};
+use super::place::TO_PLACE;
+use super::places::Places;
 
 /// Numbers that describe how an earlier step of an agent stands to its present one.
 pub(crate) const PAST: usize = 7;

@@ -4,26 +4,54 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use clap::Args;
 use rayon::prelude::*;
 
 use crate::cli::find_inputs;
 use crate::metrics::{self, Case, Options};
 use crate::rollout::{AvPolicy, Controller, DeviatedAv, LogAv, Request, Settings, roll_out};
-use crate::scene::Scenario;
+use crate::scene::{Frame, Scenario};
 
 /// The metrics that are reported.
 const REPORTED: [&str; 6] = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "ade"];
 /// Scenarios that are rolled out together.
-const TOGETHER: usize = 8;
+const TOGETHER: usize = 4;
+
+/// The metric over all rollouts of a scenario.
+const LEAST: &str = "min-ade";
+
+/// Where a network drives while it is being trained.
+#[derive(Debug, Args)]
+pub(super) struct ClosedLoopArgs {
+    /// Scenarios to drive in at every validation: what the network scores there goes into the log
+    #[arg(long, value_name = "SCENARIOS")]
+    closed_loop: Option<PathBuf>,
+    /// Most scenarios that are driven in
+    #[arg(long, default_value_t = 32, value_name = "N")]
+    most_closed_loop: usize,
+    /// Rollouts of each of them: means, and the least displacement of any
+    #[arg(long, default_value_t = 2, value_name = "R", value_parser = clap::value_parser!(u32).range(1..))]
+    closed_loop_rollouts: u32,
+}
+
+impl ClosedLoopArgs {
+    /// What is to be driven in, if anything.
+    pub(super) fn read(&self) -> anyhow::Result<Option<ClosedLoop>> {
+        let read = |path| ClosedLoop::read(path, self.most_closed_loop, self.closed_loop_rollouts);
+        self.closed_loop.as_ref().map(read).transpose()
+    }
+}
 
 /// Scenarios to drive in: with the deviated AV that they carry, else with the logged one.
 pub(super) struct ClosedLoop {
     scenarios: Vec<Scenario>,
+    /// Of each.
+    rollouts: u32,
 }
 
 impl ClosedLoop {
     /// Reads the first `most` scenarios of a file or folder.
-    pub(super) fn read(path: &PathBuf, most: usize) -> anyhow::Result<Self> {
+    fn read(path: &PathBuf, most: usize, rollouts: u32) -> anyhow::Result<Self> {
         let mut scenarios = Vec::new();
         for input in find_inputs(std::slice::from_ref(path))? {
             for scenario in input.format.open(&input.path)? {
@@ -38,39 +66,62 @@ impl ClosedLoop {
         for scenario in &scenarios {
             av(scenario).with_context(|| format!("{}: scenario `{}`", path.display(), scenario.id))?;
         }
-        Ok(Self { scenarios })
+        Ok(Self { scenarios, rollouts })
     }
 
     /// Means over scenarios of what a simulator scores, by metric.
     pub(super) fn measure(&self, controller: &Controller) -> Result<BTreeMap<String, f64>, String> {
-        let options = Options::default();
-        let scored: Result<Vec<_>, String> = self
-            .scenarios
-            .par_chunks(TOGETHER)
-            .map(|chunk| {
-                let requests = chunk.iter().map(|scenario| {
-                    let av = av(scenario).map_err(|e| e.to_string())?;
-                    Ok(Request { scenario, av, rollout: 0 })
-                });
-                let requests = requests.collect::<Result<Vec<_>, String>>()?;
-                let rollouts = roll_out(requests, controller, &Settings::default());
-                let judge = |(scenario, rollout): (&Scenario, Result<crate::rollout::Rollout, _>)| {
-                    let rollout = rollout.map_err(|e: crate::rollout::RolloutError| e.to_string())?;
-                    Ok(metrics::score_case(&Case::of_rollout(scenario, rollout.tracks, options)))
-                };
-                chunk.iter().zip(rollouts).map(judge).collect::<Result<Vec<_>, String>>()
-            })
-            .collect();
+        let scored: Result<Vec<_>, String> =
+            self.scenarios.par_chunks(TOGETHER).map(|chunk| self.score(chunk, controller)).collect();
         let scored: Vec<_> = scored?.into_iter().flatten().collect();
         let mut means = BTreeMap::new();
-        for id in REPORTED {
-            let values: Vec<f64> = scored.iter().filter_map(|s| s.value(id)).collect();
-            if !values.is_empty() {
-                means.insert(id.to_owned(), values.iter().sum::<f64>() / values.len() as f64);
+        for id in REPORTED.into_iter().chain([LEAST]) {
+            let values: Vec<f64> = scored.iter().filter_map(|s| s.get(id).copied()).collect();
+            if let Some(mean) = mean(&values) {
+                means.insert(id.to_owned(), mean);
             }
         }
         Ok(means)
     }
+
+    /// Per scenario the means over its rollouts, by metric.
+    fn score(
+        &self,
+        scenarios: &[Scenario],
+        controller: &Controller,
+    ) -> Result<Vec<BTreeMap<&'static str, f64>>, String> {
+        let request = |(scenario, rollout)| {
+            let av = av(scenario).map_err(|e| e.to_string())?;
+            Ok(Request { scenario, av, rollout })
+        };
+        let pairs = scenarios.iter().flat_map(|scenario| (0..self.rollouts).map(move |r| (scenario, r)));
+        let requests = pairs.map(request).collect::<Result<Vec<_>, String>>()?;
+        let tracks = roll_out(requests, controller, &Settings::default())
+            .into_iter()
+            .map(|rollout| rollout.map(|r| r.tracks).map_err(|e| e.to_string()))
+            .collect::<Result<Vec<_>, String>>()?;
+        let options = Options::default();
+        let of_scenario = |(scenario, tracks): (&Scenario, &[Vec<Vec<Frame>>])| {
+            let each: Vec<_> = tracks
+                .iter()
+                .map(|t| metrics::score_case(&Case::of_rollout(scenario, t.clone(), options)))
+                .collect();
+            let mut means = BTreeMap::new();
+            for id in REPORTED {
+                let values: Vec<f64> = each.iter().filter_map(|s| s.value(id)).collect();
+                means.extend(mean(&values).map(|value| (id, value)));
+            }
+            let tracks: Vec<_> = tracks.iter().map(Vec::as_slice).collect();
+            let all = metrics::score_rollouts(scenario, &tracks, options);
+            means.extend(all.displacement.map(|d| (LEAST, d.min_ade)));
+            means
+        };
+        Ok(scenarios.iter().zip(tracks.chunks(self.rollouts as usize)).map(of_scenario).collect())
+    }
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 fn av(scenario: &Scenario) -> anyhow::Result<Box<dyn AvPolicy>> {

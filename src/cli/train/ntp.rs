@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
-use super::closed_loop::ClosedLoop;
+use super::closed_loop::ClosedLoopArgs;
 use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
@@ -29,12 +29,8 @@ pub(super) struct NtpArgs {
     /// Vocabulary of motion tokens, as `train vocabulary` makes it [default: the kinematic one]
     #[arg(long, value_name = "FILE")]
     vocabulary: Option<PathBuf>,
-    /// Scenarios to drive in at every validation: what the network scores there goes into the log
-    #[arg(long, value_name = "SCENARIOS")]
-    closed_loop: Option<PathBuf>,
-    /// Most scenarios that are driven in
-    #[arg(long, default_value_t = 32, value_name = "N")]
-    most_closed_loop: usize,
+    #[command(flatten)]
+    closed_loop: ClosedLoopArgs,
 }
 
 pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
@@ -48,10 +44,7 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
         None => Kinematic::default().build()?,
     };
     let device = device();
-    let drive = match &args.closed_loop {
-        Some(path) => Some(ClosedLoop::read(path, args.most_closed_loop)?),
-        None => None,
-    };
+    let drive = args.closed_loop.read()?;
     let task = NextToken::new(recipe, vocabulary.clone(), &device);
     let Some(drive) = drive else { return session::train(&args.session, &task, None) };
     // As its card says.

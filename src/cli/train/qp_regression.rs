@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
-use super::closed_loop::ClosedLoop;
+use super::closed_loop::ClosedLoopArgs;
 use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
@@ -28,12 +28,8 @@ pub(super) struct QpRegressionArgs {
     /// Intention points, as `train intentions` finds them [default: a fan of sixteen]
     #[arg(long, value_name = "FILE")]
     intentions: Option<PathBuf>,
-    /// Scenarios to drive in at every validation: what the network scores there goes into the log
-    #[arg(long, value_name = "SCENARIOS")]
-    closed_loop: Option<PathBuf>,
-    /// Most scenarios that are driven in
-    #[arg(long, default_value_t = 32, value_name = "N")]
-    most_closed_loop: usize,
+    #[command(flatten)]
+    closed_loop: ClosedLoopArgs,
 }
 
 pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatus> {
@@ -47,10 +43,7 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
         None => Intentions::fan(),
     };
     let device = device();
-    let drive = match &args.closed_loop {
-        Some(path) => Some(ClosedLoop::read(path, args.most_closed_loop)?),
-        None => None,
-    };
+    let drive = args.closed_loop.read()?;
     let task = Regression::new(recipe, intentions, &device);
     let Some(drive) = drive else { return session::train(&args.session, &task, None) };
     // As its card says.

@@ -52,7 +52,7 @@ pub(super) struct VocabularyArgs {
     /// Tokens of every class (k-disks) [default: 2048]
     #[arg(long, value_name = "N")]
     tokens: Option<NonZeroUsize>,
-    /// Nearer motions are one token, metres (k-disks) [default: 0.05]
+    /// Nearer motions are one token, metres (k-disks) [default: 0.05; pedestrians 0.025, cyclists 0.0125]
     #[arg(long, value_name = "M")]
     tolerance: Option<f64>,
     /// Every token comes with its mirror image (k-disks; the others always are symmetric)

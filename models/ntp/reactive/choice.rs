@@ -1,0 +1,63 @@
+//! Which places an agent attends to.
+
+use reactsim::geometry::into_frame;
+
+use super::body::Body;
+use super::config::Config;
+use super::links::Nearest;
+use super::place::{Place, Role};
+
+/// Stops farther ahead than this do not count, metres.
+const STOP_REACH: f64 = 70.0;
+
+/// Chooses the places that agents attend to.
+#[derive(Debug)]
+pub(crate) struct Chooser {
+    near: Nearest,
+    ahead: Nearest,
+    stops: Nearest,
+}
+
+impl Chooser {
+    /// As many of each role as the settings say.
+    pub(crate) fn new(config: &Config) -> Self {
+        Self {
+            near: Nearest::new(config.near_pieces),
+            ahead: Nearest::new(config.ahead_pieces),
+            stops: Nearest::new(config.stops),
+        }
+    }
+
+    /// The places for one agent: the pieces nearest to it; the lane pieces, not against its heading and not among these, nearest to
+    /// the point where it will be in 2 s (8 to 35 m ahead); the nearest stops ahead.
+    pub(crate) fn choose(&mut self, me: &Body, places: &[Place], chosen: &mut Vec<usize>) {
+        self.near.clear();
+        self.ahead.clear();
+        self.stops.clear();
+        chosen.clear();
+        let pieces = places.partition_point(|p| p.role != Role::Stop);
+        for (i, place) in places[..pieces].iter().enumerate() {
+            self.near.offer((place.middle - me.position).norm_squared(), i);
+        }
+        chosen.extend(self.near.found());
+        let lead = (2.0 * me.velocity.norm()).clamp(8.0, 35.0);
+        let target = me.position + me.ahead * lead;
+        for (i, place) in places[..pieces].iter().enumerate() {
+            if place.role == Role::Lane && place.ahead.dot(&me.ahead) > 0.0 {
+                let d2 = (place.middle - target).norm_squared();
+                if !chosen.contains(&i) {
+                    self.ahead.offer(d2, i);
+                }
+            }
+        }
+        chosen.extend(self.ahead.found());
+        for (i, place) in places.iter().enumerate().skip(pieces) {
+            let at = into_frame(me.ahead, place.start - me.position);
+            let facing = place.ahead.dot(&me.ahead) > 0.3;
+            if facing && at.x > -2.0 && at.x < STOP_REACH && at.y.abs() < 6.0 + 0.3 * at.x.abs() {
+                self.stops.offer(at.norm_squared(), i);
+            }
+        }
+        chosen.extend(self.stops.found());
+    }
+}

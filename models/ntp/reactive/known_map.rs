@@ -1,0 +1,103 @@
+//! What is known of a map: what places are made of.
+
+use reactsim::geometry::{Vec2, direction};
+use reactsim::scene::{RoadMap, Start, StopKind};
+
+use super::super::tokens::{MapPiece, PieceKind, map_pieces};
+use crate::models::learning::LearningMap;
+
+/// What is known of a map: what places are made of.
+#[derive(Clone, Debug)]
+pub(crate) struct KnownMap {
+    /// Pieces of lines, without stop lines: those are [`Stop`]s.
+    pub pieces: Vec<MapPiece>,
+    /// Where to stop.
+    pub stops: Vec<Stop>,
+    /// Per light the lane that it controls.
+    pub light_lanes: Vec<usize>,
+    /// Per lane those that follow.
+    pub successors: Vec<Vec<usize>>,
+}
+
+impl KnownMap {
+    /// The map of a scenario within `radius` of where the AV is at the current frame.
+    pub(crate) fn of(start: &Start, radius: f64) -> Self {
+        let mut pieces = map_pieces(&start.map, start.now(0).position(), radius);
+        let is_stop = |k| matches!(k, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine);
+        pieces.retain(|p| !is_stop(p.kind));
+        Self {
+            pieces,
+            stops: Stop::all(start, radius),
+            light_lanes: start.lights.iter().map(|l| l.lane).collect(),
+            successors: start.map.lanes.iter().map(|l| l.successors.clone()).collect(),
+        }
+    }
+}
+
+impl LearningMap for KnownMap {
+    fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
+        for piece in &mut self.pieces {
+            piece.points = piece.points.map(flip);
+            // Edges have the road on their left.
+            if matches!(piece.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian) {
+                piece.points.reverse();
+            }
+        }
+        for stop in &mut self.stops {
+            (stop.at, stop.ahead) = (flip(stop.at), flip(stop.ahead));
+        }
+    }
+
+    fn stretch(&mut self, factor: f64) {
+        for piece in &mut self.pieces {
+            piece.points = piece.points.map(|p| p * factor);
+            piece.length *= factor;
+            piece.speed_limit = piece.speed_limit.map(|v| v * factor);
+        }
+        for stop in &mut self.stops {
+            stop.at *= factor;
+        }
+    }
+}
+
+/// Where vehicles stop.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stop {
+    /// Where, metres.
+    pub at: Vec2,
+    /// Direction of its lane there.
+    pub ahead: Vec2,
+    /// The light that says when.
+    pub light: Option<usize>,
+    /// 0 at lights, 1 at signs, 2 at give-way lines.
+    pub kind: usize,
+}
+
+impl Stop {
+    /// The stops of a scenario within `radius` of where the AV is at the current frame: lights, then signs and give-way lines.
+    fn all(start: &Start, radius: f64) -> Vec<Self> {
+        let map: &RoadMap = &start.map;
+        let ahead = |lane: usize, p: Vec2| {
+            let line = &map.lanes[lane].baseline;
+            direction(line.heading_at(line.project(p).s))
+        };
+        let mut found = Vec::new();
+        for (i, light) in start.lights.iter().enumerate() {
+            let at = light.stop_point;
+            found.push(Self { at, ahead: ahead(light.lane, at), light: Some(i), kind: 0 });
+        }
+        for line in &map.stop_lines {
+            let kind = match line.kind {
+                // Lights are above, with their states.
+                StopKind::Light => continue,
+                StopKind::Sign => 1,
+                StopKind::Yield => 2,
+            };
+            let at = map.lanes[line.lane].baseline.at(line.s);
+            found.push(Self { at, ahead: ahead(line.lane, at), light: None, kind });
+        }
+        let about = start.now(0).position();
+        found.retain(|s| (s.at - about).norm() < radius);
+        found
+    }
+}
