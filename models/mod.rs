@@ -7,6 +7,7 @@ pub mod log_replay;
 pub mod nn;
 pub mod ntp;
 pub mod pufferdrive;
+pub mod qp;
 mod setup;
 pub mod stop;
 pub mod weights;
