@@ -14,6 +14,8 @@ mod settings;
 mod smoothed;
 mod speed;
 mod stage;
+#[cfg(test)]
+mod tests;
 mod vehicle;
 mod way;
 

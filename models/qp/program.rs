@@ -261,3 +261,126 @@ impl Program {
         Found { controls, solve, iterations: solution.iterations }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Live controls of a tiny problem; the others are kept at 0 by their cost.
+    const LIVE: usize = 3;
+
+    fn rows(count: usize) -> Vec<Pattern> {
+        vec![Pattern { controls: 0..LIVE, slack: None }; count]
+    }
+
+    /// The best of all points at which some of the rows are equalities and the cost is least: the solution is one of them.
+    fn by_force(cost: &Quadratic, rows: &[(Controls, f64)]) -> Option<(f64, Vec<f64>)> {
+        let value = |x: &[f64]| -> f64 {
+            let quadratic: f64 = (0..LIVE)
+                .flat_map(|i| (0..LIVE).map(move |j| (i, j)))
+                .map(|(i, j)| cost.p[i][j] * x[i] * x[j])
+                .sum();
+            0.5 * quadratic + (0..LIVE).map(|i| cost.q[i] * x[i]).sum::<f64>()
+        };
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for active in 0..1_u32 << rows.len() {
+            let set: Vec<_> = (0..rows.len()).filter(|r| active >> r & 1 == 1).map(|r| rows[r]).collect();
+            if set.len() > LIVE {
+                continue;
+            }
+            let n = LIVE + set.len();
+            let (mut m, mut b) = (DMatrix::zeros(n, n), DVector::zeros(n));
+            for i in 0..LIVE {
+                for j in 0..LIVE {
+                    m[(i, j)] = cost.p[i][j];
+                }
+                b[i] = -cost.q[i];
+            }
+            for (k, (row, bound)) in set.iter().enumerate() {
+                for i in 0..LIVE {
+                    m[(LIVE + k, i)] = row[i];
+                    m[(i, LIVE + k)] = row[i];
+                }
+                b[LIVE + k] = *bound;
+            }
+            let Some(x) = m.lu().solve(&b) else { continue };
+            let x: Vec<f64> = x.iter().take(LIVE).copied().collect();
+            let keeps = |(row, bound): &(Controls, f64)| {
+                (0..LIVE).map(|i| row[i] * x[i]).sum::<f64>() <= bound + 1e-9
+            };
+            if x.iter().all(|v| v.is_finite()) && rows.iter().all(keeps) {
+                let v = value(&x);
+                if best.as_ref().is_none_or(|b| v < b.0) {
+                    best = Some((v, x));
+                }
+            }
+        }
+        best
+    }
+
+    fn cost(entries: &[f64]) -> Quadratic {
+        let mut cost = Quadratic::ZERO;
+        for i in 0..CONTROLS {
+            let one: Controls = std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 });
+            cost.add(&one, 0.0, 0.5);
+        }
+        for chunk in entries.chunks(LIVE + 1) {
+            let row: Controls = std::array::from_fn(|c| if c < LIVE { chunk[c] } else { 0.0 });
+            cost.add(&row, chunk[LIVE], 1.0);
+        }
+        cost
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        #[test]
+        fn tiny_programs_are_solved_as_by_force(
+            entries in prop::collection::vec(-3.0..3.0_f64, 8),
+            bounds in prop::collection::vec((prop::array::uniform3(-2.0..2.0_f64), -0.5..2.0_f64), 6),
+        ) {
+            let cost = cost(&entries);
+            let mut program = Program::new(rows(6), vec![1.0]).unwrap();
+            let rows: Vec<(Controls, f64)> = bounds
+                .iter()
+                .map(|(r, b)| (std::array::from_fn(|c| if c < LIVE { r[c] } else { 0.0 }), *b))
+                .collect();
+            for (i, (values, bound)) in rows.iter().enumerate() {
+                program.set(i, values, *bound);
+            }
+            let found = program.solve(&cost, &cost.minimum().unwrap());
+            match by_force(&cost, &rows) {
+                Some((_, x)) => {
+                    prop_assert!(found.solve <= Solve::AlmostSolved, "{found:?}");
+                    for i in 0..LIVE {
+                        prop_assert!((found.controls[i] - x[i]).abs() < 2e-3, "{found:?} and {x:?}");
+                    }
+                }
+                None => prop_assert_eq!(found.solve, Solve::Failed),
+            }
+            // Nothing is left of what was solved before.
+            let mut again = Program::new(self::rows(6), vec![1.0]).unwrap();
+            for (i, (values, bound)) in rows.iter().enumerate() {
+                again.set(i, values, *bound);
+            }
+            let (first, second) = (program.solve_by_solver(&cost), again.solve_by_solver(&cost));
+            prop_assert_eq!(first.controls.map(f64::to_bits), second.controls.map(f64::to_bits));
+        }
+    }
+
+    #[test]
+    fn a_slack_gives_way_by_as_little_as_possible() {
+        let patterns =
+            vec![Pattern { controls: 0..1, slack: None }, Pattern { controls: 0..1, slack: Some(0) }];
+        let mut program = Program::new(patterns, vec![100.0]).unwrap();
+        let one: Controls = std::array::from_fn(|c| if c == 0 { 1.0 } else { 0.0 });
+        program.set(0, &one.map(|x| -x), -2.0);
+        program.set(1, &one, 1.0);
+        let cost = cost(&[1.0, 0.0, 0.0, 5.0]);
+        let found = program.solve(&cost, &cost.minimum().unwrap());
+        assert!(found.solve <= Solve::AlmostSolved && (found.controls[0] - 2.0).abs() < 1e-3, "{found:?}");
+    }
+}

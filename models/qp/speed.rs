@@ -263,3 +263,75 @@ pub(super) fn hardest_braking(speed: f64, acceleration: f64, settings: &Settings
         (way, speed)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::program::Solve;
+    use super::*;
+
+    fn open() -> [Bound; CHECKED.len()] {
+        CHECKED.map(|step| Bound { step, time: 0.0, bound: f64::INFINITY })
+    }
+
+    fn ways(speed: f64, accelerations: &[f64; STEPS]) -> [f64; STEPS] {
+        let (mut v, mut s) = (speed, 0.0);
+        accelerations.map(|a| {
+            v += a * DT;
+            s += v * DT;
+            s
+        })
+    }
+
+    #[test]
+    fn the_closed_form_is_the_solution_where_no_bound_is_met() {
+        let settings = super::super::settings().unwrap();
+        let mut speeds = Speeds::new(&settings).unwrap();
+        let ahead = open();
+        for (speed, acceleration, change) in
+            [(10.0, 0.0, 0.0), (8.0, 1.0, -1.0), (15.0, -2.0, 0.5), (4.0, 0.5, 1.5)]
+        {
+            for sigma in [None, Some(std::array::from_fn(|k| 0.3 + 0.05 * k as f64))] {
+                let way = std::array::from_fn(|k| {
+                    let t = DT * (k + 1) as f64;
+                    speed * t + 0.5 * change * t * t
+                });
+                let sigma: Option<[f64; STEPS]> = sigma;
+                let wanted = Wanted {
+                    speed,
+                    acceleration,
+                    way: &way,
+                    sigma: sigma.as_ref(),
+                    ahead: &ahead,
+                    answers: &[],
+                };
+                let (found, closed) = speeds.solve(&wanted);
+                assert_eq!((found.solve, found.iterations), (Solve::ClosedForm, 0));
+                let (found, solved) = speeds.solve_by_solver(&wanted);
+                assert!(found.iterations > 0 && found.solve == Solve::Solved, "{found:?}");
+                for (a, b) in ways(speed, &closed).iter().zip(ways(speed, &solved)) {
+                    assert!((a - b).abs() < 1e-3, "{a} and {b} m");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_hold_at_all_times_where_they_can() {
+        let settings = super::super::settings().unwrap();
+        let mut speeds = Speeds::new(&settings).unwrap();
+        for (speed, room) in [(10.0, 15.0), (20.0, 45.0), (5.0, 5.0)] {
+            let ahead = CHECKED.map(|step| Bound { step, time: 0.0, bound: room });
+            let way = std::array::from_fn(|k| f64::min(speed * DT * (k + 1) as f64, room));
+            let wanted =
+                Wanted { speed, acceleration: 0.0, way: &way, sigma: None, ahead: &ahead, answers: &[] };
+            let (found, accelerations) = speeds.solve(&wanted);
+            assert_eq!(found.solve, Solve::Solved);
+            assert!(ways(speed, &accelerations).iter().all(|s| *s <= room + 0.01));
+            let mut before = 0.0;
+            for a in accelerations {
+                assert!(a.abs() <= 5.5 + 1e-3 && (a - before) / DT <= 30.0 + 0.1, "{before} to {a}");
+                before = a;
+            }
+        }
+    }
+}
