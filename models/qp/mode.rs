@@ -35,8 +35,8 @@ impl Mode {
 
     /// The centres after every planned step, from a centre now.
     pub(super) fn centres(&self, now: Vec2) -> [Vec2; STEPS] {
+        let Some(&last) = self.points.last() else { return [now; STEPS] };
         let known = self.points.len();
-        let last = self.points.get(known - 1).copied().unwrap_or(now);
         let back = known.min(3);
         let before = if known > back { self.points[known - 1 - back] } else { now };
         let velocity = (last - before) / (DT * back as f64);
