@@ -258,11 +258,11 @@ fn gains(way: &Way, rear: f64) -> [Controls; STATIONS + 1] {
     let mut weights = [[0.0; CONTROLS]; STATIONS + 1];
     let mut before = 0;
     for (i, &knot) in KNOTS.iter().enumerate() {
-        for j in before + 1..=knot {
-            let t = (j - before) as f64 / (knot - before) as f64;
-            weights[j][i] += t;
+        for (m, row) in weights[before + 1..=knot].iter_mut().enumerate() {
+            let t = (m + 1) as f64 / (knot - before) as f64;
+            row[i] += t;
             if i > 0 {
-                weights[j][i - 1] += 1.0 - t;
+                row[i - 1] += 1.0 - t;
             }
         }
         before = knot;

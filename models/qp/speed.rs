@@ -178,8 +178,8 @@ impl Speeds {
             None => {
                 for (k, row) in self.ways.iter().enumerate() {
                     let w = 2.0 * way_weight(usual_sigma(k + 1)) * rest(k);
-                    for i in 0..CONTROLS {
-                        cost.q[i] -= w * row[i];
+                    for (q, r) in cost.q.iter_mut().zip(row) {
+                        *q -= w * r;
                     }
                 }
                 cost.p = self.usual.0;

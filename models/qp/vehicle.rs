@@ -328,17 +328,20 @@ impl Rows {
             }
         }
         let time = if leads { settings.closing_time } else { 0.3 };
-        for t in 1..TIMES {
-            let Some(s) = spans[t] else { continue };
+        for (t, s) in spans.iter().enumerate().skip(1) {
+            let Some(s) = s else { continue };
             if !leads && t > obstacle.sight || s.to < 0.0 || s.from < 0.0 && !in_front {
                 continue;
             }
             self.put(t - 1, s.from - settings.gap, time, s.speed.max(0.0));
         }
-        if obstacle.is_av && leads && !obstacle.stands() && self.answers.len() + 2 <= ANSWERS {
-            if let Some(s) = spans[0] {
-                self.answer(s, settings);
-            }
+        if obstacle.is_av
+            && leads
+            && !obstacle.stands()
+            && self.answers.len() + 2 <= ANSWERS
+            && let Some(s) = spans[0]
+        {
+            self.answer(s, settings);
         }
         true
     }
