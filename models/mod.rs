@@ -9,6 +9,7 @@ pub mod nn;
 pub mod ntp;
 pub mod pufferdrive;
 pub mod qp_regression;
+pub mod qp;
 mod setup;
 pub mod stop;
 pub mod weights;

@@ -21,6 +21,7 @@ mod networks;
 mod ntp_reactive;
 mod protocol;
 mod pufferdrive;
+mod qp;
 mod realism;
 mod regression;
 mod scenes;
