@@ -90,7 +90,7 @@ fn without_others_a_feasible_mode_is_what_comes_out() {
     ] {
         let subject = subject(speed, 0.0, Some(0.0));
         let mode = driven(&subject, |t| ramp(t, a), |t| ramp(t, c));
-        let moves = planner.plan(&subject, &[mode.clone()], &[]);
+        let moves = planner.plan(&subject, std::slice::from_ref(&mode), &[]);
         check(&subject, &moves);
         apart.push((farthest(&mode, &moves[..5]), farthest(&mode, &moves)));
     }
