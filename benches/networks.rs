@@ -16,13 +16,16 @@ use reactsim::formats;
 use reactsim::metrics::{Case, Options, score_case};
 use reactsim::models::nn::{Initializer, Noise, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
-use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
+use reactsim::models::ntp::reactive::{Known, Policy, ReactiveSimulator};
 use reactsim::models::ntp::smart::{
     Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, Vocabulary,
 };
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
+use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
+use reactsim::models::qp_regression::{Intentions, Policy as Predictor};
 use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, roll_out};
+use reactsim::scene::CURRENT;
 use reactsim::training::Task;
 
 /// Rounds of everything.
@@ -40,7 +43,8 @@ fn main() -> Result<()> {
     println!("| what | best | median | best by CPU time | aim |\n|---|--:|--:|--:|--:|");
     let peak = products(&device);
     published(&device, peak)?;
-    reactive(&device)
+    reactive(&device)?;
+    regression(&device)
 }
 
 /// Wall clock and processor time of some work, seconds.
@@ -262,5 +266,25 @@ fn reactive(device: &Device) -> Result<()> {
         }
     });
     row(&format!("reactive: a rollout of {agents} agents with all metrics"), &times, "120 ms", milliseconds);
+    Ok(())
+}
+
+/// The motion predictor: modes of the agents nearest to the AV.
+fn regression(device: &Device) -> Result<()> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+    let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;
+    let Some(scenario) = all.iter().max_by_key(|s| s.start.agents.len()) else { return Ok(()) };
+    let task = Regression::new(RegressionRecipe::default(), Intentions::fan(), device);
+    let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
+    let policy = Predictor::read(&file, device)?;
+    let tracks: Vec<_> = (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect();
+    let lights: Vec<_> = (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect();
+    let known = Known { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    for (count, aim) in [(1, "-"), (12, "20 ms"), (32, "-")] {
+        let slots: Vec<usize> = (1..=count).collect();
+        let times =
+            measured(|| drop(std::hint::black_box(policy.predict_known(&known, CURRENT, &slots, device))));
+        row(&format!("regression: modes of {count} agents, map included"), &times, aim, milliseconds);
+    }
     Ok(())
 }

@@ -3,10 +3,13 @@
 mod card;
 pub mod constant_velocity;
 pub mod idm;
+pub(crate) mod learning;
 pub mod log_replay;
 pub mod nn;
 pub mod ntp;
 pub mod pufferdrive;
+pub mod qp_regression;
+pub mod qp;
 mod setup;
 pub mod stop;
 pub mod weights;
@@ -67,6 +70,7 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::SMART,
     ntp::entries::SMART_PROJECTED,
     pufferdrive::ENTRY,
+    qp_regression::entries::REGRESSION,
 ];
 
 /// The baseline with this id.

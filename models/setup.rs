@@ -33,6 +33,12 @@ pub enum ModelError {
         /// Id of the baseline.
         id: &'static str,
     },
+    /// It is shown the log's future: what it plans is not changed.
+    #[error("the simulator `{id}` replays the log: no stage can be put behind it")]
+    Oracle {
+        /// Id of the baseline.
+        id: &'static str,
+    },
     /// It was given weights and needs none.
     #[error("the simulator `{id}` has no weights: leave --model-weights {id}={file} out")]
     UnwantedWeights {

@@ -15,8 +15,12 @@ use crate::evaluation::{
     PlannedSimulator, RunFolder, RunSettings, Source, Summary, TABLE, Tally,
 };
 use crate::formats::{self, FormatError, PendingScenarios};
+use crate::models::qp::Smoothing;
 use crate::report::{Run, exporter};
 use crate::rollout::{Protocol, Replan, Settings};
+
+/// A stage behind simulators, or none.
+type Stage = std::option::Option<Smoothing>;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -34,6 +38,10 @@ pub(super) struct RunArgs {
     /// repeated
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
+    /// A stage behind every simulator but log replay: qp (smooth, within limits, on the road and clear of
+    /// others) or qp-alone (clear of nobody). Ids say it: idm+qp; --models takes such ids too
+    #[arg(long, default_value = "off", value_name = "STAGE", value_parser = smoothing)]
+    smooth: Stage,
     /// Whether the AV is an external input (Algorithm 1) or moved by the simulator too (2)
     #[arg(long, value_enum, default_value = "reactive")]
     protocol: ProtocolName,
@@ -92,7 +100,7 @@ enum ProtocolName {
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     // Everything that can be wrong is found before the first scenario.
     let plan = plan(&args)?;
-    let mut tally = Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), args.rollouts);
+    let mut tally = Tally::new(plan.simulators.iter().map(|s| s.id.clone()).collect(), args.rollouts);
     let provenance = plan.provenance();
     let folder = match &args.out {
         Some(path) if args.resume => Some(RunFolder::resume(path, &provenance, &mut tally)?),
@@ -132,6 +140,7 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         folder.put(TABLE, &text)?;
     }
     tell_left_out(summary);
+    tell_outcomes(summary);
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }
@@ -156,6 +165,16 @@ fn tell_left_out(summary: &Summary) {
     if p.unused_deviations > 0 {
         let n = count(p.unused_deviations, "deviation");
         say(format_args!("warning: {n} not used: for scenarios that are not among those that were read"));
+    }
+}
+
+/// Says how parts of plans ended, simulator by simulator.
+fn tell_outcomes(summary: &Summary) {
+    for (id, simulator) in &summary.simulators {
+        if !simulator.outcomes.is_empty() {
+            let all = simulator.outcomes.iter().map(|(name, n)| format!("{n} {name}"));
+            say(format_args!("{id}: {}", all.collect::<Vec<_>>().join(", ")));
+        }
     }
 }
 
@@ -220,9 +239,18 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
     Ok(Plan { sources, simulators, deviations, settings, keep_rollouts: args.keep_rollouts })
 }
 
+/// The stage of a name; `off` is none.
+fn smoothing(name: &str) -> Result<Option<Smoothing>, String> {
+    if name == "off" {
+        return Ok(None);
+    }
+    let all = || Smoothing::ALL.map(Smoothing::name).join(", ");
+    Smoothing::from_name(name).map(Some).ok_or_else(|| format!("expected {} or off", all()))
+}
+
 /// The weights and parameters that were asked for.
 fn adjustments(args: &RunArgs) -> anyhow::Result<Adjustments> {
-    let mut asked = Adjustments::default();
+    let mut asked = Adjustments { smoothing: args.smooth, ..Adjustments::default() };
     for text in &args.model_weights {
         match text.split_once('=') {
             Some((id, file)) if !id.is_empty() && !file.is_empty() => {

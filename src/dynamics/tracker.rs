@@ -83,6 +83,22 @@ impl Moving {
         Some(Self { pose: Pose::from(now), speed, acceleration })
     }
 
+    /// After a step of 0.1 s at `speed` (way of the centre over 0.1 s, m/s, negative backwards) in which the heading turns by `turn`
+    /// (radians) about a rear axle that lies `rear` metres behind the centre.
+    pub fn moved(&self, speed: f64, turn: f64, rear: f64) -> Self {
+        let acceleration = (speed - self.speed) / DT;
+        if speed == 0.0 {
+            return Self { speed, acceleration, ..*self };
+        }
+        // The centre goes aside of the heading as far as it swings about the rear axle.
+        let aside = 2.0 * rear * math::sin(0.5 * turn);
+        let way = speed.abs() * DT;
+        let along = (way * way - aside * aside).max(0.0).sqrt().copysign(speed);
+        let facing = direction(self.pose.heading + 0.5 * turn);
+        let position = self.pose.position + facing * along + left(facing) * aside;
+        Self { pose: Pose { position, heading: wrap(self.pose.heading + turn) }, speed, acceleration }
+    }
+
     /// The state with the velocity that the last step had, for a step that started at `from`.
     pub fn state(&self, from: Vec2) -> AgentState {
         let v = (self.pose.position - from) / DT;
@@ -159,17 +175,7 @@ impl Tracker {
             return Moving { speed: 0.0, acceleration, ..now };
         }
         let turn = if next > 0.0 { self.turn(now.pose, speed, next, sign, k) } else { 0.0 };
-        // The centre goes aside of the heading as far as it swings about the rear axle.
-        let aside = 2.0 * self.ability.rear * math::sin(0.5 * turn);
-        let way = next.abs() * DT;
-        let along = (way * way - aside * aside).max(0.0).sqrt() * if next < 0.0 { -sign } else { sign };
-        let facing = direction(now.pose.heading + 0.5 * turn);
-        let position = now.pose.position + facing * along + left(facing) * aside;
-        Moving {
-            pose: Pose { position, heading: wrap(now.pose.heading + turn) },
-            speed: sign * next,
-            acceleration,
-        }
+        Moving { acceleration, ..now.moved(sign * next, turn, self.ability.rear) }
     }
 
     /// The speed of the next step, towards the plan's side.

@@ -96,7 +96,7 @@ impl Plan {
                 .simulators
                 .iter()
                 .map(|s| SimulatorRecord {
-                    id: s.id.to_owned(),
+                    id: s.id.clone(),
                     title: s.title.clone(),
                     oracle: s.controller.is_oracle(),
                     card: blake3::hash(s.card.as_bytes()).to_hex().to_string(),

@@ -64,7 +64,7 @@ pub fn run(
         observer,
         stop,
         supply: Supply::new(&plan.sources),
-        names: plan.simulators.iter().map(|s| s.id.to_owned()).collect(),
+        names: plan.simulators.iter().map(|s| s.id.clone()).collect(),
         done: AtomicUsize::new(0),
         // What an earlier run had done is read by every thread; what this one does is collected apart.
         before: tally.clone(),
@@ -281,7 +281,7 @@ impl Runner<'_> {
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
                     let text = self.named(ready.place, &error);
-                    self.fail(failure(self.plan, ready.place, Some(planned.id), id, text))?;
+                    self.fail(failure(self.plan, ready.place, Some(&planned.id), id, text))?;
                 }
             }
         }

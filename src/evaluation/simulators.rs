@@ -6,17 +6,18 @@ use std::path::PathBuf;
 
 use super::EvaluationError;
 use super::provenance::WeightsRecord;
+use crate::models::qp::{self, Smoothing};
 use crate::models::{self, Baseline, Card, MODELS, ModelError, WeightsFile};
 use crate::rollout::Controller;
 
 /// A simulator that is ready to run.
 pub struct PlannedSimulator {
-    /// Id.
-    pub id: &'static str,
+    /// Id: that of the baseline and, where there is one, of the stage behind it.
+    pub id: String,
     /// Name in tables.
     pub title: String,
-    /// Text of its card.
-    pub card: &'static str,
+    /// Text of its card, and of that of the stage behind it.
+    pub card: String,
     /// Parameters that are not as in the card, by dotted path, as TOML writes them.
     pub parameters: BTreeMap<String, String>,
     /// Its weights, where it has some.
@@ -32,6 +33,15 @@ pub struct Adjustments {
     pub weights: Vec<(String, PathBuf)>,
     /// Parameters: id, dotted path, value as in TOML.
     pub parameters: Vec<(String, String, String)>,
+    /// A stage to be put behind every simulator that is not an oracle.
+    pub smoothing: Option<Smoothing>,
+}
+
+/// A baseline, and what is put behind it.
+struct Chosen {
+    id: String,
+    baseline: &'static Baseline,
+    smoothing: Option<Smoothing>,
 }
 
 impl PlannedSimulator {
@@ -49,11 +59,11 @@ impl PlannedSimulator {
     /// # Errors
     /// Also names what is given twice, is for a simulator that does not run, can not be read, or does not fit.
     pub fn adjusted(ids: &[String], asked: &Adjustments) -> Result<Vec<Self>, EvaluationError> {
-        let baselines = chosen(ids, asked)?;
-        let runs = |id: &str| match baselines.iter().find(|b| b.id == id) {
+        let all = chosen(ids, asked)?;
+        let runs = |id: &str| match all.iter().find(|c| c.id == id) {
             Some(_) => Ok(()),
             None => {
-                find(id)?;
+                named(id)?;
                 Err(EvaluationError::NotRun { id: id.to_owned() })
             }
         };
@@ -71,19 +81,20 @@ impl PlannedSimulator {
                 return Err(EvaluationError::ParameterTwice { id: id.clone(), key: key.clone() });
             }
         }
-        let make = |baseline: &Baseline| {
-            let path = given.get(baseline.id).copied();
-            let changes = changes.iter().filter(|((id, _), _)| *id == baseline.id);
-            Self::make(baseline, path, changes.map(|((_, key), value)| (*key, *value)))
+        let make = |chosen: Chosen| {
+            let path = given.get(chosen.id.as_str()).copied();
+            let changes = changes.iter().filter(|((id, _), _)| *id == chosen.id);
+            Self::make(&chosen, path, changes.map(|((_, key), value)| (*key, *value)))
         };
-        baselines.into_iter().map(make).collect()
+        all.into_iter().map(make).collect()
     }
 
     fn make<'a>(
-        baseline: &Baseline,
+        chosen: &Chosen,
         weights: Option<&PathBuf>,
         changes: impl Iterator<Item = (&'a str, &'a str)>,
     ) -> Result<Self, EvaluationError> {
+        let baseline = chosen.baseline;
         let id = baseline.id;
         let mut setup = baseline.setup()?;
         let mut parameters = BTreeMap::new();
@@ -105,32 +116,52 @@ impl PlannedSimulator {
             setup.weights()?;
         }
         let weights = setup.weights.as_ref().map(WeightsRecord::of);
-        let title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
-        let controller = (baseline.make)(setup)?;
-        Ok(Self { id, title, card: baseline.card, parameters, weights, controller })
+        let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
+        let mut controller = (baseline.make)(setup)?;
+        let mut card = baseline.card.to_owned();
+        if let Some(smoothing) = chosen.smoothing {
+            title = format!("{title} + {}", smoothing.name());
+            controller = smoothing.behind(id, controller)?;
+            card.push_str(qp::CARD);
+        }
+        Ok(Self { id: chosen.id.clone(), title, card, parameters, weights, controller })
     }
 }
 
-/// The baselines that are to run.
-fn chosen(ids: &[String], asked: &Adjustments) -> Result<Vec<&'static Baseline>, EvaluationError> {
+/// What is to run.
+fn chosen(ids: &[String], asked: &Adjustments) -> Result<Vec<Chosen>, EvaluationError> {
+    let mut all: Vec<Chosen> = Vec::new();
     if ids.is_empty() {
         let given = |b: &Baseline| asked.weights.iter().any(|(id, _)| id == b.id);
-        return Ok(MODELS.iter().filter(|b| b.is_complete() || given(b)).collect());
+        let complete = MODELS.iter().filter(|b| b.is_complete() || given(b));
+        all.extend(complete.map(|baseline| Chosen { id: baseline.id.to_owned(), baseline, smoothing: None }));
     }
-    let mut baselines: Vec<&'static Baseline> = Vec::new();
     for id in ids {
-        let found = find(id)?;
-        if baselines.iter().any(|b| b.id == found.id) {
-            return Err(EvaluationError::RepeatedSimulator { id: id.clone() });
-        }
-        baselines.push(found);
+        all.push(named(id)?);
     }
-    Ok(baselines)
+    if let Some(smoothing) = asked.smoothing {
+        for chosen in all.iter_mut().filter(|c| c.smoothing.is_none() && !c.baseline.oracle) {
+            chosen.id = smoothing.id(chosen.baseline.id);
+            chosen.smoothing = Some(smoothing);
+        }
+    }
+    for (i, chosen) in all.iter().enumerate() {
+        if all[..i].iter().any(|earlier| earlier.id == chosen.id) {
+            return Err(EvaluationError::RepeatedSimulator { id: chosen.id.clone() });
+        }
+    }
+    Ok(all)
 }
 
-fn find(id: &str) -> Result<&'static Baseline, EvaluationError> {
-    models::find(id).ok_or_else(|| EvaluationError::UnknownSimulator {
+/// The baseline that an id names, with the stage behind it.
+fn named(id: &str) -> Result<Chosen, EvaluationError> {
+    let (base, smoothing) = match Smoothing::of_id(id) {
+        Some((base, smoothing)) => (base, Some(smoothing)),
+        None => (id, None),
+    };
+    let baseline = models::find(base).ok_or_else(|| EvaluationError::UnknownSimulator {
         id: id.to_owned(),
         known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
-    })
+    })?;
+    Ok(Chosen { id: id.to_owned(), baseline, smoothing })
 }

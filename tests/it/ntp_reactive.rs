@@ -37,7 +37,7 @@ pub(crate) fn untrained() -> Vec<u8> {
     task.file(&task.init(7), &serde_json::Value::Null).unwrap()
 }
 
-fn scenarios(count: usize) -> Vec<Scenario> {
+pub(crate) fn scenarios(count: usize) -> Vec<Scenario> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
     formats::open(std::path::Path::new(path)).unwrap().take(count).map(Result::unwrap).collect()
 }
@@ -46,11 +46,11 @@ fn greedy() -> Driving {
     Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 1, temperature: 1.0 } }
 }
 
-fn tracks(scenario: &Scenario) -> Vec<Vec<Frame>> {
+pub(crate) fn tracks(scenario: &Scenario) -> Vec<Vec<Frame>> {
     (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect()
 }
 
-fn lights(scenario: &Scenario) -> Vec<Vec<Option<reactsim::scene::LightState>>> {
+pub(crate) fn lights(scenario: &Scenario) -> Vec<Vec<Option<reactsim::scene::LightState>>> {
     (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect()
 }
 
@@ -136,7 +136,7 @@ fn a_scene_that_is_turned_and_moved_is_the_same() {
 }
 
 /// The scenario turned about the origin, then shifted.
-fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario {
+pub(crate) fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario {
     use reactsim::geometry::Polyline;
     let turn = |p: Vec2| {
         Vec2::new(p.x * angle.cos() - p.y * angle.sin(), p.x * angle.sin() + p.y * angle.cos()) + shift
@@ -153,6 +153,8 @@ fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario {
         lane.baseline = Polyline::new(&points).unwrap();
     }
     map.road_edges.iter_mut().flat_map(|e| &mut e.points).for_each(|p| *p = turn(*p));
+    map.road_lines.iter_mut().flat_map(|l| &mut l.points).for_each(|p| *p = turn(*p));
+    map.speed_bumps.iter_mut().flat_map(|b| &mut b.outline).for_each(|p| *p = turn(*p));
     map.stop_lines.iter_mut().flat_map(|s| &mut s.ends).for_each(|p| *p = turn(*p));
     map.crosswalks.iter_mut().flat_map(|c| &mut c.outline).for_each(|p| *p = turn(*p));
     if let Some(area) = &mut map.drivable_area {

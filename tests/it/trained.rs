@@ -116,6 +116,70 @@ fn a_network_is_trained_and_drives() {
 }
 
 #[test]
+fn a_motion_predictor_is_trained_and_drives() {
+    let folder = tempfile::tempdir().unwrap();
+    let few = folder.path().join("few");
+    fs::create_dir(&few).unwrap();
+    let mut writer = formats::native::Writer::create(few.join("few.parquet")).unwrap();
+    for scenario in formats::open(Path::new(BENCH)).unwrap().take(6) {
+        writer.write(&scenario.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    let points = folder.path().join("points.safetensors");
+    let made = done(&["train", "intentions", BENCH, "--points", "4", "--out", text(&points)]);
+    let made: toml::Table = toml::from_str(&String::from_utf8_lossy(&made.stdout)).unwrap();
+    assert_eq!(made["class"][0]["points"].as_array().unwrap().len(), 4);
+    let again = folder.path().join("again.safetensors");
+    done(&["train", "intentions", BENCH, "--points", "4", "--out", text(&again)]);
+    assert_eq!(fs::read(&points).unwrap(), fs::read(&again).unwrap());
+
+    let recipe = folder.path().join("recipe.toml");
+    fs::write(&recipe, crate::regression::small_recipe()).unwrap();
+    let train = |out: &Path, jobs: &str| {
+        let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(out)];
+        let more =
+            ["--intentions", text(&points), "--batch", "2", "--epochs", "30", "--learning-rate", "3e-3"];
+        let held =
+            ["--held-out", "0.3", "--validate-every", "30", "--closed-loop", text(&few), "--jobs", jobs];
+        done(&[&base[..], &more[..], &held[..], &["--most-closed-loop", "1"]].concat())
+    };
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    train(&one, "1");
+    train(&two, "2");
+    let file = |out: &Path| fs::read(out.join("weights.safetensors")).unwrap();
+    assert!(file(&one) == file(&two), "weights hang on the number of threads");
+    let log = fs::read_to_string(one.join("log.jsonl")).unwrap();
+    let rows: Vec<Value> = log.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    let losses: Vec<f64> =
+        rows.iter().filter(|r| r["row"] == "step").filter_map(|r| r["loss"].as_f64()).collect();
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    let (first, last) = (mean(&losses[..3]), mean(&losses[losses.len() - 3..]));
+    assert!(last < 0.9 * first, "{first} became {last}");
+    let checked = rows.iter().find(|r| r["row"] == "validation").unwrap();
+    for name in ["min_ade", "min_ade_vehicle", "miss_rate", "surprise"] {
+        assert!(checked["metrics"][name].is_number(), "{name} is not in {checked}");
+    }
+    assert!(checked["closed_loop"]["aav-collision"].is_number());
+
+    let weights = format!("regression={}", text(&one.join("weights.safetensors")));
+    let output =
+        done(&["run", text(&few), "--models", "regression", "--model-weights", &weights, "--limit", "1"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("| Regression "));
+
+    let refused = |arguments: &[&str]| {
+        let no = folder.path().join("no");
+        let base = ["train", "qp-regression", text(&few), "--out", text(&no)];
+        let output = reactsim(&[&base[..], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        said(&output)
+    };
+    assert!(refused(&["--intentions", text(&recipe)]).contains("not safetensors"));
+    let wrong = folder.path().join("wrong.toml");
+    fs::write(&wrong, crate::regression::small_recipe().replace("step = 5", "step = 7")).unwrap();
+    assert!(refused(&["--recipe", text(&wrong)]).contains("step = 7"));
+}
+
+#[test]
 fn what_can_not_be_learnt_from_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");

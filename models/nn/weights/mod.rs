@@ -10,7 +10,7 @@ mod save;
 mod tensors;
 
 pub use error::WeightsError;
-pub use save::{Tables, save, save_with};
+pub use save::{Tables, save, save_tables, save_with};
 pub use tensors::Tensors;
 
 /// The entry of the file's metadata that holds the configuration of the network, as JSON.

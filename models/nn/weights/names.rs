@@ -22,6 +22,16 @@ const STORED: &[(&str, &str, &str)] = &[
     ("Struct:ReluLayers", "narrow", "3"),
     ("Struct:SwiGluLayers", "wide", "w12"),
     ("Struct:SwiGluLayers", "narrow", "w3"),
+    ("Struct:NormedMlp", "first", "0"),
+    ("Struct:NormedMlp", "first_norm", "1"),
+    ("Struct:NormedMlp", "second", "3"),
+    ("Struct:NormedMlp", "second_norm", "4"),
+    ("Struct:NormedMlp", "third", "6"),
+    ("Struct:NormedMlp", "third_norm", "7"),
+    ("Struct:PlainMlp", "first", "0"),
+    ("Struct:PlainMlp", "second", "2"),
+    ("Struct:PlainMlp", "third", "4"),
+    ("Struct:MotionDecoder", "dense", ""),
 ];
 
 /// Where a walk over a module stands.

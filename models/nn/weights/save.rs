@@ -20,13 +20,18 @@ pub type Tables = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 pub fn save_with<M: Module>(network: &M, tables: Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
     let mut weights = Weights { tensors: tables, ..Weights::default() };
     network.visit(&mut weights);
+    save_tables(&weights.tensors, metadata)
+}
+
+/// Tensors alone as a safetensors file.
+pub fn save_tables(tables: &Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
     // Not by the crate: it writes metadata in the order of a hash map.
     let mut header = serde_json::Map::new();
     if !metadata.is_empty() {
         header.insert("__metadata__".into(), serde_json::json!(metadata));
     }
     let mut data = Vec::new();
-    for (name, (shape, values)) in &weights.tensors {
+    for (name, (shape, values)) in tables {
         let start = data.len();
         data.extend(values.iter().flat_map(|v| v.to_le_bytes()));
         let entry = serde_json::json!({"dtype": "F32", "shape": shape, "data_offsets": [start, data.len()]});

@@ -65,6 +65,13 @@ impl<'a> Tensors<'a> {
         Self { tensors: own, metadata: self.metadata.clone() }
     }
 
+    /// Leaves out what has such a name.
+    #[must_use]
+    pub fn without(mut self, unwanted: impl Fn(&str) -> bool) -> Self {
+        self.tensors.retain(|name, _| !unwanted(name));
+        self
+    }
+
     /// Leaves a tensor out that is another one under a second name, as PyTorch stores layers that are used twice. If either is not there
     /// nothing happens.
     ///

@@ -7,4 +7,3 @@ pub use task::{NextToken, Recipe};
 pub(crate) mod drive;
 pub(crate) mod loss;
 pub(crate) mod sample;
-pub(crate) mod scene;

@@ -7,11 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::reactive::Config;
+use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::places::Places;
 use super::super::reactive::step::{Earlier, Step, View};
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
 use super::drive::{Noise, drive};
-use super::scene::LearningScene;
+use crate::models::learning::LearningScene;
 
 /// How scenes are varied.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,7 +62,7 @@ const PARKED_WAY: f64 = 0.5;
 
 /// Makes a sample of at most `most` agents, varied by what is drawn from the stream, or as logged. `None` where nothing can be learnt.
 pub(crate) fn sample(
-    mut scene: LearningScene,
+    mut scene: LearningScene<KnownMap>,
     config: &Config,
     vocabulary: &Vocabulary,
     most: usize,

@@ -7,12 +7,13 @@ use reactsim::scene::Scenario;
 use reactsim::training::{Output, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
+use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::{Config, Network, Policy};
 use super::super::tokens::{Class, Vocabulary};
 use super::drive::Noise;
 use super::loss::{Smoothing, Spread, losses};
 use super::sample::{Augmentation, Sample, sample};
-use super::scene::LearningScene;
+use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
 
 /// What decides about learning, besides the data and the learner's own settings.
@@ -83,7 +84,8 @@ impl Task for NextToken {
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let scene = LearningScene::of(scenario, self.recipe.network.map_radius);
+        let scene =
+            LearningScene::of(scenario, KnownMap::of(&scenario.start, self.recipe.network.map_radius));
         let (config, most) = (&self.recipe.network, self.recipe.agents);
         let augmentation = &self.recipe.augmentation;
         match view {

@@ -11,7 +11,7 @@ mod config;
 mod corridor;
 pub(crate) mod known_map;
 mod lane;
-mod links;
+pub(crate) mod links;
 pub(crate) mod network;
 mod pair;
 mod place;

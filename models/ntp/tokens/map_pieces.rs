@@ -107,7 +107,7 @@ pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
 }
 
 /// The rings of the drivable area, closed, with the area on their left, and whether they cut something out of it.
-pub(super) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
+pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
     let area = map.drivable_area.as_deref().unwrap_or_default();
     let rings = |p: &Polygon| {
         let holes = p.holes.iter().map(|hole| (oriented(hole, false), true));
@@ -117,7 +117,7 @@ pub(super) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
 }
 
 /// A ring that ends where it begins.
-fn closed(ring: &[Vec2]) -> Vec<Vec2> {
+pub(crate) fn closed(ring: &[Vec2]) -> Vec<Vec2> {
     let mut ring = ring.to_vec();
     if let Some(&first) = ring.first()
         && ring.last() != Some(&first)

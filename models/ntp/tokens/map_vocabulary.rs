@@ -11,8 +11,8 @@ use reactsim::scene::Scenario;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
-use super::sample::Sample;
 use super::{CURVE_POINTS, CurvePiece, Provenance, VocabularyError, curve_pieces};
+use crate::models::learning::Sample;
 
 /// The curve of a token: eleven points in the frame of the first, the first chord along x.
 type Curve = [Vec2; CURVE_POINTS];

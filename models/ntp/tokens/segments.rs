@@ -4,8 +4,8 @@ use reactsim::dynamics::Pose;
 use reactsim::geometry::wrap;
 use reactsim::scene::{AgentKind, Frame, Scenario};
 
-use super::sample::Sample;
 use super::{Class, ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};
+use crate::models::learning::Sample;
 
 /// Agents with fewer recorded frames are left out (CATK).
 const LEAST_FRAMES: usize = 30;

@@ -2,9 +2,13 @@
 
 mod closed_loop;
 mod data;
+mod intentions;
 mod new_file;
 mod ntp;
 mod progress;
+mod qp_regression;
+mod reader;
+mod recipe;
 mod session;
 mod vocabulary;
 mod vocabulary_manifest;
@@ -24,6 +28,10 @@ pub(super) struct TrainArgs {
 enum TrainCommand {
     /// Train the simulator `ntp-reactive` on scenarios of any format
     Ntp(ntp::NtpArgs),
+    /// Train the simulator `regression` on scenarios of any format
+    QpRegression(qp_regression::QpRegressionArgs),
+    /// Find intention points for `train qp-regression` in scenarios
+    Intentions(intentions::IntentionsArgs),
     /// Build a vocabulary of motion tokens from scenarios
     Vocabulary(vocabulary::VocabularyArgs),
 }
@@ -31,6 +39,8 @@ enum TrainCommand {
 pub(super) fn train(args: &TrainArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
         TrainCommand::Ntp(args) => ntp::ntp(args),
+        TrainCommand::QpRegression(args) => qp_regression::qp_regression(args),
+        TrainCommand::Intentions(args) => intentions::intentions(args),
         TrainCommand::Vocabulary(args) => vocabulary::vocabulary(args),
     }
 }

@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::closed_loop::ClosedLoopArgs;
+use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
 use crate::models;
@@ -33,14 +34,7 @@ pub(super) struct NtpArgs {
 }
 
 pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
-    let recipe: Recipe = match &args.recipe {
-        Some(path) => {
-            let text =
-                fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
-            toml::from_str(&text).with_context(|| format!("{} is no recipe", path.display()))?
-        }
-        None => Recipe::default(),
-    };
+    let recipe: Recipe = recipe::read(args.recipe.as_deref())?;
     recipe.network.check().context("the recipe")?;
     let vocabulary = match &args.vocabulary {
         Some(path) => {

@@ -2,21 +2,19 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
 use super::new_file::NewFile;
+use super::reader::Reader;
 use super::vocabulary_manifest::{Entry, Manifest};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
-use crate::curation::driver::CurationObserver;
-use crate::formats::Input;
 use crate::models::ntp::tokens::{
     KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
 };
-use crate::scene::Scenario;
 
 const AFTER: &str = "\
 k-disks draws recorded motions that are not near one another, trajtok makes a token for every place
@@ -122,14 +120,7 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     let map_out = args.map_out.as_deref().map(NewFile::create).transpose()?;
     let stop = stop_on_interrupt("nothing is written")?;
     let progress = Progress::new();
-    let mut reader = Reader {
-        inputs: &inputs,
-        limit: args.limit,
-        progress: &progress,
-        stop: &stop,
-        tells: true,
-        failed: 0,
-    };
+    let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);
     let mut segments = Segments::new(args.segments.get(), args.seed);
     let mut map = map_out.is_some().then(|| MapVocabularyBuilder::new(MAP.2, args.seed));
     let read = reader.each(usize::MAX, |scenario| {
@@ -172,53 +163,4 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)
-}
-
-/// Reads scenarios from the first on.
-struct Reader<'a> {
-    inputs: &'a [Input],
-    limit: Option<NonZeroUsize>,
-    progress: &'a Progress,
-    stop: &'a AtomicBool,
-    /// Whether what can not be read is told: not where it was told before.
-    tells: bool,
-    /// Scenarios and files that could not be read and were told.
-    failed: usize,
-}
-
-impl Reader<'_> {
-    /// Shows the first good scenarios, at most so many, and says how many there were.
-    fn each(&mut self, most: usize, mut show: impl FnMut(&Scenario)) -> usize {
-        let (mut shown, limit) = (0, self.limit.map_or(usize::MAX, NonZeroUsize::get));
-        for input in self.inputs {
-            let scenarios = match input.format.open(&input.path) {
-                Ok(scenarios) => scenarios,
-                Err(error) => {
-                    self.fail(&error.to_string());
-                    continue;
-                }
-            };
-            for scenario in scenarios.take(limit) {
-                if shown >= most || self.stop.load(Ordering::Relaxed) {
-                    return shown;
-                }
-                match scenario {
-                    Ok(scenario) => {
-                        show(&scenario);
-                        shown += 1;
-                        self.progress.scenario_done(shown);
-                    }
-                    Err(error) => self.fail(&error.to_string()),
-                }
-            }
-        }
-        shown
-    }
-
-    fn fail(&mut self, error: &str) {
-        if self.tells {
-            self.progress.failed(error);
-            self.failed += 1;
-        }
-    }
 }

@@ -10,17 +10,17 @@ const REMEMBERED: usize = 8;
 
 /// A sample of at most so many things: every one that was seen is in it as likely as any other.
 #[derive(Debug)]
-pub(super) struct Sample<T> {
+pub(crate) struct Sample<T> {
     most: usize,
-    pub(super) kept: Vec<T>,
+    pub(crate) kept: Vec<T>,
     /// How many different things there were, kept or not.
-    pub(super) seen: u64,
+    pub(crate) seen: u64,
     names: BTreeSet<u64>,
     stream: Stream,
 }
 
 impl<T> Sample<T> {
-    pub(super) fn new(most: usize, seed: u64, name: &str) -> Self {
+    pub(crate) fn new(most: usize, seed: u64, name: &str) -> Self {
         Self {
             most: most.max(1),
             kept: Vec::new(),
@@ -31,7 +31,7 @@ impl<T> Sample<T> {
     }
 
     /// Shows a thing to the sample. Things of the same values (to the step, or nearly) are one.
-    pub(super) fn add(&mut self, thing: T, values: impl Iterator<Item = f64>, step: f64) {
+    pub(crate) fn add(&mut self, thing: T, values: impl Iterator<Item = f64>, step: f64) {
         if self.names.len() >= REMEMBERED * self.most {
             self.names.clear();
         }

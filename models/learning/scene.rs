@@ -3,50 +3,46 @@
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
 
-use super::super::reactive::known_map::KnownMap;
-use super::super::tokens::PieceKind;
+/// What a network is shown of a map.
+pub(crate) trait LearningMap {
+    /// Moves every point by this map, which turns left into right.
+    fn mirror(&mut self, flip: fn(Vec2) -> Vec2);
+
+    /// Multiplies all distances and speeds.
+    fn stretch(&mut self, factor: f64);
+}
 
 /// A logged scene: agents, their whole tracks, the map, what lights showed.
 #[derive(Clone, Debug)]
-pub(crate) struct LearningScene {
+pub(crate) struct LearningScene<M> {
     /// Slot 0 is the AV.
     pub agents: Vec<Agent>,
     /// Per agent 91 frames.
     pub tracks: Vec<Vec<Frame>>,
     /// The map.
-    pub map: KnownMap,
+    pub map: M,
     /// Per light what it showed in 91 frames.
     pub lights: Vec<Vec<Option<LightState>>>,
 }
 
-impl LearningScene {
-    /// The scene of a scenario, with the map within `radius` metres of the AV's current position.
-    pub(crate) fn of(scenario: &Scenario, radius: f64) -> Self {
+impl<M: LearningMap> LearningScene<M> {
+    /// The scene of a scenario, with what is shown of its map.
+    pub(crate) fn of(scenario: &Scenario, map: M) -> Self {
         let start = &scenario.start;
         Self {
             agents: start.agents.clone(),
             tracks: (0..start.agents.len()).map(|a| scenario.logged(a)).collect(),
-            map: KnownMap::of(start, radius),
+            map,
             lights: (0..start.lights.len()).map(|l| scenario.light_states(l)).collect(),
         }
     }
 
     /// The scene seen in a mirror along the x axis.
     pub(crate) fn mirrored(mut self) -> Self {
-        let flip = |p: Vec2| Vec2::new(p.x, -p.y);
         for state in self.tracks.iter_mut().flatten().flatten() {
             *state = AgentState { y: -state.y, heading: -state.heading, vy: -state.vy, ..*state };
         }
-        for piece in &mut self.map.pieces {
-            piece.points = piece.points.map(flip);
-            // Edges have the road on their left.
-            if matches!(piece.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian) {
-                piece.points.reverse();
-            }
-        }
-        for stop in &mut self.map.stops {
-            (stop.at, stop.ahead) = (flip(stop.at), flip(stop.ahead));
-        }
+        self.map.mirror(|p| Vec2::new(p.x, -p.y));
         self
     }
 
@@ -57,14 +53,7 @@ impl LearningScene {
             let (x, y, vx, vy) = (state.x * factor, state.y * factor, state.vx * factor, state.vy * factor);
             *state = AgentState { x, y, heading, vx, vy };
         }
-        for piece in &mut self.map.pieces {
-            piece.points = piece.points.map(|p| p * factor);
-            piece.length *= factor;
-            piece.speed_limit = piece.speed_limit.map(|v| v * factor);
-        }
-        for stop in &mut self.map.stops {
-            stop.at *= factor;
-        }
+        self.map.stretch(factor);
         self
     }
 }

@@ -1,0 +1,167 @@
+//! What is in the way: boxes at the times at which bounds are kept.
+
+use reactsim::geometry::{Bounds, OrientedBox, Vec2, left};
+
+use super::speed::CHECKED;
+use super::way::{STATIONS, Way};
+
+/// Times at which an obstacle is known: now, and those at which bounds are kept.
+pub(super) const TIMES: usize = CHECKED.len() + 1;
+
+/// The step of a time.
+pub(super) fn step_of(time: usize) -> usize {
+    if time == 0 { 0 } else { CHECKED[time - 1] }
+}
+
+/// Somebody, or something that stands, over the next seconds.
+#[derive(Clone, Debug)]
+pub(super) struct Obstacle {
+    pub(super) boxes: [OrientedBox; TIMES],
+    /// m/s.
+    pub(super) velocities: [Vec2; TIMES],
+    pub(super) bounds: Bounds,
+    /// Whether it is the AV.
+    pub(super) is_av: bool,
+    /// Times after this one are too uncertain to wait for, unless one follows.
+    pub(super) sight: usize,
+    /// Only followed, not waited for: it makes way itself, or it is not known what it will do.
+    pub(super) leader_only: bool,
+    /// Distance to be kept at its sides, metres.
+    pub(super) side: f64,
+}
+
+impl Obstacle {
+    /// An obstacle from its boxes.
+    pub(super) fn new(boxes: [OrientedBox; TIMES], velocities: [Vec2; TIMES]) -> Self {
+        let mut bounds = Bounds::EMPTY;
+        for b in &boxes {
+            bounds = bounds.union(&Bounds::around(b.center, b.radius()));
+        }
+        Self { boxes, velocities, bounds, is_av: false, sight: TIMES, leader_only: false, side: 0.0 }
+    }
+
+    /// Something that stands.
+    pub(super) fn standing(b: OrientedBox) -> Self {
+        Self::new([b; TIMES], [Vec2::zeros(); TIMES])
+    }
+
+    /// Whether it moves at no time.
+    pub(super) fn stands(&self) -> bool {
+        self.velocities.iter().all(|v| v.norm_squared() < 0.04)
+    }
+}
+
+/// The part of the way that an obstacle takes at a time: a vehicle whose centre is between the two touches it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Span {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    /// Speed of the obstacle along the way, m/s.
+    pub(super) speed: f64,
+}
+
+/// Half extents of a vehicle, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    pub(super) length: f64,
+    pub(super) width: f64,
+}
+
+/// What an obstacle takes of a way at each time.
+pub(super) fn spans(way: &Way, me: Extent, obstacle: &Obstacle, side: f64) -> [Option<Span>; TIMES] {
+    let mut spans = [None; TIMES];
+    let reach = me.length + me.width + side;
+    let mut near = Bounds::EMPTY;
+    for station in &way.stations {
+        near = near.union(&Bounds::around(station.centre, reach));
+    }
+    if !near.intersects(&obstacle.bounds) {
+        return spans;
+    }
+    let stands = obstacle.stands();
+    for time in 0..TIMES {
+        if stands && time > 0 {
+            spans[time] = spans[0];
+            continue;
+        }
+        let b = &obstacle.boxes[time];
+        let limit = reach + b.half_length + b.half_width + way.spacing;
+        for (j, station) in way.stations.iter().enumerate() {
+            let d = b.center - station.centre;
+            if d.norm_squared() > limit * limit {
+                continue;
+            }
+            let Some((low, high)) = extent_between(b, station.centre, station.axis, me.width + side) else {
+                continue;
+            };
+            // The stretch of the way that this station speaks for.
+            let before = if j == 0 { f64::INFINITY } else { 0.6 * way.spacing };
+            let after = if j == STATIONS { f64::INFINITY } else { 0.6 * way.spacing };
+            if high < -me.length - before || low > me.length + after {
+                continue;
+            }
+            let here = Span {
+                from: station.arc + low - me.length,
+                to: station.arc + high + me.length,
+                speed: obstacle.velocities[time].dot(&station.axis),
+            };
+            spans[time] = Some(match spans[time] {
+                None => here,
+                Some(s) if here.from < s.from => Span { to: s.to.max(here.to), ..here },
+                Some(s) => Span { to: s.to.max(here.to), ..s },
+            });
+        }
+    }
+    spans
+}
+
+/// How far a box reaches along an axis through `centre`, from and to, of its part within `width` of that axis.
+fn extent_between(b: &OrientedBox, centre: Vec2, axis: Vec2, width: f64) -> Option<(f64, f64)> {
+    let aside = left(axis);
+    let corners = b.corners().map(|c| {
+        let d = c - centre;
+        (d.dot(&axis), d.dot(&aside))
+    });
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut take = |x: f64| (low, high) = (low.min(x), high.max(x));
+    for i in 0..4 {
+        let (p, q) = (corners[i], corners[(i + 1) % 4]);
+        if p.1.abs() <= width {
+            take(p.0);
+        }
+        for edge in [-width, width] {
+            if (p.1 < edge) != (q.1 < edge) {
+                take(p.0 + (q.0 - p.0) * (edge - p.1) / (q.1 - p.1));
+            }
+        }
+    }
+    (low <= high).then_some((low, high))
+}
+
+/// How far an obstacle reaches to the sides of a box's axis where it is beside it: the least and the most, metres, left positive.
+pub(super) fn beside(b: &OrientedBox, centre: Vec2, axis: Vec2, length: f64) -> Option<(f64, f64)> {
+    // The same with the axes exchanged.
+    extent_between(b, centre, left(axis), length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_part_of_a_box_beside_an_axis_is_cut_exactly() {
+        let b = OrientedBox::new(Vec2::new(10.0, 0.0), 0.0, 4.0, 2.0);
+        let x = Vec2::new(1.0, 0.0);
+        assert_eq!(extent_between(&b, Vec2::zeros(), x, 1.0), Some((8.0, 12.0)));
+        assert_eq!(extent_between(&b, Vec2::new(0.0, 2.5), x, 1.0), None);
+        // Turned by a quarter, 2 m long and 4 m wide: two corners are cut off.
+        let b = OrientedBox::new(Vec2::new(10.0, 2.5), std::f64::consts::FRAC_PI_2, 4.0, 2.0);
+        let (low, high) = extent_between(&b, Vec2::zeros(), x, 1.0).unwrap();
+        assert!((low - 9.0).abs() < 1e-9 && (high - 11.0).abs() < 1e-9);
+        // At 45 degrees only its tip reaches the band.
+        let b = OrientedBox::new(Vec2::new(10.0, 2.0), std::f64::consts::FRAC_PI_4, 2.0, 2.0);
+        let (low, high) = extent_between(&b, Vec2::zeros(), x, 1.0).unwrap();
+        let half = 2.0_f64.sqrt() - 1.0;
+        assert!((low - (10.0 - half)).abs() < 1e-9 && (high - (10.0 + half)).abs() < 1e-9);
+    }
+}

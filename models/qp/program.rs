@@ -1,0 +1,386 @@
+//! Small quadratic programs of one pattern, solved by clarabel again and again.
+//!
+//! `minimise ½ uᵀPu + qᵀu + Σ ρᵢ ξᵢ` over controls `u` and slacks `ξ ≥ 0`, subject to rows `aᵀu − ξᵢ ≤ b`. States are eliminated: a row has
+//! the controls up to its time and no more. Pattern, ordering and symbolic factorisation are made once. clarabel computes no scaling of
+//! its own here, which would be that of the first problem: what is found depends on the problem alone, not on those before it.
+
+use std::ops::Range;
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::SupportedConeT::NonnegativeConeT;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus};
+
+/// Controls of every program.
+pub(super) const CONTROLS: usize = 10;
+
+/// A row of controls, or their values.
+pub(super) type Controls = [f64; CONTROLS];
+
+/// A bound that stands for none; metres, in which programs are small.
+const NO_BOUND: f64 = 1e3;
+
+/// Which unknowns a row may have.
+#[derive(Clone, Debug)]
+pub(super) struct Pattern {
+    /// Controls.
+    pub(super) controls: Range<usize>,
+    /// Slack that loosens it.
+    pub(super) slack: Option<usize>,
+}
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Solve {
+    /// The minimum without constraints keeps all of them.
+    ClosedForm,
+    /// To the solver's full tolerance.
+    Solved,
+    /// To its reduced tolerance.
+    AlmostSolved,
+    /// The solver gave up, or says that there is no solution.
+    Failed,
+}
+
+/// What a solve found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    pub(super) controls: Controls,
+    pub(super) solve: Solve,
+    /// Iterations of the interior-point method.
+    pub(super) iterations: u32,
+}
+
+/// A convex quadratic function of the controls without its constant: `½ uᵀPu + qᵀu`.
+#[derive(Clone, Debug)]
+pub(super) struct Quadratic {
+    pub(super) p: [Controls; CONTROLS],
+    pub(super) q: Controls,
+}
+
+impl Quadratic {
+    pub(super) const ZERO: Self = Self { p: [[0.0; CONTROLS]; CONTROLS], q: [0.0; CONTROLS] };
+
+    /// Adds `weight · (row · u − target)²`.
+    pub(super) fn add(&mut self, row: &Controls, target: f64, weight: f64) {
+        let double = 2.0 * weight;
+        for (i, &ri) in row.iter().enumerate() {
+            if ri == 0.0 {
+                continue;
+            }
+            let w = double * ri;
+            for (p, rj) in self.p[i].iter_mut().zip(row) {
+                *p += w * rj;
+            }
+            self.q[i] -= w * target;
+        }
+    }
+
+    /// Where it is smallest; `None` unless `P` is positive definite.
+    pub(super) fn minimum(&self) -> Option<Controls> {
+        Some(Cholesky::of(&self.p)?.solve(&self.q.map(|q| -q)))
+    }
+}
+
+/// The factor of a positive definite matrix.
+#[derive(Clone, Debug)]
+pub(super) struct Cholesky([Controls; CONTROLS]);
+
+impl Cholesky {
+    pub(super) fn of(p: &[Controls; CONTROLS]) -> Option<Self> {
+        let mut l = [[0.0; CONTROLS]; CONTROLS];
+        for i in 0..CONTROLS {
+            for j in 0..=i {
+                let dot: f64 = l[i][..j].iter().zip(&l[j][..j]).map(|(a, b)| a * b).sum();
+                let rest = p[i][j] - dot;
+                if i == j {
+                    if !(rest > 0.0) {
+                        return None;
+                    }
+                    l[i][i] = rest.sqrt();
+                } else {
+                    l[i][j] = rest / l[j][j];
+                }
+            }
+        }
+        Some(Self(l))
+    }
+
+    pub(super) fn solve(&self, right: &Controls) -> Controls {
+        let l = &self.0;
+        let mut x = *right;
+        for i in 0..CONTROLS {
+            let dot: f64 = l[i][..i].iter().zip(&x[..i]).map(|(a, b)| a * b).sum();
+            x[i] = (x[i] - dot) / l[i][i];
+        }
+        for i in (0..CONTROLS).rev() {
+            let dot: f64 = (i + 1..CONTROLS).map(|j| l[j][i] * x[j]).sum();
+            x[i] = (x[i] - dot) / l[i][i];
+        }
+        x
+    }
+}
+
+/// A program of one pattern.
+pub(super) struct Program {
+    solver: DefaultSolver<f64>,
+    patterns: Vec<Pattern>,
+    /// Where the values of row `r` begin in `places`.
+    starts: Vec<usize>,
+    /// Index into the values of `A` of every entry, row by row.
+    places: Vec<usize>,
+    p: Vec<f64>,
+    q: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    penalties: Vec<f64>,
+}
+
+impl Program {
+    /// A program of these rows; `penalties` are the costs of a slack of 1. `None` where clarabel refuses it, which a test excludes.
+    pub(super) fn new(patterns: Vec<Pattern>, penalties: Vec<f64>) -> Option<Self> {
+        let (rows, slacks) = (patterns.len(), penalties.len());
+        let (n, m) = (CONTROLS + slacks, rows + slacks);
+        let has = |r: usize, c: usize| {
+            let pattern = &patterns[r];
+            pattern.controls.contains(&c) || pattern.slack.is_some_and(|s| CONTROLS + s == c)
+        };
+        let (mut colptr, mut rowval, mut a) = (vec![0], Vec::new(), Vec::new());
+        let mut places: Vec<Vec<usize>> = vec![Vec::new(); rows];
+        for c in 0..n {
+            for (r, places) in places.iter_mut().enumerate() {
+                if has(r, c) {
+                    if c < CONTROLS {
+                        places.push(rowval.len());
+                    }
+                    rowval.push(r);
+                    a.push(if c < CONTROLS { 1.0 } else { -1.0 });
+                }
+            }
+            if c >= CONTROLS {
+                rowval.push(rows + c - CONTROLS);
+                a.push(-1.0);
+            }
+            colptr.push(rowval.len());
+        }
+        let matrix = CscMatrix::new(m, n, colptr, rowval, a.clone());
+        let (mut colptr, mut rowval, mut p) = (vec![0], Vec::new(), Vec::new());
+        for c in 0..n {
+            if c < CONTROLS {
+                rowval.extend(0..=c);
+                p.extend((0..=c).map(|r| if r == c { 1.0 } else { 0.0 }));
+            }
+            colptr.push(rowval.len());
+        }
+        let quadratic = CscMatrix::new(n, n, colptr, rowval, p.clone());
+        let mut q = vec![0.0; n];
+        q[CONTROLS..].copy_from_slice(&penalties);
+        let mut b = vec![NO_BOUND; m];
+        b[rows..].fill(0.0);
+        let settings = DefaultSettings {
+            verbose: false,
+            max_iter: 40,
+            direct_solve_method: "qdldl".to_owned(),
+            equilibrate_enable: false,
+            presolve_enable: false,
+            tol_gap_abs: 1e-6,
+            tol_gap_rel: 1e-6,
+            tol_feas: 1e-6,
+            iterative_refinement_max_iter: 2,
+            ..DefaultSettings::default()
+        };
+        let cones = [NonnegativeConeT(m)];
+        let solver = DefaultSolver::new(&quadratic, &q, &matrix, &b, &cones, settings).ok()?;
+        let mut starts = vec![0];
+        starts.extend(places.iter().scan(0, |end, p| {
+            *end += p.len();
+            Some(*end)
+        }));
+        let places = places.concat();
+        Some(Self { solver, patterns, starts, places, p, q, a, b, penalties })
+    }
+
+    /// Sets a row; entries outside its pattern count as 0. A bound that is not finite stands for none.
+    pub(super) fn set(&mut self, row: usize, values: &Controls, bound: f64) {
+        let none = !(bound < NO_BOUND);
+        let places = &self.places[self.starts[row]..self.starts[row + 1]];
+        for (&place, c) in places.iter().zip(self.patterns[row].controls.clone()) {
+            self.a[place] = if none { 0.0 } else { values[c] };
+        }
+        self.b[row] = if none { NO_BOUND } else { bound };
+    }
+
+    /// How far controls leave a row that has no slack or needs it, at most 0 where they keep it.
+    fn excess(&self, row: usize, controls: &Controls) -> f64 {
+        let places = &self.places[self.starts[row]..self.starts[row + 1]];
+        let range = self.patterns[row].controls.clone();
+        let sum: f64 = places.iter().zip(range).map(|(&p, c)| self.a[p] * controls[c]).sum();
+        sum - self.b[row]
+    }
+
+    /// Whether controls keep every row without any slack.
+    pub(super) fn keeps(&self, controls: &Controls) -> bool {
+        (0..self.patterns.len()).all(|row| self.excess(row, controls) <= 1e-9)
+    }
+
+    /// The minimum of a cost in these rows; `free` is its minimum without them.
+    pub(super) fn solve(&mut self, cost: &Quadratic, free: &Controls) -> Found {
+        if self.keeps(free) {
+            return Found { controls: *free, solve: Solve::ClosedForm, iterations: 0 };
+        }
+        self.solve_by_solver(cost)
+    }
+
+    /// As [`Self::solve`], by the solver whatever the minimum without rows may be.
+    pub(super) fn solve_by_solver(&mut self, cost: &Quadratic) -> Found {
+        let mut k = 0;
+        for c in 0..CONTROLS {
+            for r in 0..=c {
+                self.p[k] = cost.p[r][c];
+                k += 1;
+            }
+        }
+        self.q[..CONTROLS].copy_from_slice(&cost.q);
+        self.q[CONTROLS..].copy_from_slice(&self.penalties);
+        let failed = Found { controls: [0.0; CONTROLS], solve: Solve::Failed, iterations: 0 };
+        let solver = &mut self.solver;
+        if solver.update_data(&self.p, &self.q, &self.a, &self.b).is_err() {
+            return failed;
+        }
+        solver.solve();
+        let solution = &solver.solution;
+        let solve = match solution.status {
+            SolverStatus::Solved => Solve::Solved,
+            SolverStatus::AlmostSolved => Solve::AlmostSolved,
+            _ => Solve::Failed,
+        };
+        let mut controls = [0.0; CONTROLS];
+        controls.copy_from_slice(&solution.x[..CONTROLS]);
+        if controls.iter().any(|c| !c.is_finite()) {
+            return Found { iterations: solution.iterations, ..failed };
+        }
+        Found { controls, solve, iterations: solution.iterations }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Live controls of a tiny problem; the others are kept at 0 by their cost.
+    const LIVE: usize = 3;
+
+    fn rows(count: usize) -> Vec<Pattern> {
+        vec![Pattern { controls: 0..LIVE, slack: None }; count]
+    }
+
+    /// The best of all points at which some of the rows are equalities and the cost is least: the solution is one of them.
+    fn by_force(cost: &Quadratic, rows: &[(Controls, f64)]) -> Option<(f64, Vec<f64>)> {
+        let value = |x: &[f64]| -> f64 {
+            let quadratic: f64 = (0..LIVE)
+                .flat_map(|i| (0..LIVE).map(move |j| (i, j)))
+                .map(|(i, j)| cost.p[i][j] * x[i] * x[j])
+                .sum();
+            0.5 * quadratic + (0..LIVE).map(|i| cost.q[i] * x[i]).sum::<f64>()
+        };
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for active in 0..1_u32 << rows.len() {
+            let set: Vec<_> = (0..rows.len()).filter(|r| active >> r & 1 == 1).map(|r| rows[r]).collect();
+            if set.len() > LIVE {
+                continue;
+            }
+            let n = LIVE + set.len();
+            let (mut m, mut b) = (DMatrix::zeros(n, n), DVector::zeros(n));
+            for i in 0..LIVE {
+                for j in 0..LIVE {
+                    m[(i, j)] = cost.p[i][j];
+                }
+                b[i] = -cost.q[i];
+            }
+            for (k, (row, bound)) in set.iter().enumerate() {
+                for i in 0..LIVE {
+                    m[(LIVE + k, i)] = row[i];
+                    m[(i, LIVE + k)] = row[i];
+                }
+                b[LIVE + k] = *bound;
+            }
+            let Some(x) = m.lu().solve(&b) else { continue };
+            let x: Vec<f64> = x.iter().take(LIVE).copied().collect();
+            let keeps = |(row, bound): &(Controls, f64)| {
+                (0..LIVE).map(|i| row[i] * x[i]).sum::<f64>() <= bound + 1e-9
+            };
+            if x.iter().all(|v| v.is_finite()) && rows.iter().all(keeps) {
+                let v = value(&x);
+                if best.as_ref().is_none_or(|b| v < b.0) {
+                    best = Some((v, x));
+                }
+            }
+        }
+        best
+    }
+
+    fn cost(entries: &[f64]) -> Quadratic {
+        let mut cost = Quadratic::ZERO;
+        for i in 0..CONTROLS {
+            let one: Controls = std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 });
+            cost.add(&one, 0.0, 0.5);
+        }
+        for chunk in entries.chunks(LIVE + 1) {
+            let row: Controls = std::array::from_fn(|c| if c < LIVE { chunk[c] } else { 0.0 });
+            cost.add(&row, chunk[LIVE], 1.0);
+        }
+        cost
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        #[test]
+        fn tiny_programs_are_solved_as_by_force(
+            entries in prop::collection::vec(-3.0..3.0_f64, 8),
+            bounds in prop::collection::vec((prop::array::uniform3(-2.0..2.0_f64), -0.5..2.0_f64), 6),
+        ) {
+            let cost = cost(&entries);
+            let mut program = Program::new(rows(6), vec![1.0]).unwrap();
+            let rows: Vec<(Controls, f64)> = bounds
+                .iter()
+                .map(|(r, b)| (std::array::from_fn(|c| if c < LIVE { r[c] } else { 0.0 }), *b))
+                .collect();
+            for (i, (values, bound)) in rows.iter().enumerate() {
+                program.set(i, values, *bound);
+            }
+            let found = program.solve(&cost, &cost.minimum().unwrap());
+            match by_force(&cost, &rows) {
+                Some((_, x)) => {
+                    prop_assert!(found.solve <= Solve::AlmostSolved, "{found:?}");
+                    for i in 0..LIVE {
+                        prop_assert!((found.controls[i] - x[i]).abs() < 2e-3, "{found:?} and {x:?}");
+                    }
+                }
+                None => prop_assert_eq!(found.solve, Solve::Failed),
+            }
+            // Nothing is left of what was solved before.
+            let mut again = Program::new(self::rows(6), vec![1.0]).unwrap();
+            for (i, (values, bound)) in rows.iter().enumerate() {
+                again.set(i, values, *bound);
+            }
+            let (first, second) = (program.solve_by_solver(&cost), again.solve_by_solver(&cost));
+            prop_assert_eq!(first.controls.map(f64::to_bits), second.controls.map(f64::to_bits));
+        }
+    }
+
+    #[test]
+    fn a_slack_gives_way_by_as_little_as_possible() {
+        let patterns =
+            vec![Pattern { controls: 0..1, slack: None }, Pattern { controls: 0..1, slack: Some(0) }];
+        let mut program = Program::new(patterns, vec![100.0]).unwrap();
+        let one: Controls = std::array::from_fn(|c| if c == 0 { 1.0 } else { 0.0 });
+        program.set(0, &one.map(|x| -x), -2.0);
+        program.set(1, &one, 1.0);
+        let cost = cost(&[1.0, 0.0, 0.0, 5.0]);
+        let found = program.solve(&cost, &cost.minimum().unwrap());
+        assert!(found.solve <= Solve::AlmostSolved && (found.controls[0] - 2.0).abs() < 1e-3, "{found:?}");
+    }
+}

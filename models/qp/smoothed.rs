@@ -1,0 +1,163 @@
+//! A simulator whose plans go through the stage.
+
+use reactsim::rollout::{Controller, Episode, JointPlan, Memory, PlanError, Simulator, Stream};
+use reactsim::scene::{AgentState, Start};
+
+use super::mode::Mode;
+use super::settings::Settings;
+use super::stage::{Intent, KeepClear, Stage, is_planned};
+use reactsim::models::{Card, ModelError};
+
+/// The stages that can be put behind a simulator: what `--smooth` and ids name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Smoothing {
+    /// Everything.
+    Full,
+    /// Without keeping clear of anybody: what smoothness, limits and the road alone are worth.
+    WithoutOthers,
+}
+
+/// The text of the card of this stage.
+pub const CARD: &str = include_str!("card.toml");
+/// The id under which errors name the stage.
+const ID: &str = "qp";
+
+impl Smoothing {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Full, Self::WithoutOthers];
+
+    /// The name: `qp` or `qp-alone`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Full => "qp",
+            Self::WithoutOthers => "qp-alone",
+        }
+    }
+
+    /// The one of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|s| s.name() == name)
+    }
+
+    /// The id of a simulator with this stage behind it.
+    pub fn id(self, simulator: &str) -> String {
+        format!("{simulator}+{}", self.name())
+    }
+
+    /// The simulator and the stage that an id names; `None` for one without a stage.
+    pub fn of_id(id: &str) -> Option<(&str, Self)> {
+        let (simulator, stage) = id.rsplit_once('+')?;
+        Some((simulator, Self::from_name(stage)?))
+    }
+
+    /// Puts the stage behind a simulator.
+    ///
+    /// # Errors
+    /// [`ModelError::Oracle`] for one that is shown the log's future; what is wrong with the card, which a test excludes.
+    pub fn behind(self, id: &'static str, controller: Controller) -> Result<Controller, ModelError> {
+        let Controller::Fair(inner) = controller else { return Err(ModelError::Oracle { id }) };
+        let settings = settings()?;
+        let keep_clear = match self {
+            Self::Full => KeepClear::Everybody,
+            Self::WithoutOthers => KeepClear::Nobody,
+        };
+        Ok(Controller::Fair(Box::new(Smoothed { inner, settings, keep_clear })))
+    }
+}
+
+/// The parameters of the card.
+///
+/// # Errors
+/// [`ModelError`] for a card that can not be read, which a test excludes.
+pub fn settings() -> Result<Settings, ModelError> {
+    let parameters = Card::read(ID, CARD)?.parameters;
+    let read = parameters.try_into().map_err(|source| reactsim::models::CardError { id: ID, source })?;
+    Ok(read)
+}
+
+/// A simulator with the stage behind it.
+struct Smoothed {
+    inner: Box<dyn Simulator>,
+    settings: Settings,
+    keep_clear: KeepClear,
+}
+
+/// What the simulator keeps.
+struct Kept(Memory);
+
+impl Simulator for Smoothed {
+    fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
+        Memory::new(Kept(self.inner.begin(start, stream)))
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        let Some(mut stage) = Stage::new(&self.settings, self.keep_clear) else {
+            return Err(PlanError::Failed("the solver refuses the programs of the stage `qp`".to_owned()));
+        };
+        let mut inner: Vec<Episode<'_>> = Vec::with_capacity(batch.len());
+        let mut outer: Vec<Outer<'_>> = Vec::with_capacity(batch.len());
+        for episode in batch.iter_mut() {
+            let Some(Kept(memory)) = episode.memory.get::<Kept>() else {
+                episode.error = Some(PlanError::ForeignMemory(ID));
+                continue;
+            };
+            inner.push(Episode {
+                seen: episode.seen,
+                memory,
+                stream: &mut *episode.stream,
+                moves_av: episode.moves_av,
+                plan: JointPlan::new(episode.plan.agents(), episode.plan.steps()),
+                outcomes: std::mem::take(&mut episode.outcomes),
+                error: None,
+            });
+            let (plan, error, outcomes) = (&mut episode.plan, &mut episode.error, &mut episode.outcomes);
+            outer.push(Outer { plan, error, outcomes });
+        }
+        self.inner.plan(&mut inner)?;
+        for (episode, outer) in inner.into_iter().zip(outer) {
+            *outer.outcomes = episode.outcomes;
+            if episode.error.is_some() {
+                *outer.error = episode.error;
+                continue;
+            }
+            let agents = &episode.seen.start().agents;
+            let steps = episode.plan.steps();
+            let intents: Vec<Intent> = (0..agents.len())
+                .map(|slot| {
+                    if slot == 0 && !episode.moves_av || episode.seen.state(slot).is_none() {
+                        return Intent::None;
+                    }
+                    let states: Vec<AgentState> =
+                        (0..steps).map_while(|k| episode.plan.get(slot, k)).collect();
+                    if states.is_empty() {
+                        Intent::None
+                    } else if is_planned(agents[slot].kind) && states.len() == steps {
+                        let points = states.iter().map(AgentState::position).collect();
+                        Intent::Vehicle(vec![Mode::of(points)])
+                    } else {
+                        Intent::Fixed(states)
+                    }
+                })
+                .collect();
+            let plans = stage.plan(&episode.seen, &intents);
+            for (slot, (plan, intent)) in plans.iter().zip(&intents).enumerate() {
+                for k in 0..steps {
+                    let state = match (plan, intent) {
+                        (Some(states), Intent::Vehicle(_)) => states.get(k).copied(),
+                        _ => episode.plan.get(slot, k),
+                    };
+                    outer.plan.set(slot, k, state);
+                }
+            }
+            stage.take_endings().report(outer.outcomes);
+        }
+        Ok(())
+    }
+}
+
+/// What of an episode the simulator inside is not handed.
+struct Outer<'a> {
+    plan: &'a mut JointPlan,
+    error: &'a mut Option<PlanError>,
+    outcomes: &'a mut std::collections::BTreeMap<&'static str, u64>,
+}

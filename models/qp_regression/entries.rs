@@ -1,0 +1,23 @@
+//! The baselines of this family.
+
+use reactsim::models::nn::device;
+use reactsim::models::{Baseline, ModelError, Setup};
+use reactsim::rollout::Controller;
+
+use super::{Policy, RegressionSimulator};
+
+/// Predictions as they are.
+pub(in crate::models) const REGRESSION: Baseline = Baseline {
+    id: "regression",
+    card: include_str!("cards/regression.toml"),
+    oracle: false,
+    needs_weights: true,
+    make: regression,
+};
+
+fn regression(setup: Setup) -> Result<Controller, ModelError> {
+    let driving = setup.parameters()?;
+    let device = device();
+    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    Ok(Controller::Fair(Box::new(RegressionSimulator::new(policy, driving, device))))
+}

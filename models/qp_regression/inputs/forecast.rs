@@ -1,0 +1,107 @@
+//! Where the AV will be, as far as it shows.
+
+use reactsim::dynamics::Pose;
+use reactsim::geometry::{Vec2, direction, wrap};
+use reactsim::scene::{AgentState, DT, FUTURE, Frame};
+
+/// Acceleration and turn rate are taken to last so long, s; then the AV goes straight on at constant speed.
+const LASTS: f64 = 3.0;
+/// Bounds of what is estimated, m/s² and rad/s: differences of recorded positions are noisy.
+const ACCELERATION: f64 = 6.0;
+const TURN: f64 = 1.0;
+/// Frames over which acceleration and turn rate are taken.
+const OVER: usize = 2;
+
+/// Position and velocity after 0.1, 0.2 … 8 s, at constant turn rate and acceleration, from the state at frame `now` and those before it,
+/// and from the state one frame later where the protocol shows it. `None` where the agent is absent now.
+pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) -> Option<Vec<(Vec2, Vec2)>> {
+    let here = track.get(now).copied().flatten()?;
+    let back = |k: usize| now.checked_sub(k).and_then(|f| track[f]);
+    // The latest known states, newest first.
+    let known: Vec<AgentState> = match next {
+        Some(next) => [Some(next), Some(here), back(1), back(2)].into_iter().map_while(|s| s).collect(),
+        None => [Some(here), back(1), back(2), back(3)].into_iter().map_while(|s| s).collect(),
+    };
+    let last = *known.first()?;
+    let along = |to: &AgentState, from: &AgentState| {
+        (to.position() - from.position()).dot(&direction(to.heading)) / DT
+    };
+    let mut speed = match known.get(1) {
+        Some(before) => along(&last, before),
+        None => last.forward_speed(),
+    };
+    let (mut acceleration, mut turn) = (0.0, 0.0);
+    if let Some(earlier) = known.get(OVER) {
+        turn = (wrap(last.heading - earlier.heading) / (OVER as f64 * DT)).clamp(-TURN, TURN);
+        if let Some(earliest) = known.get(OVER + 1) {
+            let gained = (speed - along(earlier, earliest)) / (OVER as f64 * DT);
+            acceleration = gained.clamp(-ACCELERATION, ACCELERATION);
+        }
+    }
+    if speed < 0.0 {
+        (acceleration, turn) = (0.0, 0.0);
+    }
+    let mut pose = Pose::from(last);
+    let mut states = Vec::with_capacity(FUTURE);
+    if next.is_some() {
+        states.push((pose.position, (pose.position - here.position()) / DT));
+    }
+    for k in 0..FUTURE {
+        let lasts = (k as f64) * DT < LASTS;
+        if lasts && speed >= 0.0 {
+            speed = (speed + acceleration * DT).max(0.0);
+        }
+        // Who stands does not turn.
+        let curvature = if lasts && speed > 0.5 { turn / speed } else { 0.0 };
+        let from = pose.position;
+        pose = pose.advance(speed * DT, curvature);
+        states.push((pose.position, (pose.position - from) / DT));
+    }
+    states.truncate(FUTURE);
+    Some(states)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64, y: f64, heading: f64) -> AgentState {
+        AgentState { x, y, heading, vx: f64::NAN, vy: f64::NAN }
+    }
+
+    #[test]
+    fn braking_ends_in_a_halt() {
+        // 5 m/s at first, 2 m/s² less every second.
+        let way = |t: f64| 5.0 * t - t * t;
+        let track: Vec<Frame> = (0..11).map(|k| Some(at(way(k as f64 * DT), 0.0, 0.0))).collect();
+        let states = forecast(&track, 10, None).unwrap();
+        assert_eq!(states.len(), FUTURE);
+        let end = states[FUTURE - 1];
+        assert!((end.0 - Vec2::new(way(2.5), 0.0)).norm() < 0.3, "{end:?}");
+        assert!(end.1.norm() < 1e-9);
+        let seen = forecast(&track[..10], 9, track[10]).unwrap();
+        assert!((seen[0].0 - track[10].unwrap().position()).norm() < 1e-12);
+        assert!((seen[FUTURE - 1].0 - end.0).norm() < 0.1);
+    }
+
+    #[test]
+    fn little_is_needed() {
+        assert!(forecast(&[None], 0, None).is_none());
+        let one = [Some(at(1.0, 2.0, 0.3))];
+        assert!(forecast(&one, 0, None).unwrap().iter().all(|s| (s.0 - Vec2::new(1.0, 2.0)).norm() < 1e-12));
+    }
+
+    #[test]
+    fn a_turn_goes_on_for_a_while() {
+        let track: Vec<Frame> = (0..11)
+            .map(|k| {
+                let a = 0.2 * DT * k as f64;
+                Some(at(25.0 * a.sin(), 25.0 * (1.0 - a.cos()), a))
+            })
+            .collect();
+        let states = forecast(&track, 10, None).unwrap();
+        let heading = states[FUTURE - 1].1;
+        let angle = heading.y.atan2(heading.x);
+        assert!((angle - (0.2 + 0.6)).abs() < 0.03, "{angle}");
+    }
+}

@@ -1,0 +1,102 @@
+//! Histories of agents as numbers.
+
+use reactsim::geometry::Vec2;
+use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
+
+use super::surroundings::Frame2;
+use crate::models::qp_regression::network::Attributes;
+
+/// Numbers that describe an agent at a frame.
+pub(crate) const fn agent_numbers(attributes: Attributes) -> usize {
+    match attributes {
+        // Position and size in space, class, target, AV, frame, time, heading, velocity, acceleration, whether there.
+        Attributes::Published => 3 + 3 + 5 + (HISTORY + 1) + 2 + 2 + 2 + 1,
+        Attributes::Own => 2 + 2 + 5 + (HISTORY + 1) + 2 + 2 + 2 + 1,
+    }
+}
+
+/// Heights are not recorded: those of most of a class, metres.
+const fn height(kind: AgentKind) -> f64 {
+    match kind {
+        AgentKind::Vehicle => 1.6,
+        _ => 1.75,
+    }
+}
+
+/// An agent whose history is told.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told<'a> {
+    pub agent: &'a Agent,
+    pub track: &'a [Frame],
+    pub now: usize,
+    pub is_target: bool,
+    pub is_av: bool,
+}
+
+/// The velocity at a frame, m/s: the recorded one, else the difference from the frame before, else 0.
+pub(super) fn velocity_at(track: &[Frame], frame: usize) -> Vec2 {
+    let Some(state) = track.get(frame).copied().flatten() else { return Vec2::zeros() };
+    let before = || frame.checked_sub(1).and_then(|f| track[f]);
+    let difference = || before().map(|b| (state.position() - b.position()) / DT);
+    state.velocity().or_else(difference).unwrap_or_default()
+}
+
+impl Told<'_> {
+    /// Writes the numbers of the `k`-th of the eleven frames up to now; false where the agent was absent.
+    pub(super) fn write(&self, k: usize, frame: &Frame2, attributes: Attributes, out: &mut [f32]) -> bool {
+        let Some(at) = (self.now + k).checked_sub(HISTORY - 1) else { return false };
+        let Some(state) = self.track.get(at).copied().flatten() else { return false };
+        let velocity = velocity_at(self.track, at);
+        let change = |f: usize| {
+            let known = f > 0 && self.track[f].is_some() && self.track[f - 1].is_some();
+            known.then(|| (velocity_at(self.track, f) - velocity_at(self.track, f - 1)) / DT)
+        };
+        // The first frame is told the acceleration of the second.
+        let acceleration = change(if k == 0 { at + 1 } else { at }).unwrap_or_default();
+        let mut values = [0.0; 30];
+        let mut n = 0;
+        let mut put = |v: f64| {
+            values[n] = v;
+            n += 1;
+        };
+        let own = attributes == Attributes::Own;
+        self.place_and_size(state, frame, own, &mut put);
+        for kind in [AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist] {
+            // The public code misspells one class, so that its networks never see that mark on pedestrians.
+            let marked = own || kind != AgentKind::Pedestrian;
+            put(flag(self.agent.kind == kind && marked));
+        }
+        put(flag(self.is_target));
+        put(flag(self.is_av));
+        (0..HISTORY).for_each(|i| put(flag(i == k)));
+        put(k as f64 * DT);
+        let toward = frame.toward(state.heading);
+        put(toward.y);
+        put(toward.x);
+        let (v, a) = (frame.vector(velocity), frame.vector(acceleration));
+        let (per_v, per_a) = if own { (10.0, 5.0) } else { (1.0, 1.0) };
+        [v.x / per_v, v.y / per_v, a.x / per_a, a.y / per_a].into_iter().for_each(&mut put);
+        put(1.0);
+        for (slot, value) in out.iter_mut().zip(values) {
+            *slot = value as f32;
+        }
+        true
+    }
+
+    fn place_and_size(&self, state: AgentState, frame: &Frame2, own: bool, put: &mut impl FnMut(f64)) {
+        let at = frame.point(state.position());
+        if own {
+            [at.x / 20.0, at.y / 20.0, self.agent.length / 5.0, self.agent.width / 2.0]
+                .into_iter()
+                .for_each(put);
+        } else {
+            [at.x, at.y, 0.0, self.agent.length, self.agent.width, height(self.agent.kind)]
+                .into_iter()
+                .for_each(put);
+        }
+    }
+}
+
+fn flag(on: bool) -> f64 {
+    f64::from(u8::from(on))
+}

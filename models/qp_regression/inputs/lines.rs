@@ -1,0 +1,320 @@
+//! Lines of the map, cut into polylines of a few points.
+
+use reactsim::geometry::{Bounds, Polyline, Vec2};
+use reactsim::scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
+
+use super::surroundings::{Frame2, Rows};
+use crate::models::learning::LearningMap;
+use crate::models::ntp::reactive::links::Nearest;
+use crate::models::ntp::tokens::{closed, edge_rings};
+use crate::models::qp_regression::network::{Attributes, Config};
+
+/// Numbers that describe a point of a line.
+pub(crate) const fn point_numbers(attributes: Attributes) -> usize {
+    match attributes {
+        // Point and direction in space, kind, the point before.
+        Attributes::Published => 3 + 3 + 1 + 2,
+        // Point, direction, the point before, kind, what the light shows, speed limit and whether it is known.
+        Attributes::Own => 2 + 2 + 2 + KINDS + 4 + 2,
+    }
+}
+
+/// Lines that are longer are faults of the map, metres.
+const LONGEST: f64 = 1e5;
+
+/// What a line is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Freeway,
+    Street,
+    BikeLane,
+    /// A path through a junction, in maps that tell these from lanes.
+    Junction,
+    Boundary,
+    Median,
+    LightStop,
+    SignStop,
+    Yield,
+    Crosswalk,
+    /// With its code.
+    Paint(u8),
+    Bump,
+}
+
+/// Kinds that are marked where attributes are our own.
+const KINDS: usize = 10;
+
+impl Kind {
+    /// Its place among our own marks; painted lines and bumps are not shown.
+    const fn own(self) -> Option<usize> {
+        Some(match self {
+            Self::Freeway => 0,
+            Self::Street => 1,
+            Self::BikeLane => 2,
+            Self::Junction => 3,
+            Self::Boundary => 4,
+            Self::Median => 5,
+            Self::LightStop => 6,
+            Self::SignStop => 7,
+            Self::Yield => 8,
+            Self::Crosswalk => 9,
+            Self::Paint(_) | Self::Bump => return None,
+        })
+    }
+
+    /// Its code in the public code; stop lines of lights and give-way lines have none.
+    const fn published(self) -> Option<f32> {
+        Some(match self {
+            Self::Freeway => 1.0,
+            Self::Street | Self::Junction => 2.0,
+            Self::BikeLane => 3.0,
+            // Kinds of paint are numbered from 6 on, in the order of the Waymo messages from 1 on.
+            Self::Paint(0) => -1.0,
+            Self::Paint(code) => 5.0 + code as f32,
+            Self::Boundary => 15.0,
+            Self::Median => 16.0,
+            Self::SignStop => 17.0,
+            Self::Crosswalk => 18.0,
+            Self::Bump => 19.0,
+            Self::LightStop | Self::Yield => return None,
+        })
+    }
+
+    fn is_edge(self) -> bool {
+        matches!(self, Self::Boundary | Self::Median)
+    }
+}
+
+/// A piece of a line.
+#[derive(Clone, Debug)]
+struct Line {
+    /// At most as many as the network is shown, at equal distances but for the last.
+    points: Vec<Vec2>,
+    kind: Kind,
+    /// The light of its lane.
+    light: Option<usize>,
+    speed_limit: Option<f64>,
+    /// The mean of the points.
+    middle: Vec2,
+}
+
+/// The lines that are known of a map.
+#[derive(Clone, Debug, Default)]
+pub struct Lines {
+    all: Vec<Line>,
+}
+
+impl Lines {
+    /// Those of a scenario within reach of where the AV is at the current frame.
+    pub(crate) fn of(start: &Start, config: &Config) -> Self {
+        let mut cutter = Cutter { about: start.now(0).position(), config, lines: Self::default() };
+        let light_of = |lane: usize| start.lights.iter().position(|l| l.lane == lane);
+        cutter.cut_map(&start.map, light_of);
+        cutter.lines
+    }
+
+    /// The lines nearest to `base` as numbers in the frame of an agent, with what lights show.
+    pub(super) fn rows(
+        &self,
+        base: Vec2,
+        frame: &Frame2,
+        lights: &[Option<LightState>],
+        config: &Config,
+    ) -> Rows {
+        let numbers = point_numbers(config.attributes);
+        let mut nearest = Nearest::new(config.lines);
+        for (i, line) in self.all.iter().enumerate() {
+            nearest.offer((line.middle - base).norm_squared(), i);
+        }
+        let mut rows = Rows {
+            points: vec![0.0; config.points * config.lines * numbers],
+            there: vec![0.0; config.points * config.lines],
+            places: Vec::with_capacity(config.lines),
+        };
+        for (row, i) in nearest.found().enumerate() {
+            let line = &self.all[i];
+            let light = line.light.and_then(|l| lights.get(l).copied().flatten());
+            let at = frame.point(line.middle);
+            rows.places.push([at.x as f32, at.y as f32]);
+            for k in 0..line.points.len() {
+                let at = k * config.lines + row;
+                rows.there[at] = 1.0;
+                line.write(
+                    k,
+                    frame,
+                    light,
+                    config.attributes,
+                    &mut rows.points[at * numbers..(at + 1) * numbers],
+                );
+            }
+        }
+        rows
+    }
+}
+
+impl LearningMap for Lines {
+    fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
+        for line in &mut self.all {
+            line.points.iter_mut().for_each(|p| *p = flip(*p));
+            line.middle = flip(line.middle);
+            // Edges have the road on their left.
+            if line.kind.is_edge() {
+                line.points.reverse();
+            }
+        }
+    }
+
+    fn stretch(&mut self, factor: f64) {
+        for line in &mut self.all {
+            line.points.iter_mut().for_each(|p| *p *= factor);
+            line.middle *= factor;
+            line.speed_limit = line.speed_limit.map(|v| v * factor);
+        }
+    }
+}
+
+impl Line {
+    fn write(
+        &self,
+        k: usize,
+        frame: &Frame2,
+        light: Option<LightState>,
+        attributes: Attributes,
+        out: &mut [f32],
+    ) {
+        let point = frame.point(self.points[k]);
+        let before = frame.point(self.points[k.saturating_sub(1)]);
+        let chord = match (k, self.points.get(1)) {
+            (0, Some(second)) => frame.point(*second) - point,
+            _ => point - before,
+        };
+        let ahead = if chord.norm() > 1e-6 { chord.normalize() } else { Vec2::zeros() };
+        match attributes {
+            Attributes::Published => {
+                let kind = self.kind.published().unwrap_or(-1.0);
+                let values = [point.x, point.y, 0.0, ahead.x, ahead.y, 0.0];
+                put(out, &values);
+                out[6] = kind;
+                put(&mut out[7..], &[before.x, before.y]);
+            }
+            Attributes::Own => {
+                let step = point - before;
+                put(out, &[point.x / 20.0, point.y / 20.0, ahead.x, ahead.y, step.x / 2.0, step.y / 2.0]);
+                if let Some(kind) = self.kind.own() {
+                    out[6 + kind] = 1.0;
+                }
+                let shown = |f: fn(LightState) -> bool| f64::from(u8::from(light.is_some_and(f)));
+                put(
+                    &mut out[6 + KINDS..],
+                    &[
+                        shown(LightState::is_red),
+                        shown(LightState::is_yellow),
+                        shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),
+                        shown(|l| {
+                            matches!(
+                                l,
+                                LightState::Unknown | LightState::FlashingStop | LightState::FlashingCaution
+                            )
+                        }),
+                        self.speed_limit.map_or(0.0, |v| v / 20.0),
+                        f64::from(u8::from(self.speed_limit.is_some())),
+                    ],
+                );
+            }
+        }
+    }
+}
+
+fn put(out: &mut [f32], values: &[f64]) {
+    for (slot, value) in out.iter_mut().zip(values) {
+        *slot = *value as f32;
+    }
+}
+
+/// Cuts lines near a point.
+struct Cutter<'a> {
+    about: Vec2,
+    config: &'a Config,
+    lines: Lines,
+}
+
+impl Cutter<'_> {
+    fn cut_map(&mut self, map: &RoadMap, light_of: impl Fn(usize) -> Option<usize>) {
+        let tells_junctions = map.lanes.iter().any(|l| l.kind == LaneKind::Lane);
+        for (i, lane) in map.lanes.iter().enumerate() {
+            let kind = match (lane.kind, lane.class) {
+                (_, LaneClass::Bike) => Kind::BikeLane,
+                (LaneKind::Connector, _) if tells_junctions => Kind::Junction,
+                (_, LaneClass::Freeway) => Kind::Freeway,
+                _ => Kind::Street,
+            };
+            self.cut(&lane.baseline, kind, light_of(i), lane.speed_limit);
+        }
+        for edge in &map.road_edges {
+            let kind = if edge.kind == RoadEdgeKind::Median { Kind::Median } else { Kind::Boundary };
+            self.cut_points(&edge.points, kind, None);
+        }
+        if map.road_edges.is_empty() {
+            for (ring, is_hole) in edge_rings(map) {
+                self.cut_points(&ring, if is_hole { Kind::Median } else { Kind::Boundary }, None);
+            }
+        }
+        for line in &map.stop_lines {
+            let kind = match line.kind {
+                StopKind::Light => Kind::LightStop,
+                StopKind::Sign => Kind::SignStop,
+                StopKind::Yield => Kind::Yield,
+            };
+            self.cut_points(&line.ends, kind, light_of(line.lane));
+        }
+        for crosswalk in &map.crosswalks {
+            self.cut_points(&closed(&crosswalk.outline), Kind::Crosswalk, None);
+        }
+        for line in &map.road_lines {
+            self.cut_points(&line.points, Kind::Paint(line.paint), None);
+        }
+        for bump in &map.speed_bumps {
+            self.cut_points(&closed(&bump.outline), Kind::Bump, None);
+        }
+    }
+
+    fn cut_points(&mut self, points: &[Vec2], kind: Kind, light: Option<usize>) {
+        if let Ok(line) = Polyline::new(points) {
+            self.cut(&line, kind, light, None);
+        }
+    }
+
+    /// Where a line is cut does not depend on where the AV is.
+    fn cut(&mut self, line: &Polyline, kind: Kind, light: Option<usize>, speed_limit: Option<f64>) {
+        let shown = match self.config.attributes {
+            Attributes::Published => kind.published().is_some(),
+            Attributes::Own => kind.own().is_some(),
+        };
+        let near = Bounds::around(self.about, self.config.radius);
+        let bounds = Bounds::of(line.points().iter().copied());
+        if !shown || !bounds.intersects(&near) || !(line.length() <= LONGEST) {
+            return;
+        }
+        let (length, spacing) = (line.length(), self.config.spacing);
+        let steps = (length / spacing).ceil() as usize;
+        let mut segment = 0;
+        let mut at = |k: usize| {
+            let s = (k as f64 * spacing).min(length);
+            segment = line.segment_from(s, segment);
+            line.on_segment(s, segment)
+        };
+        let mut first = 0;
+        // Pieces share their ends, so that they show where lines go on.
+        while first < steps {
+            let last = (first + self.config.points.max(2) - 1).min(steps);
+            let mut points: Vec<Vec2> = (first..=last).map(&mut at).collect();
+            points.truncate(self.config.points);
+            let reach = self.config.radius * self.config.radius;
+            if points.iter().any(|p| (p - self.about).norm_squared() <= reach) {
+                let middle = points.iter().sum::<Vec2>() / points.len() as f64;
+                self.lines.all.push(Line { points, kind, light, speed_limit, middle });
+            }
+            first = last;
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! Intention points: where agents may be in eight seconds, one for each motion query.
+
+use reactsim::geometry::Vec2;
+use reactsim::models::nn::weights::{Tables, save_tables};
+use reactsim::models::nn::{Tensors, WeightsError};
+
+use crate::models::ntp::tokens::{Class, Provenance};
+
+/// What the names of the tensors begin with.
+pub(crate) const PREFIX: &str = "intention_points.";
+/// The entry of the metadata that says what the points were made of, as JSON.
+const MADE: &str = "reactsim.intentions";
+
+/// Points per class, metres, in the frame of an agent as it is now; as many of one class as of another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Intentions {
+    points: [Vec<Vec2>; 3],
+    provenance: Provenance,
+}
+
+/// Why something is no set of intention points.
+#[derive(Debug, thiserror::Error)]
+pub enum IntentionsError {
+    /// No file of tensors, or a tensor is missing, of another type or not finite.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// Another shape.
+    #[error("tensor `{name}` has the shape {found:?}, expected [points, 2] with 1 to 4096 points")]
+    Shape {
+        /// Name.
+        name: String,
+        /// Shape in the file.
+        found: Vec<usize>,
+    },
+    /// Classes with different numbers of points.
+    #[error(
+        "there are {found:?} intention points of vehicles, pedestrians and cyclists, expected as many of each"
+    )]
+    Counts {
+        /// Points per class.
+        found: [usize; 3],
+    },
+    /// A number of points that k-means does not make.
+    #[error("{0} intention points can not be made: ask for 2 to 4096")]
+    Number(usize),
+    /// Too little was recorded of a class.
+    #[error(
+        "of class `{class}` {found} different places are recorded where agents are after 8 s, expected at least {wanted}: name more \
+         scenarios, or ask for fewer points"
+    )]
+    TooFew {
+        /// Class.
+        class: Class,
+        /// How many.
+        found: usize,
+        /// How many are needed.
+        wanted: usize,
+    },
+    /// What is said of their making can not be read or written.
+    #[error("what the file says of the making of the intention points is no text that is understood: {0}")]
+    Provenance(serde_json::Error),
+}
+
+impl Intentions {
+    /// Points of the classes in the order of [`Class::ALL`], and what they were made of.
+    ///
+    /// # Errors
+    /// [`IntentionsError`] where classes differ in number or there are none.
+    pub fn new(points: [Vec<Vec2>; 3], provenance: Provenance) -> Result<Self, IntentionsError> {
+        let found = [points[0].len(), points[1].len(), points[2].len()];
+        if found[0] != found[1] || found[0] != found[2] {
+            return Err(IntentionsError::Counts { found });
+        }
+        if !(1..=4096).contains(&found[0]) {
+            let name = format!("{PREFIX}{}", Class::Vehicle);
+            return Err(IntentionsError::Shape { name, found: vec![found[0], 2] });
+        }
+        Ok(Self { points, provenance })
+    }
+
+    /// Sixteen points per class that need no data: straight on at usual speeds, turns, standing.
+    pub fn fan() -> Self {
+        let class = |straight: &[f64], aside: &[(f64, f64)]| {
+            let pairs = aside.iter().flat_map(|&(x, y)| [Vec2::new(x, y), Vec2::new(x, -y)]);
+            straight.iter().map(|&x| Vec2::new(x, 0.0)).chain(pairs).collect::<Vec<_>>()
+        };
+        let vehicle = class(
+            &[0.0, 10.0, 25.0, 42.0, 62.0, 85.0, 115.0, 160.0],
+            &[(14.0, 14.0), (28.0, 34.0), (50.0, 9.0), (-2.0, 10.0)],
+        );
+        let pedestrian = class(
+            &[0.0, 4.0, 8.0, 11.0, 15.0, 24.0],
+            &[(9.0, 3.5), (6.0, 8.0), (0.0, 6.0), (-6.0, 5.0), (2.0, 2.5)],
+        );
+        let cyclist = class(
+            &[0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 65.0, 85.0],
+            &[(12.0, 12.0), (30.0, 6.0), (24.0, 24.0), (45.0, 10.0)],
+        );
+        let provenance = Provenance { method: "fan".to_owned(), ..Provenance::default() };
+        Self { points: [vehicle, pedestrian, cyclist], provenance }
+    }
+
+    /// The points of a class.
+    pub fn of(&self, class: Class) -> &[Vec2] {
+        &self.points[class.index()]
+    }
+
+    /// Points per class.
+    pub fn count(&self) -> usize {
+        self.points[0].len()
+    }
+
+    /// What they were made of.
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// The point of a class that is nearest to `p`; of equally near ones the first.
+    pub fn nearest(&self, class: Class, p: Vec2) -> usize {
+        let far = |i: &usize| (self.of(class)[*i] - p).norm_squared();
+        (0..self.count()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default()
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`IntentionsError`] that names the tensor.
+    pub fn read(bytes: &[u8]) -> Result<Self, IntentionsError> {
+        Self::from_tables(&Tensors::read(bytes)?)
+    }
+
+    /// Reads the points that lie beside weights. Files that do not say what theirs were made of are from elsewhere.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, IntentionsError> {
+        let provenance = match tensors.metadata().get(MADE) {
+            Some(made) => serde_json::from_str(made).map_err(IntentionsError::Provenance)?,
+            None => Provenance { method: "foreign".to_owned(), ..Provenance::default() },
+        };
+        let mut points: [Vec<Vec2>; 3] = Default::default();
+        for class in Class::ALL {
+            let name = format!("{PREFIX}{class}");
+            let (shape, values) = tensors.floats(&name)?;
+            if shape.len() != 2 || shape[1] != 2 || !(1..=4096).contains(&shape[0]) {
+                return Err(IntentionsError::Shape { name, found: shape.to_vec() });
+            }
+            let point = |p: &[f32; 2]| Vec2::new(f64::from(p[0]), f64::from(p[1]));
+            points[class.index()] = values.as_chunks::<2>().0.iter().map(point).collect();
+        }
+        Self::new(points, provenance)
+    }
+
+    /// The points as tensors `[points, 2]` by name, and the entry of metadata that says what they were made of.
+    ///
+    /// # Errors
+    /// [`IntentionsError::Provenance`].
+    pub fn tables(&self) -> Result<(Tables, (String, String)), IntentionsError> {
+        let made = serde_json::to_string(&self.provenance).map_err(IntentionsError::Provenance)?;
+        let table = |class: Class| {
+            let values = self.of(class).iter().flat_map(|p| [p.x as f32, p.y as f32]).collect();
+            (format!("{PREFIX}{class}"), (vec![self.count(), 2], values))
+        };
+        Ok((Class::ALL.into_iter().map(table).collect(), (MADE.to_owned(), made)))
+    }
+
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// [`IntentionsError::Provenance`].
+    pub fn write(&self) -> Result<Vec<u8>, IntentionsError> {
+        let (tables, entry) = self.tables()?;
+        Ok(save_tables(&tables, &[entry].into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_read_back() {
+        let fan = Intentions::fan();
+        assert_eq!(fan.count(), 16);
+        assert_eq!(Intentions::read(&fan.write().unwrap()).unwrap(), fan);
+    }
+
+    #[test]
+    fn what_is_none_is_refused_by_name() {
+        let bytes = Intentions::fan().write().unwrap();
+        assert!(Intentions::read(&bytes[..40]).is_err());
+        let uneven =
+            Intentions::new([vec![Vec2::zeros(); 3], vec![Vec2::zeros(); 2], vec![]], Provenance::default());
+        assert!(uneven.unwrap_err().to_string().contains("[3, 2, 0]"));
+        let none = Intentions::new(Default::default(), Provenance::default());
+        assert!(none.unwrap_err().to_string().contains("1 to 4096"));
+        let tables = Tables::from([("intention_points.vehicle".to_owned(), (vec![2, 3], vec![0.0; 6]))]);
+        let text = Intentions::read(&save_tables(&tables, &Default::default())).unwrap_err().to_string();
+        assert!(text.contains("`intention_points.vehicle`") && text.contains("[2, 3]"), "{text}");
+    }
+
+    #[test]
+    fn the_nearest_point_is_found() {
+        let fan = Intentions::fan();
+        assert_eq!(fan.nearest(Class::Vehicle, Vec2::new(41.0, 1.0)), 3);
+        assert_eq!(fan.nearest(Class::Pedestrian, Vec2::zeros()), 0);
+    }
+}

@@ -1,0 +1,111 @@
+//! Agents beside their log, on the way back to it: what a closed loop gets into, and how to get out.
+
+use rand::RngExt;
+use reactsim::geometry::{Vec2, direction, left, smooth_step};
+use reactsim::scene::{AgentState, DT, Frame};
+use reactsim::training::Stream;
+use serde::{Deserialize, Serialize};
+
+/// How agents are disturbed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Disturbance {
+    /// How often an agent is.
+    pub often: f64,
+    /// How far aside at most, metres, at full speed.
+    pub aside: f64,
+    /// How far ahead or behind at most, metres, at full speed.
+    pub along: f64,
+    /// By how much it is turned at most, radians.
+    pub turn: f64,
+    /// Seconds until it is back.
+    pub recovers: f64,
+}
+
+/// Who is slower is disturbed less, m/s.
+const FULL_SPEED: f64 = 4.0;
+/// Slower agents stand: nobody is moved about who stands.
+const STANDS: f64 = 0.5;
+/// Seconds in which it came about.
+const BEGAN: f64 = 1.0;
+
+impl Disturbance {
+    /// The track of an agent that has got away from its log by frame `now` and goes back to it. It begins where the log was a second before,
+    /// positions change without jumps, and velocities are differences of positions.
+    pub(super) fn apply(&self, track: &[Frame], now: usize, stream: &mut Stream) -> Vec<Frame> {
+        // The same numbers are drawn whatever the agent does.
+        let happens = stream.random::<f64>() < self.often;
+        let mut drawn = |most: f64| most * (2.0 * stream.random::<f64>() - 1.0);
+        let (aside, along, turn) = (drawn(self.aside), drawn(self.along), drawn(self.turn));
+        let speed = track.get(now).copied().flatten().map_or(0.0, |s| s.velocity().map_or(0.0, |v| v.norm()));
+        if !happens || speed < STANDS {
+            return track.to_vec();
+        }
+        let part = (speed / FULL_SPEED).min(1.0);
+        let offset = |frame: usize| {
+            let t = (frame as f64 - now as f64) * DT;
+            let kept = if t <= 0.0 {
+                smooth_step(1.0 + t / BEGAN)
+            } else {
+                1.0 - smooth_step(t / self.recovers.max(DT))
+            };
+            (kept * part, t)
+        };
+        let (first, last) = (-BEGAN, self.recovers);
+        let moved = |frame: usize, state: AgentState| {
+            let (kept, t) = offset(frame);
+            if t <= first || t >= last {
+                return state;
+            }
+            let ahead = direction(state.heading);
+            let sideways = kept * (aside + turn * speed * t);
+            let p = state.position() + ahead * (kept * along) + left(ahead) * sideways;
+            AgentState { x: p.x, y: p.y, heading: state.heading + kept * turn, ..state }
+        };
+        let mut all: Vec<Frame> =
+            track.iter().enumerate().map(|(f, state)| state.map(|s| moved(f, s))).collect();
+        for f in (1..all.len()).rev() {
+            if let (Some(before), Some(state)) = (all[f - 1], &mut all[f]) {
+                let v: Vec2 = (state.position() - before.position()) / DT;
+                (state.vx, state.vy) = (v.x, v.y);
+            }
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::rand_core::SeedableRng;
+
+    use super::*;
+
+    const MUCH: Disturbance = Disturbance { often: 1.0, aside: 1.0, along: 1.0, turn: 0.1, recovers: 3.0 };
+
+    fn straight(speed: f64) -> Vec<Frame> {
+        let at = |f: i32| {
+            Some(AgentState { x: speed * 0.1 * f64::from(f), y: 0.0, heading: 0.0, vx: speed, vy: 0.0 })
+        };
+        (0..91).map(at).collect()
+    }
+
+    #[test]
+    fn it_comes_and_goes_without_jumps() {
+        let log = straight(8.0);
+        let track = MUCH.apply(&log, 20, &mut Stream::seed_from_u64(5));
+        let p = |f: usize| track[f].unwrap().position();
+        assert_eq!(p(9), log[9].unwrap().position());
+        assert_eq!(p(60), log[60].unwrap().position());
+        assert!((p(20) - log[20].unwrap().position()).norm() > 0.1);
+        for f in 2..91 {
+            let bend = (p(f) - p(f - 1) * 2.0 + p(f - 2)).norm() / (DT * DT);
+            assert!(bend < 9.0, "{f}: {bend}");
+        }
+    }
+
+    #[test]
+    fn who_stands_is_left_alone() {
+        let log = straight(0.2);
+        assert_eq!(MUCH.apply(&log, 20, &mut Stream::seed_from_u64(5)), log);
+    }
+}

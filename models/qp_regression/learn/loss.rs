@@ -1,0 +1,154 @@
+//! What is minimised, as in MTR: the likelihood of what really happens under the mode whose intention point is nearest to its end, the
+//! velocity of that mode, its score; and the same for the dense prediction, without scores.
+
+use burn::tensor::activation::log_softmax;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use super::super::Intentions;
+use super::super::inputs::Surroundings;
+use super::super::network::{Batch, Config, Network, Predicted, STATE};
+use super::super::predict::{CORRELATION, LOG_DEVIATION};
+use super::sample::{Sample, TRUTH, Target, Truth};
+
+/// What a velocity that is wrong by 1 m/s counts in modes; in the dense prediction it counts 1 (MTR).
+const VELOCITY: f64 = 0.5;
+
+/// What a pass over some samples gives, as sums over targets.
+pub(super) struct Losses {
+    /// What is minimised.
+    pub loss: Tensor<1>,
+    /// Number of targets.
+    pub targets: f64,
+    /// Negative log-likelihoods of true states in the last layer, and of how many states.
+    pub surprise: (f64, f64),
+    /// Cross-entropies of scores in the last layer.
+    pub score: f64,
+    /// How often the likeliest query was the right one.
+    pub right: f64,
+    /// Everything that was predicted.
+    pub predicted: Predicted,
+}
+
+/// Runs the network over samples.
+pub(super) fn losses(
+    network: &Network,
+    samples: &[Sample],
+    intentions: &Intentions,
+    config: &Config,
+    device: &Device,
+) -> Losses {
+    let targets: Vec<&Target> = samples.iter().flat_map(|s| &s.targets).collect();
+    let scenes: Vec<&Surroundings> = targets.iter().map(|t| &t.around).collect();
+    let batch = Batch::of(&scenes, intentions, config, device);
+    let predicted = network.forward(&batch, config);
+
+    let count = targets.len();
+    let positive = |t: &&Target| intentions.nearest(t.around.class, t.goal);
+    let positive: Vec<usize> = targets.iter().map(positive).collect();
+    let rows = positive.iter().enumerate().map(|(i, q)| (i * batch.queries + q) as i32);
+    let rows = ints(rows.collect(), device);
+    let labels = ints(positive.iter().map(|&q| q as i32).collect(), device).unsqueeze_dim::<2>(1);
+    let truths: Vec<&Truth> = targets.iter().map(|t| &t.truth).collect();
+    let (truth, known) = truth_tensors(&truths, &vec![1.0; count], config, device);
+
+    let layers = predicted.layers.len() as f64;
+    let mut total = Tensor::<1>::zeros([1], device);
+    let (mut surprise, mut score, mut right) = (0.0, 0.0, 0.0);
+    for (i, layer) in predicted.layers.iter().enumerate() {
+        let mode = layer.modes.clone().select(0, rows.clone());
+        let (likelihood, velocity) = state_losses(mode, truth.clone(), known.clone());
+        let log_p = log_softmax(layer.scores.clone(), 1);
+        let entropy = -log_p.clone().gather(1, labels.clone()).sum();
+        total = total + (likelihood.clone() + velocity * VELOCITY + entropy.clone()) / layers;
+        if i + 1 == predicted.layers.len() {
+            surprise = scalar(likelihood);
+            score = scalar(entropy);
+            right = scalar(log_p.argmax(1).equal(labels.clone()).float().sum());
+        }
+    }
+
+    // Those who are shown, each as a part of all that are known with it.
+    let (mut truths, mut weights) = (Vec::new(), Vec::new());
+    let nobody = Truth { states: vec![0.0; config.states() * TRUTH], known: vec![0.0; config.states()] };
+    for target in &targets {
+        let is_known = |t: &Truth| t.known.contains(&1.0);
+        let with = target.others.iter().filter(|t| is_known(t)).count().max(1);
+        for i in 0..config.agents {
+            truths.push(target.others.get(i).unwrap_or(&nobody));
+            weights.push(1.0 / with as f32);
+        }
+    }
+    let (truth, weight) = truth_tensors(&truths, &weights, config, device);
+    let (likelihood, velocity) = state_losses(predicted.dense.clone(), truth, weight);
+    let states = targets.iter().flat_map(|t| &t.truth.known).map(|k| f64::from(*k)).sum();
+    Losses {
+        loss: total + likelihood + velocity,
+        targets: count as f64,
+        surprise: (surprise, states),
+        score,
+        right,
+        predicted,
+    }
+}
+
+fn scalar(value: Tensor<1>) -> f64 {
+    f64::from(value.into_data().iter::<f32>().next().unwrap_or(f32::NAN))
+}
+
+fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
+    let n = values.len();
+    Tensor::from_data(TensorData::new(values, [n]), device)
+}
+
+/// True states `[n, states, 4]`, and what each counts `[n, states, 1]`: 0 where not known.
+fn truth_tensors(
+    truths: &[&Truth],
+    weights: &[f32],
+    config: &Config,
+    device: &Device,
+) -> (Tensor<3>, Tensor<3>) {
+    let (n, s) = (truths.len(), config.states());
+    let states: Vec<f32> = truths.iter().flat_map(|t| t.states.iter().copied()).collect();
+    let known = truths.iter().zip(weights).flat_map(|(t, w)| t.known.iter().map(move |k| k * w)).collect();
+    (
+        Tensor::from_data(TensorData::new(states, [n, s, TRUTH]), device),
+        Tensor::from_data(TensorData::new::<f32, _>(known, [n, s, 1]), device),
+    )
+}
+
+/// Sums over all states, times their weights: negative log-likelihoods of true positions (without the constant), and absolute differences of
+/// velocities.
+fn state_losses(said: Tensor<3>, truth: Tensor<3>, weight: Tensor<3>) -> (Tensor<1>, Tensor<1>) {
+    let number = |from: usize, count: usize| said.clone().narrow(2, from, count);
+    let logs = number(2, 2).clamp(LOG_DEVIATION.0, LOG_DEVIATION.1);
+    let rho = number(4, 1).clamp(-CORRELATION, CORRELATION);
+    // How far away, in deviations.
+    let away = (truth.clone().narrow(2, 0, 2) - number(0, 2)) * (-logs.clone()).exp();
+    let (x, y) = (away.clone().narrow(2, 0, 1), away.narrow(2, 1, 1));
+    let rest = -(rho.clone() * rho.clone()) + 1.0;
+    let squares = x.clone() * x.clone() + y.clone() * y.clone() - rho * x * y * 2.0;
+    let surprise = logs.sum_dim(2) + rest.clone().log() * 0.5 + squares / (rest * 2.0);
+    let likelihood = (surprise * weight.clone()).sum();
+    let velocity = (number(STATE - 2, 2) - truth.narrow(2, 2, 2)).abs().sum_dim(2);
+    (likelihood, (velocity * weight).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_likelihood_is_that_of_a_normal_distribution() {
+        let device = crate::models::nn::device();
+        let said = [1.0f32, 2.0, 0.5, -0.25, 0.3, 4.0, 5.0];
+        let truth = [1.7f32, 1.5, 3.0, 7.0];
+        let of = |v: &[f32]| Tensor::<3>::from_data(TensorData::new(v.to_vec(), [1, 1, v.len()]), &device);
+        let (likelihood, velocity) = state_losses(of(&said), of(&truth), of(&[2.0]));
+        let (sx, sy, r) = (0.5f64.exp(), (-0.25f64).exp(), 0.3f64);
+        let (dx, dy) = (0.7 / sx, -0.5 / sy);
+        let wanted = (sx * sy * (1.0 - r * r).sqrt()).ln()
+            + (dx * dx + dy * dy - 2.0 * r * dx * dy) / (2.0 * (1.0 - r * r));
+        assert!((scalar(likelihood) - 2.0 * wanted).abs() < 1e-5);
+        assert!((scalar(velocity) - 2.0 * 3.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,79 @@
+//! How good predictions are: displacements of the best mode, and how often none comes near.
+
+use reactsim::geometry::into_frame;
+use reactsim::training::Sums;
+
+use super::super::network::{Config, PredictedLayer, STATE};
+use super::super::predict::kept_modes;
+use super::sample::{Sample, TRUTH, Target};
+use crate::models::ntp::tokens::Class;
+
+/// Names of the means, per class: mean displacement of the best mode, its last displacement (m), the share of misses.
+const NAMES: [[&str; 3]; 3] = [
+    ["min_ade_vehicle", "min_fde_vehicle", "miss_rate_vehicle"],
+    ["min_ade_pedestrian", "min_fde_pedestrian", "miss_rate_pedestrian"],
+    ["min_ade_cyclist", "min_fde_cyclist", "miss_rate_cyclist"],
+];
+/// Names of the means over all.
+const ALL: [&str; 3] = ["min_ade", "min_fde", "miss_rate"];
+/// A mode misses that ends farther away than this along and across the true heading, metres: what the Waymo Open Motion challenge allows
+/// after 8 s (<https://waymo.com/open/challenges/2024/motion-prediction/>), for speeds from `FAST` on, and half of it up to `SLOW`, m/s.
+const MISSED: (f64, f64) = (6.0, 3.0);
+const SLOW: f64 = 1.4;
+const FAST: f64 = 11.0;
+
+/// Adds what the modes come to that are left after suppression.
+pub(super) fn measure(samples: &[Sample], last: PredictedLayer, config: &Config, sums: &mut Sums) {
+    let targets: Vec<&Target> = samples.iter().flat_map(|s| &s.targets).collect();
+    let scores: Vec<f32> = last.scores.into_data().iter::<f32>().collect();
+    let states: Vec<f32> = last.modes.into_data().iter::<f32>().collect();
+    let queries = scores.len() / targets.len().max(1);
+    let width = config.states() * STATE;
+    for (i, target) in targets.iter().enumerate() {
+        let own = &states[i * queries * width..(i + 1) * queries * width];
+        let (kept, _) = kept_modes(&scores[i * queries..(i + 1) * queries], own, config);
+        let modes: Vec<&[f32]> = kept.iter().map(|q| &own[q * width..(q + 1) * width]).collect();
+        let best = |of: &dyn Fn(&[f32]) -> Option<f64>| {
+            modes.iter().filter_map(|mode| of(mode)).min_by(f64::total_cmp)
+        };
+        let values = [
+            best(&|mode| mean_displacement(mode, target)),
+            best(&|mode| last_displacement(mode, target).map(|d| d.0)),
+            best(&|mode| last_displacement(mode, target).map(|d| d.1)),
+        ];
+        let class = match target.around.class {
+            Class::Vehicle => 0,
+            Class::Pedestrian => 1,
+            Class::Cyclist => 2,
+        };
+        for (k, value) in values.into_iter().enumerate() {
+            if let Some(value) = value {
+                sums.add(ALL[k], value, 1.0);
+                sums.add(NAMES[class][k], value, 1.0);
+            }
+        }
+    }
+}
+
+/// How far a mode is from a state at the `k`-th instant, along and across the frame, where that is known.
+fn away(mode: &[f32], target: &Target, k: usize) -> Option<(f64, f64)> {
+    let truth = &target.truth;
+    let difference = |i: usize| f64::from(mode[k * STATE + i] - truth.states[k * TRUTH + i]);
+    (truth.known[k] > 0.0).then(|| (difference(0), difference(1)))
+}
+
+fn mean_displacement(mode: &[f32], target: &Target) -> Option<f64> {
+    let known = (0..target.truth.known.len()).filter_map(|k| away(mode, target, k));
+    let (sum, n) = known.fold((0.0, 0.0), |(sum, n), (x, y)| (sum + (x * x + y * y).sqrt(), n + 1.0));
+    (n > 0.0).then(|| sum / n)
+}
+
+/// The displacement at 8 s, and 1 where that is a miss, else 0.
+fn last_displacement(mode: &[f32], target: &Target) -> Option<(f64, f64)> {
+    let (x, y) = away(mode, target, target.truth.known.len().checked_sub(1)?)?;
+    let at = into_frame(target.goal_ahead, reactsim::geometry::Vec2::new(x, y));
+    let speed = target.around.velocity().norm();
+    let scale = 0.5 + 0.5 * ((speed - SLOW) / (FAST - SLOW)).clamp(0.0, 1.0);
+    let missed = at.x.abs() > MISSED.0 * scale || at.y.abs() > MISSED.1 * scale;
+    Some((at.norm(), f64::from(u8::from(missed))))
+}

@@ -1,0 +1,11 @@
+//! How the network learns: samples from logged scenes, the loss, what is measured.
+
+mod disturb;
+mod loss;
+mod measure;
+mod sample;
+mod task;
+
+pub use disturb::Disturbance;
+pub use sample::{Augmentation, Sample};
+pub use task::{Recipe, Regression};

@@ -1,0 +1,20 @@
+//! Regression: a motion predictor in the manner of MTR, whose trajectories agents follow.
+
+pub(super) mod entries;
+mod follow;
+mod inputs;
+mod intentions;
+mod k_means;
+pub mod learn;
+pub mod network;
+mod policy;
+mod predict;
+mod simulator;
+mod spline;
+
+pub use inputs::Lines;
+pub use intentions::{Intentions, IntentionsError};
+pub use k_means::EndPoints;
+pub use policy::{Policy, PolicyError};
+pub use predict::{Mode, ModePoint, Prediction};
+pub use simulator::{Driving, RegressionSimulator, predicted_slots};

@@ -1,0 +1,235 @@
+//! Surroundings of some agents as the tensors that the network reads.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use reactsim::geometry::Vec2;
+use reactsim::scene::HISTORY;
+
+use super::STATE;
+use super::attention::CLOSED;
+use super::config::Config;
+use super::guide::guess;
+use crate::models::ntp::reactive::links::Nearest;
+use crate::models::ntp::tokens::Class;
+use crate::models::qp_regression::Intentions;
+use crate::models::qp_regression::inputs::{Rows, Surroundings, agent_numbers, point_numbers};
+
+/// Histories of agents, or lines.
+#[derive(Clone, Debug)]
+pub(crate) struct Polylines {
+    /// `[count * rows, numbers]`: all first points first.
+    pub points: Tensor<2>,
+    /// `[count * rows, 1]`.
+    pub points_there: Tensor<2>,
+    /// `[rows, 1]`.
+    pub there: Tensor<2>,
+    /// `[rows, 2]`, metres.
+    pub positions: Tensor<2>,
+    /// Points per row.
+    pub count: usize,
+}
+
+/// What the network reads. A scene is what is around one predicted agent.
+#[derive(Clone, Debug)]
+pub(crate) struct Batch {
+    pub scenes: usize,
+    /// Motion queries per scene.
+    pub queries: usize,
+    pub agents: Polylines,
+    pub lines: Polylines,
+    /// `[scenes, 1, tokens, tokens]`: added to scores; open are the nearest tokens.
+    pub neighbours: Tensor<4>,
+    /// `[scenes, 1, 1, agents]`: added to scores; open is who is there.
+    pub agents_closed: Tensor<4>,
+    /// `[scenes * queries, 1]`: 0 where there is no line.
+    pub lines_any: Tensor<2>,
+    /// Per scene where its lines are, nearest to the base point first.
+    pub line_places: Vec<Vec<[f32; 2]>>,
+    /// Per scene and line whether every query attends to it.
+    pub base_lines: Vec<Vec<bool>>,
+    /// Per scene the class of its predicted agent.
+    pub classes: Vec<usize>,
+    /// `[3 * queries, 2]`: intention points of the classes.
+    pub table: Tensor<2>,
+    /// `[scenes * queries, 2]`: intention points of the predicted agents.
+    pub goals: Vec<f32>,
+    /// `[scenes * queries, states, 7]`.
+    pub mode_guide: Option<Tensor<3>>,
+    /// `[scenes * agents, states, 7]`, relative to where each agent is.
+    pub dense_guide: Option<Tensor<3>>,
+    /// `[scenes * agents, states * 4]`: the forecast of the AV; and `[scenes * agents, 1]`: 1 where the AV is.
+    pub av_forecast: Option<(Tensor<2>, Tensor<2>)>,
+}
+
+impl Batch {
+    pub(crate) fn of(
+        scenes: &[&Surroundings],
+        intentions: &Intentions,
+        config: &Config,
+        device: &Device,
+    ) -> Self {
+        let queries = intentions.count();
+        let table: Vec<f32> = Class::ALL.into_iter().flat_map(|c| flat(intentions.of(c))).collect();
+        let classes: Vec<usize> = scenes.iter().map(|s| s.class.index()).collect();
+        let goals: Vec<f32> = scenes.iter().flat_map(|s| flat(intentions.of(s.class))).collect();
+        let there = |rows: usize, there: usize| (0..rows).map(move |i| i < there);
+        let lines_any: Vec<f32> = scenes
+            .iter()
+            .flat_map(|s| std::iter::repeat_n(if s.lines.places.is_empty() { 0.0 } else { 1.0 }, queries))
+            .collect();
+        let agents_closed: Vec<f32> = scenes
+            .iter()
+            .flat_map(|s| there(config.agents, s.agents.places.len()))
+            .map(|t| if t { 0.0 } else { CLOSED })
+            .collect();
+        let base = |s: &&Surroundings| {
+            there(s.lines.places.len(), config.base_lines.min(s.lines.places.len())).collect::<Vec<_>>()
+        };
+        let rows = scenes.len();
+        Self {
+            scenes: rows,
+            queries,
+            agents: polylines(
+                scenes.iter().map(|s| &s.agents),
+                config.agents,
+                HISTORY,
+                agent_numbers(config.attributes),
+                device,
+            ),
+            lines: polylines(
+                scenes.iter().map(|s| &s.lines),
+                config.lines,
+                config.points,
+                point_numbers(config.attributes),
+                device,
+            ),
+            neighbours: neighbours(scenes, config, device),
+            agents_closed: tensor4(agents_closed, [rows, 1, 1, config.agents], device),
+            lines_any: tensor2(lines_any, 1, device),
+            line_places: scenes.iter().map(|s| s.lines.places.clone()).collect(),
+            base_lines: scenes.iter().map(base).collect(),
+            classes,
+            table: tensor2(table, 2, device),
+            goals,
+            mode_guide: config.guided.then(|| mode_guide(scenes, intentions, config, device)),
+            dense_guide: config.guided.then(|| dense_guide(scenes, config, device)),
+            av_forecast: config.av_forecast.then(|| av_forecast(scenes, config, device)),
+        }
+    }
+}
+
+fn flat(points: &[Vec2]) -> impl Iterator<Item = f32> {
+    points.iter().flat_map(|p| [p.x as f32, p.y as f32])
+}
+
+fn tensor2(values: Vec<f32>, columns: usize, device: &Device) -> Tensor<2> {
+    let rows = values.len() / columns;
+    Tensor::from_data(TensorData::new(values, [rows, columns]), device)
+}
+
+fn tensor4(values: Vec<f32>, shape: [usize; 4], device: &Device) -> Tensor<4> {
+    Tensor::from_data(TensorData::new(values, shape), device)
+}
+
+/// Rows of several scenes side by side, point by point.
+fn polylines<'a>(
+    scenes: impl Iterator<Item = &'a Rows> + Clone,
+    rows: usize,
+    count: usize,
+    numbers: usize,
+    device: &Device,
+) -> Polylines {
+    let (mut points, mut points_there) = (Vec::new(), Vec::new());
+    for k in 0..count {
+        for scene in scenes.clone() {
+            points.extend_from_slice(&scene.points[k * rows * numbers..(k + 1) * rows * numbers]);
+            points_there.extend_from_slice(&scene.there[k * rows..(k + 1) * rows]);
+        }
+    }
+    let (mut there, mut positions) = (Vec::new(), Vec::new());
+    for scene in scenes {
+        for i in 0..rows {
+            let place = scene.places.get(i);
+            there.push(if place.is_some() { 1.0 } else { 0.0 });
+            positions.extend(place.copied().unwrap_or_default());
+        }
+    }
+    Polylines {
+        points: tensor2(points, numbers, device),
+        points_there: tensor2(points_there, 1, device),
+        there: tensor2(there, 1, device),
+        positions: tensor2(positions, 2, device),
+        count,
+    }
+}
+
+/// Who is near whom. What is not there attends to itself, so that no row is empty, and nobody attends to it.
+fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Tensor<4> {
+    let (agents, tokens) = (config.agents, config.tokens());
+    let mut closed = vec![CLOSED; scenes.len() * tokens * tokens];
+    let mut nearest = Nearest::new(config.neighbours);
+    for (scene, block) in scenes.iter().zip(closed.chunks_exact_mut(tokens * tokens)) {
+        let lines = scene.lines.places.iter().enumerate().map(|(i, p)| (agents + i, *p));
+        let all: Vec<(usize, [f32; 2])> =
+            scene.agents.places.iter().copied().enumerate().chain(lines).collect();
+        for i in 0..tokens {
+            block[i * tokens + i] = 0.0;
+        }
+        for &(i, a) in &all {
+            nearest.clear();
+            // Who is where somebody else is counts himself first.
+            nearest.offer(-1.0, i);
+            for &(j, b) in &all {
+                if i != j {
+                    let (x, y) = (f64::from(a[0] - b[0]), f64::from(a[1] - b[1]));
+                    nearest.offer(x * x + y * y, j);
+                }
+            }
+            nearest.found().for_each(|j| block[i * tokens + j] = 0.0);
+        }
+    }
+    tensor4(closed, [scenes.len(), 1, tokens, tokens], device)
+}
+
+fn guesses(values: Vec<f32>, config: &Config, device: &Device) -> Tensor<3> {
+    let rows = values.len() / (config.states() * STATE);
+    Tensor::from_data(TensorData::new(values, [rows, config.states(), STATE]), device)
+}
+
+fn mode_guide(
+    scenes: &[&Surroundings],
+    intentions: &Intentions,
+    config: &Config,
+    device: &Device,
+) -> Tensor<3> {
+    let mut values = Vec::new();
+    for scene in scenes {
+        for goal in intentions.of(scene.class) {
+            guess(scene.velocity(), Some(*goal), config, &mut values);
+        }
+    }
+    guesses(values, config, device)
+}
+
+fn dense_guide(scenes: &[&Surroundings], config: &Config, device: &Device) -> Tensor<3> {
+    let mut values = Vec::new();
+    for scene in scenes {
+        for i in 0..config.agents {
+            guess(scene.velocities.get(i).copied().unwrap_or_default(), None, config, &mut values);
+        }
+    }
+    guesses(values, config, device)
+}
+
+fn av_forecast(scenes: &[&Surroundings], config: &Config, device: &Device) -> (Tensor<2>, Tensor<2>) {
+    let width = config.states() * 4;
+    let mut values = vec![0.0; scenes.len() * config.agents * width];
+    let mut is_av = vec![0.0; scenes.len() * config.agents];
+    for (i, scene) in scenes.iter().enumerate() {
+        if let Some((at, forecast)) = &scene.av {
+            let row = i * config.agents + at;
+            values[row * width..(row + 1) * width].copy_from_slice(forecast);
+            is_av[row] = 1.0;
+        }
+    }
+    (tensor2(values, width, device), tensor2(is_av, 1, device))
+}

@@ -1,0 +1,225 @@
+//! Sizes of the network.
+
+use reactsim::scene::FUTURE;
+use serde::{Deserialize, Serialize};
+
+/// What the network is shown of agents and lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Attributes {
+    /// What MTR shows, in metres: 30 numbers of an agent per frame, 9 of a point of a line.
+    Published,
+    /// About the same in numbers near 1, and lights and speed limits with lines.
+    Own,
+}
+
+/// What follows hidden layers of perceptrons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Norms {
+    /// Batch norm with means and variances that are kept as they were loaded: here they are never learnt.
+    Batch,
+    /// Layer norm.
+    Layer,
+}
+
+/// Sizes and reaches. Stored with the weights.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// What is shown.
+    pub attributes: Attributes,
+    /// Norms of perceptrons.
+    pub norms: Norms,
+    /// Whether what is predicted is the difference from a guess: constant velocity for the dense prediction, constant acceleration from the
+    /// present velocity to the intention point for modes.
+    pub guided: bool,
+    /// Whether the forecast of the AV stands where the dense prediction of the AV is encoded.
+    pub av_forecast: bool,
+    /// Frames from one predicted state to the next; a divisor of 80.
+    pub step: usize,
+    /// Agents that are shown, the predicted one first.
+    pub agents: usize,
+    /// Lines that are shown, at most.
+    pub lines: usize,
+    /// Points of a line, at most.
+    pub points: usize,
+    /// Distance of these points, metres.
+    pub spacing: f64,
+    /// How far from where the AV is at the current frame lines are known, metres.
+    pub radius: f64,
+    /// Width of tokens in the encoder.
+    pub width: usize,
+    /// Hidden width of the encoder of agents' histories.
+    pub agent_hidden: usize,
+    /// Hidden width of the encoder of lines.
+    pub line_hidden: usize,
+    /// Layers of the encoder of lines before points are pooled: 1 or 3.
+    pub line_layers: usize,
+    /// Attention layers of the encoder.
+    pub encoder_layers: usize,
+    /// Heads of every attention.
+    pub heads: usize,
+    /// Nearest tokens that a token attends to, itself among them.
+    pub neighbours: usize,
+    /// Hidden width of feed-forward networks, as a multiple of the layer's.
+    pub widening: usize,
+    /// Width of queries.
+    pub decoder_width: usize,
+    /// Width of queries where they attend to lines.
+    pub map_width: usize,
+    /// Layers of the decoder.
+    pub decoder_layers: usize,
+    /// Lines nearest to the base point that every query attends to.
+    pub base_lines: usize,
+    /// Lines nearest to what a query predicts so far that it attends to.
+    pub way_lines: usize,
+    /// Modes that are left after suppression.
+    pub modes: usize,
+    /// Modes that end nearer to a more probable one are suppressed, metres.
+    pub apart: f64,
+}
+
+/// A size that can not be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("the configuration of the network has {field} = {value}, expected {expected}")]
+pub struct SizeError {
+    /// Field.
+    pub field: &'static str,
+    /// Value.
+    pub value: f64,
+    /// What can be.
+    pub expected: &'static str,
+}
+
+impl Config {
+    /// The sizes of the public code (`tools/cfgs/waymo/mtr+100_percent_data.yaml`): 66 million parameters.
+    pub const fn mtr() -> Self {
+        Self {
+            attributes: Attributes::Published,
+            norms: Norms::Batch,
+            guided: false,
+            av_forecast: false,
+            step: 1,
+            agents: 64,
+            lines: 768,
+            points: 20,
+            spacing: 0.5,
+            radius: 200.0,
+            width: 256,
+            agent_hidden: 256,
+            line_hidden: 64,
+            line_layers: 3,
+            encoder_layers: 6,
+            heads: 8,
+            neighbours: 16,
+            widening: 4,
+            decoder_width: 512,
+            map_width: 256,
+            decoder_layers: 6,
+            base_lines: 256,
+            way_lines: 128,
+            modes: 6,
+            apart: 2.5,
+        }
+    }
+
+    /// States that are predicted of an agent.
+    pub const fn states(&self) -> usize {
+        FUTURE / self.step
+    }
+
+    /// Tokens of an agent's surroundings: agents, then lines.
+    pub const fn tokens(&self) -> usize {
+        self.agents + self.lines
+    }
+
+    /// Seconds from now to each predicted state.
+    pub(crate) fn times(&self) -> impl Iterator<Item = f64> + Clone + use<> {
+        let step = self.step as f64 * reactsim::scene::DT;
+        (1..=self.states()).map(move |k| k as f64 * step)
+    }
+
+    /// Refuses sizes that no network has.
+    ///
+    /// # Errors
+    /// [`SizeError`] names the field.
+    pub fn check(&self) -> Result<(), SizeError> {
+        let sizes = [
+            ("agents", self.agents),
+            ("lines", self.lines),
+            ("points", self.points),
+            ("width", self.width),
+            ("agent_hidden", self.agent_hidden),
+            ("line_hidden", self.line_hidden),
+            ("encoder_layers", self.encoder_layers),
+            ("heads", self.heads),
+            ("neighbours", self.neighbours),
+            ("widening", self.widening),
+            ("decoder_width", self.decoder_width),
+            ("map_width", self.map_width),
+            ("decoder_layers", self.decoder_layers),
+            ("base_lines", self.base_lines),
+            ("way_lines", self.way_lines),
+            ("modes", self.modes),
+        ];
+        let refuse = |field, value, expected| Err(SizeError { field, value, expected });
+        for (field, value) in sizes {
+            if !(1..=4096).contains(&value) {
+                return refuse(field, value as f64, "1 to 4096");
+            }
+        }
+        for (field, value) in
+            [("width", self.width), ("decoder_width", self.decoder_width), ("map_width", self.map_width)]
+        {
+            if !value.is_multiple_of(4) || !value.is_multiple_of(self.heads) {
+                return refuse(field, value as f64, "a multiple of 4 and of the number of heads");
+            }
+        }
+        if self.line_layers != 1 && self.line_layers != 3 {
+            return refuse("line_layers", self.line_layers as f64, "1 or 3");
+        }
+        if self.step == 0 || !FUTURE.is_multiple_of(self.step) {
+            return refuse("step", self.step as f64, "a divisor of 80");
+        }
+        for (field, value) in [("spacing", self.spacing), ("radius", self.radius), ("apart", self.apart)] {
+            if !(value > 0.0 && value < 1e4) {
+                return refuse(field, value, "metres, above 0 and below 10000");
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for Config {
+    /// For two processor cores: half a million parameters.
+    fn default() -> Self {
+        Self {
+            attributes: Attributes::Own,
+            norms: Norms::Layer,
+            guided: true,
+            av_forecast: true,
+            step: 5,
+            agents: 16,
+            lines: 64,
+            points: 10,
+            spacing: 2.0,
+            radius: 120.0,
+            width: 64,
+            agent_hidden: 48,
+            line_hidden: 32,
+            line_layers: 1,
+            encoder_layers: 2,
+            heads: 4,
+            neighbours: 16,
+            widening: 2,
+            decoder_width: 64,
+            map_width: 64,
+            decoder_layers: 2,
+            base_lines: 24,
+            way_lines: 16,
+            modes: 6,
+            apart: 2.5,
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Motion queries: each searches for what its agent does if it goes where the query's intention point is.
+
+use burn::module::Module;
+use burn::nn::Linear;
+use burn::tensor::{Int, Tensor, TensorData};
+
+use super::STATE;
+use super::batch::Batch;
+use super::collect::collected;
+use super::config::Config;
+use super::decoder_layer::{Attended, DecoderLayer, Queries};
+use super::dense::Dense;
+use super::encoder::Tokens;
+use super::guide;
+use super::layers::{NormedMlp, PlainMlp};
+use super::motion_transformer::{Predicted, PredictedLayer};
+use super::sine::sine;
+use crate::models::nn::Initializer;
+
+/// The decoder.
+#[derive(Module, Debug)]
+pub(crate) struct MotionDecoder {
+    in_proj_center_obj: PlainMlp,
+    in_proj_obj: PlainMlp,
+    in_proj_map: PlainMlp,
+    dense: Dense,
+    intention_query_mlps: NormedMlp,
+    obj_decoder_layers: Vec<DecoderLayer>,
+    map_decoder_layers: Vec<DecoderLayer>,
+    map_query_content_mlps: Vec<Linear>,
+    map_query_embed_mlps: Option<Linear>,
+    query_feature_fusion_layers: Vec<NormedMlp>,
+    motion_reg_heads: Vec<NormedMlp>,
+    motion_cls_heads: Vec<NormedMlp>,
+}
+
+impl MotionDecoder {
+    pub(crate) fn init(config: &Config, init: &mut Initializer) -> Self {
+        let (d, m, norms) = (config.decoder_width, config.map_width, config.norms);
+        let each = |init: &mut Initializer, make: &dyn Fn(&mut Initializer) -> NormedMlp| {
+            (0..config.decoder_layers).map(|_| make(init)).collect::<Vec<_>>()
+        };
+        let layers = |width: usize, init: &mut Initializer| {
+            let layer = |_| DecoderLayer::init(width, config.heads, config.widening, init);
+            (0..config.decoder_layers).map(layer).collect::<Vec<_>>()
+        };
+        // Between widths there is one more layer, in the public code too.
+        let narrowing = if d == m { 0 } else { config.decoder_layers };
+        let states = config.states() * STATE;
+        Self {
+            in_proj_center_obj: PlainMlp::two(config.width, [d, d], init),
+            in_proj_obj: PlainMlp::two(config.width, [d, d], init),
+            in_proj_map: PlainMlp::two(config.width, [m, m], init),
+            dense: Dense::init(config, init),
+            intention_query_mlps: NormedMlp::init(d, &[d, d], true, norms, init),
+            obj_decoder_layers: layers(d, init),
+            map_decoder_layers: layers(m, init),
+            map_query_content_mlps: (0..narrowing).map(|_| init.linear(d, m, true)).collect(),
+            map_query_embed_mlps: (d != m).then(|| init.linear(d, m, true)),
+            query_feature_fusion_layers: each(init, &|i| NormedMlp::init(2 * d + m, &[d, d], true, norms, i)),
+            motion_reg_heads: each(init, &|i| NormedMlp::init(d, &[d, d, states], true, norms, i)),
+            motion_cls_heads: each(init, &|i| NormedMlp::init(d, &[d, d, 1], true, norms, i)),
+        }
+    }
+
+    pub(crate) fn forward(&self, tokens: Tokens, batch: &Batch, config: &Config) -> Predicted {
+        let (scenes, queries, d, m) = (batch.scenes, batch.queries, config.decoder_width, config.map_width);
+        let rows = scenes * queries;
+        let device = tokens.agents.device();
+
+        // For all agents though one is needed: so the sizes of products do not hang on the number of scenes alone.
+        let own = self.in_proj_center_obj.forward(tokens.agents.clone());
+        let own = own.reshape([scenes, config.agents, d]).narrow(1, 0, 1).repeat_dim(1, queries);
+        let own = own.reshape([rows, d]);
+        let (agents, dense) = self.dense.forward(self.in_proj_obj.forward(tokens.agents), batch, config);
+        let lines = self.in_proj_map.forward(tokens.lines);
+
+        let intention = self.intentions(batch, d);
+        let narrow_intention = match &self.map_query_embed_mlps {
+            Some(narrow) => narrow.forward(intention.clone()),
+            None => intention.clone(),
+        };
+        let any = Tensor::ones([rows, 1], &device);
+        let to_agents = Attended {
+            tokens: agents,
+            positions: sine(batch.agents.positions.clone(), d),
+            closed: batch.agents_closed.clone(),
+            any,
+        };
+        let line_positions = sine(batch.lines.positions.clone(), m);
+
+        let goals = TensorData::new(batch.goals.clone(), [rows, 2]);
+        let mut center = Tensor::<2>::from_data(goals, &device);
+        let (mut ways, mut points) = (batch.goals.clone(), 1);
+        let mut content = Tensor::zeros([rows, d], &device);
+        let mut layers = Vec::with_capacity(config.decoder_layers);
+        for i in 0..config.decoder_layers {
+            let known = |content, intention, width| Queries {
+                content,
+                intention,
+                searching: sine(center.clone(), width),
+            };
+            let about = known(content.clone(), intention.clone(), d);
+            let of_agents = self.obj_decoder_layers[i].forward(about, &to_agents, i == 0, scenes);
+            let to_lines = Attended {
+                tokens: lines.clone(),
+                positions: line_positions.clone(),
+                closed: collected(batch, &ways, points, config, &device),
+                any: batch.lines_any.clone(),
+            };
+            let narrow = match self.map_query_content_mlps.get(i) {
+                Some(narrow) => narrow.forward(content),
+                None => content,
+            };
+            let about = known(narrow, narrow_intention.clone(), m);
+            let of_lines = self.map_decoder_layers[i].forward(about, &to_lines, i == 0, scenes);
+            let all = Tensor::cat(vec![own.clone(), of_agents, of_lines], 1);
+            content = self.query_feature_fusion_layers[i].forward(all);
+
+            let scores = self.motion_cls_heads[i].forward(content.clone()).reshape([scenes, queries]);
+            let said = self.motion_reg_heads[i].forward(content.clone());
+            let said = said.reshape([rows, config.states(), STATE]);
+            let modes = match &batch.mode_guide {
+                Some(guess) => guide::applied(said, guess.clone(), config),
+                None => said,
+            };
+            let places = modes.clone().narrow(2, 0, 2);
+            if i + 1 < config.decoder_layers {
+                // Where to search is no matter of gradients: the shortest waves are a metre long, and their slopes lead nowhere.
+                let places = places.detach();
+                center = places.clone().narrow(1, config.states() - 1, 1).reshape([rows, 2]);
+                ways = places.into_data().iter::<f32>().collect();
+                points = config.states();
+            }
+            layers.push(PredictedLayer { scores, modes });
+        }
+        Predicted { layers, dense }
+    }
+
+    /// The static intention queries, `[scenes * queries, width]`: those of the class of each predicted agent.
+    fn intentions(&self, batch: &Batch, width: usize) -> Tensor<2> {
+        let device = batch.table.device();
+        let all = self.intention_query_mlps.forward(sine(batch.table.clone(), width));
+        let q = batch.queries;
+        let rows: Vec<i32> =
+            batch.classes.iter().flat_map(|&c| (c * q..(c + 1) * q).map(|row| row as i32)).collect();
+        let count = rows.len();
+        all.select(0, Tensor::<1, Int>::from_data(TensorData::new(rows, [count]), &device))
+    }
+}

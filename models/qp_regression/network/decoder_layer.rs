@@ -1,0 +1,131 @@
+//! One layer in which queries learn of one another and of tokens.
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
+
+use super::attention::{attend, split};
+use crate::models::nn::Initializer;
+
+/// Attention whose projections are elsewhere: what is left is the last one.
+#[derive(Module, Debug)]
+pub(crate) struct Output {
+    out_proj: Linear,
+}
+
+/// Self-attention of queries, attention to tokens, a feed-forward network, with norms after each (conditional DETR,
+/// <https://arxiv.org/abs/2108.06152>, as MTR uses it).
+#[derive(Module, Debug)]
+pub(crate) struct DecoderLayer {
+    sa_qcontent_proj: Linear,
+    sa_qpos_proj: Linear,
+    sa_kcontent_proj: Linear,
+    sa_kpos_proj: Linear,
+    sa_v_proj: Linear,
+    self_attn: Output,
+    norm1: LayerNorm,
+    ca_qcontent_proj: Linear,
+    ca_qpos_proj: Linear,
+    ca_kcontent_proj: Linear,
+    ca_kpos_proj: Linear,
+    ca_v_proj: Linear,
+    ca_qpos_sine_proj: Linear,
+    cross_attn: Output,
+    linear1: Linear,
+    linear2: Linear,
+    norm2: LayerNorm,
+    norm3: LayerNorm,
+    heads: usize,
+}
+
+/// What queries attend to.
+#[derive(Clone, Debug)]
+pub(crate) struct Attended {
+    /// `[scenes * n, width]`.
+    pub tokens: Tensor<2>,
+    /// `[scenes * n, width]`: their positions as sines.
+    pub positions: Tensor<2>,
+    /// `[scenes, 1, queries or 1, n]`: added to scores.
+    pub closed: Tensor<4>,
+    /// `[scenes * queries, 1]`: 0 where there is nothing to attend to, else 1.
+    pub any: Tensor<2>,
+}
+
+/// Queries.
+#[derive(Clone, Debug)]
+pub(crate) struct Queries {
+    /// `[scenes * queries, width]`: what they know.
+    pub content: Tensor<2>,
+    /// `[scenes * queries, width]`: their intention points, encoded (static intention queries).
+    pub intention: Tensor<2>,
+    /// `[scenes * queries, width]`: where they search now, as sines (dynamic searching queries).
+    pub searching: Tensor<2>,
+}
+
+impl DecoderLayer {
+    pub(crate) fn init(width: usize, heads: usize, widening: usize, init: &mut Initializer) -> Self {
+        let square = |init: &mut Initializer| init.linear(width, width, true);
+        // In the first layer queries know nothing, and what they tell one another is biases alone: were those zero, a norm of nothing would
+        // follow, whose gradient is huge.
+        let biased = |init: &mut Initializer| {
+            let bound = 1.0 / (width as f64).sqrt();
+            Linear { bias: Some(init.uniform([width], bound)), ..init.linear(width, width, false) }
+        };
+        Self {
+            sa_qcontent_proj: square(init),
+            sa_qpos_proj: square(init),
+            sa_kcontent_proj: square(init),
+            sa_kpos_proj: square(init),
+            sa_v_proj: biased(init),
+            self_attn: Output { out_proj: biased(init) },
+            norm1: init.norm(width),
+            ca_qcontent_proj: square(init),
+            ca_qpos_proj: square(init),
+            ca_kcontent_proj: square(init),
+            ca_kpos_proj: square(init),
+            ca_v_proj: square(init),
+            ca_qpos_sine_proj: square(init),
+            cross_attn: Output { out_proj: square(init) },
+            linear1: init.linear(width, widening * width, true),
+            linear2: init.linear(widening * width, width, true),
+            norm2: init.norm(width),
+            norm3: init.norm(width),
+            heads,
+        }
+    }
+
+    /// New contents of the queries. In the first layer intentions are added to what is compared with tokens.
+    pub(crate) fn forward(
+        &self,
+        queries: Queries,
+        attended: &Attended,
+        first: bool,
+        scenes: usize,
+    ) -> Tensor<2> {
+        let Queries { content, intention, searching } = queries;
+        let heads = |x: Tensor<2>| split(x, scenes, self.heads);
+        let q = self.sa_qcontent_proj.forward(content.clone()) + self.sa_qpos_proj.forward(intention.clone());
+        let k = self.sa_kcontent_proj.forward(content.clone()) + self.sa_kpos_proj.forward(intention.clone());
+        let v = self.sa_v_proj.forward(content.clone());
+        let all_open = Tensor::zeros([1, 1, 1, 1], &content.device());
+        let taken = attend(heads(q), heads(k), heads(v), all_open);
+        let x = self.norm1.forward(content + self.self_attn.out_proj.forward(taken));
+
+        let mut q = self.ca_qcontent_proj.forward(x.clone());
+        let mut k = self.ca_kcontent_proj.forward(attended.tokens.clone());
+        let v = self.ca_v_proj.forward(attended.tokens.clone());
+        let k_position = self.ca_kpos_proj.forward(attended.positions.clone());
+        if first {
+            q = q + self.ca_qpos_proj.forward(intention);
+            k = k + k_position.clone();
+        }
+        let sought = self.ca_qpos_sine_proj.forward(searching);
+        let q = Tensor::cat(vec![heads(q), heads(sought)], 3);
+        let k = Tensor::cat(vec![heads(k), heads(k_position)], 3);
+        let taken = attend(q, k, heads(v), attended.closed.clone()) * attended.any.clone();
+        let x = self.norm2.forward(x + self.cross_attn.out_proj.forward(taken));
+        let wide = relu(self.linear1.forward(x.clone()));
+        self.norm3.forward(x + self.linear2.forward(wide))
+    }
+}

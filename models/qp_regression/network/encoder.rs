@@ -1,0 +1,151 @@
+//! What is around an agent, as tokens that know of their neighbours.
+
+use burn::module::{Module, Param};
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
+
+use super::attention::{attend, split};
+use super::batch::Batch;
+use super::config::Config;
+use super::polyline_encoder::PolylineEncoder;
+use super::sine::sine;
+use crate::models::nn::Initializer;
+use crate::models::qp_regression::inputs::{agent_numbers, point_numbers};
+
+/// Attention with one matrix for queries, keys and values, as PyTorch keeps it: `[3 width, width]`.
+#[derive(Module, Debug)]
+pub(crate) struct SelfAttention {
+    in_proj_weight: Param<Tensor<2>>,
+    in_proj_bias: Param<Tensor<1>>,
+    out_proj: Linear,
+    heads: usize,
+}
+
+impl SelfAttention {
+    fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
+        // Glorot's bound for the whole matrix (as PyTorch draws it).
+        let bound = (6.0 / (4 * width) as f64).sqrt();
+        Self {
+            in_proj_weight: init.uniform([3 * width, width], bound),
+            in_proj_bias: init.uniform([3 * width], 0.0),
+            out_proj: init.linear(width, width, true),
+            heads,
+        }
+    }
+
+    fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
+        let scenes = closed.dims()[0];
+        let width = x.dims()[1];
+        let (weight, bias) = (self.in_proj_weight.val().transpose(), self.in_proj_bias.val());
+        let bias = bias.unsqueeze_dim::<2>(0);
+        let part = |from: usize, count: usize, x: Tensor<2>| {
+            x.matmul(weight.clone().narrow(1, from * width, count * width))
+                + bias.clone().narrow(1, from * width, count * width)
+        };
+        let both = part(0, 2, x.clone() + positions);
+        let queries = split(both.clone().narrow(1, 0, width), scenes, self.heads);
+        let keys = split(both.narrow(1, width, width), scenes, self.heads);
+        let values = split(part(2, 1, x), scenes, self.heads);
+        self.out_proj.forward(attend(queries, keys, values, closed))
+    }
+}
+
+/// Attention and a feed-forward network, with norms after both.
+#[derive(Module, Debug)]
+pub(crate) struct EncoderLayer {
+    self_attn: SelfAttention,
+    linear1: Linear,
+    linear2: Linear,
+    norm1: LayerNorm,
+    norm2: LayerNorm,
+}
+
+impl EncoderLayer {
+    fn init(config: &Config, init: &mut Initializer) -> Self {
+        let width = config.width;
+        Self {
+            self_attn: SelfAttention::init(width, config.heads, init),
+            linear1: init.linear(width, config.widening * width, true),
+            linear2: init.linear(config.widening * width, width, true),
+            norm1: init.norm(width),
+            norm2: init.norm(width),
+        }
+    }
+
+    fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
+        let taken = self.self_attn.forward(x.clone(), positions, closed);
+        let x = self.norm1.forward(x + taken);
+        let wide = relu(self.linear1.forward(x.clone()));
+        self.norm2.forward(x + self.linear2.forward(wide))
+    }
+}
+
+/// The encoder.
+#[derive(Module, Debug)]
+pub(crate) struct Encoder {
+    agent_polyline_encoder: PolylineEncoder,
+    map_polyline_encoder: PolylineEncoder,
+    self_attn_layers: Vec<EncoderLayer>,
+}
+
+/// Tokens of some scenes.
+#[derive(Clone, Debug)]
+pub(crate) struct Tokens {
+    /// `[scenes * agents, width]`.
+    pub agents: Tensor<2>,
+    /// `[scenes * lines, width]`.
+    pub lines: Tensor<2>,
+}
+
+impl Encoder {
+    pub(crate) fn init(config: &Config, init: &mut Initializer) -> Self {
+        let (norms, width) = (config.norms, config.width);
+        let agent = agent_numbers(config.attributes);
+        let point = point_numbers(config.attributes);
+        Self {
+            agent_polyline_encoder: PolylineEncoder::init(agent, config.agent_hidden, 1, width, norms, init),
+            map_polyline_encoder: PolylineEncoder::init(
+                point,
+                config.line_hidden,
+                config.line_layers,
+                width,
+                norms,
+                init,
+            ),
+            self_attn_layers: (0..config.encoder_layers).map(|_| EncoderLayer::init(config, init)).collect(),
+        }
+    }
+
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config) -> Tokens {
+        let (scenes, width) = (batch.scenes, config.width);
+        let (a, l) = (config.agents, config.lines);
+        let agents = self.agent_polyline_encoder.forward(
+            batch.agents.points.clone(),
+            batch.agents.points_there.clone(),
+            batch.agents.there.clone(),
+            batch.agents.count,
+        );
+        let lines = self.map_polyline_encoder.forward(
+            batch.lines.points.clone(),
+            batch.lines.points_there.clone(),
+            batch.lines.there.clone(),
+            batch.lines.count,
+        );
+        let join = |agents: Tensor<2>, lines: Tensor<2>, width: usize| {
+            let both = vec![agents.reshape([scenes, a, width]), lines.reshape([scenes, l, width])];
+            Tensor::cat(both, 1).reshape([scenes * (a + l), width])
+        };
+        let mut x = join(agents, lines, width);
+        let positions = join(batch.agents.positions.clone(), batch.lines.positions.clone(), 2);
+        let positions = sine(positions, width);
+        for layer in &self.self_attn_layers {
+            x = layer.forward(x, positions.clone(), batch.neighbours.clone());
+        }
+        let x = x.reshape([scenes, a + l, width]);
+        Tokens {
+            agents: x.clone().narrow(1, 0, a).reshape([scenes * a, width]),
+            lines: x.narrow(1, a, l).reshape([scenes * l, width]),
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! The network of MTR (Shi et al., "Motion Transformer with Global Intention Localization and Local Movement Refinement",
+//! <https://arxiv.org/abs/2209.13508>), for processor cores.
+//!
+//! One implementation with two settings: [`Config::mtr`] has the sizes, the inputs and the tensors of the public code
+//! (<https://github.com/sshaoshuai/MTR>, Apache-2.0), so that a state dict exported from it loads; [`Config::default`] is small and is
+//! what is trained here. Everything is in the frame of the agent that is predicted: x along its heading, y to its left.
+
+mod attention;
+mod batch;
+mod collect;
+mod config;
+mod decoder;
+mod decoder_layer;
+mod dense;
+mod encoder;
+mod guide;
+mod layers;
+mod motion_transformer;
+mod polyline_encoder;
+mod sine;
+mod suppress;
+
+pub use config::{Attributes, Config, Norms, SizeError};
+pub use motion_transformer::Network;
+pub use suppress::suppress;
+
+pub(crate) use batch::Batch;
+pub(crate) use motion_transformer::{Predicted, PredictedLayer};
+
+/// Numbers that are predicted of an agent at an instant: x, y (metres), the logarithms of two deviations, correlation, velocity x, y (m/s).
+pub const STATE: usize = 7;

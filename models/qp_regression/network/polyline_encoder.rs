@@ -1,0 +1,65 @@
+//! Polylines as tokens.
+
+use burn::module::Module;
+use burn::tensor::Tensor;
+
+use super::config::Norms;
+use super::layers::{NormedMlp, PlainMlp};
+use crate::models::nn::Initializer;
+
+/// A PointNet for polylines: points pass a perceptron, are pooled, pass another one together with what was pooled, and are pooled again.
+#[derive(Module, Debug)]
+pub(crate) struct PolylineEncoder {
+    pre_mlps: NormedMlp,
+    mlps: NormedMlp,
+    out_mlps: PlainMlp,
+    hidden: usize,
+}
+
+impl PolylineEncoder {
+    /// `inputs` numbers per point; `layers` before the first pooling, two after it.
+    pub(crate) fn init(
+        inputs: usize,
+        hidden: usize,
+        layers: usize,
+        outputs: usize,
+        norms: Norms,
+        init: &mut Initializer,
+    ) -> Self {
+        Self {
+            pre_mlps: NormedMlp::init(inputs, &vec![hidden; layers], false, norms, init),
+            mlps: NormedMlp::init(2 * hidden, &[hidden, hidden], false, norms, init),
+            out_mlps: PlainMlp::two(hidden, [hidden, outputs], init),
+            hidden,
+        }
+    }
+
+    /// Points `[points * lines, inputs]` and which are there `[points * lines, 1]`, all first points first; which lines are there
+    /// `[lines, 1]`. Returns `[lines, outputs]`, zeros for lines that are not there.
+    pub(crate) fn forward(
+        &self,
+        points: Tensor<2>,
+        there: Tensor<2>,
+        lines_there: Tensor<2>,
+        count: usize,
+    ) -> Tensor<2> {
+        let lines = lines_there.dims()[0];
+        let x = self.pre_mlps.forward(points) * there.clone();
+        let pooled = pool(x.clone(), count);
+        // The first layer of what follows takes points and pools side by side: its halves are applied apart, to pools once per line.
+        let weight = self.mlps.first_weight();
+        let of_points = x.matmul(weight.clone().narrow(0, 0, self.hidden));
+        let of_pools = pooled.matmul(weight.narrow(0, self.hidden, self.hidden));
+        let width = of_pools.dims()[1];
+        let both = of_points.reshape([count, lines, width]) + of_pools.unsqueeze_dim::<3>(0);
+        let x = self.mlps.after_first(both.reshape([count * lines, width])) * there;
+        self.out_mlps.forward(pool(x, count)) * lines_there
+    }
+}
+
+/// The largest of `count` blocks of rows, number by number.
+fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
+    let rows = x.dims()[0] / count;
+    let block = |k: usize| x.clone().narrow(0, k * rows, rows);
+    (1..count).fold(block(0), |largest, k| largest.max_pair(block(k)))
+}

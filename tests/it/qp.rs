@@ -1,0 +1,177 @@
+//! The stage behind simulators: limits on whole rollouts, others, threads, names.
+
+use std::path::Path;
+
+use rand_chacha::rand_core::Rng;
+use reactsim::evaluation::{Adjustments, EvaluationError, PlannedSimulator};
+use reactsim::formats;
+use reactsim::geometry::{Vec2, direction, wrap};
+use reactsim::models::{self, ModelError, qp::Smoothing};
+use reactsim::rollout::{
+    Controller, DeviatedAv, PlanError, Planning, Request, Rollout, ScriptedAv, Settings, SingleEpisode,
+    Stream, roll_out,
+};
+use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, Scenario, Start};
+
+fn mini() -> Vec<Scenario> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mini");
+    formats::open(&folder).unwrap().map(Result::unwrap).collect()
+}
+
+fn behind(smoothing: Smoothing, id: &str) -> Controller {
+    let baseline = models::find(id).unwrap();
+    smoothing.behind(baseline.id, baseline.simulator().unwrap()).unwrap()
+}
+
+fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
+    let av: Box<dyn reactsim::rollout::AvPolicy> = match &scenario.deviation {
+        Some(d) => Box::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
+        None => Box::new(ScriptedAv::new(scenario, "brake:4".parse().unwrap()).unwrap()),
+    };
+    let request = Request { scenario, av, rollout: 0 };
+    roll_out(vec![request], controller, &Settings::default()).remove(0).unwrap()
+}
+
+/// Every transition of every vehicle, from positions and headings alone.
+fn check_limits(scenario: &Scenario, rollout: &Rollout) {
+    for (slot, agent) in scenario.start.agents.iter().enumerate().skip(1) {
+        if agent.kind != AgentKind::Vehicle {
+            continue;
+        }
+        let states: Vec<AgentState> = rollout.tracks[slot][CURRENT..].iter().flatten().copied().collect();
+        let mut v0 = states[0].velocity().map(|v| v.norm());
+        for pair in states.windows(2) {
+            let v1 = (pair[1].position() - pair[0].position()).norm() / DT;
+            if let Some(v0) = v0 {
+                let a = (v1 - v0) / DT;
+                assert!(a.abs() <= 5.5 + 1e-6, "{}: {}: {a} m/s2", scenario.id, agent.id);
+                if v0 >= 0.6 && v1 >= 0.6 {
+                    let turn = wrap(pair[1].heading - pair[0].heading);
+                    let c = turn / (0.5 * (v0 + v1) * DT);
+                    assert!(c.abs() <= 0.27 + 1e-6, "{}: {}: {c} 1/m", scenario.id, agent.id);
+                }
+            }
+            v0 = Some(v1);
+        }
+    }
+}
+
+/// Goes anywhere at any time.
+struct Wild;
+
+impl SingleEpisode for Wild {
+    type Memory = ();
+
+    fn id(&self) -> &'static str {
+        "wild"
+    }
+
+    fn begin(&self, _: &Start, _: &mut Stream) {}
+
+    fn plan_one(&self, (): &mut (), episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        for agent in 0..episode.plan.agents() {
+            let Some(mut state) = episode.seen.state(agent) else { continue };
+            for k in 0..episode.plan.steps() {
+                let mut draw = || f64::from(episode.stream.next_u32()) / f64::from(u32::MAX) - 0.3;
+                let step = direction(state.heading) * (3.0 * draw()) + Vec2::new(draw(), draw());
+                state.x += step.x;
+                state.y += step.y;
+                state.heading += 0.3 * draw();
+                episode.plan.set(agent, k, Some(state));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn limits_hold_in_every_rollout_whatever_is_wished() {
+    for smoothing in Smoothing::ALL {
+        let wild = smoothing.behind("wild", Controller::Fair(Box::new(Wild))).unwrap();
+        let keeps = behind(smoothing, "constant-velocity");
+        for scenario in mini() {
+            for controller in [&wild, &keeps] {
+                let rollout = run(controller, &scenario);
+                check_limits(&scenario, &rollout);
+                let plans: u64 = rollout
+                    .outcomes
+                    .iter()
+                    .filter(|(n, _)| !n.contains("solves") && !n.contains("iter"))
+                    .map(|o| o.1)
+                    .sum();
+                let vehicles =
+                    scenario.start.agents[1..].iter().filter(|a| a.kind == AgentKind::Vehicle).count();
+                assert_eq!(plans, 16 * vehicles as u64, "{:?}", rollout.outcomes);
+                assert_eq!(rollout.outcomes.get("qp-failed-solves"), None, "{:?}", rollout.outcomes);
+            }
+        }
+    }
+}
+
+#[test]
+fn limits_hold_on_recorded_scenes() {
+    let Some(folder) = crate::shared("data/womd/train") else { return };
+    let controller = behind(Smoothing::Full, "constant-velocity");
+    let mut count = 0;
+    for scenario in formats::open(&folder).unwrap().map(Result::unwrap).take(6) {
+        check_limits(&scenario, &run(&controller, &scenario));
+        count += 1;
+    }
+    assert_eq!(count, 6);
+}
+
+#[test]
+fn people_and_bicycles_move_as_planned() {
+    let plain = models::find("constant-velocity").unwrap().simulator().unwrap();
+    let smoothed = behind(Smoothing::Full, "constant-velocity");
+    for scenario in mini() {
+        let (a, b) = (run(&plain, &scenario), run(&smoothed, &scenario));
+        for (slot, agent) in scenario.start.agents.iter().enumerate() {
+            if agent.kind != AgentKind::Vehicle {
+                assert_eq!(a.tracks[slot], b.tracks[slot], "{}: {}", scenario.id, agent.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_depends_on_batches_or_threads() {
+    let scenarios = mini();
+    let controller = behind(Smoothing::Full, "constant-velocity");
+    let alone: Vec<Rollout> = scenarios.iter().map(|s| run(&controller, s)).collect();
+    let together = |scenarios: &[Scenario]| -> Vec<Rollout> {
+        let request = |scenario| {
+            let scenario: &Scenario = scenario;
+            let track = scenario.deviation.as_ref().unwrap().track.clone();
+            let av = DeviatedAv::new(&scenario.start.now(0), track).unwrap();
+            Request { scenario, av: Box::new(av), rollout: 0 }
+        };
+        let batch = scenarios.iter().map(request).collect();
+        roll_out(batch, &controller, &Settings::default()).into_iter().map(Result::unwrap).collect()
+    };
+    assert!(together(&scenarios) == alone);
+    let halves = std::thread::scope(|scope| {
+        let (first, second) = scenarios.split_at(5);
+        let handle = scope.spawn(|| together(second));
+        let mut all = together(first);
+        all.extend(handle.join().unwrap());
+        all
+    });
+    assert!(halves == alone);
+}
+
+#[test]
+fn ids_say_which_stage_is_behind() {
+    let ids = ["stop".to_owned(), "stop+qp".to_owned(), "constant-velocity+qp-alone".to_owned()];
+    let all = PlannedSimulator::by_ids(&ids).unwrap();
+    assert_eq!(all.iter().map(|s| s.id.clone()).collect::<Vec<_>>(), ids);
+    assert_ne!(all[0].card, all[1].card);
+    assert_eq!(all[1].title, "Stop + qp");
+    let asked = Adjustments { smoothing: Some(Smoothing::Full), ..Adjustments::default() };
+    let names = ["log-replay".to_owned(), "stop".to_owned()];
+    let all = PlannedSimulator::adjusted(&names, &asked).unwrap();
+    assert_eq!(all.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["log-replay", "stop+qp"]);
+    let refused = |id: &str| PlannedSimulator::by_ids(&[id.to_owned()]).err().unwrap();
+    assert!(matches!(refused("log-replay+qp"), EvaluationError::Model(ModelError::Oracle { .. })));
+    assert!(matches!(refused("stop+pq"), EvaluationError::UnknownSimulator { .. }));
+}

@@ -1,0 +1,508 @@
+//! The motion predictor: its tensors' names, what is the same seen from elsewhere, what it needs, what it refuses.
+
+use std::collections::BTreeMap;
+
+use burn::module::Module;
+use burn::tensor::Device;
+use reactsim::geometry::{Vec2, direction};
+use reactsim::models::nn::weights::{Tables, save_tables};
+use reactsim::models::nn::{Tensors, device};
+use reactsim::models::ntp::reactive::Known;
+use reactsim::models::qp_regression::learn::{Recipe, Regression};
+use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppress};
+use reactsim::models::qp_regression::{Driving, Intentions, Policy, Prediction, RegressionSimulator};
+use reactsim::rollout::{Controller, Settings, roll_out};
+use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
+use reactsim::training::{Task, View};
+
+use crate::ntp_reactive::{lights, moved, scenarios, tracks};
+use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
+
+/// Small sizes with all that can differ.
+fn small() -> Config {
+    Config {
+        agents: 6,
+        lines: 12,
+        width: 16,
+        agent_hidden: 8,
+        line_hidden: 8,
+        encoder_layers: 1,
+        heads: 2,
+        neighbours: 4,
+        decoder_width: 16,
+        map_width: 16,
+        decoder_layers: 2,
+        base_lines: 4,
+        way_lines: 4,
+        ..Config::default()
+    }
+}
+
+/// The published structure at sizes that are quick.
+fn small_mtr() -> Config {
+    Config {
+        agents: 6,
+        lines: 12,
+        width: 16,
+        agent_hidden: 16,
+        line_hidden: 8,
+        encoder_layers: 2,
+        heads: 2,
+        neighbours: 4,
+        decoder_width: 32,
+        map_width: 16,
+        decoder_layers: 2,
+        base_lines: 4,
+        way_lines: 4,
+        ..Config::mtr()
+    }
+}
+
+fn task(network: Config) -> Regression {
+    Regression::new(Recipe { network, ..Recipe::default() }, Intentions::fan(), &device())
+}
+
+fn bytes(network: Config) -> Vec<u8> {
+    let task = task(network);
+    task.file(&task.init(7), &serde_json::Value::Null).unwrap()
+}
+
+/// The file of a small network that nobody trained.
+pub(crate) fn untrained() -> Vec<u8> {
+    bytes(small())
+}
+
+/// A recipe with sizes that learn in a moment.
+pub(crate) fn small_recipe() -> String {
+    toml::to_string(&Recipe { network: small(), agents: 4, ..Recipe::default() }).unwrap()
+}
+
+fn policy(network: Config) -> Policy {
+    Policy::read(&bytes(network), &device()).unwrap()
+}
+
+fn predictions(policy: &Policy, scenario: &Scenario, tracks: &[Vec<Frame>], now: usize) -> Vec<Prediction> {
+    let lights = lights(scenario);
+    let known = Known { start: &scenario.start, tracks, lights: &lights, av_lookahead: true };
+    let slots: Vec<usize> = (0..scenario.start.agents.len()).collect();
+    policy.predict_known(&known, now, &slots, &device())
+}
+
+/// How far two predictions are apart at most, metres, where the second one is seen after `there`.
+fn farthest(a: &[Prediction], b: &[Prediction], there: impl Fn(Vec2) -> Vec2) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let mut farthest = 0.0f64;
+    for (a, b) in a.iter().zip(b) {
+        assert_eq!(a.slot, b.slot);
+        assert_eq!(a.modes.len(), b.modes.len());
+        for (a, b) in a.modes.iter().zip(&b.modes) {
+            farthest = farthest.max(10.0 * (a.probability - b.probability).abs());
+            for (a, b) in a.points.iter().zip(&b.points) {
+                farthest = farthest.max((there(a.position) - b.position).norm());
+            }
+        }
+    }
+    farthest
+}
+
+/// Names and shapes of the public code's state dict, written down from its modules.
+fn published(c: &Config) -> BTreeMap<String, Vec<usize>> {
+    let mut all = BTreeMap::new();
+    let mut put = |name: String, shape: &[usize]| assert!(all.insert(name, shape.to_vec()).is_none());
+    let mut linear = |name: &str, inputs: usize, outputs: usize, bias: bool| {
+        put(format!("{name}.weight"), &[outputs, inputs]);
+        if bias {
+            put(format!("{name}.bias"), &[outputs]);
+        }
+    };
+    let mut norms: Vec<(String, usize)> = Vec::new();
+    let mut layers: Vec<(String, usize)> = Vec::new();
+    // Perceptrons: hidden layers are linear, batch norm, ReLU; or linear, ReLU.
+    let mut mlp = |name: &str,
+                   inputs: usize,
+                   widths: &[usize],
+                   open: bool,
+                   normed: bool,
+                   linear: &mut dyn FnMut(&str, usize, usize, bool)| {
+        let mut last = inputs;
+        for (i, &width) in widths.iter().enumerate() {
+            let hidden = !open || i + 1 < widths.len();
+            let at = if normed { 3 * i } else { 2 * i };
+            linear(&format!("{name}.{at}"), last, width, !(hidden && normed));
+            if hidden && normed {
+                norms.push((format!("{name}.{}", at + 1), width));
+            }
+            last = width;
+        }
+    };
+    let e = "context_encoder";
+    for (name, inputs, hidden, pre) in [("agent", 30, c.agent_hidden, 1), ("map", 9, c.line_hidden, 3)] {
+        let name = format!("{e}.{name}_polyline_encoder");
+        mlp(&format!("{name}.pre_mlps"), inputs, &vec![hidden; pre], false, true, &mut linear);
+        mlp(&format!("{name}.mlps"), 2 * hidden, &[hidden; 2], false, true, &mut linear);
+        mlp(&format!("{name}.out_mlps"), hidden, &[hidden, c.width], true, false, &mut linear);
+    }
+    for i in 0..c.encoder_layers {
+        let name = format!("{e}.self_attn_layers.{i}");
+        linear(&format!("{name}.self_attn.out_proj"), c.width, c.width, true);
+        linear(&format!("{name}.linear1"), c.width, 4 * c.width, true);
+        linear(&format!("{name}.linear2"), 4 * c.width, c.width, true);
+        layers.extend([(format!("{name}.norm1"), c.width), (format!("{name}.norm2"), c.width)]);
+    }
+    let (d, m, w) = (c.decoder_width, c.map_width, c.width);
+    let dec = |name: &str| format!("motion_decoder.{name}");
+    for (name, to) in [("in_proj_center_obj", d), ("in_proj_obj", d), ("in_proj_map", m)] {
+        mlp(&dec(name), w, &[to, to], true, false, &mut linear);
+    }
+    for (kind, width) in [("obj", d), ("map", m)] {
+        for i in 0..c.decoder_layers {
+            let name = dec(&format!("{kind}_decoder_layers.{i}"));
+            for part in [
+                "sa_qcontent_proj",
+                "sa_qpos_proj",
+                "sa_kcontent_proj",
+                "sa_kpos_proj",
+                "sa_v_proj",
+                "self_attn.out_proj",
+                "ca_qcontent_proj",
+                "ca_qpos_proj",
+                "ca_kcontent_proj",
+                "ca_kpos_proj",
+                "ca_v_proj",
+                "ca_qpos_sine_proj",
+                "cross_attn.out_proj",
+            ] {
+                linear(&format!("{name}.{part}"), width, width, true);
+            }
+            linear(&format!("{name}.linear1"), width, 4 * width, true);
+            linear(&format!("{name}.linear2"), 4 * width, width, true);
+            layers.extend((1..=3).map(|k| (format!("{name}.norm{k}"), width)));
+        }
+    }
+    linear(&dec("map_query_embed_mlps"), d, m, true);
+    let out = 80 * 7;
+    mlp(&dec("obj_pos_encoding_layer"), 2, &[d; 3], true, false, &mut linear);
+    mlp(&dec("dense_future_head"), 2 * d, &[d, d, out], true, true, &mut linear);
+    mlp(&dec("future_traj_mlps"), 4 * 80, &[d; 3], true, false, &mut linear);
+    mlp(&dec("traj_fusion_mlps"), 2 * d, &[d; 3], true, false, &mut linear);
+    mlp(&dec("intention_query_mlps"), d, &[d, d], true, true, &mut linear);
+    for i in 0..c.decoder_layers {
+        linear(&dec(&format!("map_query_content_mlps.{i}")), d, m, true);
+        mlp(&dec(&format!("query_feature_fusion_layers.{i}")), 2 * d + m, &[d, d], true, true, &mut linear);
+        mlp(&dec(&format!("motion_reg_heads.{i}")), d, &[d, d, out], true, true, &mut linear);
+        mlp(&dec(&format!("motion_cls_heads.{i}")), d, &[d, d, 1], true, true, &mut linear);
+    }
+    for i in 0..c.encoder_layers {
+        let name = format!("{e}.self_attn_layers.{i}.self_attn");
+        put(format!("{name}.in_proj_weight"), &[3 * c.width, c.width]);
+        put(format!("{name}.in_proj_bias"), &[3 * c.width]);
+    }
+    for (name, width) in layers {
+        put(format!("{name}.weight"), &[width]);
+        put(format!("{name}.bias"), &[width]);
+    }
+    for (name, width) in norms {
+        for part in ["weight", "bias", "running_mean", "running_var"] {
+            put(format!("{name}.{part}"), &[width]);
+        }
+    }
+    all
+}
+
+/// Values that look like no pattern.
+fn noise(name: &str, len: usize) -> Vec<f32> {
+    let seed = name.bytes().fold(7u32, |h, b| h.wrapping_mul(31).wrapping_add(u32::from(b)));
+    let value = |i: usize| {
+        let x = (seed.wrapping_add(i as u32)).wrapping_mul(2_654_435_761);
+        let unit = f64::from(x >> 8) / f64::from(1u32 << 24);
+        // Variances are positive.
+        if name.ends_with("running_var") { (0.5 + unit) as f32 } else { (0.4 * (unit - 0.5)) as f32 }
+    };
+    (0..len).map(value).collect()
+}
+
+#[test]
+fn an_exported_state_dict_loads_unchanged() {
+    let config = small_mtr();
+    let mut tables: Tables = published(&config)
+        .into_iter()
+        .map(|(name, shape)| {
+            let values = noise(&name, shape.iter().product());
+            (name, (shape, values))
+        })
+        .collect();
+    let weights = tables.clone();
+    // What PyTorch keeps beside batch norms, and the points, which the public code reads from a file of its own.
+    tables.insert(
+        "context_encoder.agent_polyline_encoder.mlps.1.num_batches_tracked".into(),
+        (vec![], vec![7.0]),
+    );
+    tables.extend(Intentions::fan().tables().unwrap().0);
+    let stored = serde_json::json!({ "kind": "motion-transformer", "network": config });
+    let metadata = BTreeMap::from([("config".to_owned(), stored.to_string())]);
+    let file = save_tables(&tables, &metadata);
+    let policy = Policy::read(&file, &device()).unwrap();
+    let written = policy.write(&BTreeMap::new()).unwrap();
+    let back = Tensors::read(&written).unwrap();
+    for (name, (shape, values)) in &weights {
+        assert_eq!(back.floats(name).unwrap(), (shape.as_slice(), values.clone()), "{name}");
+    }
+    assert_eq!(back.shapes().count(), weights.len() + 3);
+    for scenario in scenarios(1) {
+        for prediction in predictions(&policy, &scenario, &tracks(&scenario), CURRENT) {
+            assert!(!prediction.modes.is_empty() && prediction.modes.iter().all(|m| m.points.len() == 80));
+        }
+    }
+
+    // One that lacks, and one that has too much.
+    let mut less = tables.clone();
+    less.remove("motion_decoder.dense_future_head.4.running_var");
+    let text = Policy::read(&save_tables(&less, &metadata), &device()).unwrap_err().to_string();
+    assert!(
+        text.contains("`motion_decoder.dense_future_head.4.running_var`") && text.contains("missing"),
+        "{text}"
+    );
+    tables.insert("motion_decoder.motion_vel_heads.0.0.weight".into(), (vec![1], vec![0.0]));
+    let text = Policy::read(&save_tables(&tables, &metadata), &device()).unwrap_err().to_string();
+    assert!(text.contains("motion_vel_heads") && text.contains("no place"), "{text}");
+}
+
+#[test]
+fn sizes_are_those_that_are_told() {
+    let count = |c: Config| {
+        let all = Tensors::read(Box::leak(bytes(c).into_boxed_slice())).unwrap();
+        let own = |name: &str| !name.starts_with("intention") && !name.contains("running");
+        all.shapes().filter(|(n, _)| own(n)).map(|(_, s)| s.iter().product::<usize>()).sum::<usize>()
+    };
+    let small = count(Config::default());
+    assert!((400_000..1_000_000).contains(&small), "{small}");
+    assert!(bytes(Config::default()).len() <= 4 << 20);
+    let mtr: usize = published(&Config::mtr())
+        .iter()
+        .filter(|(n, _)| !n.contains("running"))
+        .map(|(_, s)| s.iter().product::<usize>())
+        .sum();
+    assert!((65_000_000..66_500_000).contains(&mtr), "{mtr}");
+    let model = task(small_mtr()).init(0);
+    assert!(model.num_params() > 0);
+}
+
+#[test]
+fn a_scene_that_is_turned_and_moved_is_the_same() {
+    for config in [Config::default(), small_mtr()] {
+        let policy = policy(config);
+        for scenario in scenarios(2) {
+            let before = predictions(&policy, &scenario, &tracks(&scenario), 20);
+            let (angle, shift) = (2.1f64, Vec2::new(13.0, -4.0));
+            let turned = moved(scenario, angle, shift);
+            let after = predictions(&policy, &turned, &tracks(&turned), 20);
+            let (sin, cos) = angle.sin_cos();
+            let there = |p: Vec2| Vec2::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos) + shift;
+            let farthest = farthest(&before, &after, there);
+            assert!(farthest < 2e-2, "{farthest}");
+        }
+    }
+}
+
+#[test]
+fn the_order_of_agents_and_their_company_do_not_matter() {
+    let policy = policy(Config::default());
+    let mut scenario = scenarios(1).remove(0);
+    let before = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
+    let n = scenario.start.agents.len();
+    scenario.start.agents[1..].reverse();
+    scenario.start.history[1..].reverse();
+    scenario.log_future.tracks[1..].reverse();
+    let mut after = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
+    after.iter_mut().filter(|p| p.slot > 0).for_each(|p| p.slot = n - p.slot);
+    after.sort_by_key(|p| p.slot);
+    let farthest_of_all = farthest(&before, &after, |p| p);
+    assert!(farthest_of_all < 1e-3, "{farthest_of_all}");
+
+    let (tracks, lights) = (tracks(&scenario), lights(&scenario));
+    let known = Known { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let all = predictions(&policy, &scenario, &tracks, CURRENT);
+    for one in &all {
+        let alone = policy.predict_known(&known, CURRENT, &[one.slot], &device());
+        let apart = farthest(std::slice::from_ref(one), &alone, |p| p);
+        assert!(apart < 1e-4, "{}: {apart}", one.slot);
+    }
+}
+
+#[test]
+fn what_the_av_does_next_counts() {
+    let policy = policy(Config::default());
+    let scenario = scenarios(1).remove(0);
+    let mut tracks = tracks(&scenario);
+    let before = predictions(&policy, &scenario, &tracks, 20);
+    for state in tracks[0][21..].iter_mut().flatten() {
+        state.x += 1.0;
+    }
+    let after = predictions(&policy, &scenario, &tracks, 20);
+    assert!(farthest(&before, &after, |p| p) > 0.0);
+    // What comes later is not looked at.
+    for state in tracks.iter_mut().flat_map(|t| &mut t[22..]).flatten() {
+        state.x += 5.0;
+    }
+    assert_eq!(after, predictions(&policy, &scenario, &tracks, 20));
+}
+
+#[test]
+fn little_around_is_enough() {
+    let alone = || vec![car("av", 0.0, 0.0, 0.0, 9.0)];
+    let mut kinds = alone();
+    kinds.push(agent("walker", AgentKind::Pedestrian, state(10.0, -4.0, 1.5, 1.3)));
+    kinds.push(agent("rider", AgentKind::Cyclist, state(-12.0, -1.0, 0.0, 4.0)));
+    let scenes = [
+        scene("alone", alone(), straight()),
+        scene("nothing", alone(), MapParts::default()),
+        scene("kinds, no map", kinds, MapParts::default()),
+    ];
+    for config in [Config::default(), small_mtr()] {
+        let policy = policy(config);
+        for scenario in &scenes {
+            let found = predictions(&policy, scenario, &tracks(scenario), CURRENT);
+            assert_eq!(found.len(), scenario.start.agents.len());
+            for prediction in found {
+                let total: f64 = prediction.modes.iter().map(|m| m.probability).sum();
+                assert!((total - 1.0).abs() < 1e-9, "{total}");
+                assert_eq!(prediction.modes.len(), 6);
+                for point in prediction.modes.iter().flat_map(|m| &m.points) {
+                    assert!(point.position.norm().is_finite() && point.deviation(Vec2::x()) > 0.0);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn modes_begin_with_the_present_velocity() {
+    let policy = policy(Config::default());
+    let scenario = scenarios(1).remove(0);
+    for prediction in predictions(&policy, &scenario, &tracks(&scenario), 20) {
+        for mode in &prediction.modes {
+            let first = mode.points[0].position - prediction.pose.position;
+            let apart = (first - prediction.velocity * DT).norm();
+            assert!(apart < 0.1, "{apart}");
+            assert!(mode.points[0].deviation(direction(0.3)) < mode.points[79].deviation(direction(0.3)));
+        }
+    }
+}
+
+#[test]
+fn rollouts_are_the_same_every_time() {
+    let driving = Driving { agents: 4, sample: true };
+    let controller = Controller::Fair(Box::new(RegressionSimulator::new(policy(small()), driving, device())));
+    let scenarios = scenarios(2);
+    let run = || {
+        let requests = scenarios.iter().map(|s| request(s, coasting(s), 0)).collect();
+        roll_out(requests, &controller, &Settings::default())
+            .into_iter()
+            .map(|r| bits(&r.unwrap().tracks))
+            .collect::<Vec<_>>()
+    };
+    assert!(run() == run());
+}
+
+#[test]
+#[expect(deprecated, reason = "ndarray is deprecated by its authors; here it is what flex is compared with")]
+fn the_other_backend_agrees() {
+    let scenario = scenarios(1).remove(0);
+    let bytes = bytes(Config::default());
+    let (tracks, lights) = (tracks(&scenario), lights(&scenario));
+    let known = Known { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let run = |device: &Device| {
+        Policy::read(&bytes, device).unwrap().predict_known(&known, CURRENT, &[1, 2, 3], device)
+    };
+    let apart = farthest(&run(&Device::flex()), &run(&Device::ndarray()), |p| p);
+    assert!(apart < 5e-3, "{apart}");
+}
+
+#[test]
+fn every_part_that_is_used_learns() {
+    let task = task(small());
+    let model = task.init(3);
+    let scenarios = scenarios(2);
+    let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, View::Plain)).collect();
+    let mut stream = <reactsim::training::Stream as rand_chacha::rand_core::SeedableRng>::seed_from_u64(1);
+    let output = task.loss(&model, &samples, Some(&mut stream));
+    let loss = f64::from(output.loss.clone().into_scalar::<f32>()) / output.items;
+    assert!(loss.is_finite() && output.items >= 2.0, "{loss}");
+    let mut gradients = output.loss.backward();
+    let mut visitor = Still { gradients: &mut gradients, path: Vec::new(), still: Vec::new() };
+    model.visit(&mut visitor);
+    // After the first layer intentions are not added to what is compared with tokens; in the first one queries know nothing yet that they
+    // could tell one another.
+    visitor.still.retain(|name| !name.contains("layers.1.ca_qpos_proj") && !name.contains("layers.0.sa_"));
+    // What is added to all scores changes nothing.
+    visitor.still.retain(|name| !(name.contains("motion_cls_heads") && name.ends_with("third.bias")));
+    assert!(visitor.still.is_empty(), "{:?}", visitor.still);
+    // Judged without autodiff it is the same.
+    let plain = task.validate(&model.valid(), &samples);
+    let same = f64::from(plain.loss.into_scalar::<f32>()) / plain.items;
+    assert!((same - loss).abs() < 1e-3 * loss.abs(), "{same} {loss}");
+}
+
+/// Finds the parameters without a gradient.
+struct Still<'a> {
+    gradients: &'a mut burn::tensor::Gradients,
+    path: Vec<String>,
+    still: Vec<String>,
+}
+
+impl burn::module::ModuleVisitor for Still<'_> {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<burn::tensor::Tensor<D>>) {
+        let tensor = param.val();
+        let moves =
+            tensor.grad_remove(self.gradients).is_some_and(|g| g.abs().max().into_scalar::<f32>() > 0.0);
+        if tensor.is_require_grad() && !moves {
+            self.still.push(self.path.join("."));
+        }
+    }
+}
+
+#[test]
+fn foreign_and_damaged_policies_are_refused() {
+    let good = bytes(small());
+    let refusal = |bytes: &[u8]| Policy::read(bytes, &device()).unwrap_err().to_string();
+    assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
+    assert!(refusal(b"").contains("cut short"));
+    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
+    let with = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let mut text = good.clone();
+        let at = text.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        text[at..at + to.len()].copy_from_slice(to.as_bytes());
+        text
+    };
+    let none = refusal(&with("\\\"heads\\\":2", "\\\"heads\\\":0"));
+    assert!(none.contains("heads = 0"), "{none}");
+    let other = refusal(&with("\\\"width\\\":16", "\\\"width\\\":32"));
+    assert!(other.contains("expected ["), "{other}");
+    let points = refusal(&with("intention_points.vehicle", "intention_points.vehicel"));
+    assert!(points.contains("`intention_points.vehicle`"), "{points}");
+    let mut nan = good.clone();
+    let end = nan.len();
+    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(refusal(&nan).contains("NaN"), "{}", refusal(&nan));
+    for (config, field) in [
+        (Config { step: 3, ..small() }, "step"),
+        (Config { line_layers: 2, ..small() }, "line_layers"),
+        (Config { width: 18, ..small() }, "width"),
+        (Config { apart: f64::NAN, ..small() }, "apart"),
+        (Config { modes: 0, ..small() }, "modes"),
+    ] {
+        assert_eq!(config.check().unwrap_err().field, field);
+    }
+    assert_eq!(Config::mtr().check(), Ok(()));
+    assert_eq!((Config::mtr().attributes, Config::mtr().norms), (Attributes::Published, Norms::Batch));
+    assert_eq!(suppress(&[[0.0; 2]], &[1.0], 2.5, 6), [0]);
+}
