@@ -18,7 +18,7 @@ pub enum Smoothing {
 }
 
 /// The text of the card of this stage.
-pub const CARD: &str = include_str!("card.toml");
+pub const CARD: &str = include_str!("stage.toml");
 /// The id under which errors name the stage.
 const ID: &str = "qp";
 
