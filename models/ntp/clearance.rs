@@ -1,6 +1,6 @@
 //! Whether a token leads into others.
 
-use reactsim::geometry::{OrientedBox, Vec2, math, rounded_distance};
+use reactsim::geometry::{OrientedBox, Vec2, rounded_distance};
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
 /// Boxes are rounded as in the metrics (Waymo sim-agents convention).
@@ -17,8 +17,6 @@ struct Going {
     footprint: OrientedBox,
     /// m/s.
     velocity: Vec2,
-    /// Of the circle around the box, metres.
-    radius: f64,
 }
 
 impl Traffic {
@@ -35,11 +33,7 @@ impl Traffic {
             let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
             let shown = av_next.filter(|_| slot == 0).map(|next| step(state, next));
             let velocity = shown.or(before.map(|b| step(b, state))).or(state.velocity());
-            Some(Going {
-                footprint: footprint(agent, state),
-                velocity: velocity.unwrap_or_default(),
-                radius: 0.5 * math::hypot(agent.length, agent.width),
-            })
+            Some(Going { footprint: state.footprint(agent), velocity: velocity.unwrap_or_default() })
         });
         Self { going: going.collect() }
     }
@@ -50,17 +44,17 @@ impl Traffic {
         let Some(me) = self.going[slot] else { return f64::INFINITY };
         let mut least = f64::INFINITY;
         for other in self.others(slot) {
+            let reach = me.footprint.radius() + other.footprint.radius();
             let mut now = None;
             for (k, state) in planned.iter().enumerate() {
                 let Some(state) = state else { continue };
                 let gone = other.velocity * ((k + 1) as f64 * DT);
                 let center = other.footprint.center + gone;
-                let reach = me.radius + other.radius;
                 if (state.position() - center).norm_squared() > reach * reach {
                     continue;
                 }
                 let there = OrientedBox { center, ..other.footprint };
-                let distance = rounded_distance(&footprint(agent, *state), &there, ROUNDING);
+                let distance = rounded_distance(&state.footprint(agent), &there, ROUNDING);
                 let now =
                     *now.get_or_insert_with(|| rounded_distance(&me.footprint, &other.footprint, ROUNDING));
                 if distance < now {
@@ -74,10 +68,6 @@ impl Traffic {
     fn others(&self, slot: usize) -> impl Iterator<Item = &Going> {
         self.going.iter().enumerate().filter(move |(j, _)| *j != slot).filter_map(|(_, other)| other.as_ref())
     }
-}
-
-fn footprint(agent: &Agent, state: AgentState) -> OrientedBox {
-    OrientedBox::new(state.position(), state.heading, agent.length, agent.width)
 }
 
 #[cfg(test)]
