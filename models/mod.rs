@@ -70,6 +70,7 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::SMART,
     ntp::entries::SMART_PROJECTED,
     pufferdrive::ENTRY,
+    qp_regression::entries::QP_REGRESSION,
     qp_regression::entries::REGRESSION,
 ];
 

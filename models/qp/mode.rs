@@ -11,8 +11,8 @@ use super::way::{STATIONS, Way};
 pub struct Mode {
     /// Box centres, 0.1 s apart, the first one after 0.1 s, metres. Beyond the last one it goes on as it ended.
     pub points: Vec<Vec2>,
-    /// How uncertain each point is, metres; `None` for what is usual.
-    pub sigmas: Option<Vec<f64>>,
+    /// How uncertain each point is along and across the motion, metres; `None` for what is usual.
+    pub sigmas: Option<Vec<[f64; 2]>>,
     /// How probable it is.
     pub probability: f64,
 }
@@ -30,7 +30,7 @@ impl Mode {
             && self.points.iter().all(|p| p.x.is_finite() && p.y.is_finite())
             && self.probability.is_finite()
             && self.sigmas.as_ref().is_none_or(|s| s.len() == self.points.len())
-            && sigmas.copied().all(|s| s.is_finite() && s > 0.0)
+            && sigmas.flatten().all(|s| s.is_finite() && *s > 0.0)
     }
 
     /// The centres after every planned step, from a centre now.
@@ -46,23 +46,28 @@ impl Mode {
         })
     }
 
-    /// The uncertainties of the centres, where they are said.
-    pub(super) fn uncertainties(&self) -> Option<[f64; STEPS]> {
+    /// The uncertainties of the centres, along (0) or across (1) the motion, where they are said.
+    fn uncertainties(&self, direction: usize) -> Option<[f64; STEPS]> {
         let sigmas = self.sigmas.as_ref()?;
-        let last = *sigmas.last()?;
+        let last = sigmas.last()?[direction];
         Some(std::array::from_fn(|k| match sigmas.get(k) {
-            Some(s) => s.max(0.05),
+            Some(s) => s[direction].max(LEAST_SIGMA),
             None => last.max(usual_sigma(k + 1)),
         }))
     }
 }
+
+/// Nobody is taken to be more certain, metres.
+const LEAST_SIGMA: f64 = 0.2;
 
 /// A mode as a line in the plane and the times at which it is passed.
 pub(super) struct Wish {
     pub(super) centres: [Vec2; STEPS],
     /// Way of the centres up to each step.
     pub(super) arc: [f64; STEPS],
-    pub(super) sigma: Option<[f64; STEPS]>,
+    /// How uncertain the centres are along the motion, and across it.
+    pub(super) along: Option<[f64; STEPS]>,
+    across: Option<[f64; STEPS]>,
 }
 
 /// Points of a guide are at least so far from each other, metres.
@@ -80,7 +85,7 @@ impl Wish {
             before = p;
             way
         });
-        Self { centres, arc, sigma: mode.uncertainties() }
+        Self { centres, arc, along: mode.uncertainties(0), across: mode.uncertainties(1) }
     }
 
     /// A line through the centres for a vehicle at `now` that points along `axis` and whose axle is `rear` metres behind.
@@ -114,7 +119,7 @@ impl Wish {
     pub(super) fn sigma_along(&self, reach: f64) -> [f64; STATIONS + 1] {
         std::array::from_fn(|j| {
             let step = self.step_after(reach * j as f64 / STATIONS as f64);
-            match &self.sigma {
+            match &self.across {
                 Some(sigma) => sigma[step - 1],
                 None => 0.2 + 0.1 * DT * step as f64,
             }

@@ -21,6 +21,8 @@ pub enum Smoothing {
 pub const CARD: &str = include_str!("stage.toml");
 /// The id under which errors name the stage.
 const ID: &str = "qp";
+/// What is said where there is no stage; a test excludes it.
+pub const REFUSED: &str = "the solver refuses the programs of the stage `qp`";
 
 impl Smoothing {
     /// All of them.
@@ -82,23 +84,28 @@ struct Smoothed {
     keep_clear: KeepClear,
 }
 
-/// What the simulator keeps.
-struct Kept(Memory);
+/// What an episode keeps: what the simulator inside does, and the solvers.
+struct Kept {
+    inner: Memory,
+    stage: Option<Stage>,
+}
 
 impl Simulator for Smoothed {
     fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
-        Memory::new(Kept(self.inner.begin(start, stream)))
+        let stage = Stage::new(&self.settings, self.keep_clear);
+        Memory::new(Kept { inner: self.inner.begin(start, stream), stage })
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
-        let Some(mut stage) = Stage::new(&self.settings, self.keep_clear) else {
-            return Err(PlanError::Failed("the solver refuses the programs of the stage `qp`".to_owned()));
-        };
         let mut inner: Vec<Episode<'_>> = Vec::with_capacity(batch.len());
         let mut outer: Vec<Outer<'_>> = Vec::with_capacity(batch.len());
         for episode in batch.iter_mut() {
-            let Some(Kept(memory)) = episode.memory.get::<Kept>() else {
+            let Some(Kept { inner: memory, stage }) = episode.memory.get::<Kept>() else {
                 episode.error = Some(PlanError::ForeignMemory(ID));
+                continue;
+            };
+            let Some(stage) = stage else {
+                episode.error = Some(PlanError::Failed(REFUSED.to_owned()));
                 continue;
             };
             inner.push(Episode {
@@ -111,7 +118,7 @@ impl Simulator for Smoothed {
                 error: None,
             });
             let (plan, error, outcomes) = (&mut episode.plan, &mut episode.error, &mut episode.outcomes);
-            outer.push(Outer { plan, error, outcomes });
+            outer.push(Outer { plan, error, outcomes, stage });
         }
         self.inner.plan(&mut inner)?;
         for (episode, outer) in inner.into_iter().zip(outer) {
@@ -139,7 +146,7 @@ impl Simulator for Smoothed {
                     }
                 })
                 .collect();
-            let plans = stage.plan(&episode.seen, &intents);
+            let plans = outer.stage.plan(&episode.seen, &intents);
             for (slot, (plan, intent)) in plans.iter().zip(&intents).enumerate() {
                 for k in 0..steps {
                     let state = match (plan, intent) {
@@ -149,7 +156,7 @@ impl Simulator for Smoothed {
                     outer.plan.set(slot, k, state);
                 }
             }
-            stage.take_endings().report(outer.outcomes);
+            outer.stage.take_endings().report(outer.outcomes);
         }
         Ok(())
     }
@@ -160,4 +167,5 @@ struct Outer<'a> {
     plan: &'a mut JointPlan,
     error: &'a mut Option<PlanError>,
     outcomes: &'a mut std::collections::BTreeMap<&'static str, u64>,
+    stage: &'a mut Stage,
 }

@@ -213,7 +213,7 @@ impl Planner {
             speed,
             acceleration,
             way: &wanted,
-            sigma: wish.sigma.as_ref(),
+            sigma: wish.along.as_ref(),
             ahead: &rows.ahead,
             answers: &rows.answers,
         };

@@ -4,7 +4,17 @@ use reactsim::models::nn::device;
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 
-use super::{Policy, RegressionSimulator};
+use super::{Policy, QpRegressionSimulator, RegressionSimulator};
+use crate::models::qp;
+
+/// Plans along predictions.
+pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
+    id: "qp-regression",
+    card: include_str!("cards/qp_regression.toml"),
+    oracle: false,
+    needs_weights: true,
+    make: qp_regression,
+};
 
 /// Predictions as they are.
 pub(in crate::models) const REGRESSION: Baseline = Baseline {
@@ -14,6 +24,13 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
     needs_weights: true,
     make: regression,
 };
+
+fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
+    let smooth = setup.parameters()?;
+    let (device, settings) = (device(), qp::settings()?);
+    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    Ok(Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device))))
+}
 
 fn regression(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;

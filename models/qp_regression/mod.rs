@@ -10,11 +10,13 @@ pub mod network;
 mod policy;
 mod predict;
 mod simulator;
+mod smoothed;
 mod spline;
 
-pub use inputs::Lines;
+pub use inputs::Ground;
 pub use intentions::{Intentions, IntentionsError};
 pub use k_means::EndPoints;
 pub use policy::{Policy, PolicyError};
 pub use predict::{Mode, ModePoint, Prediction};
 pub use simulator::{Driving, RegressionSimulator, predicted_slots};
+pub use smoothed::{QpRegressionSimulator, Smooth};

@@ -9,7 +9,7 @@ use reactsim::rollout::Observation;
 use reactsim::scene::Start;
 use serde::{Deserialize, Serialize};
 
-use super::inputs::{Lines, Surroundings};
+use super::inputs::{Ground, Scene, Surroundings, Survey};
 use super::intentions::PREFIX;
 use super::network::{Batch, Config, Network, SizeError};
 use super::predict::{Prediction, prediction};
@@ -111,17 +111,17 @@ impl Policy {
         Ok(save_with(&self.network, tables, &metadata))
     }
 
-    /// The lines of a scenario's map, for [`Self::predict`]: cut once per episode.
-    pub fn lines(&self, start: &Start) -> Lines {
-        Lines::of(start, &self.config)
+    /// What is known of a scenario's map, for [`Self::predict`]: made once per episode.
+    pub fn ground(&self, start: &Start) -> Ground {
+        Survey::of(start, &self.config).ground()
     }
 
     /// What agents may do from now on, as far as the network knows: a prediction for each of the slots whose agent is present and of a
-    /// class that is simulated, in the order of the slots. `lines` are those of this episode.
+    /// class that is simulated, in the order of the slots. `ground` is that of this episode.
     pub fn predict(
         &self,
         seen: &Observation<'_>,
-        lines: &Lines,
+        ground: &Ground,
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
@@ -131,7 +131,7 @@ impl Policy {
             (0..seen.start().lights.len()).map(|l| seen.light(l).last().copied().flatten()).collect();
         let view =
             View { agents, tracks: &tracks, now: seen.frame(), av_next: seen.av_next(), lights: &lights };
-        self.predict_view(&view, lines, slots, device)
+        self.predict_view(&view, ground, slots, device)
     }
 
     /// As [`Self::predict`], of motion that is known, from frame `now` on; nothing after it is looked at but the AV one frame later, where
@@ -147,19 +147,19 @@ impl Policy {
         let next = known.tracks.first().and_then(|av| av.get(now + 1).copied().flatten());
         let av_next = next.filter(|_| known.av_lookahead);
         let view = View { agents: &known.start.agents, tracks: known.tracks, now, av_next, lights: &lights };
-        self.predict_view(&view, &self.lines(known.start), slots, device)
+        self.predict_view(&view, &self.ground(known.start), slots, device)
     }
 
     /// As [`Self::predict`], for whoever sees a scene otherwise.
     pub(crate) fn predict_view(
         &self,
         view: &View<'_>,
-        lines: &Lines,
+        ground: &Ground,
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
-        let av = Surroundings::forecast(view);
-        let surroundings = |&slot: &usize| Surroundings::of(view, lines, slot, av.as_deref(), &self.config);
+        let seen = Scene::of(view, ground);
+        let surroundings = |&slot: &usize| Surroundings::of(&seen, slot, &self.config);
         let scenes: Vec<Surroundings> = slots.iter().filter_map(surroundings).collect();
         if scenes.is_empty() {
             return Vec::new();

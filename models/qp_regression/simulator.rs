@@ -8,7 +8,7 @@ use reactsim::scene::{AgentKind, AgentState, DT, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
-use super::inputs::Lines;
+use super::inputs::Ground;
 use super::policy::Policy;
 use super::predict::{Mode, Prediction};
 use crate::models::ntp::reactive::links::Nearest;
@@ -68,21 +68,21 @@ pub fn predicted_slots(seen: &Observation<'_>, moves_av: bool, most: usize) -> V
 }
 
 impl SingleEpisode for RegressionSimulator {
-    type Memory = Lines;
+    type Memory = Ground;
 
     fn id(&self) -> &'static str {
         "regression"
     }
 
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> Lines {
-        self.policy.lines(start)
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> Ground {
+        self.policy.ground(start)
     }
 
     // One episode at a time: it has a dozen agents, enough for products of a good size, and nothing hangs on what else is in a batch.
-    fn plan_one(&self, lines: &mut Lines, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+    fn plan_one(&self, ground: &mut Ground, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.driving.agents);
-        let mut predictions = self.policy.predict(&seen, lines, &slots, &self.device).into_iter().peekable();
+        let mut predictions = self.policy.predict(&seen, ground, &slots, &self.device).into_iter().peekable();
         let steps = episode.plan.steps();
         for slot in 0..episode.plan.agents() {
             let prediction = predictions.next_if(|p| p.slot == slot);
@@ -121,7 +121,7 @@ impl RegressionSimulator {
 }
 
 /// The states of somebody who does what a mode says.
-fn execute(mode: &Mode, kind: AgentKind, now: AgentState, steps: usize) -> Vec<AgentState> {
+pub(super) fn execute(mode: &Mode, kind: AgentKind, now: AgentState, steps: usize) -> Vec<AgentState> {
     let stands = now.velocity().is_none_or(|v| v.norm() < STANDS);
     let soon = mode.points.get(9).or(mode.points.last());
     if stands && soon.is_none_or(|p| (p.position - now.position()).norm() < SETS_OFF) {

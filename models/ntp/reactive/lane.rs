@@ -124,7 +124,7 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
     if me.class == Class::Pedestrian {
         return Vec::new();
     }
-    let Some((piece, point, along)) = own_lane(me, places) else { return Vec::new() };
+    let Some((piece, point, along)) = own_lane(me.position, me.ahead, places) else { return Vec::new() };
     let local = into_frame(me.ahead, along);
     let aside = into_frame(along, me.position - point).y;
     out[0] = 1.0;
@@ -138,14 +138,8 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
     let v = me.speed;
     let distances = [3.0 + 0.5 * v, 6.0 + v, 10.0 + 2.0 * v];
     let scales = [1.0, 3.0, 10.0];
-    let choices: [fn(f64) -> f64; WAYS] = [|turn| -turn, f64::abs, |turn| turn];
-    let mut ways = Vec::with_capacity(WAYS);
-    for (way, choice) in choices.iter().enumerate() {
-        let begin = || Walk { places, piece, from: point, heading: along, gone: 0.0, left: MOST_PIECES };
-        let mut walk = begin();
-        let points = (0..=points_ahead(v)).map(|i| walk.to(i as f64 * SPACING, me.ahead, choice));
-        ways.push(Way::new(points.collect()));
-        let mut walk = begin();
+    for (way, choice) in CHOICES.iter().enumerate() {
+        let mut walk = Walk::begin(places, piece, point, along);
         for (k, (d, scale)) in distances.iter().zip(scales).enumerate() {
             let (at, heading) = walk.to(*d, me.ahead, choice);
             let at = into_frame(me.ahead, at - me.position);
@@ -156,19 +150,29 @@ pub(crate) fn describe(me: &Driver, places: &Places, out: &mut [f32]) -> Vec<Way
             slot[2] = (heading.y * 3.0) as f32;
         }
     }
-    ways
+    let walk = Walk::begin(places, piece, point, along);
+    walk.ways(me.ahead, points_ahead(v)).into()
+}
+
+/// The ways on from the lane of someone at `position` who looks along `ahead`, with so many points after the first; none where there is
+/// no lane. Beyond the end of the map they go straight on.
+pub(crate) fn ways(position: Vec2, ahead: Vec2, places: &Places, points: usize) -> Vec<Way> {
+    let found = own_lane(position, ahead, places);
+    found.map_or_else(Vec::new, |(piece, point, along)| {
+        Walk::begin(places, piece, point, along).ways(ahead, points).into()
+    })
 }
 
 /// The piece that an agent follows: near, and not across; with the nearest point on it and its direction there.
-fn own_lane(me: &Driver, places: &Places) -> Option<(usize, Vec2, Vec2)> {
+fn own_lane(position: Vec2, ahead: Vec2, places: &Places) -> Option<(usize, Vec2, Vec2)> {
     let mut best: Option<(f64, usize, Vec2, Vec2)> = None;
     for (i, place) in places.all.iter().enumerate() {
-        if place.role != Role::Lane || (place.middle - me.position).norm_squared() > REACH * REACH {
+        if place.role != Role::Lane || (place.middle - position).norm_squared() > REACH * REACH {
             continue;
         }
-        let (point, along) = place.nearest(me.position);
-        let aside = (point - me.position).norm();
-        let turned = 1.0 - along.dot(&me.ahead);
+        let (point, along) = place.nearest(position);
+        let aside = (point - position).norm();
+        let turned = 1.0 - along.dot(&ahead);
         if aside > ASIDE || turned > 0.6 {
             continue;
         }
@@ -181,7 +185,11 @@ fn own_lane(me: &Driver, places: &Places) -> Option<(usize, Vec2, Vec2)> {
     best.map(|(_, i, point, along)| (i, point, along))
 }
 
+/// What the turn of a way costs that leads most to the left, straight on, most to the right: the least is taken.
+const CHOICES: [fn(f64) -> f64; WAYS] = [|turn| -turn, f64::abs, |turn| turn];
+
 /// Following pieces from a point on.
+#[derive(Clone)]
 struct Walk<'a> {
     places: &'a Places,
     piece: usize,
@@ -192,7 +200,19 @@ struct Walk<'a> {
     left: usize,
 }
 
-impl Walk<'_> {
+impl<'a> Walk<'a> {
+    fn begin(places: &'a Places, piece: usize, from: Vec2, heading: Vec2) -> Self {
+        Self { places, piece, from, heading, gone: 0.0, left: MOST_PIECES }
+    }
+
+    /// The three ways on, with so many points after the first.
+    fn ways(&self, ahead: Vec2, points: usize) -> [Way; WAYS] {
+        CHOICES.map(|choice| {
+            let mut walk = self.clone();
+            Way::new((0..=points).map(|i| walk.to(i as f64 * SPACING, ahead, &choice)).collect())
+        })
+    }
+
     /// The point after `distance` metres in all and the direction there; beyond the end of the map it goes straight on. Among what follows,
     /// the one whose lane ends with the least `cost` of its turn against `ahead` is taken.
     fn to(&mut self, distance: f64, ahead: Vec2, cost: &fn(f64) -> f64) -> (Vec2, Vec2) {

@@ -5,12 +5,12 @@
 //! protocol shows it; motion enters as it is, not as a token; lights enter with the relation to the places they control.
 
 pub(crate) mod batch;
-mod body;
+pub(crate) mod body;
 mod choice;
 mod config;
-mod corridor;
+pub(crate) mod corridor;
 pub(crate) mod known_map;
-mod lane;
+pub(crate) mod lane;
 pub(crate) mod links;
 pub(crate) mod network;
 mod pair;

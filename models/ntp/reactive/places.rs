@@ -28,29 +28,35 @@ impl Places {
 
     /// The places of a map.
     pub(crate) fn of(map: &KnownMap, config: &Config) -> Self {
-        let KnownMap { pieces, stops, light_lanes, successors } = map;
-        let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
-        let mut all: Vec<Place> =
-            pieces.iter().map(|p| Place::of_piece(p, p.lane.and_then(light_of))).collect();
-        all.extend(stops.iter().map(Place::of_stop));
-        let mut links = Links::default();
+        let mut places = Self::unlinked(map);
         let mut nearest = Nearest::new(config.map_neighbours);
         let mut found = Vec::new();
-        for (i, place) in all.iter().enumerate() {
+        for (i, place) in places.all.iter().enumerate() {
             nearest.clear();
-            for (j, other) in all.iter().enumerate() {
+            for (j, other) in places.all.iter().enumerate() {
                 if i != j {
                     nearest.offer((other.middle - place.middle).norm_squared(), j);
                 }
             }
             found.clear();
             found.extend(nearest.found());
-            links.push(config.map_neighbours, PLACE_PAIR, &found, |j, out| place.relate_place(&all[j], out));
+            let relate = |j: usize, out: &mut [f32]| place.relate_place(&places.all[j], out);
+            places.links.push(config.map_neighbours, PLACE_PAIR, &found, relate);
         }
+        places
+    }
+
+    /// The places of a map, without the neighbours of each.
+    pub(crate) fn unlinked(map: &KnownMap) -> Self {
+        let KnownMap { pieces, stops, light_lanes, successors } = map;
+        let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
+        let mut all: Vec<Place> =
+            pieces.iter().map(|p| Place::of_piece(p, p.lane.and_then(light_of))).collect();
+        all.extend(stops.iter().map(Place::of_stop));
         let lanes: Vec<Option<usize>> = pieces.iter().map(|p| p.lane.filter(|_| p.kind.is_lane())).collect();
         let aheads: Vec<Vec2> = all.iter().map(|p| p.end_ahead()).collect();
         let graph = LaneGraph::of(&lanes, &aheads, successors);
-        Self { all, links, graph }
+        Self { all, links: Links::default(), graph }
     }
 
     /// The places that are used, and those that their encoding depends on (`hops` layers away); per old index the new one.

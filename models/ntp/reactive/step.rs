@@ -8,6 +8,7 @@ use super::body::Body;
 use super::choice::Chooser;
 use super::config::Config;
 use super::corridor;
+use super::lane::Way;
 use super::links::{Links, Nearest, put};
 use super::pair::{PAIR, relate};
 use super::place::TO_PLACE;
@@ -65,15 +66,21 @@ pub(crate) struct View<'a> {
     pub lights: &'a [Option<LightState>],
 }
 
+impl View<'_> {
+    /// An agent as it is described among these places, and the ways on, its own course first; `None` where it is absent or of no class.
+    pub(crate) fn body(&self, slot: usize, places: &Places) -> Option<(Body, Vec<Way>)> {
+        let next = if slot == 0 { self.av_next } else { None };
+        Body::at(&self.agents[slot], &self.tracks[slot], self.now, slot == 0, next, places)
+    }
+}
+
 impl Step {
     /// What the network is fed. `earlier` are the nodes of earlier steps that may be attended to, oldest first.
     pub(crate) fn of(view: &View<'_>, places: &Places, earlier: &[Earlier], config: &Config) -> Self {
         let mut step = Self { frame: view.now, ..Self::default() };
         let (mut bodies, mut ways) = (Vec::new(), Vec::new());
-        for (slot, agent) in view.agents.iter().enumerate() {
-            let next = if slot == 0 { view.av_next } else { None };
-            let body = Body::at(agent, &view.tracks[slot], view.now, slot == 0, next, places);
-            let Some((body, own_ways)) = body else { continue };
+        for slot in 0..view.agents.len() {
+            let Some((body, own_ways)) = view.body(slot, places) else { continue };
             step.slots.push(slot);
             step.classes.push(body.class);
             ways.push(own_ways);

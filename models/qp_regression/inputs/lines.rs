@@ -100,13 +100,13 @@ struct Line {
 
 /// The lines that are known of a map.
 #[derive(Clone, Debug, Default)]
-pub struct Lines {
+pub(super) struct Lines {
     all: Vec<Line>,
 }
 
 impl Lines {
     /// Those of a scenario within reach of where the AV is at the current frame.
-    pub(crate) fn of(start: &Start, config: &Config) -> Self {
+    pub(super) fn of(start: &Start, config: &Config) -> Self {
         let mut cutter = Cutter { about: start.now(0).position(), config, lines: Self::default() };
         let light_of = |lane: usize| start.lights.iter().position(|l| l.lane == lane);
         cutter.cut_map(&start.map, light_of);

@@ -4,9 +4,9 @@ use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, direction, into_frame};
 use reactsim::scene::{DT, HISTORY};
 
-use super::forecast;
 use super::histories::{Told, agent_numbers, velocity_at};
-use super::lines::{Lines, point_numbers};
+use super::lines::point_numbers;
+use super::{Outlook, Scene};
 use crate::models::ntp::reactive::links::Nearest;
 use crate::models::ntp::reactive::step::View;
 use crate::models::ntp::tokens::Class;
@@ -78,6 +78,8 @@ pub(crate) struct Surroundings {
     pub lines: Rows,
     /// Which of the agents is the AV, and its forecast `[states, 4]`: x, y, velocity x, y.
     pub av: Option<(usize, Vec<f32>)>,
+    /// Where its lane leads and what is in its way, where that is shown.
+    pub outlook: Option<Outlook>,
 }
 
 /// The base point lies where an agent will be in so many seconds, between these distances, metres.
@@ -86,14 +88,9 @@ const BASE_AHEAD: (f64, f64, f64) = (2.0, 5.0, 30.0);
 const PUBLISHED_BASE: f64 = 30.0;
 
 impl Surroundings {
-    /// What is around the agent `slot`; `None` where it is absent or of no class. `av` is the forecast of the AV in the scene's frame.
-    pub(crate) fn of(
-        view: &View<'_>,
-        lines: &Lines,
-        slot: usize,
-        av: Option<&[(Vec2, Vec2)]>,
-        config: &Config,
-    ) -> Option<Self> {
+    /// What is around the agent `slot`; `None` where it is absent or of no class.
+    pub(crate) fn of(scene: &Scene<'_>, slot: usize, config: &Config) -> Option<Self> {
+        let view = scene.view;
         let class = Class::of(view.agents[slot].kind)?;
         let state = |slot: usize| view.tracks[slot].get(view.now).copied().flatten();
         let pose = Pose::from(state(slot)?);
@@ -117,13 +114,15 @@ impl Surroundings {
             }
         };
         let base = frame.point_out(Vec2::new(base, 0.0));
+        let av = scene.av.as_deref();
         let av = av.and_then(|states| Some((slots.iter().position(|&s| s == 0)?, states)));
         Some(Self {
             class,
             pose,
             agents: histories(view, &slots, &frame, slot, config),
             velocities,
-            lines: lines.rows(base, &frame, view.lights, config),
+            lines: scene.ground.lines.rows(base, &frame, view.lights, config),
+            outlook: Outlook::of(scene, slot, &frame),
             av: av.map(|(at, states)| (at, told(states, &frame, config))),
             slots,
         })
@@ -132,11 +131,6 @@ impl Surroundings {
     /// The velocity of the predicted agent in its frame, m/s.
     pub(crate) fn velocity(&self) -> Vec2 {
         self.velocities.first().copied().unwrap_or_default()
-    }
-
-    /// The forecast of the AV of a scene.
-    pub(crate) fn forecast(view: &View<'_>) -> Option<Vec<(Vec2, Vec2)>> {
-        forecast(view.tracks.first()?, view.now, view.av_next)
     }
 }
 

@@ -6,7 +6,7 @@ use reactsim::scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
-use super::super::inputs::{Frame2, Lines, Surroundings};
+use super::super::inputs::{Frame2, Scene, Surroundings, Survey};
 use super::super::network::Config;
 use super::Disturbance;
 use crate::models::learning::LearningScene;
@@ -72,7 +72,7 @@ const LEAST_STATES: usize = 2;
 
 /// Makes a sample of at most `most` agents, varied by what is drawn from the stream, or as logged. `None` where nothing can be learnt.
 pub(super) fn sample(
-    mut scene: LearningScene<Lines>,
+    mut scene: LearningScene<Survey>,
     config: &Config,
     most: usize,
     varied: Option<(&Augmentation, &mut Stream)>,
@@ -106,9 +106,10 @@ pub(super) fn sample(
     let lights: Vec<_> = scene.lights.iter().map(|l| l[now]).collect();
     let av_next = if blind { None } else { scene.tracks[0].get(now + 1).copied().flatten() };
     let view = View { agents: &scene.agents, tracks: &scene.tracks, now, av_next, lights: &lights };
-    let av = Surroundings::forecast(&view);
+    let ground = scene.map.clone().ground();
+    let seen = Scene::of(&view, &ground);
     let target = |slot: usize| {
-        let around = Surroundings::of(&view, &scene.map, slot, av.as_deref(), config)?;
+        let around = Surroundings::of(&seen, slot, config)?;
         let frame = Frame2::of(around.pose);
         let track = &scene.tracks[slot];
         let truth = truth(track, now, &frame, config);
@@ -126,7 +127,7 @@ pub(super) fn sample(
 }
 
 /// Agents that may be learnt from, nearest to the AV first.
-fn candidates(scene: &LearningScene<Lines>, now: usize) -> Vec<usize> {
+fn candidates(scene: &LearningScene<Survey>, now: usize) -> Vec<usize> {
     let at = |slot: usize| scene.tracks[slot].get(now).copied().flatten();
     let Some(av) = at(0) else { return Vec::new() };
     let far = |slot: usize| at(slot).map(|s| (s.position() - av.position()).norm());

@@ -7,7 +7,7 @@ use reactsim::scene::Scenario;
 use reactsim::training::{Output, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
-use super::super::inputs::Lines;
+use super::super::inputs::Survey;
 use super::super::network::{Config, Network};
 use super::super::{Intentions, Policy};
 use super::Disturbance;
@@ -85,7 +85,7 @@ impl Task for Regression {
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let config = &self.recipe.network;
-        let scene = LearningScene::of(scenario, Lines::of(&scenario.start, config));
+        let scene = LearningScene::of(scenario, Survey::of(&scenario.start, config));
         match view {
             View::Varied(stream) => {
                 sample(scene, config, self.recipe.agents, Some((&self.recipe.augmentation, stream)))

@@ -11,7 +11,7 @@ use super::guide::guess;
 use crate::models::ntp::reactive::links::Nearest;
 use crate::models::ntp::tokens::Class;
 use crate::models::qp_regression::Intentions;
-use crate::models::qp_regression::inputs::{Rows, Surroundings, agent_numbers, point_numbers};
+use crate::models::qp_regression::inputs::{OUTLOOK, Rows, Surroundings, agent_numbers, point_numbers};
 
 /// Histories of agents, or lines.
 #[derive(Clone, Debug)]
@@ -54,6 +54,8 @@ pub(crate) struct Batch {
     pub goals: Vec<f32>,
     /// `[scenes * queries, states, 7]`.
     pub mode_guide: Option<Tensor<3>>,
+    /// `[scenes, OUTLOOK]`: where the lane of each predicted agent leads and what is in its way.
+    pub outlook: Option<Tensor<2>>,
     /// `[scenes * agents, states, 7]`, relative to where each agent is.
     pub dense_guide: Option<Tensor<3>>,
     /// `[scenes * agents, states * 4]`: the forecast of the AV; and `[scenes * agents, 1]`: 1 where the AV is.
@@ -111,6 +113,7 @@ impl Batch {
             table: tensor2(table, 2, device),
             goals,
             mode_guide: config.guided.then(|| mode_guide(scenes, intentions, config, device)),
+            outlook: config.outlook.then(|| outlook(scenes, device)),
             dense_guide: config.guided.then(|| dense_guide(scenes, config, device)),
             av_forecast: config.av_forecast.then(|| av_forecast(scenes, config, device)),
         }
@@ -203,18 +206,30 @@ fn mode_guide(
 ) -> Tensor<3> {
     let mut values = Vec::new();
     for scene in scenes {
+        let ways = scene.outlook.as_ref().map_or(&[][..], |o| &o.ways);
         for goal in intentions.of(scene.class) {
-            guess(scene.velocity(), Some(*goal), config, &mut values);
+            guess(scene.velocity(), Some(*goal), ways, config, &mut values);
         }
     }
     guesses(values, config, device)
+}
+
+fn outlook(scenes: &[&Surroundings], device: &Device) -> Tensor<2> {
+    let mut values = Vec::with_capacity(scenes.len() * OUTLOOK);
+    for scene in scenes {
+        match &scene.outlook {
+            Some(outlook) => values.extend_from_slice(&outlook.numbers),
+            None => values.extend([0.0; OUTLOOK]),
+        }
+    }
+    tensor2(values, OUTLOOK, device)
 }
 
 fn dense_guide(scenes: &[&Surroundings], config: &Config, device: &Device) -> Tensor<3> {
     let mut values = Vec::new();
     for scene in scenes {
         for i in 0..config.agents {
-            guess(scene.velocities.get(i).copied().unwrap_or_default(), None, config, &mut values);
+            guess(scene.velocities.get(i).copied().unwrap_or_default(), None, &[], config, &mut values);
         }
     }
     guesses(values, config, device)

@@ -36,6 +36,8 @@ pub struct Config {
     pub guided: bool,
     /// Whether the forecast of the AV stands where the dense prediction of the AV is encoded.
     pub av_forecast: bool,
+    /// Whether the predicted agent is told where its lane leads and what is in its way, and guesses follow these ways.
+    pub outlook: bool,
     /// Frames from one predicted state to the next; a divisor of 80.
     pub step: usize,
     /// Agents that are shown, the predicted one first.
@@ -100,6 +102,7 @@ impl Config {
             norms: Norms::Batch,
             guided: false,
             av_forecast: false,
+            outlook: false,
             step: 1,
             agents: 64,
             lines: 768,
@@ -199,6 +202,7 @@ impl Default for Config {
             norms: Norms::Layer,
             guided: true,
             av_forecast: true,
+            outlook: true,
             step: 5,
             agents: 16,
             lines: 64,

@@ -16,6 +16,10 @@ use super::layers::{NormedMlp, PlainMlp};
 use super::motion_transformer::{Predicted, PredictedLayer};
 use super::sine::sine;
 use crate::models::nn::Initializer;
+use crate::models::qp_regression::inputs::OUTLOOK;
+
+/// Metres of guesses as numbers near 1.
+const GUESS: f64 = 0.05;
 
 /// The decoder.
 #[derive(Module, Debug)]
@@ -32,6 +36,9 @@ pub(crate) struct MotionDecoder {
     query_feature_fusion_layers: Vec<NormedMlp>,
     motion_reg_heads: Vec<NormedMlp>,
     motion_cls_heads: Vec<NormedMlp>,
+    /// Own: of the predicted agent's outlook, and of the guess of each query.
+    outlook_mlp: Option<PlainMlp>,
+    guess_mlp: Option<PlainMlp>,
 }
 
 impl MotionDecoder {
@@ -60,6 +67,9 @@ impl MotionDecoder {
             query_feature_fusion_layers: each(init, &|i| NormedMlp::init(2 * d + m, &[d, d], true, norms, i)),
             motion_reg_heads: each(init, &|i| NormedMlp::init(d, &[d, d, states], true, norms, i)),
             motion_cls_heads: each(init, &|i| NormedMlp::init(d, &[d, d, 1], true, norms, i)),
+            outlook_mlp: config.outlook.then(|| PlainMlp::two(OUTLOOK, [2 * d, d], init)),
+            guess_mlp: (config.outlook && config.guided)
+                .then(|| PlainMlp::two(2 * config.states(), [d, d], init)),
         }
     }
 
@@ -70,7 +80,11 @@ impl MotionDecoder {
 
         // For all agents though one is needed: so the sizes of products do not hang on the number of scenes alone.
         let own = self.in_proj_center_obj.forward(tokens.agents.clone());
-        let own = own.reshape([scenes, config.agents, d]).narrow(1, 0, 1).repeat_dim(1, queries);
+        let mut own = own.reshape([scenes, config.agents, d]).narrow(1, 0, 1);
+        if let (Some(mlp), Some(outlook)) = (&self.outlook_mlp, &batch.outlook) {
+            own = own + mlp.forward(outlook.clone()).reshape([scenes, 1, d]);
+        }
+        let own = own.repeat_dim(1, queries);
         let own = own.reshape([rows, d]);
         let (agents, dense) = self.dense.forward(self.in_proj_obj.forward(tokens.agents), batch, config);
         let lines = self.in_proj_map.forward(tokens.lines);
@@ -93,6 +107,13 @@ impl MotionDecoder {
         let mut center = Tensor::<2>::from_data(goals, &device);
         let (mut ways, mut points) = (batch.goals.clone(), 1);
         let mut content = Tensor::zeros([rows, d], &device);
+        if let (Some(mlp), Some(guess)) = (&self.guess_mlp, &batch.mode_guide) {
+            // Guesses along lanes are no function of the goal alone: queries know theirs, and search along it from the beginning.
+            let places = guess.clone().narrow(2, 0, 2);
+            content = mlp.forward(places.clone().reshape([rows, 2 * config.states()]) * GUESS);
+            ways = places.into_data().iter::<f32>().collect();
+            points = config.states();
+        }
         let mut layers = Vec::with_capacity(config.decoder_layers);
         for i in 0..config.decoder_layers {
             let known = |content, intention, width| Queries {
