@@ -29,6 +29,8 @@ pub struct Baseline {
     pub card: &'static str,
     /// Whether it is shown the log's future (†).
     pub oracle: bool,
+    /// Whether a stage can be put behind it: not where its motion is the log's, or comes out of the stage already.
+    pub takes_stage: bool,
     /// Whether it needs weights.
     pub needs_weights: bool,
     /// Makes its simulator.

@@ -33,9 +33,11 @@ pub enum ModelError {
         /// Id of the baseline.
         id: &'static str,
     },
-    /// It is shown the log's future: what it plans is not changed.
-    #[error("the simulator `{id}` replays the log: no stage can be put behind it")]
-    Oracle {
+    /// It is shown the log's future, or plans by the stage itself: what it plans is not changed.
+    #[error(
+        "no stage can be put behind the simulator `{id}`: it replays the log, or has the stage in it already"
+    )]
+    TakesNoStage {
         /// Id of the baseline.
         id: &'static str,
     },

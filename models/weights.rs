@@ -12,8 +12,10 @@ const MANIFEST: &str = include_str!("../weights/manifest.toml");
 
 /// The files that are part of the program, by name: each has its row in the manifest, with `shipped = true`, and its line
 /// `("NAME", include_bytes!("../weights/NAME"))` here.
-const SHIPPED: &[(&str, &[u8])] =
-    &[("ntp-reactive.safetensors", include_bytes!("../weights/ntp-reactive.safetensors"))];
+const SHIPPED: &[(&str, &[u8])] = &[
+    ("ntp-reactive.safetensors", include_bytes!("../weights/ntp-reactive.safetensors")),
+    ("qp-regression.safetensors", include_bytes!("../weights/qp-regression.safetensors")),
+];
 
 /// A file of weights.
 #[derive(Clone, Debug)]

@@ -8,6 +8,7 @@ pub(super) const ENTRY: Baseline = Baseline {
     id: "constant-velocity",
     card: include_str!("card.toml"),
     oracle: false,
+    takes_stage: true,
     needs_weights: false,
     make,
 };

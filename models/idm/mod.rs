@@ -19,8 +19,14 @@ use reactsim::scene::Start;
 use self::motion::Traffic;
 use self::parameters::Parameters;
 
-pub(super) const ENTRY: Baseline =
-    Baseline { id: "idm", card: include_str!("card.toml"), oracle: false, needs_weights: false, make };
+pub(super) const ENTRY: Baseline = Baseline {
+    id: "idm",
+    card: include_str!("card.toml"),
+    oracle: false,
+    takes_stage: true,
+    needs_weights: false,
+    make,
+};
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(Idm { parameters: setup.parameters()? })))

@@ -4,8 +4,14 @@ use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, Episode, Memory, Oracle, PlanError};
 use reactsim::scene::{Frame, Scenario};
 
-pub(super) const ENTRY: Baseline =
-    Baseline { id: "log-replay", card: include_str!("card.toml"), oracle: true, needs_weights: false, make };
+pub(super) const ENTRY: Baseline = Baseline {
+    id: "log-replay",
+    card: include_str!("card.toml"),
+    oracle: true,
+    takes_stage: false,
+    needs_weights: false,
+    make,
+};
 
 fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Oracle(Box::new(LogReplay)))

@@ -28,7 +28,7 @@ const fn entry(
     card: &'static str,
     make: fn(Setup) -> Result<Controller, ModelError>,
 ) -> Baseline {
-    Baseline { id, card, oracle: false, needs_weights: true, make }
+    Baseline { id, card, oracle: false, takes_stage: true, needs_weights: true, make }
 }
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {

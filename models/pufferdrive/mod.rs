@@ -25,8 +25,14 @@ use self::motion::{Body, actions, keeps_limit};
 use self::network::{ACTIONS, EGO, HIDDEN, Network, PARTNER, ROAD, Recurrent};
 use self::world::World;
 
-pub(super) const ENTRY: Baseline =
-    Baseline { id: "pufferdrive", card: include_str!("card.toml"), oracle: false, needs_weights: true, make };
+pub(super) const ENTRY: Baseline = Baseline {
+    id: "pufferdrive",
+    card: include_str!("card.toml"),
+    oracle: false,
+    takes_stage: true,
+    needs_weights: true,
+    make,
+};
 
 /// What the card sets.
 #[derive(Clone, Debug, Deserialize)]

@@ -10,13 +10,16 @@ mod forecast;
 mod mode;
 mod obstacle;
 mod program;
+mod rows;
 mod settings;
+mod sides;
 mod smoothed;
 mod speed;
 mod stage;
 #[cfg(test)]
 mod tests;
 mod vehicle;
+mod walkers;
 mod way;
 
 pub use ending::{Ending, Endings};

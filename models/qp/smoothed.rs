@@ -55,9 +55,9 @@ impl Smoothing {
     /// Puts the stage behind a simulator.
     ///
     /// # Errors
-    /// [`ModelError::Oracle`] for one that is shown the log's future; what is wrong with the card, which a test excludes.
+    /// [`ModelError::TakesNoStage`] for one that is shown the log's future; what is wrong with the card, which a test excludes.
     pub fn behind(self, id: &'static str, controller: Controller) -> Result<Controller, ModelError> {
-        let Controller::Fair(inner) = controller else { return Err(ModelError::Oracle { id }) };
+        let Controller::Fair(inner) = controller else { return Err(ModelError::TakesNoStage { id }) };
         let settings = settings()?;
         let keep_clear = match self {
             Self::Full => KeepClear::Everybody,
@@ -147,13 +147,10 @@ impl Simulator for Smoothed {
                 })
                 .collect();
             let plans = outer.stage.plan(&episode.seen, &intents);
-            for (slot, (plan, intent)) in plans.iter().zip(&intents).enumerate() {
+            for (slot, plan) in plans.iter().enumerate() {
                 for k in 0..steps {
-                    let state = match (plan, intent) {
-                        (Some(states), Intent::Vehicle(_)) => states.get(k).copied(),
-                        _ => episode.plan.get(slot, k),
-                    };
-                    outer.plan.set(slot, k, state);
+                    let planned = plan.as_ref().and_then(|states| states.get(k)).copied();
+                    outer.plan.set(slot, k, planned.or_else(|| episode.plan.get(slot, k)));
                 }
             }
             outer.stage.take_endings().report(outer.outcomes);

@@ -1,7 +1,7 @@
 //! All vehicles of a scene at one replan, those nearest to the AV first.
 
 use reactsim::dynamics::{Moving, Pose, REAR_AXLE};
-use reactsim::geometry::math;
+use reactsim::geometry::{OrientedBox, math};
 use reactsim::rollout::Observation;
 use reactsim::scene::{AgentKind, AgentState, CURRENT};
 
@@ -11,14 +11,15 @@ use super::mode::Mode;
 use super::obstacle::{Extent, Obstacle};
 use super::settings::Settings;
 use super::speed::STEPS;
-use super::vehicle::{Planner, Subject};
+use super::vehicle::{Planner, STANDS, Subject};
+use super::walkers::around;
 
 /// What an agent is meant to do.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Intent {
     /// Nothing is planned for it: it is absent, or moved from outside.
     None,
-    /// It moves exactly like this, 0.1 s apart; others look out for it.
+    /// It moves like this, 0.1 s apart, and others look out for it. Only people on foot go round what stands.
     Fixed(Vec<AgentState>),
     /// A vehicle that would like one of these. Modes that are not valid are left out; without any it brakes.
     Vehicle(Vec<Mode>),
@@ -71,6 +72,7 @@ impl Stage {
         if everybody {
             obstacles.extend(seen.start().obstacles.iter().map(|b| Obstacle::standing(*b)));
         }
+        let standing = if everybody { standing(seen, intents) } else { Vec::new() };
         let mut order: Vec<(f64, usize)> = Vec::new();
         let av = seen.state(0).map(|s| s.position());
         for (slot, intent) in intents.iter().enumerate() {
@@ -79,11 +81,18 @@ impl Stage {
                 Intent::None if slot == 0 && everybody => obstacles.extend(forecast::av(seen, &settings)),
                 Intent::None => {}
                 Intent::Fixed(states) => {
+                    let agent = &agents[slot];
+                    let states = match agent.kind {
+                        AgentKind::Pedestrian => {
+                            around(&now, 0.5 * agent.length.max(agent.width), states, &standing)
+                        }
+                        _ => states.clone(),
+                    };
                     if everybody {
-                        let poses = forecast::going_on(&now, states);
-                        obstacles.push(forecast::known(&agents[slot], &now, |k| poses[k]));
+                        let poses = forecast::going_on(&now, &states);
+                        obstacles.push(forecast::known(agent, &now, |k| poses[k]));
                     }
-                    plans[slot] = Some(states.clone());
+                    plans[slot] = Some(states);
                 }
                 Intent::Vehicle(modes) => {
                     let distance = av.map_or(0.0, |av| (av - now.position()).norm_squared());
@@ -131,7 +140,8 @@ impl Stage {
         let limit = self.planner.settings.curvature;
         let rear = REAR_AXLE * agent.length;
         let road = seen.start().road();
-        let on_road = road.drivable(now.pose.position, &mut None) == Some(true);
+        // Where no ground is known all of it is drivable; lanes are known all the same.
+        let on_road = road.drivable(now.pose.position, &mut None) != Some(false);
         Subject {
             now,
             rear,
@@ -148,6 +158,25 @@ impl Stage {
 
 fn likeliest(modes: &[Mode]) -> Option<&Mode> {
     modes.iter().filter(|m| m.is_valid()).reduce(|a, b| if b.probability > a.probability { b } else { a })
+}
+
+/// What stands and stays: boxes of the map, vehicles that do not want to set off, and an AV that does not move.
+fn standing(seen: &Observation<'_>, intents: &[Intent]) -> Vec<OrientedBox> {
+    let mut boxes = seen.start().obstacles.clone();
+    for (slot, (agent, intent)) in seen.start().agents.iter().zip(intents).enumerate() {
+        let Some(now) = seen.state(slot) else { continue };
+        let still = now.velocity().is_none_or(|v| v.norm() < STANDS.0);
+        let stays = match intent {
+            Intent::Vehicle(modes) => likeliest(modes)
+                .is_none_or(|m| (m.centres(now.position())[STEPS - 1] - now.position()).norm() < STANDS.1),
+            Intent::None => slot == 0,
+            Intent::Fixed(_) => false,
+        };
+        if still && stays {
+            boxes.push(now.footprint(agent));
+        }
+    }
+    boxes
 }
 
 /// The valid modes, the most probable ones first; where there is none, one that stands still here.

@@ -1,17 +1,19 @@
 //! The plan of one vehicle: for each of its modes a path and the speed along it, until one is kept clear.
 
 use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
-use reactsim::geometry::{OrientedBox, Vec2, direction};
+use reactsim::geometry::{OrientedBox, direction};
 use reactsim::scene::{DT, Road};
 
-use super::bends::{Bends, Course, SIDES, Sides, station_of_side};
+use super::bends::{Bends, Course};
 use super::drive::drive;
 use super::ending::{Ending, Endings};
 use super::mode::{Mode, Wish};
-use super::obstacle::{Extent, Obstacle, Span, TIMES, beside, spans, step_of};
+use super::obstacle::{Extent, Obstacle, Span, TIMES, spans, step_of};
 use super::program::Solve;
+use super::rows::{Rows, excess};
 use super::settings::Settings;
-use super::speed::{ANSWERS, Bound, CHECKED, STEPS, Speeds, Wanted, hardest_braking};
+use super::sides::{road_end, sides};
+use super::speed::{STEPS, Speeds, Wanted, hardest_braking};
 use super::way::Way;
 
 /// A vehicle that is to be planned.
@@ -47,13 +49,9 @@ pub(super) struct Planner {
 }
 
 /// Who is slower and wants to go less far than this stands, m/s and metres.
-const STANDS: (f64, f64) = (0.1, 0.15);
+pub(super) const STANDS: (f64, f64) = (0.1, 0.15);
 /// Who is slower may turn the wheel as it likes, m/s.
 const DECIDES_TO_REVERSE: f64 = 0.6;
-/// Steps within which a plan must be kept clear.
-const NEAR_STEPS: usize = 30;
-/// How far a vehicle makes way aside for what is beside it, metres; what asks for more is waited for.
-const MOST_ASIDE: f64 = 1.5;
 /// Comfortable accelerations, m/s²: across, and along before bends and the end of the road.
 const COMFORTABLE: (f64, f64) = (4.0, 2.5);
 const AT_ROAD_END: f64 = 4.0;
@@ -237,163 +235,6 @@ fn straight(subject: &Subject<'_>) -> Way {
     Way::drive(subject.now.pose, subject.rear, 1.0, &[0.0; super::way::STATIONS + 1])
 }
 
-/// Bounds of the way at every checked time.
-struct Rows {
-    ahead: [Bound; CHECKED.len()],
-    answers: Vec<Bound>,
-    /// Way that must not be exceeded at each time, without the part that depends on the speed.
-    caps: [f64; CHECKED.len()],
-    braking: [(f64, f64); STEPS],
-}
-
-impl Rows {
-    fn new(braking: [(f64, f64); STEPS]) -> Self {
-        let ahead = CHECKED.map(|step| Bound { step, time: 0.0, bound: f64::INFINITY });
-        Self { ahead, answers: Vec::new(), caps: [f64::INFINITY; CHECKED.len()], braking }
-    }
-
-    /// Asks for a way of at most `from` with a time gap, at a checked time; no more than what the hardest braking would reach.
-    fn put(&mut self, i: usize, from: f64, time: f64, speed: f64) {
-        let (least, slowest) = self.braking[CHECKED[i] - 1];
-        let bound = (from + time * speed).max(least + time * slowest + 0.01);
-        self.caps[i] = self.caps[i].min(from.max(least));
-        // Of two bounds with different time gaps the one that asks for less way at the present speed is taken.
-        let worth = |b: f64, t: f64| b - t * slowest;
-        let old = &mut self.ahead[i];
-        if worth(bound, time) < worth(old.bound, old.time) {
-            *old = Bound { step: CHECKED[i], time, bound };
-        }
-    }
-
-    /// Stops before a place of the way.
-    fn stop_at(&mut self, place: f64) {
-        for i in 0..CHECKED.len() {
-            self.put(i, place, 0.0, 0.0);
-        }
-    }
-
-    /// Lowers what is wanted to what is allowed; what was not gone in time is not made up for.
-    fn cap(&self, wanted: &mut [f64; STEPS]) {
-        if self.caps.iter().all(|c| c.is_infinite()) {
-            return;
-        }
-        let mut allowed = [f64::INFINITY; STEPS];
-        let mut least = f64::INFINITY;
-        for i in (0..CHECKED.len()).rev() {
-            least = least.min(self.caps[i]);
-            let from = if i == 0 { 0 } else { CHECKED[i - 1] };
-            allowed[from..CHECKED[i]].fill(least);
-        }
-        let (mut before, mut wish_before) = (0.0_f64, 0.0);
-        for (way, most) in wanted.iter_mut().zip(allowed) {
-            let step = *way - wish_before;
-            wish_before = *way;
-            *way = (before + step).min(most).max(before.min(most));
-            before = *way;
-        }
-    }
-
-    /// Keeps clear of an obstacle. Whether it is one at all.
-    fn keep_clear(
-        &mut self,
-        subject: &Subject<'_>,
-        obstacle: &Obstacle,
-        spans: &[Option<Span>; TIMES],
-        wanted: &[f64; STEPS],
-        settings: &Settings,
-    ) -> bool {
-        let Some(first) = (0..TIMES).find(|&t| spans[t].is_some_and(|s| s.to > 0.0)) else { return false };
-        let Some(span) = spans[first] else { return false };
-        let axis = direction(subject.now.pose.heading);
-        let to = obstacle.boxes[0].center - subject.now.pose.position;
-        let in_front = to.dot(&axis) > 0.0;
-        let pace = obstacle.velocities[first].norm();
-        let leads = obstacle.stands() || span.speed >= 0.5 * pace;
-        // Who comes from behind looks out itself.
-        if !in_front && (leads || span.from < 0.0) {
-            return false;
-        }
-        if obstacle.leader_only && !(leads && in_front && first == 0) && !obstacle.stands() {
-            return false;
-        }
-        if !leads {
-            if first > obstacle.sight {
-                return false;
-            }
-            let passes = |t: usize| {
-                spans[t].is_none_or(|s| wanted[step_of(t).max(1) - 1] > s.to + 0.5 + 0.02 * step_of(t) as f64)
-            };
-            if (first.max(1)..TIMES).all(passes) {
-                return false;
-            }
-        }
-        let time = if leads { settings.closing_time } else { 0.3 };
-        for (t, s) in spans.iter().enumerate().skip(1) {
-            let Some(s) = s else { continue };
-            if !leads && t > obstacle.sight || s.to < 0.0 || s.from < 0.0 && !in_front {
-                continue;
-            }
-            self.put(t - 1, s.from - settings.gap, time, s.speed.max(0.0));
-        }
-        if obstacle.is_av
-            && leads
-            && !obstacle.stands()
-            && self.answers.len() + 2 <= ANSWERS
-            && let Some(s) = spans[0]
-        {
-            self.answer(s, settings);
-        }
-        true
-    }
-
-    /// After half a second and after a second, it must still be possible to halt behind an AV that brakes from now on.
-    fn answer(&mut self, span: Span, settings: &Settings) {
-        let halt =
-            span.from + span.speed.max(0.0) * span.speed / (2.0 * settings.av_brake) - 0.5 * settings.gap;
-        for step in [5, 10] {
-            // The way of halting grows with the square of the speed: linear about the hardest braking, which is the least there is.
-            let (least, slowest) = self.braking[step - 1];
-            let about = slowest + 1.0;
-            let time = about / settings.own_brake;
-            let bound = halt + about * about / (2.0 * settings.own_brake);
-            self.answers.push(Bound { step, time, bound: bound.max(least + time * slowest + 0.01) });
-        }
-    }
-}
-
-/// How far a plan goes into what is in the way within the next three seconds, metres.
-fn excess(now: &Moving, moves: &[Moving], all: &[[Option<Span>; TIMES]]) -> f64 {
-    let mut arc = [0.0; STEPS];
-    let (mut way, mut before) = (0.0, now.pose.position);
-    for (arc, moving) in arc.iter_mut().zip(moves) {
-        way += (moving.pose.position - before).norm();
-        before = moving.pose.position;
-        *arc = way;
-    }
-    let mut most = 0.0_f64;
-    for spans in all {
-        for (t, span) in spans.iter().enumerate().skip(1) {
-            let step = step_of(t);
-            if step > NEAR_STEPS {
-                break;
-            }
-            if let Some(s) = span
-                && arc[step - 1] < s.to
-            {
-                most = most.max(arc[step - 1] - s.from.max(0.0));
-            }
-        }
-    }
-    most
-}
-
-/// Where a path leaves the drivable ground, metres of the centre's way.
-fn road_end(way: &Way, road: Road<'_>) -> Option<f64> {
-    let mut near = None;
-    let off = way.stations.iter().find(|s| road.drivable(s.centre, &mut near) == Some(false))?;
-    Some((off.arc - 0.5 * way.spacing).max(0.0))
-}
-
 /// Makes a wish slower where the path's bends ask for it.
 fn slow_down_for_bends(wanted: &mut [f64; STEPS], speed: f64, way: &Way) {
     let fastest = wanted.windows(2).map(|w| (w[1] - w[0]) / DT).fold(speed, f64::max);
@@ -416,68 +257,4 @@ fn slow_down_for_bends(wanted: &mut [f64; STEPS], speed: f64, way: &Way) {
         arc += step.max(0.0);
         *w = arc;
     }
-}
-
-/// How far aside of the stations a path may go: on the ground, and clear of what is beside it.
-fn sides(
-    way: &Way,
-    subject: &Subject<'_>,
-    wish: &Wish,
-    obstacles: &[&Obstacle],
-    settings: &Settings,
-) -> Sides {
-    let mut near = None;
-    let mut drivable = |p: Vec2| subject.road.is_none_or(|road| road.drivable(p, &mut near) != Some(false));
-    let speed = subject.now.speed.max(2.0);
-    let mut all = [(f64::NEG_INFINITY, f64::INFINITY); SIDES];
-    for (side, bounds) in all.iter_mut().enumerate() {
-        let j = station_of_side(side);
-        let station = &way.stations[j];
-        let left = way.side(j);
-        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-        if subject.road.is_some() {
-            let inside = settings.inside;
-            let mut fits =
-                |o: f64| [o - inside, o + inside, o].into_iter().all(|x| drivable(station.centre + left * x));
-            if !fits(0.0) {
-                let aside = (1..=12).flat_map(|m| [0.4 * f64::from(m), -0.4 * f64::from(m)]);
-                match aside.into_iter().find(|&o| fits(o)) {
-                    Some(o) if o > 0.0 => low = o,
-                    Some(o) => high = o,
-                    None => {}
-                }
-            }
-        }
-        let step = wish.step_after(station.arc);
-        let time = CHECKED.partition_point(|&c| c < step).min(CHECKED.len() - 1) + 1;
-        for obstacle in obstacles {
-            if obstacle.leader_only && !obstacle.stands() {
-                continue;
-            }
-            let b = &obstacle.boxes[time];
-            let reach = b.radius() + subject.extent.length + subject.extent.width + 1.0;
-            if (b.center - station.centre).norm_squared() > reach * reach {
-                continue;
-            }
-            let Some((from, to)) = beside(b, station.centre, station.axis, subject.extent.length + 0.3)
-            else {
-                continue;
-            };
-            let apart = subject.extent.width + obstacle.side.max(settings.side);
-            if from > 0.0 && from - apart > -MOST_ASIDE {
-                high = high.min(from - apart);
-            } else if to < 0.0 && to + apart < MOST_ASIDE {
-                low = low.max(to + apart);
-            }
-        }
-        if low > high {
-            let middle = 0.5 * (low + high);
-            (low, high) = (middle, middle);
-        }
-        // No more than what can be reached without haste.
-        let t = station.arc / speed;
-        let reachable = 1.2 * t * t;
-        *bounds = (low.min(reachable), high.max(-reachable));
-    }
-    all
 }

@@ -5,8 +5,14 @@ use reactsim::rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentState, DT, Start};
 use serde::Deserialize;
 
-pub(super) const ENTRY: Baseline =
-    Baseline { id: "stop", card: include_str!("card.toml"), oracle: false, needs_weights: false, make };
+pub(super) const ENTRY: Baseline = Baseline {
+    id: "stop",
+    card: include_str!("card.toml"),
+    oracle: false,
+    takes_stage: true,
+    needs_weights: false,
+    make,
+};
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;

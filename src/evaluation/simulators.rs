@@ -44,6 +44,13 @@ struct Chosen {
     smoothing: Option<Smoothing>,
 }
 
+impl Chosen {
+    /// Whether it is what an id names, without or with what is put behind it.
+    fn is_named(&self, id: &str) -> bool {
+        self.id == id || self.baseline.id == id
+    }
+}
+
 impl PlannedSimulator {
     /// Makes simulators by their ids; where `ids` is empty, all baselines that have what they need.
     ///
@@ -60,7 +67,7 @@ impl PlannedSimulator {
     /// Also names what is given twice, is for a simulator that does not run, can not be read, or does not fit.
     pub fn adjusted(ids: &[String], asked: &Adjustments) -> Result<Vec<Self>, EvaluationError> {
         let all = chosen(ids, asked)?;
-        let runs = |id: &str| match all.iter().find(|c| c.id == id) {
+        let runs = |id: &str| match all.iter().find(|c| c.is_named(id)) {
             Some(_) => Ok(()),
             None => {
                 named(id)?;
@@ -82,9 +89,15 @@ impl PlannedSimulator {
             }
         }
         let make = |chosen: Chosen| {
-            let path = given.get(chosen.id.as_str()).copied();
-            let changes = changes.iter().filter(|((id, _), _)| *id == chosen.id);
-            Self::make(&chosen, path, changes.map(|((_, key), value)| (*key, *value)))
+            // What is asked of a simulator is asked of it with a stage behind it too, unless that is asked otherwise.
+            let ids = [chosen.baseline.id, chosen.id.as_str()];
+            let path = ids.iter().rev().find_map(|id| given.get(id)).copied();
+            let mut asked: BTreeMap<&str, &str> = BTreeMap::new();
+            for id in ids {
+                let own = changes.iter().filter(|((of, _), _)| *of == id);
+                asked.extend(own.map(|((_, key), value)| (*key, *value)));
+            }
+            Self::make(&chosen, path, asked.into_iter())
         };
         all.into_iter().map(make).collect()
     }
@@ -96,6 +109,9 @@ impl PlannedSimulator {
     ) -> Result<Self, EvaluationError> {
         let baseline = chosen.baseline;
         let id = baseline.id;
+        if chosen.smoothing.is_some() && !baseline.takes_stage {
+            return Err(ModelError::TakesNoStage { id }.into());
+        }
         let mut setup = baseline.setup()?;
         let mut parameters = BTreeMap::new();
         for (key, value) in changes {
@@ -140,7 +156,7 @@ fn chosen(ids: &[String], asked: &Adjustments) -> Result<Vec<Chosen>, Evaluation
         all.push(named(id)?);
     }
     if let Some(smoothing) = asked.smoothing {
-        for chosen in all.iter_mut().filter(|c| c.smoothing.is_none() && !c.baseline.oracle) {
+        for chosen in all.iter_mut().filter(|c| c.smoothing.is_none() && c.baseline.takes_stage) {
             chosen.id = smoothing.id(chosen.baseline.id);
             chosen.smoothing = Some(smoothing);
         }

@@ -33,6 +33,16 @@ impl Sums {
         }
     }
 
+    /// The weight of what was summed up under a name.
+    pub fn weight(&self, name: &str) -> f64 {
+        self.0.get(name).map_or(0.0, |sum| sum.weight)
+    }
+
+    /// The mean of a name, if something was summed up under it and it is finite.
+    pub fn mean(&self, name: &str) -> Option<f64> {
+        self.0.get(name).map(|sum| sum.total / sum.weight).filter(|mean| mean.is_finite())
+    }
+
     /// The means, by name; what nothing was summed up of, or is no finite number, is left out.
     pub fn means(&self) -> BTreeMap<String, f64> {
         let means = self.0.iter().map(|(name, sum)| ((*name).to_owned(), sum.total / sum.weight));

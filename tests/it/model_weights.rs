@@ -36,7 +36,7 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     let mut init = Initializer::new(7, &device);
     let bytes = match id {
         "ntp-reactive" | "ntp-reactive-raw" => crate::ntp_reactive::untrained(),
-        "regression" => crate::regression::untrained(),
+        "regression" | "qp-regression" => crate::regression::untrained(),
         "smart" | "smart-projected" => crate::smart_simulator::untrained(),
         "pufferdrive" => save(&Network::init(&mut init, &device), &BTreeMap::new()),
         _ => return None,

@@ -13,6 +13,8 @@ use reactsim::rollout::{
 };
 use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, Scenario, Start};
 
+use crate::scenes::{agent, bystander, car, contact, future, lane, line, scene, state, straight};
+
 fn mini() -> Vec<Scenario> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mini");
     formats::open(&folder).unwrap().map(Result::unwrap).collect()
@@ -33,7 +35,7 @@ fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
 }
 
 /// Every transition of every vehicle, from positions and headings alone.
-fn check_limits(scenario: &Scenario, rollout: &Rollout) {
+pub(crate) fn check_limits(scenario: &Scenario, rollout: &Rollout) {
     for (slot, agent) in scenario.start.agents.iter().enumerate().skip(1) {
         if agent.kind != AgentKind::Vehicle {
             continue;
@@ -121,9 +123,9 @@ fn limits_hold_on_recorded_scenes() {
 }
 
 #[test]
-fn people_and_bicycles_move_as_planned() {
+fn people_and_bicycles_move_as_planned_where_nothing_stands() {
     let plain = models::find("constant-velocity").unwrap().simulator().unwrap();
-    let smoothed = behind(Smoothing::Full, "constant-velocity");
+    let smoothed = behind(Smoothing::WithoutOthers, "constant-velocity");
     for scenario in mini() {
         let (a, b) = (run(&plain, &scenario), run(&smoothed, &scenario));
         for (slot, agent) in scenario.start.agents.iter().enumerate() {
@@ -131,6 +133,70 @@ fn people_and_bicycles_move_as_planned() {
                 assert_eq!(a.tracks[slot], b.tracks[slot], "{}: {}", scenario.id, agent.id);
             }
         }
+    }
+}
+
+#[test]
+fn people_walk_round_parked_cars() {
+    let walker = agent("walker", AgentKind::Pedestrian, state(20.0, 20.2, 0.0, 1.4));
+    let agents = vec![bystander(), car("parked", 26.0, 20.0, 0.0, 0.0), walker];
+    let scenario = scene("parked", agents, straight());
+    let walks = || Controller::Fair(Box::new(Goes(Vec2::new(1.4, 0.0))));
+    let plain = walks();
+    let alone = Smoothing::WithoutOthers.behind("goes", walks()).unwrap();
+    let full = Smoothing::Full.behind("goes", walks()).unwrap();
+    let meets = |controller: &Controller| contact(&scenario, &run(controller, &scenario)).is_some();
+    assert!(meets(&plain) && meets(&alone) && !meets(&full));
+    let walked = future(&scenario, &run(&full, &scenario), "walker");
+    assert!(walked[80].x > 28.0, "{:?}", walked[80]);
+}
+
+/// Whoever moves wants to go at this velocity, wherever he looks.
+struct Goes(Vec2);
+
+impl SingleEpisode for Goes {
+    type Memory = ();
+
+    fn id(&self) -> &'static str {
+        "goes"
+    }
+
+    fn begin(&self, _: &Start, _: &mut Stream) {}
+
+    fn plan_one(&self, (): &mut (), episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        for agent in 1..episode.plan.agents() {
+            let Some(mut state) = episode.seen.state(agent) else { continue };
+            let moves = state.vx != 0.0 || state.vy != 0.0;
+            for k in 0..episode.plan.steps() {
+                if moves {
+                    (state.x, state.y) = (state.x + self.0.x * DT, state.y + self.0.y * DT);
+                }
+                episode.plan.set(agent, k, Some(state));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn nobody_is_led_onto_the_lanes_of_those_who_come() {
+    let two_ways = |against: bool| {
+        let (from, to) = ((-150.0, 3.5), (350.0, 3.5));
+        let beside = if against { line(to, from) } else { line(from, to) };
+        let mut map = straight();
+        map.lanes.push(lane("beside", beside, None));
+        scene("street", vec![bystander(), car("drifts", 0.0, 0.0, 0.0, 8.0)], map)
+    };
+    for smoothing in Smoothing::ALL {
+        let controller =
+            smoothing.behind("goes", Controller::Fair(Box::new(Goes(Vec2::new(8.0, 1.0))))).unwrap();
+        let aside = |scenario: &Scenario| {
+            let states = future(scenario, &run(&controller, scenario), "drifts");
+            states.iter().map(|s| s.y).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let (held, free) = (aside(&two_ways(true)), aside(&two_ways(false)));
+        assert!(held < 2.0, "{held}");
+        assert!(free > 2.5, "{free}");
     }
 }
 
@@ -172,6 +238,40 @@ fn ids_say_which_stage_is_behind() {
     let all = PlannedSimulator::adjusted(&names, &asked).unwrap();
     assert_eq!(all.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["log-replay", "stop+qp"]);
     let refused = |id: &str| PlannedSimulator::by_ids(&[id.to_owned()]).err().unwrap();
-    assert!(matches!(refused("log-replay+qp"), EvaluationError::Model(ModelError::Oracle { .. })));
+    for id in ["log-replay+qp", "qp-regression+qp"] {
+        assert!(matches!(refused(id), EvaluationError::Model(ModelError::TakesNoStage { .. })));
+    }
     assert!(matches!(refused("stop+pq"), EvaluationError::UnknownSimulator { .. }));
+    // A stage is not put behind what has it in it.
+    let names = ["qp-regression".to_owned(), "regression".to_owned()];
+    let all = PlannedSimulator::adjusted(&names, &asked).unwrap();
+    assert_eq!(all.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["qp-regression", "regression+qp"]);
+}
+
+#[test]
+fn what_is_asked_of_a_simulator_is_asked_of_it_with_a_stage_too() {
+    let ids = ["idm".to_owned(), "idm+qp".to_owned()];
+    let asked = |parameters: &[(&str, &str)]| Adjustments {
+        parameters: parameters
+            .iter()
+            .map(|(id, value)| (id.to_string(), "vehicle.headway".to_owned(), value.to_string()))
+            .collect(),
+        ..Adjustments::default()
+    };
+    let values = |asked: &Adjustments| {
+        let all = PlannedSimulator::adjusted(&ids, asked).unwrap();
+        all.iter().map(|s| s.parameters.get("vehicle.headway").cloned()).collect::<Vec<_>>()
+    };
+    let (some, other) = (Some("1.25".to_owned()), Some("2.5".to_owned()));
+    assert_eq!(values(&asked(&[("idm", "1.25")])), [some.clone(), some.clone()]);
+    assert_eq!(values(&asked(&[("idm+qp", "2.5")])), [None, other.clone()]);
+    assert_eq!(values(&asked(&[("idm", "1.25"), ("idm+qp", "2.5")])), [some, other]);
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("some.safetensors");
+    let weights = crate::model_weights::untrained("pufferdrive").unwrap();
+    std::fs::write(&file, &weights.bytes).unwrap();
+    let asked = Adjustments { weights: vec![("pufferdrive".to_owned(), file)], ..Adjustments::default() };
+    let all = PlannedSimulator::adjusted(&["pufferdrive+qp".to_owned()], &asked).unwrap();
+    assert_eq!(all[0].weights.as_ref().map(|w| w.name.as_str()), Some("some.safetensors"));
 }

@@ -5,18 +5,24 @@ use std::collections::BTreeMap;
 use burn::module::Module;
 use burn::tensor::Device;
 use reactsim::geometry::{Vec2, direction};
+use reactsim::models;
 use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, device};
 use reactsim::models::ntp::reactive::Known;
+use reactsim::models::qp::{self, Ending};
 use reactsim::models::qp_regression::learn::{Recipe, Regression};
 use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppress};
-use reactsim::models::qp_regression::{Driving, Intentions, Policy, Prediction, RegressionSimulator};
+use reactsim::models::qp_regression::{
+    Driving, Intentions, Policy, Prediction, QpRegressionSimulator, RegressionSimulator, Smooth,
+};
 use reactsim::rollout::{Controller, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
 use reactsim::training::{Task, View};
 
 use crate::ntp_reactive::{lights, moved, scenarios, tracks};
-use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
+use crate::scenes::{
+    agent, arc, bits, bystander, car, coasting, join, lane, line, mini, request, scene, state, straight,
+};
 
 /// Small sizes with all that can differ.
 fn small() -> Config {
@@ -402,6 +408,99 @@ fn rollouts_are_the_same_every_time() {
             .collect::<Vec<_>>()
     };
     assert!(run() == run());
+}
+
+/// Plans along the modes of a policy.
+fn smoothed(policy: Policy, agents: usize, keep_clear: bool) -> Controller {
+    let settings = qp::settings().unwrap();
+    let smooth = Smooth { agents, keep_clear };
+    Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device())))
+}
+
+#[test]
+fn vehicles_keep_their_limits_whatever_is_predicted() {
+    // Nobody trained this network, and nobody is asked about beyond the nearest four.
+    for keep_clear in [true, false] {
+        let controller = smoothed(policy(small()), 4, keep_clear);
+        for scenario in mini() {
+            let requests = vec![request(&scenario, coasting(&scenario), 0)];
+            let rollout = roll_out(requests, &controller, &Settings::default()).remove(0).unwrap();
+            crate::qp::check_limits(&scenario, &rollout);
+            let vehicles = scenario.start.agents[1..].iter().filter(|a| a.kind == AgentKind::Vehicle).count();
+            let plans = Ending::ALL.iter().filter_map(|e| rollout.outcomes.get(e.name())).sum::<u64>();
+            assert_eq!(plans, 16 * vehicles as u64, "{:?}", rollout.outcomes);
+        }
+    }
+}
+
+#[test]
+fn batches_and_threads_change_no_plan() {
+    let scenarios = scenarios(3);
+    let controller = smoothed(policy(small()), 4, true);
+    let run = |some: &[Scenario]| {
+        let requests = some.iter().map(|s| request(s, coasting(s), 0)).collect();
+        let done = roll_out(requests, &controller, &Settings::default());
+        done.into_iter().map(|r| bits(&r.unwrap().tracks)).collect::<Vec<_>>()
+    };
+    let together = run(&scenarios);
+    let apart = std::thread::scope(|scope| {
+        let rest = scope.spawn(|| run(&scenarios[1..]));
+        [run(&scenarios[..1]), rest.join().unwrap()].concat()
+    });
+    assert!(together == apart);
+}
+
+#[test]
+fn predictions_that_are_no_numbers_are_counted_and_lane_following_takes_over() {
+    // Weights so large that what the network says is infinite.
+    let whole = bytes(small());
+    let read = Tensors::read(&whole).unwrap();
+    let mut tables = Tables::new();
+    for (name, shape) in read.shapes() {
+        let (_, mut values) = read.floats(name).unwrap();
+        if name.starts_with("motion_decoder.motion_reg_heads.1") {
+            values.fill(3e38);
+        }
+        tables.insert(name.to_owned(), (shape.to_vec(), values));
+    }
+    let stored = serde_json::json!({ "kind": "motion-transformer", "network": small() });
+    let metadata = BTreeMap::from([("config".to_owned(), stored.to_string())]);
+    let large = || Policy::read(&save_tables(&tables, &metadata), &device()).unwrap();
+    let scenario = scenarios(1).remove(0);
+    let driving = Driving { agents: 4, sample: false };
+    let plain = Controller::Fair(Box::new(RegressionSimulator::new(large(), driving, device())));
+    for controller in [plain, smoothed(large(), 4, true)] {
+        let requests = vec![request(&scenario, coasting(&scenario), 0)];
+        let rollout = roll_out(requests, &controller, &Settings::default()).remove(0).unwrap();
+        let counted = rollout.outcomes.get("predictions that are no numbers: went on as before");
+        assert_eq!(counted, Some(&(4 * 16)), "{:?}", rollout.outcomes);
+        let states = rollout.tracks.iter().flatten().flatten();
+        assert!(states.into_iter().all(|s| s.x.is_finite() && s.y.is_finite() && s.heading.is_finite()));
+    }
+}
+
+#[test]
+fn what_ships_follows_a_bend() {
+    // A quarter of a circle to the left.
+    let mut lanes = vec![
+        lane("in", line((-60.0, 0.0), (0.0, 0.0)), None),
+        lane("bend", arc((0.0, 0.0), 0.0, 25.0, 1.5), None),
+        lane("out", line((24.9, 23.2), (28.0, 67.0)), None),
+    ];
+    join(&mut lanes, "in", "bend");
+    join(&mut lanes, "bend", "out");
+    let map = MapParts { lanes, ..MapParts::default() };
+    let scenario = scene("bend", vec![bystander(), car("turns", -6.0, 0.0, 0.0, 6.0)], map);
+    let weights = models::weights::shipped("regression").unwrap().unwrap();
+    let policy = Policy::read(&weights.bytes, &device()).unwrap();
+    let found = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
+    let likeliest = &found.iter().find(|p| p.slot == 1).unwrap().modes[0];
+    let at = |k: usize| likeliest.points[k].position;
+    assert!(at(79).y > 10.0, "{}", at(79));
+    for p in (0..80).map(at).filter(|p| p.x > 0.0 && p.y < 23.0) {
+        let aside = (p - Vec2::new(0.0, 25.0)).norm() - 25.0;
+        assert!(aside.abs() < 1.5, "{p}: {aside} m aside");
+    }
 }
 
 #[test]

@@ -138,7 +138,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     let train = |out: &Path, jobs: &str| {
         let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(out)];
         let more =
-            ["--intentions", text(&points), "--batch", "2", "--epochs", "30", "--learning-rate", "3e-3"];
+            ["--intentions", text(&points), "--batch", "2", "--epochs", "45", "--learning-rate", "3e-3"];
         let held =
             ["--held-out", "0.3", "--validate-every", "30", "--closed-loop", text(&few), "--jobs", jobs];
         done(&[&base[..], &more[..], &held[..], &["--most-closed-loop", "1"]].concat())
@@ -166,6 +166,27 @@ fn a_motion_predictor_is_trained_and_drives() {
         done(&["run", text(&few), "--models", "regression", "--model-weights", &weights, "--limit", "1"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("| Regression "));
 
+    // Its predictions, without driving; and a training that goes on from it.
+    let first = text(&one.join("weights.safetensors")).to_owned();
+    let judged = done(&["train", "open-loop", text(&few), "--weights", &first]);
+    let judged = String::from_utf8_lossy(&judged.stdout).into_owned();
+    assert!(judged.contains("| all | ") && judged.contains("| vehicle | "), "{judged}");
+    assert!(judged.contains("6 scenarios, best of six modes"), "{judged}");
+    let ade = |table: &str| -> f64 {
+        let row = table.lines().find(|l| l.starts_with("| all ")).unwrap();
+        row.split('|').nth(3).unwrap().trim().parse().unwrap()
+    };
+    let more = folder.path().join("more");
+    let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(&more)];
+    done(
+        &[&base[..], &["--from", &first, "--epochs", "1", "--batch", "2", "--learning-rate", "1e-6"]]
+            .concat(),
+    );
+    let after =
+        done(&["train", "open-loop", text(&few), "--weights", text(&more.join("weights.safetensors"))]);
+    let after = String::from_utf8_lossy(&after.stdout).into_owned();
+    assert!((ade(&after) - ade(&judged)).abs() < 0.01, "{judged}{after}");
+
     let refused = |arguments: &[&str]| {
         let no = folder.path().join("no");
         let base = ["train", "qp-regression", text(&few), "--out", text(&no)];
@@ -174,6 +195,9 @@ fn a_motion_predictor_is_trained_and_drives() {
         said(&output)
     };
     assert!(refused(&["--intentions", text(&recipe)]).contains("not safetensors"));
+    assert!(refused(&["--from", text(&recipe)]).contains("recipe.toml can not be used"));
+    assert!(refused(&["--from", &first]).contains("other sizes than the recipe"));
+    assert!(refused(&["--from", &first, "--intentions", text(&points)]).contains("--intentions"));
     let wrong = folder.path().join("wrong.toml");
     fs::write(&wrong, crate::regression::small_recipe().replace("step = 5", "step = 7")).unwrap();
     assert!(refused(&["--recipe", text(&wrong)]).contains("step = 7"));

@@ -8,14 +8,14 @@ use super::super::predict::kept_modes;
 use super::sample::{Sample, TRUTH, Target};
 use crate::models::ntp::tokens::Class;
 
-/// Names of the means, per class: mean displacement of the best mode, its last displacement (m), the share of misses.
-const NAMES: [[&str; 3]; 3] = [
-    ["min_ade_vehicle", "min_fde_vehicle", "miss_rate_vehicle"],
-    ["min_ade_pedestrian", "min_fde_pedestrian", "miss_rate_pedestrian"],
-    ["min_ade_cyclist", "min_fde_cyclist", "miss_rate_cyclist"],
+/// Names of the means over all, and of those of each class: mean displacement of the best mode, its last displacement (m), the share of
+/// misses.
+pub const MEASURES: [(&str, [&str; 3]); 4] = [
+    ("all", ["min_ade", "min_fde", "miss_rate"]),
+    ("vehicle", ["min_ade_vehicle", "min_fde_vehicle", "miss_rate_vehicle"]),
+    ("pedestrian", ["min_ade_pedestrian", "min_fde_pedestrian", "miss_rate_pedestrian"]),
+    ("cyclist", ["min_ade_cyclist", "min_fde_cyclist", "miss_rate_cyclist"]),
 ];
-/// Names of the means over all.
-const ALL: [&str; 3] = ["min_ade", "min_fde", "miss_rate"];
 /// A mode misses that ends farther away than this along and across the true heading, metres: what the Waymo Open Motion challenge allows
 /// after 8 s (<https://waymo.com/open/challenges/2024/motion-prediction/>), for speeds from `FAST` on, and half of it up to `SLOW`, m/s.
 const MISSED: (f64, f64) = (6.0, 3.0);
@@ -42,14 +42,14 @@ pub(super) fn measure(samples: &[Sample], last: PredictedLayer, config: &Config,
             best(&|mode| last_displacement(mode, target).map(|d| d.1)),
         ];
         let class = match target.around.class {
-            Class::Vehicle => 0,
-            Class::Pedestrian => 1,
-            Class::Cyclist => 2,
+            Class::Vehicle => 1,
+            Class::Pedestrian => 2,
+            Class::Cyclist => 3,
         };
         for (k, value) in values.into_iter().enumerate() {
             if let Some(value) = value {
-                sums.add(ALL[k], value, 1.0);
-                sums.add(NAMES[class][k], value, 1.0);
+                sums.add(MEASURES[0].1[k], value, 1.0);
+                sums.add(MEASURES[class].1[k], value, 1.0);
             }
         }
     }

@@ -7,5 +7,6 @@ mod sample;
 mod task;
 
 pub use disturb::Disturbance;
+pub use measure::MEASURES;
 pub use sample::{Augmentation, Sample};
-pub use task::{Recipe, Regression};
+pub use task::{FromError, Recipe, Regression};

@@ -9,11 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use super::super::inputs::Survey;
 use super::super::network::{Config, Network};
-use super::super::{Intentions, Policy};
+use super::super::{Intentions, Policy, PolicyError};
 use super::Disturbance;
 use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
+use crate::models::WeightsFile;
 use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
 
@@ -50,12 +51,41 @@ pub struct Regression {
     recipe: Recipe,
     intentions: Intentions,
     device: Device,
+    /// The network to begin with, on a device with autodiff, and the digest of its file.
+    from: Option<(Network, String)>,
+}
+
+/// Weights that a training can not begin with.
+#[derive(Debug, thiserror::Error)]
+pub enum FromError {
+    /// They can not be read.
+    #[error("the weights {0} can not be used: {1}")]
+    Policy(String, PolicyError),
+    /// Their network has other sizes than the recipe.
+    #[error(
+        "the network of {0} has other sizes than the recipe: leave the recipe's `network` as it is there"
+    )]
+    Sizes(String),
 }
 
 impl Regression {
     /// A task on this device, which is one without autodiff.
     pub fn new(recipe: Recipe, intentions: Intentions, device: &Device) -> Self {
-        Self { recipe, intentions, device: device.clone() }
+        Self { recipe, intentions, device: device.clone(), from: None }
+    }
+
+    /// A task that begins with the network of this file, and has its intention points.
+    ///
+    /// # Errors
+    /// [`FromError`] where the file is no such network, or has other sizes than the recipe.
+    pub fn going_on(recipe: Recipe, file: &WeightsFile, device: &Device) -> Result<Self, FromError> {
+        let policy = Policy::read(&file.bytes, &device.clone().autodiff())
+            .map_err(|error| FromError::Policy(file.name.clone(), error))?;
+        if policy.config != recipe.network {
+            return Err(FromError::Sizes(file.name.clone()));
+        }
+        let from = Some((policy.network, file.digest.clone()));
+        Ok(Self { from, ..Self::new(recipe, policy.intentions, device) })
     }
 
     /// The network as a simulator reads it.
@@ -79,6 +109,9 @@ impl Task for Regression {
     type Model = Network;
 
     fn init(&self, seed: u64) -> Network {
+        if let Some((network, _)) = &self.from {
+            return network.clone();
+        }
         let device = self.device.clone().autodiff();
         Network::init(&self.recipe.network, &mut Initializer::new(seed, &device))
     }
@@ -123,9 +156,13 @@ impl Task for Regression {
             .into_iter()
             .flat_map(|class| self.intentions.of(class).iter().map(|p| [p.x, p.y]))
             .collect();
-        serde_json::json!({
+        let mut all = serde_json::json!({
             "recipe": self.recipe,
             "intentions": { "made": self.intentions.provenance(), "points": points },
-        })
+        });
+        if let Some((_, digest)) = &self.from {
+            all["from"] = digest.as_str().into();
+        }
+        all
     }
 }

@@ -5,6 +5,7 @@ mod data;
 mod intentions;
 mod new_file;
 mod ntp;
+mod open_loop;
 mod progress;
 mod qp_regression;
 mod reader;
@@ -30,6 +31,8 @@ enum TrainCommand {
     Ntp(ntp::NtpArgs),
     /// Train the simulator `regression` on scenarios of any format
     QpRegression(qp_regression::QpRegressionArgs),
+    /// Measure how well the network of `regression` predicts what was recorded
+    OpenLoop(open_loop::OpenLoopArgs),
     /// Find intention points for `train qp-regression` in scenarios
     Intentions(intentions::IntentionsArgs),
     /// Build a vocabulary of motion tokens from scenarios
@@ -40,6 +43,7 @@ pub(super) fn train(args: &TrainArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
         TrainCommand::Ntp(args) => ntp::ntp(args),
         TrainCommand::QpRegression(args) => qp_regression::qp_regression(args),
+        TrainCommand::OpenLoop(args) => open_loop::open_loop(args),
         TrainCommand::Intentions(args) => intentions::intentions(args),
         TrainCommand::Vocabulary(args) => vocabulary::vocabulary(args),
     }

@@ -1,7 +1,7 @@
 //! `reactsim train qp-regression`.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
@@ -10,11 +10,11 @@ use super::closed_loop::ClosedLoopArgs;
 use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
-use crate::models;
 use crate::models::nn::device;
 use crate::models::qp_regression::learn::{Recipe, Regression};
 use crate::models::qp_regression::network::Network;
 use crate::models::qp_regression::{Driving, Intentions, RegressionSimulator};
+use crate::models::{self, WeightsFile};
 use crate::rollout::Controller;
 
 /// Arguments of `train qp-regression`.
@@ -28,6 +28,10 @@ pub(super) struct QpRegressionArgs {
     /// Intention points, as `train intentions` finds them [default: a fan of sixteen]
     #[arg(long, value_name = "FILE")]
     intentions: Option<PathBuf>,
+    /// Begin with these weights, of an earlier training, instead of new ones: their sizes and
+    /// intention points stay
+    #[arg(long, value_name = "FILE", conflicts_with = "intentions")]
+    from: Option<PathBuf>,
     #[command(flatten)]
     closed_loop: ClosedLoopArgs,
 }
@@ -35,16 +39,20 @@ pub(super) struct QpRegressionArgs {
 pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatus> {
     let recipe: Recipe = recipe::read(args.recipe.as_deref())?;
     recipe.network.check().context("the recipe")?;
-    let intentions = match &args.intentions {
-        Some(path) => {
-            let bytes = fs::read(path).with_context(|| format!("could not read {}", path.display()))?;
-            Intentions::read(&bytes).with_context(|| path.display().to_string())?
-        }
-        None => Intentions::fan(),
-    };
     let device = device();
     let drive = args.closed_loop.read()?;
-    let task = Regression::new(recipe, intentions, &device);
+    let read = |path: &Path| fs::read(path).with_context(|| format!("could not read {}", path.display()));
+    let task = match (&args.from, &args.intentions) {
+        (Some(path), _) => {
+            let file = WeightsFile::new(path.display().to_string(), read(path)?);
+            Regression::going_on(recipe, &file, &device)?
+        }
+        (None, Some(path)) => {
+            let intentions = Intentions::read(&read(path)?).with_context(|| path.display().to_string())?;
+            Regression::new(recipe, intentions, &device)
+        }
+        (None, None) => Regression::new(recipe, Intentions::fan(), &device),
+    };
     let Some(drive) = drive else { return session::train(&args.session, &task, None) };
     // As its card says.
     let baseline = models::find("regression").context("there is no simulator `regression`")?;

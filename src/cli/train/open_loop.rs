@@ -1,0 +1,94 @@
+//! `reactsim train open-loop`: how well a motion predictor predicts what was recorded.
+
+use std::fs;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+use super::reader::Reader;
+use crate::cli::progress::Progress;
+use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::models::nn::device;
+use crate::models::qp_regression::Policy;
+use crate::models::qp_regression::learn::{MEASURES, Recipe, Regression};
+use crate::models::weights;
+use crate::training::{Sums, Task, View};
+
+const AFTER: &str = "\
+Everybody within 80 m of the AV who is not parked is predicted from the current frame on. minADE and
+minFDE: mean and last displacement of the best of six modes over 8 s, metres; miss rate: parts whose
+best mode ends outside the bounds of the Waymo Open Motion challenge at 8 s.
+
+  reactsim train open-loop logs.parquet
+  reactsim train open-loop logs.parquet --weights regression/weights.safetensors";
+
+/// Arguments of `train open-loop`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct OpenLoopArgs {
+    /// Files or folders of scenarios
+    #[arg(required = true, value_name = "SCENARIOS")]
+    scenarios: Vec<PathBuf>,
+    /// Weights of `train qp-regression` [default: those that ship]
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
+    /// Take the first N records of every file only
+    #[arg(long, value_name = "N")]
+    limit: Option<NonZeroUsize>,
+}
+
+pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
+    let inputs = find_inputs(&args.scenarios)?;
+    let bytes = match &args.weights {
+        Some(path) => fs::read(path).with_context(|| format!("could not read {}", path.display()))?,
+        None => match weights::shipped("qp-regression")? {
+            Some(file) => file.bytes.into_owned(),
+            None => bail!("no weights ship for `qp-regression`: give --weights FILE"),
+        },
+    };
+    let device = device();
+    let name =
+        || args.weights.as_ref().map_or_else(|| "shipped weights".to_owned(), |p| p.display().to_string());
+    let policy = Policy::read(&bytes, &device).with_context(name)?;
+    let recipe = Recipe { network: policy.config, agents: usize::MAX, ..Recipe::default() };
+    let task = Regression::new(recipe, policy.intentions, &device);
+    let stop = stop_on_interrupt("printing what there is so far")?;
+    let progress = Progress::new();
+    let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);
+    let mut sums = Sums::new();
+    let read = reader.each(usize::MAX, |scenario| {
+        if let Some(sample) = task.prepare(scenario, View::Plain) {
+            sums.extend(&task.validate(&policy.network, &[sample]).metrics);
+        }
+    });
+    progress.end();
+    if read == 0 {
+        bail!("no scenario could be read: see the warnings above");
+    }
+    write_result(None, |out| {
+        writeln!(
+            out,
+            "| Class | Agents | minADE (m) ↓ | minFDE (m) ↓ | Miss rate ↓ |\n|---|--:|--:|--:|--:|"
+        )?;
+        for (class, [ade, fde, miss]) in MEASURES {
+            let Some(mean) = sums.mean(ade) else { continue };
+            let value = |name| sums.mean(name).map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
+            let agents = sums.weight(ade);
+            writeln!(out, "| {class} | {agents} | {mean:.3} | {} | {} |", value(fde), value(miss))?;
+        }
+        writeln!(out, "\n{}, best of six modes over 8 s.", count(read, "scenario"))
+    })?;
+    if stop.load(Ordering::Relaxed) {
+        say(format_args!("interrupted: what is printed is of the scenarios so far"));
+        return Ok(ExitStatus::Interrupted);
+    }
+    if reader.failed > 0 {
+        let failed = count(reader.failed, "scenario");
+        say(format_args!("warning: {failed} failed; the figures are of the others"));
+        return Ok(ExitStatus::SomeFailed);
+    }
+    Ok(ExitStatus::Done)
+}
