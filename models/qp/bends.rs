@@ -59,6 +59,8 @@ pub(super) struct Course<'a> {
 pub(super) struct Laid {
     pub(super) way: Way,
     pub(super) solve: Solve,
+    /// How often it was minimised.
+    pub(super) programs: u64,
     /// Iterations of every time that the solver was needed.
     pub(super) iterations: Vec<u32>,
 }
@@ -100,6 +102,7 @@ impl Bends {
         let scale = 10.0 / (course.reach * course.reach);
         let mut way = drive(&course, spacing, start, &controls);
         let mut laid = (Solve::ClosedForm, Vec::new());
+        let mut programs = 0;
         let mut narrowed = false;
         for round in 0..ROUNDS {
             let gains = gains(&way, course.rear);
@@ -126,6 +129,7 @@ impl Bends {
                 self.program.set(row + 1, &values.map(|x| -x), -(low + now));
                 row += 2;
             }
+            programs += 1;
             let found = match cost.minimum() {
                 Some(free) => self.program.solve(&cost, &free),
                 None => self.program.solve_by_solver(&cost),
@@ -147,7 +151,7 @@ impl Bends {
                 break;
             }
         }
-        Laid { way, solve: laid.0, iterations: laid.1 }
+        Laid { way, solve: laid.0, programs, iterations: laid.1 }
     }
 
     /// A first path, by pure pursuit from station to station (Coulter, 1992): curvatures at the knots, and the one now.

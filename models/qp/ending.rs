@@ -67,6 +67,8 @@ impl Ending {
 pub struct Endings {
     /// Plans by how they ended.
     pub plans: BTreeMap<Ending, u64>,
+    /// Programs that were minimised, with a solver or without.
+    pub programs: u64,
     /// Solves that the solver gave up, or found to have no solution.
     pub failed: u64,
     /// Solves by their number of iterations.

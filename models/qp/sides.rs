@@ -23,13 +23,29 @@ pub(super) fn road_end(way: &Way, road: Road<'_>) -> Option<f64> {
     Some((off.arc - 0.5 * way.spacing).max(0.0))
 }
 
-/// Whether a point lies on lanes against this direction alone. Where directions share the ground, as on crossings, nothing is said.
-fn opposes(road: Road<'_>, p: Vec2, axis: Vec2, lanes: &mut Vec<LaneHit>) -> bool {
-    road.lanes_at(p, lanes);
-    let against = |hit: &LaneHit| {
-        direction(road.lane(hit.lane).baseline.heading_at(hit.projection.s)).dot(&axis) < AGAINST
-    };
-    !lanes.is_empty() && lanes.iter().all(against)
+/// Where lanes lead, asked at points that follow one another.
+struct Directions<'a> {
+    road: Option<Road<'a>>,
+    /// The lane that held the last point and leads on: it mostly holds the next one too.
+    with: Option<usize>,
+    hits: Vec<LaneHit>,
+}
+
+impl Directions<'_> {
+    /// Whether a point lies on lanes against this direction alone. Where directions share the ground, as on crossings, nothing is said.
+    fn oppose(&mut self, p: Vec2, axis: Vec2) -> bool {
+        let Some(road) = self.road else { return false };
+        let leads_on =
+            |lane: usize, s: f64| direction(road.lane(lane).baseline.heading_at(s)).dot(&axis) >= AGAINST;
+        if let Some(lane) = self.with
+            && road.lane_at(p, lane).is_some_and(|at| leads_on(lane, at.s))
+        {
+            return false;
+        }
+        road.lanes_at(p, &mut self.hits);
+        self.with = self.hits.iter().find(|h| leads_on(h.lane, h.projection.s)).map(|h| h.lane);
+        !self.hits.is_empty() && self.with.is_none()
+    }
 }
 
 /// How far aside of the stations a path may go: on the ground, and clear of what is beside it.
@@ -42,9 +58,7 @@ pub(super) fn sides(
 ) -> Sides {
     let mut near = None;
     let mut drivable = |p: Vec2| subject.road.is_none_or(|road| road.drivable(p, &mut near) != Some(false));
-    let mut lanes = Vec::new();
-    let mut opposes =
-        |p: Vec2, axis: Vec2| subject.road.is_some_and(|road| opposes(road, p, axis, &mut lanes));
+    let mut directions = Directions { road: subject.road, with: None, hits: Vec::new() };
     let speed = subject.now.speed.max(2.0);
     let mut all = [(f64::NEG_INFINITY, f64::INFINITY); SIDES];
     for (side, bounds) in all.iter_mut().enumerate() {
@@ -56,7 +70,7 @@ pub(super) fn sides(
             let inside = settings.inside;
             let mut fits = |o: f64| {
                 [o - inside, o + inside, o].into_iter().all(|x| drivable(station.centre + left * x))
-                    && !opposes(station.centre + left * o, station.axis)
+                    && !directions.oppose(station.centre + left * o, station.axis)
             };
             if !fits(0.0) {
                 let aside = (1..=12).flat_map(|m| [0.4 * f64::from(m), -0.4 * f64::from(m)]);

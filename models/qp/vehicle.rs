@@ -186,6 +186,7 @@ impl Planner {
             sigma: &sigma,
         };
         let laid = self.bends.lay(&course, |way| sides(way, subject, &wish, obstacles, &settings));
+        self.endings.programs += laid.programs + 1;
         for iterations in &laid.iterations {
             *self.endings.iterations.entry(*iterations).or_default() += 1;
         }

@@ -37,36 +37,22 @@ impl QpRegressionSimulator {
         Self { policy, smooth, settings, device }
     }
 
-    fn stage(&self) -> Option<Stage> {
+    /// The stage that plans for this simulator; `None` where the solver refuses its programs, which a test excludes.
+    pub fn stage(&self) -> Option<Stage> {
         let keep_clear = if self.smooth.keep_clear { KeepClear::Everybody } else { KeepClear::Nobody };
         Stage::new(&self.settings, keep_clear)
     }
-}
 
-/// What an episode keeps.
-pub struct Kept {
-    ground: Ground,
-    stage: Option<Stage>,
-}
-
-impl SingleEpisode for QpRegressionSimulator {
-    type Memory = Kept;
-
-    fn id(&self) -> &'static str {
-        "qp-regression"
+    /// What is known of a scenario's map, for [`Self::intents`].
+    pub fn ground(&self, start: &Start) -> Ground {
+        self.policy.ground(start)
     }
 
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> Kept {
-        Kept { ground: self.policy.ground(start), stage: self.stage() }
-    }
-
-    fn plan_one(&self, kept: &mut Kept, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
-        let Some(stage) = &mut kept.stage else {
-            return Err(PlanError::Failed(REFUSED.to_owned()));
-        };
+    /// What every agent would like to do from now on, one entry per slot.
+    pub fn intents(&self, ground: &Ground, episode: &mut Planning<'_, '_>) -> Vec<Intent> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.smooth.agents);
-        let predictions = self.policy.predict(&seen, &kept.ground, &slots, &self.device);
+        let predictions = self.policy.predict(&seen, ground, &slots, &self.device);
         let mut predictions = predictions.into_iter().peekable();
         let agents = &seen.start().agents;
         let mut intents = vec![Intent::None; agents.len()];
@@ -89,7 +75,31 @@ impl SingleEpisode for QpRegressionSimulator {
                 _ => Intent::Vehicle(vec![Mode::of(states.iter().map(AgentState::position).collect())]),
             };
         }
-        let plans = stage.plan(&seen, &intents);
+        intents
+    }
+}
+
+/// What an episode keeps.
+pub struct Kept {
+    ground: Ground,
+    stage: Option<Stage>,
+}
+
+impl SingleEpisode for QpRegressionSimulator {
+    type Memory = Kept;
+
+    fn id(&self) -> &'static str {
+        "qp-regression"
+    }
+
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> Kept {
+        Kept { ground: self.policy.ground(start), stage: self.stage() }
+    }
+
+    fn plan_one(&self, kept: &mut Kept, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        let Some(stage) = &mut kept.stage else { return Err(PlanError::Failed(REFUSED.to_owned())) };
+        let intents = self.intents(&kept.ground, episode);
+        let plans = stage.plan(&episode.seen, &intents);
         for (slot, plan) in plans.into_iter().enumerate() {
             for (k, state) in plan.into_iter().flatten().take(episode.plan.steps()).enumerate() {
                 episode.plan.set(slot, k, Some(state));

@@ -136,6 +136,7 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         let mut text = Vec::new();
         markdown.export(&run, &mut text).context("could not make the table")?;
         let mut text = String::from_utf8_lossy(&text).into_owned();
+        text.push_str(&outcomes(summary));
         text.push_str(&failures(summary));
         folder.put(TABLE, &text)?;
     }
@@ -170,12 +171,22 @@ fn tell_left_out(summary: &Summary) {
 
 /// Says how parts of plans ended, simulator by simulator.
 fn tell_outcomes(summary: &Summary) {
-    for (id, simulator) in &summary.simulators {
-        if !simulator.outcomes.is_empty() {
-            let all = simulator.outcomes.iter().map(|(name, n)| format!("{n} {name}"));
-            say(format_args!("{id}: {}", all.collect::<Vec<_>>().join(", ")));
-        }
-    }
+    endings(summary).for_each(|line| say(format_args!("{line}")));
+}
+
+/// Per simulator that counts them: how parts of plans ended.
+fn endings(summary: &Summary) -> impl Iterator<Item = String> {
+    let counting = summary.simulators.iter().filter(|(_, s)| !s.outcomes.is_empty());
+    counting.map(|(id, simulator)| {
+        let all = simulator.outcomes.iter().map(|(name, n)| format!("{n} {name}"));
+        format!("{id}: {}", all.collect::<Vec<_>>().join(", "))
+    })
+}
+
+/// The same as a list in Markdown.
+fn outcomes(summary: &Summary) -> String {
+    let lines: String = endings(summary).map(|line| format!("- {line}\n")).collect();
+    if lines.is_empty() { lines } else { format!("\nHow plans ended:\n\n{lines}") }
 }
 
 /// What failed, as a list in Markdown.

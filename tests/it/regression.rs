@@ -21,7 +21,7 @@ use reactsim::training::{Task, View};
 
 use crate::ntp_reactive::{lights, moved, scenarios, tracks};
 use crate::scenes::{
-    agent, arc, bits, bystander, car, coasting, join, lane, line, mini, request, scene, state, straight,
+    agent, arc, bits, car, coasting, join, lane, line, mini, request, scene, state, straight,
 };
 
 /// Small sizes with all that can differ.
@@ -490,7 +490,8 @@ fn what_ships_follows_a_bend() {
     join(&mut lanes, "in", "bend");
     join(&mut lanes, "bend", "out");
     let map = MapParts { lanes, ..MapParts::default() };
-    let scenario = scene("bend", vec![bystander(), car("turns", -6.0, 0.0, 0.0, 6.0)], map);
+    let scenario =
+        scene("bend", vec![car("av", -40.0, 0.0, 0.0, 6.0), car("turns", -6.0, 0.0, 0.0, 6.0)], map);
     let weights = models::weights::shipped("regression").unwrap().unwrap();
     let policy = Policy::read(&weights.bytes, &device()).unwrap();
     let found = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);

@@ -5,8 +5,11 @@
 use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
 
-/// Added to the score of a closed pair: the exponential of what is left of it is exactly 0.
+/// Added to the score of a closed pair.
 pub(crate) const CLOSED: f32 = -1e9;
+/// Scores are taken to be at least this. No open pair comes near it, and what a closed one takes is far below the last bit of any sum; the
+/// exponential of -1e9 would be no number that processors are quick with.
+const LEAST: f32 = -80.0;
 
 /// `[scenes * n, heads * width]` to `[scenes, heads, n, width]`.
 pub(crate) fn split(x: Tensor<2>, scenes: usize, heads: usize) -> Tensor<4> {
@@ -20,6 +23,7 @@ pub(crate) fn attend(queries: Tensor<4>, keys: Tensor<4>, values: Tensor<4>, clo
     let [scenes, heads, m, d] = queries.dims();
     let v = values.dims()[3];
     let scores = queries.matmul(keys.swap_dims(2, 3)) * (1.0 / (d as f32).sqrt()) + closed;
+    let scores = scores.clamp_min(LEAST);
     let taken = softmax(scores, 3).matmul(values);
     taken.swap_dims(1, 2).reshape([scenes * m, heads * v])
 }
