@@ -96,7 +96,7 @@ impl SingleEpisode for Timed {
         let begun = now();
         let intents = self.inner.intents(ground, episode);
         let asked = now();
-        let plans = stage.plan(&episode.seen, &intents);
+        let plans = stage.plan(&episode.seen, &intents, episode.plan.steps());
         let ended = now();
         let endings = stage.take_endings();
         for (slot, plan) in plans.into_iter().enumerate() {

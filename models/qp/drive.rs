@@ -1,7 +1,8 @@
 //! Driving a path at planned speeds within what a vehicle is able to do: whatever was planned, this is what comes out.
 
 use reactsim::dynamics::Moving;
-use reactsim::scene::DT;
+use reactsim::geometry::direction;
+use reactsim::scene::{AgentState, DT};
 
 use super::settings::Settings;
 use super::speed::STEPS;
@@ -45,4 +46,25 @@ pub(super) fn drive(
         moves.push(moving);
     }
     moves
+}
+
+/// Braking after the last planned step, m/s².
+const HALTS: f64 = 3.0;
+
+/// Makes a plan longer, to so many states: what comes after it goes straight on and brakes to a halt. `now` is the state before the first.
+pub(super) fn halt(now: &AgentState, states: &mut Vec<AgentState>, steps: usize) {
+    let (Some(&last), before) = (states.last(), states.len().checked_sub(2).map_or(*now, |i| states[i]))
+    else {
+        return;
+    };
+    let axis = direction(last.heading);
+    let mut speed = (last.position() - before.position()).dot(&axis) / DT;
+    let mut at = last.position();
+    while states.len() < steps {
+        speed = speed.signum() * (speed.abs() - HALTS * DT).max(0.0);
+        let from = at;
+        at += axis * (speed * DT);
+        let v = (at - from) / DT;
+        states.push(AgentState { x: at.x, y: at.y, vx: v.x, vy: v.y, ..last });
+    }
 }

@@ -146,7 +146,7 @@ impl Simulator for Smoothed {
                     }
                 })
                 .collect();
-            let plans = outer.stage.plan(&episode.seen, &intents);
+            let plans = outer.stage.plan(&episode.seen, &intents, steps);
             for (slot, plan) in plans.iter().enumerate() {
                 for k in 0..steps {
                     let planned = plan.as_ref().and_then(|states| states.get(k)).copied();

@@ -5,6 +5,7 @@ use reactsim::geometry::{OrientedBox, math};
 use reactsim::rollout::Observation;
 use reactsim::scene::{AgentKind, AgentState, CURRENT};
 
+use super::drive::halt;
 use super::ending::Endings;
 use super::forecast;
 use super::mode::Mode;
@@ -59,9 +60,15 @@ impl Stage {
         std::mem::take(&mut self.planner.endings)
     }
 
-    /// The states of the next 5 s of every agent with an intent, 0.1 s apart. `intents` has one entry per agent, in the order of the
-    /// scenario. Unless the AV has an intent, it is forecast from what is seen of it.
-    pub fn plan(&mut self, seen: &Observation<'_>, intents: &[Intent]) -> Vec<Option<Vec<AgentState>>> {
+    /// The next states of every agent with an intent, 0.1 s apart: at least `steps` of vehicles, and as many of others as are intended.
+    /// What is planned are 5 s; later on vehicles brake to a halt. `intents` has one entry per agent, in the order of the scenario. Unless the
+    /// AV has an intent, it is forecast from what is seen of it.
+    pub fn plan(
+        &mut self,
+        seen: &Observation<'_>,
+        intents: &[Intent],
+        steps: usize,
+    ) -> Vec<Option<Vec<AgentState>>> {
         let agents = &seen.start().agents;
         let mut plans: Vec<Option<Vec<AgentState>>> = vec![None; agents.len()];
         let mut obstacles: Vec<Obstacle> = Vec::new();
@@ -126,7 +133,9 @@ impl Stage {
                 before = m.pose.position;
                 state
             });
-            plans[slot] = Some(states.collect());
+            let mut states: Vec<AgentState> = states.collect();
+            halt(&now, &mut states, steps);
+            plans[slot] = Some(states);
         }
         plans
     }

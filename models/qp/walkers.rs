@@ -17,9 +17,10 @@ pub(super) fn around(
     let room = reach + ROOM;
     let counts = |b: &&OrientedBox| outside(b, room, now.position()).is_none();
     let boxes: Vec<&OrientedBox> = standing.iter().filter(counts).collect();
-    let (mut at, mut before) = (now.position(), now.position());
+    let (mut at, mut before, mut led) = (now.position(), now.position(), false);
     let step = |state: &AgentState| {
-        let wanted = at + (state.position() - before);
+        // Who was led nowhere goes where he planned to, to the last bit.
+        let wanted = if led { at + (state.position() - before) } else { state.position() };
         before = state.position();
         let mut next = wanted;
         for b in &boxes {
@@ -35,13 +36,10 @@ pub(super) fn around(
         if boxes.iter().any(|b| outside(b, room - 1e-6, next).is_some()) {
             next = at;
         }
-        if next == wanted && at + (state.position() - before) == state.position() {
-            at = next;
-            return *state;
-        }
+        led |= next != wanted;
         let v = (next - at) / DT;
         at = next;
-        AgentState { x: next.x, y: next.y, vx: v.x, vy: v.y, ..*state }
+        if led { AgentState { x: next.x, y: next.y, vx: v.x, vy: v.y, ..*state } } else { *state }
     };
     if boxes.is_empty() { states.to_vec() } else { states.iter().map(step).collect() }
 }

@@ -55,6 +55,7 @@ impl QpRegressionSimulator {
         let predictions = self.policy.predict(&seen, ground, &slots, &self.device);
         let mut predictions = predictions.into_iter().peekable();
         let agents = &seen.start().agents;
+        let steps = episode.plan.steps().max(STEPS);
         let mut intents = vec![Intent::None; agents.len()];
         for (slot, intent) in intents.iter_mut().enumerate() {
             let prediction = predictions.next_if(|p| p.slot == slot);
@@ -66,8 +67,8 @@ impl QpRegressionSimulator {
                 *episode.outcomes.entry(what).or_default() += 1;
             }
             let states = match likeliest {
-                Some(mode) => execute(mode, kind, now, STEPS),
-                None => follow(&seen, slot, now, STEPS),
+                Some(mode) => execute(mode, kind, now, steps),
+                None => follow(&seen, slot, now, steps),
             };
             *intent = match prediction {
                 _ if !is_planned(kind) => Intent::Fixed(states),
@@ -99,7 +100,7 @@ impl SingleEpisode for QpRegressionSimulator {
     fn plan_one(&self, kept: &mut Kept, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let Some(stage) = &mut kept.stage else { return Err(PlanError::Failed(REFUSED.to_owned())) };
         let intents = self.intents(&kept.ground, episode);
-        let plans = stage.plan(&episode.seen, &intents);
+        let plans = stage.plan(&episode.seen, &intents, episode.plan.steps());
         for (slot, plan) in plans.into_iter().enumerate() {
             for (k, state) in plan.into_iter().flatten().take(episode.plan.steps()).enumerate() {
                 episode.plan.set(slot, k, Some(state));

@@ -141,12 +141,15 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         folder.put(TABLE, &text)?;
     }
     tell_left_out(summary);
-    tell_outcomes(summary);
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }
     if let Some(exporter) = exporter(&args.format) {
-        write_result(None, |out| exporter.export(&run, out))?;
+        write_result(None, |out| {
+            exporter.export(&run, out)?;
+            let below = if args.format == "markdown" { outcomes(summary) } else { String::new() };
+            out.write_all(below.as_bytes())
+        })?;
     }
     let failed = summary.provenance.failures.len();
     if failed > 0 {
@@ -169,11 +172,6 @@ fn tell_left_out(summary: &Summary) {
     }
 }
 
-/// Says how parts of plans ended, simulator by simulator.
-fn tell_outcomes(summary: &Summary) {
-    endings(summary).for_each(|line| say(format_args!("{line}")));
-}
-
 /// Per simulator that counts them: how parts of plans ended.
 fn endings(summary: &Summary) -> impl Iterator<Item = String> {
     let counting = summary.simulators.iter().filter(|(_, s)| !s.outcomes.is_empty());
@@ -183,7 +181,7 @@ fn endings(summary: &Summary) -> impl Iterator<Item = String> {
     })
 }
 
-/// The same as a list in Markdown.
+/// The same as a list in Markdown, below the table.
 fn outcomes(summary: &Summary) -> String {
     let lines: String = endings(summary).map(|line| format!("- {line}\n")).collect();
     if lines.is_empty() { lines } else { format!("\nHow plans ended:\n\n{lines}") }

@@ -111,6 +111,26 @@ fn limits_hold_in_every_rollout_whatever_is_wished() {
 }
 
 #[test]
+fn one_plan_for_all_eight_seconds_ends_in_a_halt_within_limits() {
+    let settings = Settings { replan: "80steps".parse().unwrap(), ..Settings::default() };
+    let controller = behind(Smoothing::Full, "constant-velocity");
+    for scenario in mini() {
+        let av = Box::new(ScriptedAv::new(&scenario, "brake:4".parse().unwrap()).unwrap());
+        let requests = vec![Request { scenario: &scenario, av, rollout: 0 }];
+        let rollout = roll_out(requests, &controller, &settings).remove(0).unwrap();
+        check_limits(&scenario, &rollout);
+        for (slot, agent) in scenario.start.agents.iter().enumerate().skip(1) {
+            let (before, last) =
+                (rollout.tracks[slot][CURRENT + 50].unwrap(), rollout.tracks[slot][90].unwrap());
+            if agent.kind == AgentKind::Vehicle {
+                let speed = |s: &AgentState| s.velocity().unwrap().norm();
+                assert!(speed(&last) <= (speed(&before) - 8.9).max(0.0) + 1e-6, "{}", agent.id);
+            }
+        }
+    }
+}
+
+#[test]
 fn limits_hold_on_recorded_scenes() {
     let Some(folder) = crate::shared("data/womd/train") else { return };
     let controller = behind(Smoothing::Full, "constant-velocity");

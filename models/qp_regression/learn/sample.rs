@@ -70,12 +70,14 @@ const PARKED_PART: f64 = 0.1;
 /// An agent is learnt from if so many of its states are known.
 const LEAST_STATES: usize = 2;
 
-/// Makes a sample of at most `most` agents, varied by what is drawn from the stream, or as logged. `None` where nothing can be learnt.
+/// Makes a sample of at most `most` agents, varied by what is drawn from the stream, or as logged, with those who are parked only if that is
+/// asked for. `None` where nothing can be learnt.
 pub(super) fn sample(
     mut scene: LearningScene<Survey>,
     config: &Config,
     most: usize,
     varied: Option<(&Augmentation, &mut Stream)>,
+    parked: bool,
 ) -> Option<Sample> {
     let (mut now, mut blind) = (CURRENT, false);
     let mut chosen: Vec<usize>;
@@ -99,8 +101,8 @@ pub(super) fn sample(
         }
     } else {
         chosen = candidates(&scene, now);
-        // Whoever is parked would make every figure better than it is.
-        chosen.retain(|&slot| !is_parked(&scene.tracks[slot]));
+        // Whoever is parked makes every figure better.
+        chosen.retain(|&slot| parked || !is_parked(&scene.tracks[slot]));
     }
     chosen.truncate(most);
     let lights: Vec<_> = scene.lights.iter().map(|l| l[now]).collect();

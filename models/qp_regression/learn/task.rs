@@ -53,6 +53,8 @@ pub struct Regression {
     device: Device,
     /// The network to begin with, on a device with autodiff, and the digest of its file.
     from: Option<(Network, String)>,
+    /// Whether who is parked is judged too.
+    parked: bool,
 }
 
 /// Weights that a training can not begin with.
@@ -71,7 +73,7 @@ pub enum FromError {
 impl Regression {
     /// A task on this device, which is one without autodiff.
     pub fn new(recipe: Recipe, intentions: Intentions, device: &Device) -> Self {
-        Self { recipe, intentions, device: device.clone(), from: None }
+        Self { recipe, intentions, device: device.clone(), from: None, parked: false }
     }
 
     /// A task that begins with the network of this file, and has its intention points.
@@ -86,6 +88,11 @@ impl Regression {
         }
         let from = Some((policy.network, file.digest.clone()));
         Ok(Self { from, ..Self::new(recipe, policy.intentions, device) })
+    }
+
+    /// The same task, but whoever is parked is judged too. Learning stays as it is.
+    pub fn with_parked(self) -> Self {
+        Self { parked: true, ..self }
     }
 
     /// The network as a simulator reads it.
@@ -121,9 +128,9 @@ impl Task for Regression {
         let scene = LearningScene::of(scenario, Survey::of(&scenario.start, config));
         match view {
             View::Varied(stream) => {
-                sample(scene, config, self.recipe.agents, Some((&self.recipe.augmentation, stream)))
+                sample(scene, config, self.recipe.agents, Some((&self.recipe.augmentation, stream)), false)
             }
-            View::Plain => sample(scene, config, self.recipe.agents, None),
+            View::Plain => sample(scene, config, self.recipe.agents, None, self.parked),
         }
     }
 

@@ -35,6 +35,9 @@ pub(super) struct OpenLoopArgs {
     /// Weights of `train qp-regression` [default: those that ship]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
+    /// Predict parked agents too
+    #[arg(long)]
+    with_parked: bool,
     /// Take the first N records of every file only
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
@@ -55,6 +58,7 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
     let policy = Policy::read(&bytes, &device).with_context(name)?;
     let recipe = Recipe { network: policy.config, agents: usize::MAX, ..Recipe::default() };
     let task = Regression::new(recipe, policy.intentions, &device);
+    let task = if args.with_parked { task.with_parked() } else { task };
     let stop = stop_on_interrupt("printing what there is so far")?;
     let progress = Progress::new();
     let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);
