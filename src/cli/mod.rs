@@ -1,5 +1,6 @@
 //! The command line: arguments, progress, exit codes. One file per verb. The only room that prints.
 
+mod compare;
 mod convert;
 mod curate;
 mod futures;
@@ -57,6 +58,8 @@ enum Command {
     Convert(convert::ConvertArgs),
     /// Print the tables of finished runs
     Report(report::ReportArgs),
+    /// Compare two runs on the same scenarios, scenario by scenario
+    Compare(compare::CompareArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
     /// List models, metrics, formats, weights or map types
@@ -102,6 +105,7 @@ pub fn main() -> ExitCode {
         Command::Train(args) => train::train(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
+        Command::Compare(args) => compare::compare(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::List(args) => list::list(&args),
     };

@@ -110,6 +110,25 @@ pub enum EvaluationError {
         /// Dotted path of the parameter.
         key: String,
     },
+    /// A run has no such simulator.
+    #[error("the run has no simulator `{id}`; it has: {known}")]
+    NotInRun {
+        /// The id.
+        id: String,
+        /// Ids of its simulators.
+        known: String,
+    },
+    /// One id stands for different scenarios in two runs.
+    #[error(
+        "the scenario `{id}` is not the same in both runs: only runs on the same scenarios can be compared"
+    )]
+    OtherScenario {
+        /// The id.
+        id: String,
+    },
+    /// Two runs have no scenario in common.
+    #[error("the runs have no scenario in common that both have a result for")]
+    NothingInCommon,
     /// A simulator can not be made.
     #[error(transparent)]
     Model(#[from] ModelError),

@@ -186,19 +186,9 @@ impl RunFolder {
     fn keep_whole_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
         // Rollouts that were already put together can not be added to: then a pair without its part is run again.
         let with_rollouts = provenance.keep_rollouts == Some(true) && !self.is_finished();
-        let path = self.path.join(ROWS);
-        let mut pairs: BTreeMap<(Place, String), Vec<Row>> = BTreeMap::new();
-        for_lines(&path, |_, text| {
-            // A line that is no row was torn by a kill or by a full disk; one of an input that is not there was damaged.
-            if let Ok(row) = serde_json::from_str::<Row>(text)
-                && row.input < provenance.inputs.len()
-            {
-                pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
-            }
-        })?;
-        for ((place, simulator), rows) in &pairs {
+        for ((place, simulator), rows) in &whole_pairs(&self.path, provenance.inputs.len(), tally)? {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
-            if tally.is_whole(rows) && (!with_rollouts || self.part(*place, index)?.exists()) {
+            if !with_rollouts || self.part(*place, index)?.exists() {
                 tally.add(rows);
             }
         }
@@ -254,6 +244,39 @@ pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
         other => other.map_err(cannot_read(&path))?,
     };
     serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
+}
+
+/// The values in the folder of a finished run.
+///
+/// # Errors
+/// [`EvaluationError`] when there is no run, it is not finished, or its files are damaged.
+pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
+    let run = read_summary(folder)?.provenance.run;
+    let ids = run.simulators.iter().map(|s| s.id.clone()).collect();
+    let mut tally = Tally::new(ids, run.settings.rollouts);
+    for rows in whole_pairs(folder, run.inputs.len(), &tally)?.into_values() {
+        tally.add(&rows);
+    }
+    Ok(tally)
+}
+
+/// The rows of a folder by scenario and simulator, where a pair has all of them.
+fn whole_pairs(
+    folder: &Path,
+    inputs: usize,
+    tally: &Tally,
+) -> Result<BTreeMap<(Place, String), Vec<Row>>, EvaluationError> {
+    let mut pairs: BTreeMap<(Place, String), Vec<Row>> = BTreeMap::new();
+    for_lines(&folder.join(ROWS), |_, text| {
+        // A line that is no row was torn by a kill or by a full disk; one of an input that is not there was damaged.
+        if let Ok(row) = serde_json::from_str::<Row>(text)
+            && row.input < inputs
+        {
+            pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
+        }
+    })?;
+    pairs.retain(|_, rows| tally.is_whole(rows));
+    Ok(pairs)
 }
 
 /// Appends to a file, one call of the system for each text.

@@ -19,6 +19,7 @@
 //! on threads, batches or interruptions.
 
 mod av;
+mod comparison;
 pub mod document;
 mod error;
 mod folder;
@@ -36,9 +37,11 @@ mod summary;
 mod tally;
 
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
+pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
 pub use folder::{
     EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
+    read_tally,
 };
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use provenance::{

@@ -1,6 +1,7 @@
 //! What people read: tables and pictures. Knows results; never decides what is run.
 
 pub mod birdseye;
+pub mod comparison;
 mod csv;
 pub mod curation_charts;
 pub mod curation_tables;

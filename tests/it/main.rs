@@ -6,6 +6,7 @@
 )]
 
 mod cli;
+mod compare;
 mod curation;
 mod evaluation;
 mod formats;

@@ -1,0 +1,109 @@
+//! `reactsim compare`: two results on the same scenarios.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::Args;
+
+use super::{ExitStatus, say, write_result};
+use crate::evaluation::{Comparison, read_tally};
+use crate::metrics::{self, Unit};
+use crate::report::comparison;
+
+const AFTER: &str = "\
+  reactsim compare runs/before runs/after
+  reactsim compare runs/all runs/all --models idm,qp-regression
+  reactsim compare runs/before runs/after --worse aav-collision=0.05 --worse offroad=0.5
+
+Bounds are in the units of the tables, per cent for rates. The last command ends with exit code 1 if in
+any comparison a metric got worse by more than its bound.";
+
+/// Arguments of `compare`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct CompareArgs {
+    /// Folder of the first run
+    #[arg(value_name = "FIRST")]
+    first: PathBuf,
+    /// Folder of the second run
+    #[arg(value_name = "SECOND")]
+    second: PathBuf,
+    /// The simulator of the first run and that of the second [default: all that are in both]
+    #[arg(long, value_name = "ID,ID", value_delimiter = ',', num_args = 1)]
+    models: Vec<String>,
+    /// End with exit code 1 if this metric got worse by more than this; may be given several times
+    #[arg(long, value_name = "METRIC=BOUND")]
+    worse: Vec<String>,
+    /// Scenarios to list per metric that got worse, and better
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    top: usize,
+    /// Seed of resamplings and permutations
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// Form of the result
+    #[arg(long, default_value = "markdown", value_parser = ["markdown", "json"])]
+    format: String,
+}
+
+/// A bound of a metric, in the units of its values.
+struct Bound {
+    metric: &'static str,
+    worse: f64,
+    text: String,
+}
+
+pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
+    let bounds = args.worse.iter().map(|text| bound(text)).collect::<Result<Vec<_>, _>>()?;
+    let (first, second) = (read_tally(&args.first)?, read_tally(&args.second)?);
+    let pairs: Vec<(&str, &str)> = match args.models.as_slice() {
+        [] => {
+            let common = first.simulators.iter().filter(|id| second.simulators.contains(id));
+            common.map(|id| (id.as_str(), id.as_str())).collect()
+        }
+        [a, b] => vec![(a, b)],
+        _ => bail!(
+            "--models names {} simulators: give that of the first run and that of the second",
+            args.models.len()
+        ),
+    };
+    if pairs.is_empty() {
+        bail!(
+            "the runs have no simulator in common ({} and {}): give --models ID,ID",
+            first.simulators.join(", "),
+            second.simulators.join(", ")
+        );
+    }
+    let compared = pairs.iter().map(|(a, b)| Comparison::of((&first, a), (&second, b), args.seed));
+    let comparisons: Vec<Comparison> = compared.collect::<Result<_, _>>()?;
+    write_result(None, |out| match args.format.as_str() {
+        "json" => writeln!(out, "{}", serde_json::to_string_pretty(&comparisons)?),
+        _ => comparison::write(&comparisons, args.top, out),
+    })?;
+    let mut status = ExitStatus::Done;
+    for comparison in &comparisons {
+        for bound in &bounds {
+            let Some(paired) = comparison.metrics.get(bound.metric) else {
+                bail!("`{}` has no value for `{}` in any scenario", comparison.second, bound.metric);
+            };
+            if paired.worsening(bound.metric) > bound.worse {
+                say(format_args!("`{}` got worse by more than {}", comparison.second, bound.text));
+                status = ExitStatus::SomeFailed;
+            }
+        }
+    }
+    Ok(status)
+}
+
+fn bound(text: &str) -> anyhow::Result<Bound> {
+    let Some((id, value)) = text.split_once('=') else {
+        bail!("--worse `{text}`: write METRIC=BOUND, such as aav-collision=0.05");
+    };
+    let Some(metric) = metrics::metric(id) else {
+        bail!("--worse `{text}`: there is no metric `{id}`; `reactsim list metrics` says which there are");
+    };
+    let bound = value.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+    let Some(bound) = bound else { bail!("--worse `{text}`: `{value}` is no number from 0 up") };
+    let spec = metric.spec();
+    let worse = if spec.unit == Unit::Rate { bound / 100.0 } else { bound };
+    Ok(Bound { metric: spec.id, worse, text: text.to_owned() })
+}

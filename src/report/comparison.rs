@@ -1,0 +1,81 @@
+//! Comparisons of two results, as people read them.
+
+use std::io::{self, Write};
+
+use super::markdown::{escape, write_aligned};
+use super::table::{COLUMNS, Column, count};
+use crate::evaluation::{Comparison, Paired};
+
+/// Writes comparisons as Markdown; at most `most` scenarios are listed that changed for the better, and for the worse, per metric.
+///
+/// # Errors
+/// When `out` can not be written.
+pub fn write(comparisons: &[Comparison], most: usize, out: &mut dyn Write) -> io::Result<()> {
+    for (i, comparison) in comparisons.iter().enumerate() {
+        let Comparison { first, second, scenarios, unpaired, .. } = comparison;
+        let same = first == second;
+        let title = if same { escape(first) } else { format!("{} and {}", escape(first), escape(second)) };
+        writeln!(out, "{}{title}: {}\n", if i > 0 { "\n" } else { "" }, count(*scenarios, "scenario"))?;
+        let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
+        rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
+        write_aligned(out, &rows, 1)?;
+        if *unpaired > 0 {
+            writeln!(out, "\n{} in one run alone.", count(*unpaired, "scenario"))?;
+        }
+        for (column, paired) in columns(comparison) {
+            for (name, changed) in [("Worse", &paired.worse), ("Better", &paired.better)] {
+                let shown = changed.iter().take(most);
+                let all: Vec<String> =
+                    shown.map(|(id, d)| format!("{} ({})", escape(id), signed(&column, *d))).collect();
+                if !all.is_empty() {
+                    let more = changed.len() - all.len();
+                    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                    writeln!(out, "\n{name}, {}: {}{more}", column.title(), all.join(", "))?;
+                }
+            }
+        }
+    }
+    writeln!(
+        out,
+        "\nSecond minus first, scenario by scenario: mean with its 95 % bootstrap interval; p by a permutation test of the signs."
+    )
+}
+
+/// What is less probable is not told apart.
+const LEAST_P: f64 = 0.0001;
+
+/// What stands above the columns.
+const HEAD: [&str; 7] = ["Metric", "First", "Second", "Difference", "p", "Better in", "Worse in"];
+
+/// The metrics of a comparison in the order of the tables.
+fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &Paired)> {
+    COLUMNS.iter().filter_map(|c| Some((*c, comparison.metrics.get(c.metric)?)))
+}
+
+fn row(column: &Column, paired: &Paired) -> Vec<String> {
+    let arrow = if column.kind().1 { '↓' } else { '↑' };
+    let unit = column.unit().map(|u| format!(" ({u})")).unwrap_or_default();
+    let interval = match (paired.difference.low, paired.difference.high) {
+        (Some(low), Some(high)) => format!(" [{}, {}]", signed(column, low), signed(column, high)),
+        _ => String::new(),
+    };
+    vec![
+        format!("{}{unit} {arrow}", column.title()),
+        column.number(paired.first),
+        column.number(paired.second),
+        format!("{}{interval}", signed(column, paired.second - paired.first)),
+        if paired.p < LEAST_P { format!("< {LEAST_P}") } else { format!("{:.4}", paired.p) },
+        paired.better.len().to_string(),
+        paired.worse.len().to_string(),
+    ]
+}
+
+/// A number with its sign; what is shown as 0 has none.
+fn signed(column: &Column, value: f64) -> String {
+    let text = column.number(value.abs());
+    match value {
+        _ if text.chars().all(|c| matches!(c, '0' | '.')) => text,
+        v if v < 0.0 => format!("-{text}"),
+        _ => format!("+{text}"),
+    }
+}

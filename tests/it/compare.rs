@@ -1,0 +1,126 @@
+//! Two runs compared: nothing where they are the same, what was planted where they are not.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+
+fn reactsim(arguments: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
+}
+
+/// What is printed by a command that ends with this code.
+fn said(arguments: &[&str], code: i32) -> (String, String) {
+    let output = reactsim(arguments);
+    let of = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{}", of(&output.stderr));
+    (of(&output.stdout), of(&output.stderr))
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A copy of a run folder whose rows were changed.
+fn changed(run: &Path, to: &Path, mut change: impl FnMut(&mut Value)) {
+    fs::create_dir(to).unwrap();
+    for entry in fs::read_dir(run).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+    }
+    let rows = fs::read_to_string(run.join("rows.jsonl")).unwrap();
+    let changed = rows.lines().map(|line| {
+        let mut row: Value = serde_json::from_str(line).unwrap();
+        change(&mut row);
+        format!("{row}\n")
+    });
+    fs::write(to.join("rows.jsonl"), changed.collect::<String>()).unwrap();
+}
+
+#[test]
+fn what_was_planted_is_found_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (run, planted) = (at("run"), at("planted"));
+    said(&["run", MINI, "--models", "constant-velocity,stop,idm", "--out", text(&run)], 0);
+
+    let (table, _) = said(&["compare", text(&run), text(&run), "--worse", "aav-collision=0"], 0);
+    assert_eq!(table.matches("constant-velocity: 12 scenarios").count(), 1, "{table}");
+    let rows: Vec<Vec<&str>> = table
+        .lines()
+        .filter(|l| l.starts_with("| ") && !l.starts_with("| Metric"))
+        .map(|l| l.split('|').map(str::trim).collect())
+        .collect();
+    assert!(rows.len() > 15, "{table}");
+    for row in rows {
+        assert!(row[4].starts_with("0.0") && row[5] == "1.0000" && row[6] == "0" && row[7] == "0", "{row:?}");
+    }
+    assert!(!table.contains("Worse, "), "{table}");
+
+    // Three more collisions in one scenario, for one simulator.
+    let mut scenario = String::new();
+    changed(&run, &planted, |row| {
+        if row["simulator"] == "idm"
+            && row["rollout"] == 0
+            && (scenario.is_empty() || row["scenario"] == *scenario)
+        {
+            scenario = row["scenario"].as_str().unwrap().to_owned();
+            let count = &mut row["metrics"]["aav-collision"]["count"];
+            *count = (count.as_u64().unwrap() + 3).into();
+        }
+    });
+    let compare =
+        |more: &[&str], code| said(&[&["compare", text(&run), text(&planted)], more].concat(), code);
+    let (json, _) = compare(&["--format", "json"], 0);
+    let all: Value = serde_json::from_str(&json).unwrap();
+    for comparison in all.as_array().unwrap() {
+        for (metric, paired) in comparison["metrics"].as_object().unwrap() {
+            let mean = paired["difference"]["mean"].as_f64().unwrap();
+            let wanted = if comparison["first"] == "idm" && metric == "aav-collision" { 0.25 } else { 0.0 };
+            assert!((mean - wanted).abs() < 1e-12, "{metric}: {mean}");
+            assert_eq!(paired["p"], 1.0);
+        }
+    }
+    let (table, _) = compare(&["--models", "idm,idm"], 0);
+    assert!(table.contains(&format!("Worse, A-AV Coll.: {scenario} (+3.000)")), "{table}");
+    let (_, error) = compare(&["--worse", "aav-collision=0.2"], 1);
+    assert!(error.contains("`idm` got worse by more than aav-collision=0.2"), "{error}");
+    compare(&["--worse", "aav-collision=0.3", "--worse", "offroad=0"], 0);
+    // The other way round it got better.
+    said(&["compare", text(&planted), text(&run), "--worse", "aav-collision=0"], 0);
+
+    // Two simulators of one run: who stands drives into nobody.
+    let (table, _) = said(&["compare", text(&run), text(&run), "--models", "constant-velocity,stop"], 0);
+    assert!(table.contains("constant-velocity and stop: 12 scenarios"), "{table}");
+}
+
+#[test]
+fn what_can_not_be_compared_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (run, other) = (at("run"), at("other"));
+    said(&["run", MINI, "--models", "stop", "--limit", "2", "--out", text(&run)], 0);
+    let refused = |arguments: &[&str]| said(&[&["compare"], arguments].concat(), 2).1;
+    assert!(refused(&[text(&run), text(&at("none"))]).contains("none"));
+    assert!(
+        refused(&[text(&run), text(&run), "--models", "idm,stop"])
+            .contains("no simulator `idm`; it has: stop")
+    );
+    assert!(refused(&[text(&run), text(&run), "--models", "stop"]).contains("--models names 1"));
+    for (bound, part) in [
+        ("aav-collision", "write METRIC=BOUND"),
+        ("speed=1", "no metric `speed`"),
+        ("ade=-1", "`-1` is no number from 0 up"),
+        ("ade=nan", "`nan` is no number"),
+    ] {
+        assert!(refused(&[text(&run), text(&run), "--worse", bound]).contains(part), "{bound}");
+    }
+    changed(&run, &other, |row| row["digest"] = "0".repeat(64).into());
+    assert!(refused(&[text(&run), text(&other)]).contains("is not the same in both runs"));
+    let strange = at("strange");
+    changed(&run, &strange, |row| row["scenario"] = format!("x{}", row["scenario"].as_str().unwrap()).into());
+    assert!(refused(&[text(&run), text(&strange)]).contains("no scenario in common"));
+}
