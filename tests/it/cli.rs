@@ -104,6 +104,7 @@ fn help_fits_a_terminal() {
       train     Train networks, and build what they need
       convert   Convert scenarios of any format to native Parquet
       report    Print the tables of finished runs
+      compare   Compare two runs on the same scenarios, scenario by scenario
       inspect   Print and draw what is in a scenario
       list      List models, metrics, formats, weights or map types
       help      Print this message or the help of the given subcommand(s)
