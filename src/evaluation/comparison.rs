@@ -64,29 +64,21 @@ impl Comparison {
             tally.simulators.iter().position(|s| s == id).ok_or_else(unknown)
         };
         let (i, j) = (cells(first)?, cells(second)?);
-        let done = |tally: &Tally, k: usize| -> BTreeMap<String, (String, Vec<Option<f64>>)> {
-            let entries = tally.entries.values();
-            let whole = entries.filter_map(|e| {
-                let values = e.cells[k].as_ref()?.values.clone();
-                Some((e.scenario.clone(), (e.digest.clone(), values)))
-            });
-            whole.collect()
-        };
         let (a, b) = (done(first.0, i), done(second.0, j));
-        let mut pairs: Vec<(&str, &[Option<f64>], &[Option<f64>])> = Vec::new();
+        let mut pairs: Vec<(&str, [&[Option<f64>]; 2])> = Vec::new();
         for (id, (digest, values)) in &a {
             let Some((other, others)) = b.get(id) else { continue };
             if other != digest {
-                return Err(EvaluationError::OtherScenario { id: id.clone() });
+                return Err(EvaluationError::OtherScenario { id: (*id).to_owned() });
             }
-            pairs.push((id, values, others));
+            pairs.push((id, [values, others]));
         }
         if pairs.is_empty() {
             return Err(EvaluationError::NothingInCommon);
         }
         let metrics = first.0.metrics.iter().enumerate().filter_map(|(m, &metric)| {
             let both: Vec<(&str, f64, f64)> =
-                pairs.iter().filter_map(|(id, a, b)| Some((*id, a[m]?, b[m]?))).collect();
+                pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[m]?))).collect();
             Some((metric, Paired::of(metric, &both, seed)?))
         });
         Ok(Self {
@@ -97,6 +89,16 @@ impl Comparison {
             metrics: metrics.collect(),
         })
     }
+}
+
+/// The scenarios that a simulator has a result for: digest and values by id.
+fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&str, &[Option<f64>])> {
+    let entries = tally.entries.values();
+    let whole = entries.filter_map(|e| {
+        let values = e.cells[simulator].as_ref()?.values.as_slice();
+        Some((e.scenario.as_str(), (e.digest.as_str(), values)))
+    });
+    whole.collect()
 }
 
 impl Paired {
