@@ -1,5 +1,6 @@
 //! The baselines of this family.
 
+use burn::tensor::Device;
 use reactsim::models::nn::device;
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
@@ -30,13 +31,17 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;
     let (device, settings) = (device(), qp::settings()?);
-    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device))))
 }
 
 fn regression(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
     let device = device();
-    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(RegressionSimulator::new(policy, driving, device))))
+}
+
+fn read_policy(setup: &Setup, device: &Device) -> Result<Policy, ModelError> {
+    Policy::read(&setup.weights()?.bytes, device).map_err(|e| setup.refuse_weights(e))
 }

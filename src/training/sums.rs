@@ -45,7 +45,6 @@ impl Sums {
 
     /// The means, by name; what nothing was summed up of, or is no finite number, is left out.
     pub fn means(&self) -> BTreeMap<String, f64> {
-        let means = self.0.iter().map(|(name, sum)| ((*name).to_owned(), sum.total / sum.weight));
-        means.filter(|(_, mean)| mean.is_finite()).collect()
+        self.0.keys().filter_map(|name| Some(((*name).to_owned(), self.mean(name)?))).collect()
     }
 }

@@ -108,7 +108,7 @@ pub(super) fn sample(
     let lights: Vec<_> = scene.lights.iter().map(|l| l[now]).collect();
     let av_next = if blind { None } else { scene.tracks[0].get(now + 1).copied().flatten() };
     let view = View { agents: &scene.agents, tracks: &scene.tracks, now, av_next, lights: &lights };
-    let ground = scene.map.clone().ground();
+    let ground = scene.map.ground();
     let seen = Scene::of(&view, &ground);
     let target = |slot: usize| {
         let around = Surroundings::of(&seen, slot, config)?;
