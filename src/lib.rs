@@ -14,6 +14,7 @@ pub mod dynamics;
 pub mod formats;
 pub mod rollout;
 pub mod training;
+pub mod web;
 
 pub mod generation;
 pub mod metrics;

@@ -4,6 +4,7 @@ mod compare;
 mod convert;
 mod curate;
 mod futures;
+mod gallery;
 mod generate;
 mod inspect;
 mod list;
@@ -13,6 +14,7 @@ mod run;
 mod score;
 mod shipped;
 mod train;
+mod view;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -60,6 +62,8 @@ enum Command {
     Report(report::ReportArgs),
     /// Compare two runs on the same scenarios, scenario by scenario
     Compare(compare::CompareArgs),
+    /// Show run folders in a browser: tables, figures, every scenario from above
+    View(view::ViewArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
     /// List models, metrics, formats, weights or map types
@@ -106,6 +110,7 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
+        Command::View(args) => view::view(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::List(args) => list::list(&args),
     };

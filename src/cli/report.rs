@@ -1,34 +1,63 @@
-//! `reactsim report`: tables of finished runs.
+//! `reactsim report`: tables of finished runs, and the page.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::{ExitStatus, write_result};
+use super::gallery::{self, names};
+use super::{ExitStatus, say, write_result};
 use crate::evaluation::{Summary, read_summary};
 use crate::report::{EXPORTERS, Run, exporter};
 
+/// The form that is a page.
+const HTML: &str = "html";
+
+const AFTER: &str = "\
+  reactsim report runs/x --format csv
+  reactsim report runs/x runs/y --format html --out page.html
+  reactsim report runs/x --format html --scenarios logs/ --all --out page.html
+
+The page is one file that opens anywhere. Scenes are drawn for runs that were made with --keep-rollouts; the
+shipped benchmark is always at hand, other scenarios are found with --scenarios.";
+
 /// Arguments of `report`.
 #[derive(Debug, Args)]
+#[command(after_help = AFTER)]
 pub(super) struct ReportArgs {
     /// Run folders
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// Form of the result
-    #[arg(long, default_value = "markdown", value_parser = formats())]
+    #[arg(long, default_value = "markdown",
+          value_parser = PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()).chain([HTML])))]
     format: String,
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// For the page: where the scenarios of the runs lie; may be repeated
+    #[arg(long, value_name = "PATH")]
+    scenarios: Vec<PathBuf>,
+    /// For the page: so many scenes, of the scenarios in which simulators differ most
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    cases: usize,
+    /// For the page: the scene of this scenario too; may be repeated
+    #[arg(long = "case", value_name = "ID")]
+    case: Vec<String>,
+    /// For the page: the scenes of all scenarios
+    #[arg(long)]
+    all: bool,
 }
 
-/// The names of all forms.
+/// The names of all forms of tables.
 pub(super) fn formats() -> PossibleValuesParser {
     PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()))
 }
 
 pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
+    if args.format == HTML {
+        return page(args);
+    }
     let summaries: Vec<Summary> = args.runs.iter().map(|p| read_summary(p)).collect::<Result<_, _>>()?;
     let names = names(&args.runs);
     let runs: Vec<Run<'_>> =
@@ -39,14 +68,13 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// The names of run folders; their whole paths where the names alone are not unique.
-fn names(runs: &[PathBuf]) -> Vec<String> {
-    let short: Vec<String> = runs
-        .iter()
-        .map(|p| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned()))
-        .collect();
-    let mut sorted = short.clone();
-    sorted.sort();
-    sorted.dedup();
-    if sorted.len() == short.len() { short } else { runs.iter().map(|p| p.display().to_string()).collect() }
+fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
+    let gallery = gallery::open(&args.runs, &args.scenarios)?;
+    for lack in gallery.lacks() {
+        say(format_args!("note: {lack}"));
+    }
+    let mut page = Vec::new();
+    gallery.write(&args.case, args.cases, args.all, &mut page)?;
+    write_result(args.out.as_deref(), |out| out.write_all(&page))?;
+    Ok(ExitStatus::Done)
 }

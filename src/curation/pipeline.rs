@@ -122,7 +122,7 @@ pub fn curate_scenario(
         scenario_digest: scenario.digest(),
         origin: scenario.origin,
         candidates,
-        scene: settings.scenes.then(|| super::review::scene(scenario)),
+        scene: settings.scenes.then(|| crate::web::sketch(scenario)),
     };
     Curated::Kept(Box::new(record), unproposed)
 }

@@ -129,6 +129,28 @@ pub enum EvaluationError {
     /// Two runs have no scenario in common.
     #[error("the runs have no scenario in common that both have a result for")]
     NothingInCommon,
+    /// A kept rollout is none of its scenario.
+    #[error("{path}: the rollout of scenario `{scenario}` is none of it: {source}; make the run again")]
+    ForeignRollout {
+        /// The file.
+        path: PathBuf,
+        /// Id of the scenario.
+        scenario: String,
+        /// Why.
+        source: super::ForeignRollout,
+    },
+    /// A file of scenarios does not hold what a run found there.
+    #[error(
+        "{file}: record {record} is not the scenario with the digest {digest} that the run found there; was it read by another version of the program?"
+    )]
+    NotThatScenario {
+        /// Name of the file.
+        file: String,
+        /// Index of the record.
+        record: usize,
+        /// Digest of the scenario that was expected.
+        digest: String,
+    },
     /// A simulator can not be made.
     #[error(transparent)]
     Model(#[from] ModelError),

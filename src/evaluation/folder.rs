@@ -339,7 +339,7 @@ fn index(path: &Path, tally: &Tally) -> Result<Vec<(Key, u64, usize)>, Evaluatio
 }
 
 /// Calls `each` with position and text of every line that has its end.
-fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<(), EvaluationError> {
+pub(super) fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<(), EvaluationError> {
     let mut reader = BufReader::new(File::open(path).map_err(cannot_read(path))?);
     let (mut at, mut bytes) = (0, Vec::new());
     loop {

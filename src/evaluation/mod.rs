@@ -18,6 +18,7 @@
 //! run is resumed. At the end both files are put into the order of inputs, simulators and rollouts, so that no byte depends
 //! on threads, batches or interruptions.
 
+mod archive;
 mod av;
 mod comparison;
 pub mod document;
@@ -30,12 +31,14 @@ mod recorded;
 mod rollouts;
 mod row;
 mod runner;
+mod shelf;
 mod simulators;
 mod source;
 mod statistics;
 mod summary;
 mod tally;
 
+pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
@@ -49,8 +52,9 @@ pub use provenance::{
 };
 pub use recorded::Recorded;
 pub use rollouts::{ForeignRollout, recorded_tracks};
-pub use row::{EventLine, Failure, Place, Row, Value};
+pub use row::{EventLine, EventRecord, Failure, Place, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
+pub use shelf::Shelf;
 pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;

@@ -159,6 +159,29 @@ impl<'a> EventLine<'a> {
     }
 }
 
+/// A line of `events.jsonl` as it is read again, without the names of scenario and simulator.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct EventRecord {
+    /// Index of the rollout.
+    pub rollout: u32,
+    /// Id of the metric.
+    pub metric: String,
+    /// First step, 1 to 80.
+    pub step: usize,
+    /// Last step.
+    pub last_step: usize,
+    /// Id of the agent.
+    pub agent: String,
+    /// Id of the partner.
+    pub partner: Option<String>,
+    /// Why it counts or not.
+    pub reason: Option<String>,
+    /// Whether it counts in the metric's value.
+    pub counted: bool,
+    /// Named values at the event.
+    pub values: BTreeMap<String, f64>,
+}
+
 /// A scenario, a file or a pair of scenario and simulator that gave no result.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,8 +1,12 @@
 //! Rollouts in Parquet: one row per scenario, simulator and rollout. Told in `scenarios/README.md`.
 
+mod by_name;
+
 use std::path::{Path, PathBuf};
 
 use arrow_array::RecordBatch;
+
+pub use by_name::ByName;
 
 use super::error::{Cause, FormatError};
 use super::states::{self, States};

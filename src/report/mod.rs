@@ -10,6 +10,7 @@ mod latex;
 mod long;
 mod markdown;
 mod parquet;
+pub mod page;
 pub mod realism_charts;
 pub mod realism_tables;
 mod table;

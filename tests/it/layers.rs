@@ -8,7 +8,7 @@ const FLOORS: &[&[&str]] = &[
     &["geometry"],
     &["scene"],
     &["dynamics"],
-    &["rollout", "training", "formats"],
+    &["rollout", "training", "formats", "web"],
     &["models", "metrics", "generation"],
     &["evaluation", "curation"],
     &["report"],

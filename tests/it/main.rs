@@ -5,6 +5,7 @@
     reason = "expected values may come from the platform: they have tolerances"
 )]
 
+mod chromium;
 mod cli;
 mod compare;
 mod curation;
@@ -20,6 +21,7 @@ mod mini_scenarios;
 mod model_weights;
 mod networks;
 mod ntp_reactive;
+mod page;
 mod protocol;
 mod pufferdrive;
 mod qp;

@@ -7,8 +7,9 @@ use anyhow::Context;
 use clap::Args;
 
 use crate::cli::{ExitStatus, say, write_result};
-use crate::curation::review::{ReviewOptions, ReviewServer, Stop};
+use crate::curation::review::{ReviewOptions, ReviewServer};
 use crate::curation::store::Store;
+use crate::web::Stop;
 
 /// Arguments of `curate review`.
 #[derive(Debug, Args)]

@@ -1,13 +1,6 @@
 //! The files of the page. They are part of the program; nothing is read from the disk.
 
-/// A file of the page.
-pub(super) struct Asset {
-    pub(super) name: &'static str,
-    pub(super) kind: &'static str,
-    pub(super) text: &'static str,
-}
-
-const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
+use crate::web::{Asset, JAVASCRIPT};
 
 macro_rules! asset {
     ($name:literal, $kind:expr) => {
@@ -18,17 +11,13 @@ macro_rules! asset {
 /// The page itself; its address is the token alone.
 pub(super) const PAGE: Asset = asset!("page.html", "text/html; charset=utf-8");
 
-/// What the page loads.
+/// What the page loads, beside what all pages have.
 pub(super) const ASSETS: &[Asset] = &[
     asset!("style.css", "text/css; charset=utf-8"),
     asset!("main.js", JAVASCRIPT),
     asset!("api.js", JAVASCRIPT),
-    asset!("decode.js", JAVASCRIPT),
-    asset!("geometry.js", JAVASCRIPT),
-    asset!("camera.js", JAVASCRIPT),
-    asset!("palette.js", JAVASCRIPT),
+    asset!("scenario.js", JAVASCRIPT),
     asset!("draw.js", JAVASCRIPT),
-    asset!("road.js", JAVASCRIPT),
     asset!("charts.js", JAVASCRIPT),
     asset!("panel.js", JAVASCRIPT),
     asset!("queue.js", JAVASCRIPT),

@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::formats::FormatError;
+use crate::web::ServeError;
 
 /// Why candidates can not be reviewed.
 #[derive(Debug, thiserror::Error)]
@@ -81,14 +82,6 @@ pub enum ReviewError {
         path: PathBuf,
     },
     /// The page can not be served.
-    #[error("could not serve the page at {address}: {source}; choose another port, or 0 for any free one")]
-    Serve {
-        /// Address and port.
-        address: String,
-        /// Why.
-        source: io::Error,
-    },
-    /// The operating system has no random numbers for the token.
-    #[error("the operating system gave no random numbers for the token of the page: {0}")]
-    Random(String),
+    #[error(transparent)]
+    Serve(#[from] ServeError),
 }

@@ -1,19 +1,17 @@
 //! The review page: people verify candidates by hand in a browser (ReactSim-Bench, "Data Collection Pipeline", step 4).
 //!
 //! A [`ReviewServer`] serves one file of candidates on the loopback interface. What people decide goes to a [`Journal`] beside the file,
-//! one line at a time, before the page hears that it was written. [`scene()`] is what the page draws of a scenario; it is stored with the
-//! candidates, so that the page needs no scenarios.
+//! one line at a time, before the page hears that it was written. What the page draws of a scenario ([`sketch`](crate::web::sketch()))
+//! is stored with the candidates, so that the page needs no scenarios.
 
 mod assets;
 mod clock;
 mod error;
 mod journal;
 mod page;
-mod scene;
 mod server;
 
 pub use clock::{Clock, is_rfc3339, rfc3339, system_clock};
 pub use error::ReviewError;
 pub use journal::{Decisions, Journal, Opinions, ReviewLine, candidate_digest};
-pub use scene::scene;
-pub use server::{ReviewOptions, ReviewServer, Stop};
+pub use server::{ReviewOptions, ReviewServer};

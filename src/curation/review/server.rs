@@ -1,22 +1,15 @@
 //! The server of the page: loopback only, one thread.
 
 mod desk;
-mod guard;
 mod routes;
 
-use std::net::{Ipv4Addr, TcpListener as StdListener};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
-
-use rand::TryRng;
-use rand::rngs::SysRng;
-use tokio::net::TcpListener;
-use tokio::sync::Notify;
 
 use self::desk::Desk;
 use super::{Clock, Journal, ReviewError, system_clock};
 use crate::curation::store::Store;
+use crate::web::{Loopback, Site, Stop};
 
 /// How a file is reviewed.
 pub struct ReviewOptions {
@@ -44,23 +37,14 @@ impl Default for ReviewOptions {
     }
 }
 
-/// Ends a server from another thread.
-#[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<Notify>);
-
-impl Stop {
-    /// Asks the server to end. It does so after the requests that it is answering.
-    pub fn stop(&self) {
-        self.0.notify_one();
-    }
-}
+/// What the page may load: nothing from elsewhere.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; \
+                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Serves the review of one file. The page is there as soon as this exists; requests are answered by [`Self::run`].
 pub struct ReviewServer {
     desk: Arc<Mutex<Desk>>,
-    listener: StdListener,
-    port: u16,
-    token: String,
+    loopback: Loopback,
     journal: PathBuf,
     warnings: Vec<String>,
 }
@@ -76,27 +60,16 @@ impl ReviewServer {
         }
         let mut journal = Journal::open(&Journal::beside(store.path()))?;
         journal.merge(&options.reviews)?;
-        let address = (Ipv4Addr::LOCALHOST, options.port);
-        let refuse = |source| ReviewError::Serve { address: format!("127.0.0.1:{}", options.port), source };
-        let listener = StdListener::bind(address).map_err(refuse)?;
-        listener.set_nonblocking(true).map_err(refuse)?;
-        let port = listener.local_addr().map_err(refuse)?.port();
+        let loopback = Loopback::bind(options.port)?;
         let path = journal.path().to_owned();
         let desk = Desk::new(store, journal, options);
         let warnings = desk.warnings();
-        Ok(Self {
-            desk: Arc::new(Mutex::new(desk)),
-            listener,
-            port,
-            token: token()?,
-            journal: path,
-            warnings,
-        })
+        Ok(Self { desk: Arc::new(Mutex::new(desk)), loopback, journal: path, warnings })
     }
 
     /// Where the page is: the address holds the token, without which nothing is answered.
     pub fn url(&self) -> String {
-        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+        self.loopback.url()
     }
 
     /// The journal that decisions are written to.
@@ -114,35 +87,8 @@ impl ReviewServer {
     /// # Errors
     /// When the port is lost.
     pub fn run(self, stop: &Stop) -> Result<(), ReviewError> {
-        let Self { desk, listener, port, token, .. } = self;
-        let refuse = |source| ReviewError::Serve { address: format!("127.0.0.1:{port}"), source };
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(refuse)?;
-        let ended = Arc::new(Notify::new());
-        let told = Arc::clone(&ended);
-        runtime.block_on(async move {
-            let listener = TcpListener::from_std(listener).map_err(refuse)?;
-            let router = routes::router(desk, &token, port);
-            let graceful = stop.0.clone();
-            let server = axum::serve(listener, router).with_graceful_shutdown(async move {
-                graceful.notified().await;
-                told.notify_one();
-            });
-            // A browser keeps connections open that it may never use.
-            let patience = async {
-                ended.notified().await;
-                tokio::time::sleep(Duration::from_millis(500)).await;
-            };
-            tokio::select! {
-                result = server => result.map_err(refuse),
-                () = patience => Ok(()),
-            }
-        })
+        let site =
+            Site { hint: "open the address that `reactsim curate review` printed", policy: POLICY.to_owned() };
+        Ok(self.loopback.run(routes::router(self.desk), site, stop)?)
     }
-}
-
-/// 128 random bits as 32 hexadecimal digits.
-fn token() -> Result<String, ReviewError> {
-    let mut bytes = [0; 16];
-    SysRng.try_fill_bytes(&mut bytes).map_err(|e| ReviewError::Random(e.to_string()))?;
-    Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }

@@ -7,11 +7,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, UNIX_EPOCH};
 
 use reactsim::curation::review::{
-    Journal, ReviewError, ReviewOptions, ReviewServer, Stop, candidate_digest, scene,
+    Journal, ReviewError, ReviewOptions, ReviewServer, candidate_digest,
 };
 use reactsim::curation::store::Store;
 use reactsim::curation::{Decision, ScenarioRecord};
 use reactsim::formats;
+use reactsim::web::{Stop, sketch};
 use serde_json::{Value, json};
 
 use super::hand;
@@ -21,7 +22,7 @@ use crate::generated;
 pub(super) fn records(count: usize) -> Vec<ScenarioRecord> {
     let record = |i: usize| {
         let drawn = generated::scenario(i);
-        ScenarioRecord { scene: Some(scene(&drawn)), ..hand::scenario(&drawn.id, 6) }
+        ScenarioRecord { scene: Some(sketch(&drawn)), ..hand::scenario(&drawn.id, 6) }
     };
     (0..count).map(record).collect()
 }
@@ -238,8 +239,8 @@ fn a_pick_of_another_trajectory_is_stale() {
 #[test]
 fn a_scene_is_the_same_every_time_and_gives_the_tracks_back() {
     let scenario = generated::scenario(3);
-    let text = scene(&scenario);
-    assert_eq!(text, scene(&generated::scenario(3)));
+    let text = sketch(&scenario);
+    assert_eq!(text, sketch(&generated::scenario(3)));
     let value: Value = serde_json::from_str(&text).unwrap();
     let agents = value["agents"].as_array().unwrap();
     assert_eq!(agents.len(), scenario.start.agents.len());
@@ -266,7 +267,7 @@ fn a_scene_is_the_same_every_time_and_gives_the_tracks_back() {
 fn scenes_of_real_logs_are_small() {
     let Some(folder) = crate::shared("data/womd/train") else { return };
     for scenario in formats::open(&folder).unwrap().filter_map(Result::ok).take(20) {
-        let text = scene(&scenario);
+        let text = sketch(&scenario);
         assert!(text.len() < 150_000, "{}: {} bytes", scenario.id, text.len());
         assert!(serde_json::from_str::<Value>(&text).is_ok());
     }

@@ -3,7 +3,7 @@
 import * as api from "./api.js";
 import { Camera } from "./camera.js";
 import { Scrub, charts } from "./charts.js";
-import { FRAMES, NOW, decode } from "./decode.js";
+import { FRAMES, NOW } from "./decode.js";
 import { View } from "./draw.js";
 import { analyse, between } from "./geometry.js";
 import { fill, listen, table } from "./keys.js";
@@ -11,6 +11,7 @@ import { alarm, ask, calm, toast } from "./notice.js";
 import { colour, onChange } from "./palette.js";
 import * as panel from "./panel.js";
 import { Queue } from "./queue.js";
+import { decode } from "./scenario.js";
 
 const $ = (id) => document.getElementById(id);
 

@@ -6,21 +6,21 @@ use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use axum::{Json, Router, middleware};
+use axum::{Json, Router};
 use serde::Deserialize;
 
 use super::desk::{Desk, Wish};
-use super::guard::{Guard, guard};
 use crate::curation::review::ReviewError;
-use crate::curation::review::assets::{ASSETS, Asset, PAGE};
+use crate::curation::review::assets::{ASSETS, PAGE};
+use crate::web::{Asset, PALETTE, SHARED};
 
 type Shared = Arc<Mutex<Desk>>;
 
 /// Longest body of a request, bytes.
 const LONGEST_BODY: usize = 64 * 1024;
 
-/// The routes below the token, which [`guard`] has checked.
-pub(super) fn router(desk: Shared, token: &str, port: u16) -> Router {
+/// The routes below the token.
+pub(super) fn router(desk: Shared) -> Router {
     Router::new()
         .route("/{token}/", get(async || asset(&PAGE)))
         .route("/{token}/{file}", get(file))
@@ -31,7 +31,6 @@ pub(super) fn router(desk: Shared, token: &str, port: u16) -> Router {
         .route("/{token}/api/undo", post(undo))
         .with_state(desk)
         .layer(DefaultBodyLimit::max(LONGEST_BODY))
-        .layer(middleware::from_fn_with_state(Guard::new(token, port), guard))
 }
 
 fn asset(asset: &'static Asset) -> Response {
@@ -39,7 +38,7 @@ fn asset(asset: &'static Asset) -> Response {
 }
 
 async fn file(Path((_, name)): Path<(String, String)>) -> Response {
-    match ASSETS.iter().find(|a| a.name == name) {
+    match ASSETS.iter().chain(SHARED).chain([&PALETTE]).find(|a| a.name == name) {
         Some(found) => asset(found),
         None => (StatusCode::NOT_FOUND, "no such file\n").into_response(),
     }

@@ -1,4 +1,4 @@
-//! What the page draws of a scenario, as compact JSON.
+//! What pages draw of a scenario, as compact JSON.
 //!
 //! Lengths are centimetres, angles milliradians, both rounded to integers. A list of points is flat: the first point, then the
 //! difference of each point to the one before (`x0 y0 dx dy …`). Tracks are lists of spans without gaps, each with the frame of its
@@ -16,14 +16,14 @@ use self::near::Near;
 use crate::geometry::{Vec2, wrap};
 use crate::scene::{Agent, DT, Frame, LaneArea, LightState, RoadMap, Scenario};
 
-/// Version of the form.
-const VERSION: u32 = 1;
+/// Version of the form of [`sketch`].
+pub const SKETCH_VERSION: u32 = 1;
 
 /// The JSON of a scenario: `agents` (the AV first, then the others that take part), `context` (what is recorded but takes no part), the
 /// map in the surroundings, and the lights with one character per frame (code 0 to 8, `-` where not observed).
-pub fn scene(scenario: &Scenario) -> String {
+pub fn sketch(scenario: &Scenario) -> String {
     let near = Near::new(scenario);
-    let mut out = format!("{{\"v\":{VERSION},\"agents\":[");
+    let mut out = format!("{{\"v\":{SKETCH_VERSION},\"agents\":[");
     let count = scenario.start.agents.len();
     let agents = (0..count).map(|i| (&scenario.start.agents[i], scenario.logged(i)));
     list(&mut out, agents, |out, (agent, track)| self::agent(out, agent, &track));

@@ -66,6 +66,11 @@ function timeToCollision(me, mine, speed, av, avSpeed) {
   return isFront ? Math.min(gap / closing, NO_RISK) : NO_RISK;
 }
 
+/** Seconds until an agent runs into the AV that it follows; NO_RISK where it does not. */
+export function approach(agent, state, av, avState) {
+  return timeToCollision(box(state, agent), agent, state.v, box(avState, av), avState.v);
+}
+
 /**
  * What happens between the AV on `frames` and the agents, whose tracks `trackOf(i)` gives: per frame the smallest time to collision of a
  * vehicle, the distance to the nearest agent, who touches and who is about to. Frames before now are left out.

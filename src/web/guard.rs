@@ -5,18 +5,22 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
+use super::server::Site;
+
 /// What every request is held against.
 #[derive(Clone)]
 pub(super) struct Guard {
     token: blake3::Hash,
     hosts: [String; 2],
+    site: Site,
 }
 
 impl Guard {
-    pub(super) fn new(token: &str, port: u16) -> Self {
+    pub(super) fn new(token: &str, port: u16, site: &Site) -> Self {
         Self {
             token: blake3::hash(token.as_bytes()),
             hosts: [format!("127.0.0.1:{port}"), format!("localhost:{port}")],
+            site: site.clone(),
         }
     }
 
@@ -40,12 +44,8 @@ impl Guard {
     }
 }
 
-/// What every answer says: nothing from elsewhere is loaded, nothing is kept, the address is not passed on.
-const HEADERS: [(HeaderName, &str); 6] = [
-    (
-        header::CONTENT_SECURITY_POLICY,
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    ),
+/// What every answer says beside what the page may load: nothing is kept, the address is not passed on.
+const HEADERS: [(HeaderName, &str); 5] = [
     (header::CACHE_CONTROL, "no-store"),
     (header::REFERRER_POLICY, "no-referrer"),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -58,13 +58,19 @@ pub(super) async fn guard(State(guard): State<Guard>, request: Request, next: Ne
     let mut response = if !guard.is_ours(request.headers()) {
         (StatusCode::FORBIDDEN, "this server answers its own page only\n").into_response()
     } else if !guard.has_token(request.uri().path()) {
-        (StatusCode::NOT_FOUND, "not found: open the address that `reactsim curate review` printed\n")
-            .into_response()
+        (StatusCode::NOT_FOUND, format!("not found: {}\n", guard.site.hint)).into_response()
     } else {
         next.run(request).await
     };
+    let headers = response.headers_mut();
     for (name, value) in HEADERS {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
+        headers.insert(name, HeaderValue::from_static(value));
     }
+    // What is no header would let everything be loaded; then nothing is.
+    let policy = HeaderValue::from_str(&guard.site.policy);
+    headers.insert(
+        header::CONTENT_SECURITY_POLICY,
+        policy.unwrap_or_else(|_| HeaderValue::from_static("default-src 'none'")),
+    );
     response
 }

@@ -44,7 +44,8 @@ export class Road {
   }
 }
 
-function paintMap(c, map, scale) {
+/** Paints the map in metres; `scale` is pixels per metre. */
+export function paintMap(c, map, scale) {
   const px = 1 / scale;
   c.lineJoin = "round";
   c.fillStyle = colour("shoulder");

@@ -1,8 +1,8 @@
-// From what the server sends to what is drawn. Lengths come as centimetres, angles as milliradians; here all is metres and radians.
+// From sketches of scenarios to what is drawn. Lengths come as centimetres, angles as milliradians; here all is metres and radians.
 
 export const FRAMES = 91;
-/** The form of scenes that is understood here. */
-const FORM = 1;
+/** The form of sketches that is understood here. */
+export const FORM = 1;
 /** The frame that is now: step 0. */
 export const NOW = 10;
 export const KINDS = ["vehicle", "pedestrian", "cyclist", "other"];
@@ -21,17 +21,20 @@ function metres(flat) {
   return out;
 }
 
-/** A line as a path to draw, in metres. */
+/** Lines as a path to draw, in metres; `d` keeps it as SVG writes it. */
 function path(lines, closed = false) {
-  const path = new Path2D();
+  let d = "";
   for (const points of lines) {
-    for (let i = 0; i + 1 < points.length; i += 2) path[i ? "lineTo" : "moveTo"](points[i], points[i + 1]);
-    if (closed) path.closePath();
+    for (let i = 0; i + 1 < points.length; i += 2) d += `${i ? "L" : "M"}${points[i]} ${points[i + 1]}`;
+    if (closed && points.length) d += "Z";
   }
+  const path = new Path2D(d);
+  path.d = d;
   return path;
 }
 
-function agent(raw) {
+/** An agent with its logged track. */
+export function agent(raw) {
   const track = new Array(FRAMES).fill(null);
   for (const span of raw.t) {
     let x = 0, y = 0, h = 0, v = 0;
@@ -83,7 +86,30 @@ function stripes(raw) {
   });
 }
 
-function map(raw) {
+/** Marks of direction along centre lines, metres: one in the middle of every stretch of so many metres. */
+const STRETCH = 20;
+
+function arrows(lines) {
+  const out = [];
+  for (const p of lines) {
+    let next = STRETCH / 2, done = 0;
+    for (let i = 2; i + 1 < p.length; i += 2) {
+      const [dx, dy] = [p[i] - p[i - 2], p[i + 1] - p[i - 1]];
+      const length = Math.hypot(dx, dy);
+      for (; length > 0 && next <= done + length; next += STRETCH) {
+        const [u, v, s] = [dx / length, dy / length, next - done];
+        const [x, y] = [p[i - 2] + u * s, p[i - 1] + v * s];
+        const back = (side) => [x - 1.3 * u - side * 0.8 * v, y - 1.3 * v + side * 0.8 * u];
+        out.push([...back(1), x, y, ...back(-1)].map((c) => Math.round(c * 100) / 100));
+      }
+      done += length;
+    }
+  }
+  return out;
+}
+
+/** What does not move. */
+export function map(raw) {
   const lanes = new Map();
   const centers = [];
   for (const [kind, half, points] of raw.lanes) {
@@ -98,13 +124,13 @@ function map(raw) {
   }
   const corridors = [...lanes.values()].map((lane) => ({ bike: lane.bike, width: lane.width, path: path(lane.lines) }));
   corridors.sort((a, b) => a.bike - b.bike);
-  const drivable = new Path2D();
-  for (const polygon of raw.drivable) drivable.addPath(outlines(polygon));
+  const drivable = outlines(raw.drivable.flat());
   return {
     hasArea: raw.drivable.length > 0,
     drivable,
     corridors,
     centers: path(centers),
+    arrows: path(arrows(centers)),
     laneAreas: outlines(raw.lane_areas),
     junctions: outlines(raw.junctions),
     driveways: outlines(raw.driveways),
@@ -114,52 +140,5 @@ function map(raw) {
     paint: byKind(raw.paint),
     stops: byKind(raw.stops),
     lights: raw.lights.map(([x, y, states]) => ({ x: x / 100, y: y / 100, states })),
-  };
-}
-
-/** 91 frames of a trajectory that begins at the current frame; the log of the AV comes before it. */
-function onFrames(track, before) {
-  const out = new Array(FRAMES).fill(null);
-  for (let f = 0; f < NOW; f++) out[f] = before?.[f] ?? null;
-  for (let k = 0; k < track.x.length; k++) {
-    out[NOW + k] = { x: track.x[k], y: track.y[k], h: track.h[k], v: track.v[k] ?? NaN };
-  }
-  return out;
-}
-
-/** A scenario as the server sends it, ready to be drawn. */
-export function decode(raw) {
-  // Another form would be drawn, and be wrong.
-  const scene = raw.scene?.v === FORM ? raw.scene : null;
-  const agents = scene ? scene.agents.map(agent) : [];
-  // Without a scene there is still the AV.
-  if (!agents.length) agents.push({ id: "AV", kind: "vehicle", length: 4.8, width: 2, track: new Array(FRAMES).fill(null) });
-  const places = new Map(agents.map((a, i) => [a.id, i]));
-  const candidates = raw.candidates.map((c) => ({
-    ...c,
-    frames: onFrames(c.track, agents[0].track),
-    responses: new Map((c.certificate ?? []).filter((r) => places.has(r.agent)).map((r) => {
-      const at = places.get(r.agent);
-      return [at, { ...r, frames: onFrames(r.track, agents[at].track) }];
-    })),
-    // Analysed when it is first looked at.
-    analysis: null,
-    certified: null,
-  }));
-  // The best first; what was rejected comes after what survived.
-  const worth = (c) => c.score ?? -1e9;
-  candidates.sort((a, b) => !!a.rejected_by - !!b.rejected_by || worth(b) - worth(a) || a.number - b.number);
-  return {
-    index: raw.index,
-    id: raw.id,
-    stale: raw.stale,
-    /** Why there is no scene; null where there is one. */
-    bare: scene ? null : raw.scene
-      ? `the scene has form ${raw.scene.v ?? "?"}, this page draws form ${FORM}: only the AV is drawn; make the file anew, or review it with the program that made it`
-      : "this file holds no scenes (--without-scenes): only the AV is drawn",
-    candidates,
-    agents,
-    context: scene ? scene.context.map(agent) : [],
-    map: scene ? map(scene) : null,
   };
 }

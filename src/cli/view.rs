@@ -1,0 +1,39 @@
+//! `reactsim view`: run folders in a browser, with every scene.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+
+use super::{ExitStatus, gallery, say, write_result};
+use crate::web::{Loopback, Stop};
+
+/// Arguments of `view`.
+#[derive(Debug, Args)]
+pub(super) struct ViewArgs {
+    /// Run folders, made with --keep-rollouts
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Where the scenarios of the runs lie (the shipped benchmark is at hand); may be repeated
+    #[arg(long, value_name = "PATH")]
+    scenarios: Vec<PathBuf>,
+    /// Port of the page, on this machine only; 0 for any free one
+    #[arg(long, default_value_t = 0, value_name = "PORT")]
+    port: u16,
+}
+
+pub(super) fn view(args: &ViewArgs) -> anyhow::Result<ExitStatus> {
+    let gallery = gallery::open(&args.runs, &args.scenarios)?;
+    for lack in gallery.lacks() {
+        say(format_args!("note: {lack}"));
+    }
+    let loopback = Loopback::bind(args.port)?;
+    let url = loopback.url();
+    let stop = Stop::default();
+    let handle = stop.clone();
+    ctrlc::set_handler(move || handle.stop()).context("could not watch for interrupts")?;
+    write_result(None, |out| writeln!(out, "{url}"))?;
+    say(format_args!("open this address in a browser; ^C ends"));
+    gallery.serve(loopback, &stop)?;
+    Ok(ExitStatus::Done)
+}

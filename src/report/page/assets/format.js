@@ -1,0 +1,17 @@
+// Numbers as people read them; the same digits as in the tables of the program.
+
+/** A value of a metric: per cent for rates. */
+export function number(metric, value) {
+  if (value === null || value === undefined) return "–";
+  if (metric.unit === "rate") return (100 * value).toFixed(2);
+  return value.toFixed(metric.unit === "m" ? 2 : 3);
+}
+
+/** Title of a metric with its unit. */
+export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : metric.unit === "m" ? " (m)" : ""}`;
+
+/** Seconds after the current frame. */
+export const seconds = (frame) => `${((frame - 10) / 10).toFixed(1)} s`;
+
+/** A thing or several. */
+export const count = (n, what) => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;

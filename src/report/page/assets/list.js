@@ -1,0 +1,183 @@
+// The list of scenarios. Only the rows that are seen are elements, so that thousands cost no more than a dozen.
+
+import { categories, counted, metric, scenarios, subjects, value } from "./data.js";
+import { $, el } from "./dom.js";
+import { count, number, titled } from "./format.js";
+import { drawable } from "./scenes.js";
+
+const ROW = 26;
+/** Metrics that are of use for a single scenario. */
+const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress"];
+/** Subjects that have a column of their own. */
+const MOST = 12;
+
+const fair = subjects.filter((s) => !s.oracle).map((s) => s.index);
+const collides = (s, i) => counted(s, "aav-collision", i) > 0;
+const ran = (s, i) => value(s, "aav-collision", i) !== null;
+
+/** What can be asked for, beside category and id. */
+const CONDITIONS = [
+  ["", "all", () => true],
+  ["scene", "can be drawn", drawable],
+  ["differ", "simulators differ", (i) => fair.some((s) => ran(s, i) && collides(s, i)) && fair.some((s) => ran(s, i) && !collides(s, i))],
+  ["collision", "some simulator hits the AV", (i) => fair.some((s) => collides(s, i))],
+  ["risky", "some simulator is risky", (i) => fair.some((s) => counted(s, "aav-ttc", i) > 0)],
+  ["agents", "agents hit each other", (i) => fair.some((s) => counted(s, "aa-collision", i) > 0)],
+  ["offroad", "somebody leaves the road", (i) => fair.some((s) => counted(s, "offroad", i) > 0)],
+  ["against", "somebody drives against the lane", (i) => fair.some((s) => counted(s, "direction", i) > 0)],
+];
+
+const state = { text: "", category: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
+let order = [];
+let cursor = 0;
+let open = null;
+const columns = subjects.slice(0, MOST);
+
+function sift() {
+  const condition = CONDITIONS.find(([key]) => key === state.condition)[2];
+  const text = state.text.toLowerCase();
+  order = [];
+  for (let i = 0; i < scenarios.id.length; i++) {
+    if (text && !scenarios.id[i].toLowerCase().includes(text)) continue;
+    if (state.category && scenarios.category[i] !== state.category) continue;
+    if (condition(i)) order.push(i);
+  }
+  if (state.by === "id") order.sort((a, b) => (scenarios.id[a] < scenarios.id[b] ? -1 : 1) * (state.down ? -1 : 1));
+  else if (state.by === "category") order.sort((a, b) => ((scenarios.category[a] ?? "") < (scenarios.category[b] ?? "") ? -1 : 1) * (state.down ? -1 : 1));
+  else if (state.by !== null) {
+    // Those without a value come last, whichever way it is sorted.
+    const key = (i) => value(state.by, state.metric, i);
+    order.sort((a, b) => {
+      const [x, y] = [key(a), key(b)];
+      if (x === null || y === null) return (x === null) - (y === null) || a - b;
+      return (state.down ? y - x : x - y) || a - b;
+    });
+  }
+  cursor = Math.min(cursor, Math.max(0, order.length - 1));
+  $("list-count").textContent = `${count(order.length, "scenario")} of ${scenarios.id.length.toLocaleString("en")}`;
+  $("list").setAttribute("aria-rowcount", order.length + 1);
+}
+
+function row(at) {
+  const i = order[at];
+  const m = metric(state.metric);
+  const cells = columns.map((s) => {
+    const v = value(s.index, state.metric, i);
+    const isBad = m.lower_is_better && v > 0 && m.unit !== "m";
+    return el("span", { role: "gridcell", class: `number${isBad ? " bad" : ""}` }, v === null ? "–" : number(m, v));
+  });
+  return el("div", { role: "row", id: `row-${i}`, class: `row${at === cursor ? " cursor" : ""}${i === open ? " open" : ""}`, "aria-rowindex": at + 2, "aria-selected": String(i === open), style: `top:${at * ROW}px`, "data-scenario": i, onclick: () => go(at) },
+    el("span", { role: "gridcell", class: "mark", title: drawable(i) ? "can be drawn" : "no scene in this page" }, drawable(i) ? "◆" : ""),
+    el("span", { role: "gridcell", class: "id", title: scenarios.id[i] }, scenarios.id[i]),
+    el("span", { role: "gridcell" }, scenarios.category[i] ?? ""),
+    ...cells);
+}
+
+function draw() {
+  const list = $("list");
+  const from = Math.max(0, Math.floor(list.scrollTop / ROW) - 4);
+  const to = Math.min(order.length, Math.ceil((list.scrollTop + list.clientHeight) / ROW) + 4);
+  $("list-body").style.height = `${order.length * ROW}px`;
+  const rows = [];
+  for (let at = from; at < to; at++) rows.push(row(at));
+  // The row of the keyboard is there even where it is out of sight: it has the focus for those who do not see it.
+  if (order.length && (cursor < from || cursor >= to)) rows.push(row(cursor));
+  $("list-body").replaceChildren(...rows);
+  if (order.length) list.setAttribute("aria-activedescendant", `row-${order[cursor]}`);
+  else list.removeAttribute("aria-activedescendant");
+}
+
+function heads() {
+  const head = (label, key, about, numeric) => {
+    const isBy = state.by === key;
+    return el("span", { role: "columnheader", class: numeric ? "number" : null, "aria-sort": isBy ? (state.down ? "descending" : "ascending") : "none" },
+      el("button", { class: "sort", title: about, "data-key": key, onclick: () => {
+        state.down = isBy ? !state.down : numeric === true;
+        state.by = key;
+        refresh();
+        $("list-head").querySelector(`[data-key="${key}"]`)?.focus();
+      } }, label, el("span", { "aria-hidden": "true" }, isBy ? (state.down ? " ▾" : " ▴") : "")));
+  };
+  $("list-head").replaceChildren(
+    el("span", { role: "columnheader", title: "can be drawn" }, "◆"),
+    head("scenario", "id", "Sort by id"),
+    head("category", "category", "Sort by category"),
+    ...columns.map((s) => head(s.name, s.index, `${s.name}: ${titled(metric(state.metric))}`, true)));
+  const grid = `18px minmax(110px, 1.6fr) 96px repeat(${columns.length}, minmax(64px, 1fr))`;
+  $("list-scroll").style.setProperty("--grid", grid);
+  $("list-scroll").style.setProperty("--least", `${224 + 64 * columns.length}px`);
+}
+
+function refresh() {
+  heads();
+  sift();
+  draw();
+}
+
+function move(to) {
+  if (!order.length) return;
+  cursor = Math.min(order.length - 1, Math.max(0, to));
+  const list = $("list");
+  if (cursor * ROW < list.scrollTop) list.scrollTop = cursor * ROW;
+  // The head lies over the upper end.
+  const seen = list.clientHeight - $("list-head").offsetHeight;
+  if ((cursor + 1) * ROW > list.scrollTop + seen) list.scrollTop = (cursor + 1) * ROW - seen;
+  draw();
+}
+
+let onOpen = () => {};
+
+function go(at) {
+  move(at);
+  if (order[at] !== undefined) onOpen(order[at]);
+}
+
+/** Marks the scenario that is shown. */
+export function mark(index) {
+  open = index;
+  const at = order.indexOf(index);
+  if (at >= 0) move(at);
+  else draw();
+}
+
+/** The scenario before or after the one that is shown, of those that are listed and can be drawn; null where there is none. */
+export function neighbour(direction) {
+  for (let at = order.indexOf(open) + direction; at >= 0 && at < order.length; at += direction) if (drawable(order[at])) return order[at];
+  return null;
+}
+
+/** Makes the list; `call` is told which scenario is to be shown. */
+export function list(call) {
+  onOpen = call;
+  const field = (id, key, items) => {
+    $(id).replaceChildren(...items.map(([v, label]) => el("option", { value: v }, label)));
+    $(id).value = state[key];
+    $(id).addEventListener("change", () => {
+      state[key] = $(id).value;
+      $("list").scrollTop = 0;
+      cursor = 0;
+      refresh();
+    });
+  };
+  field("list-category", "category", [["", "all"], ...categories.map((c) => [c, c])]);
+  field("list-condition", "condition", CONDITIONS.map(([k, label]) => [k, label]));
+  field("list-metric", "metric", SHOWN.filter((id) => metric(id)).map((id) => [id, titled(metric(id))]));
+  $("list-text").addEventListener("input", () => {
+    state.text = $("list-text").value.trim();
+    cursor = 0;
+    $("list").scrollTop = 0;
+    refresh();
+  });
+  $("list").addEventListener("scroll", draw, { passive: true });
+  new ResizeObserver(draw).observe($("list"));
+  $("list").addEventListener("keydown", (event) => {
+    const page = Math.max(1, Math.floor($("list").clientHeight / ROW) - 1);
+    const by = { ArrowDown: cursor + 1, ArrowUp: cursor - 1, PageDown: cursor + page, PageUp: cursor - page, Home: 0, End: order.length - 1 }[event.key];
+    if (by === undefined && event.key !== "Enter") return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (by === undefined) go(cursor);
+    else move(by);
+  });
+  refresh();
+}

@@ -1,0 +1,101 @@
+// The page: what is where, addresses and keys.
+
+import { data, runs, scenarios } from "./data.js";
+import { $, el, save, toast } from "./dom.js";
+import { figures } from "./figures.js";
+import { list } from "./list.js";
+import { choose } from "./palette.js";
+import { provenance, results } from "./results.js";
+import { drawable } from "./scenes.js";
+import { KEYS, byKey, press, show, state, viewer } from "./viewer.js";
+
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "space" };
+
+/** What the address asks for: `#scenario=…&t=…&left=…&right=…`; false where it asks for no scenario that there is. */
+function follow() {
+  const asked = new URLSearchParams(location.hash.slice(1));
+  const id = asked.get("scenario");
+  if (id === null) return false;
+  const index = scenarios.id.indexOf(id);
+  if (index < 0) {
+    toast(`there is no scenario ${id} in this page`);
+    return false;
+  }
+  const t = Number(asked.get("t") ?? 0);
+  const right = asked.get("right");
+  show(index, { t: Number.isFinite(t) ? t : 0, left: asked.has("left") ? byKey(asked.get("left")) : null, right: right === null ? undefined : right === "" ? null : byKey(right) });
+  return true;
+}
+
+let written = "";
+
+/** Writes what is shown into the address, so that it can be passed on. */
+function remember() {
+  const now = state();
+  if (!now) return;
+  written = `#${new URLSearchParams(now)}`;
+  history.replaceState(null, "", written);
+}
+
+/** A citation of these results. */
+function bibtex() {
+  const p = runs[0].summary.provenance;
+  return `@misc{reactsim,\n  title = {reactsim: do simulated road users respond feasibly when the autonomous vehicle leaves its log?},\n  note = {Version ${p.version}, commit ${p.commit}; seed ${p.settings.seed}; scenarios (BLAKE3) ${p.scenarios_blake3}},\n}\n`;
+}
+
+function downloads() {
+  const button = (name, text) => el("button", { onclick: () => save(name, text) }, name);
+  $("downloads").replaceChildren(...data.downloads.map((d) => button(d.name, d.text)), button("results.bib", bibtex()));
+}
+
+let theme = "";
+function turnTheme() {
+  theme = { "": "dark", dark: "light", light: "" }[theme];
+  choose(theme);
+  $("theme").textContent = { "": "auto", dark: "dark", light: "light" }[theme];
+}
+
+function keys() {
+  $("help-keys").replaceChildren(...KEYS.flatMap(([names, text]) => [
+    el("dt", {}, ...names.map((n) => el("kbd", {}, n.split(" ").map((k, i, all) => (all.length > 1 && k === "" ? "" : NAMES[k] ?? k)).join(" ").trim() || "space"))), el("dd", {}, text)]));
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    if (event.key === "?") return $("help").showModal();
+    // What has keys of its own keeps them.
+    const own = event.target.closest?.("input, select, textarea, #list");
+    const isPressed = event.target.closest?.("button, a, label") && [" ", "Enter"].includes(event.key);
+    if (own || isPressed) return;
+    if (press(event)) event.preventDefault();
+  });
+}
+
+function begin() {
+  document.title = `${runs.map((r) => r.name).join(", ")} · reactsim`;
+  $("runs").textContent = runs.map((r) => r.name).join(", ");
+  $("about").replaceChildren(...runs.map((r) => el("p", {}, runs.length > 1 ? el("b", {}, `${r.name}: `) : null, r.about)));
+  $("stage-note").dataset.lacks = data.lacks.join(" ");
+  results();
+  figures();
+  provenance();
+  downloads();
+  viewer(remember);
+  list((i) => show(i));
+  keys();
+  $("theme").onclick = turnTheme;
+  $("help-button").onclick = () => $("help").showModal();
+  $("help-close").onclick = () => $("help").close();
+  addEventListener("hashchange", () => {
+    if (location.hash !== written) follow();
+  });
+  if (!follow()) {
+    const first = scenarios.id.findIndex((_, i) => drawable(i));
+    if (first >= 0) show(first);
+    else {
+      $("stage-note").hidden = false;
+      $("stage-note").textContent = `There are no scenes here. ${data.lacks.join(" ")}`;
+    }
+  } else $("viewer").scrollIntoView();
+  document.body.dataset.ready = "yes";
+}
+
+begin();

@@ -1,0 +1,219 @@
+// A scene from above, as a simulator left it. World coordinates are metres with y up; line widths are metres where the road is drawn, pixels
+// elsewhere. What is told by colour is told by the outline too.
+
+import { FRAMES, NOW } from "./decode.js";
+import { between } from "./geometry.js";
+import { colour } from "./palette.js";
+import { paintMap } from "./road.js";
+
+/** Red, yellow, green by the code of a light (0 to 8, `-` where not observed). */
+const LIGHTS = { 1: "light-stop", 4: "light-stop", 7: "light-stop", 2: "light-caution", 5: "light-caution", 8: "light-caution", 3: "light-go", 6: "light-go" };
+/** A realised state farther than this from the log gives the log a ghost, metres. */
+const APART = 0.5;
+/** Frames of trail behind an agent. */
+const TRAIL = 30;
+
+/** How states look: fill, outline, width of the outline in pixels, dashes, and whether a ring lies around. */
+export const LOOKS = {
+  fault: { name: "at fault", fill: "fault", line: "text", width: 2.6, dash: [], ring: true },
+  contact: { name: "colliding", fill: "lateral", line: "fault", width: 2.4, dash: [], ring: false },
+  risky: { name: "risky", fill: "risky", line: "text", width: 2, dash: [4, 2.5], ring: false },
+  offroad: { name: "off-road", fill: "offroad", line: "offroad", width: 2, dash: [1.5, 2.5], ring: false },
+  against: { name: "against the lane", fill: "pedestrian", line: "text", width: 2, dash: [7, 3, 1.5, 3], ring: false },
+};
+
+/** Takes the transform of the world, pixels per CSS pixel being `ratio`. */
+function world(c, camera, ratio) {
+  const s = camera.scale * ratio;
+  c.setTransform(s, 0, 0, -s, (camera.width / 2 - camera.x * camera.scale) * ratio, (camera.height / 2 + camera.y * camera.scale) * ratio);
+}
+
+/**
+ * Paints a scene: `subject` is what a simulator did (tracks, states), `t` the frame with fractions, `layers` what is seen, `replan` the
+ * steps between two plans. `ground` paints the road; without it the road is painted directly.
+ */
+export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan = 5, ground = null, chosen = null } = {}) {
+  const px = 1 / camera.scale;
+  const f = Math.min(Math.round(t), FRAMES - 1);
+  if (ground) ground(c, layers.map ? scene.map : null);
+  else {
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.fillStyle = colour("ground");
+    c.fillRect(0, 0, camera.width, camera.height);
+    world(c, camera, ratio);
+    if (layers.map) paintMap(c, scene.map, camera.scale);
+  }
+  world(c, camera, ratio);
+  c.lineJoin = "round";
+  c.lineCap = "round";
+  c.globalAlpha = 1;
+  if (layers.lanes) arrows(c, scene.map, px);
+  if (layers.lights) lights(c, scene.map, f, px);
+  const labels = [];
+  const body = (agent, state, look) => box(c, camera, agent, state, px, look, labels);
+  if (layers.context) for (const agent of scene.context) body(agent, between(agent.track, t), { alpha: 0.5 });
+  const { tracks, states } = subject;
+  const apart = (i) => tracks[i].some((s, k) => s && scene.agents[i].track[k] && Math.hypot(s.x - scene.agents[i].track[k].x, s.y - scene.agents[i].track[k].y) > APART);
+  const order = scene.agents.map((_, i) => i).slice(1).sort((a, b) => !!states[a][f] - !!states[b][f]);
+  if (layers.trails) for (const i of [...order, 0]) trail(c, tracks[i], f, px, i === 0 ? "av" : scene.agents[i].kind, i === 0 ? 3 : 1.6);
+  if (layers.plan) plan(c, tracks, order, f, replan, px);
+  if (layers.ghosts) {
+    for (const i of [...order, 0]) {
+      if (!apart(i)) continue;
+      route(c, scene.agents[i].track, px, i === 0);
+      body(scene.agents[i], between(scene.agents[i].track, t), { ghost: true });
+    }
+  }
+  for (const i of order) {
+    const agent = scene.agents[i], look = LOOKS[states[i][f]];
+    body(agent, between(tracks[i], t), { look, label: look || layers.ids || i === chosen ? agent.id : null, chosen: i === chosen });
+  }
+  const isHit = [...(subject.analysis.touching[f] ?? [])].length > 0;
+  body(scene.agents[0], between(tracks[0], t), { fill: colour("av"), strong: isHit ? colour("fault") : colour("text"), label: "AV", below: true, chosen: chosen === 0 });
+  c.globalAlpha = 1;
+  c.setTransform(ratio, 0, 0, ratio, 0, 0);
+  for (const [text, x, y] of labels) {
+    c.font = "600 11px system-ui, sans-serif";
+    c.textAlign = "center";
+    c.lineWidth = 3;
+    c.strokeStyle = colour("panel");
+    c.strokeText(text, x, y);
+    c.fillStyle = colour("text");
+    c.fillText(text, x, y);
+  }
+  ruler(c, camera);
+}
+
+/** Directions of lanes: the middle of each stretch of a centre line has an arrow. */
+function arrows(c, map, px) {
+  c.strokeStyle = colour("center");
+  c.lineWidth = 1.2 * px;
+  c.stroke(map.arrows);
+}
+
+function lights(c, map, f, px) {
+  for (const light of map.lights) {
+    c.beginPath();
+    c.arc(light.x, light.y, Math.max(0.75, 3.2 * px), 0, 7);
+    c.fillStyle = colour(LIGHTS[light.states[f]] ?? "light-unknown");
+    c.fill();
+    c.lineWidth = px;
+    c.strokeStyle = colour("text");
+    c.stroke();
+  }
+}
+
+function line(c, track, from, to) {
+  c.beginPath();
+  let open = false;
+  for (let f = Math.max(0, from); f <= Math.min(to, FRAMES - 1); f++) {
+    const s = track[f];
+    if (s) c[open ? "lineTo" : "moveTo"](s.x, s.y);
+    open = !!s;
+  }
+  c.stroke();
+}
+
+/** What was driven during the last seconds, paler with age. */
+function trail(c, track, f, px, ink, width) {
+  const [a, b] = [track[Math.max(0, f - TRAIL)], track[f]];
+  if (a && b && Math.hypot(a.x - b.x, a.y - b.y) < 0.5) return;
+  c.strokeStyle = colour(ink);
+  c.lineWidth = width * px;
+  for (let k = 3; k > 0; k--) {
+    c.globalAlpha = 0.25 * (4 - k);
+    line(c, track, f - k * (TRAIL / 3), f - (k - 1) * (TRAIL / 3));
+  }
+  c.globalAlpha = 1;
+}
+
+/** The plan in force: what was planned when plans were last made. A plan is as long as the interval and is executed as it is. */
+function plan(c, tracks, order, f, replan, px) {
+  if (f < NOW) return;
+  const made = NOW + Math.floor((f - NOW) / replan) * replan;
+  c.strokeStyle = colour("accent");
+  c.lineWidth = 2.4 * px;
+  c.globalAlpha = 0.8;
+  for (const i of order) {
+    const [a, b] = [tracks[i][made], tracks[i][Math.min(made + replan, FRAMES - 1)]];
+    if (a && b && Math.hypot(a.x - b.x, a.y - b.y) > 0.2) line(c, tracks[i], made, made + replan);
+  }
+  c.globalAlpha = 1;
+}
+
+/** The way of the log. */
+function route(c, track, px, isAv) {
+  c.strokeStyle = colour(isAv ? "av" : "ghost");
+  c.globalAlpha = isAv ? 0.8 : 0.45;
+  c.lineWidth = (isAv ? 1.6 : 1) * px;
+  c.setLineDash([3 * px, 4 * px]);
+  line(c, track, NOW, FRAMES - 1);
+  c.setLineDash([]);
+  c.globalAlpha = 1;
+}
+
+/** A box with its heading. */
+function box(c, camera, agent, state, px, { fill = null, strong = null, look = null, ghost = false, alpha = 1, label = null, below = false, chosen = false }, labels) {
+  if (!state) return;
+  const [sx, sy] = camera.toScreen(state.x, state.y);
+  const reach = Math.hypot(agent.length, agent.width) * camera.scale;
+  if (sx < -reach || sy < -reach || sx > camera.width + reach || sy > camera.height + reach) return;
+  // People and cycles are kept large enough to be seen.
+  const length = Math.max(agent.length, 5 * px), width = Math.max(agent.width, 4 * px);
+  c.save();
+  c.globalAlpha = alpha;
+  c.translate(state.x, state.y);
+  c.rotate(state.h);
+  c.beginPath();
+  c.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) * 0.18);
+  if (!ghost) {
+    c.fillStyle = fill ?? (look ? colour(look.fill) : colour(agent.kind));
+    c.fill();
+  }
+  c.lineWidth = (look?.width ?? (strong ? 2.2 : ghost ? 1.3 : 1)) * px;
+  c.strokeStyle = ghost ? colour("ghost") : look ? colour(look.line) : strong ?? colour("outline");
+  c.setLineDash((ghost ? [3, 3] : look?.dash ?? []).map((d) => d * px));
+  c.stroke();
+  c.setLineDash([]);
+  // The nose: where it is heading.
+  c.beginPath();
+  c.moveTo(length * 0.46, 0);
+  c.lineTo(length * 0.2, width * 0.3);
+  c.lineTo(length * 0.2, -width * 0.3);
+  c.closePath();
+  if (ghost) c.stroke();
+  else {
+    c.fillStyle = strong ?? colour(look?.line ?? "outline");
+    c.globalAlpha = 0.75 * alpha;
+    c.fill();
+  }
+  if (look?.ring || chosen) {
+    c.globalAlpha = alpha;
+    c.strokeStyle = colour(look?.ring ? "fault" : "accent");
+    c.lineWidth = 2 * px;
+    c.beginPath();
+    c.arc(0, 0, Math.max(0.62 * Math.hypot(length, width), 9 * px), 0, 7);
+    c.stroke();
+  }
+  c.restore();
+  const high = (Math.abs(Math.sin(state.h)) * length + Math.abs(Math.cos(state.h)) * width) / 2;
+  // The AV's name lies below it, so that it covers nobody's who touches it.
+  if (label) labels.push([label, sx, below ? sy + high * camera.scale + 13 : sy - high * camera.scale - 4]);
+}
+
+function ruler(c, camera) {
+  const length = [5, 10, 20, 50, 100].find((m) => m * camera.scale >= 60) ?? 100;
+  const x = camera.width - 14, y = camera.height - 12;
+  c.strokeStyle = colour("text");
+  c.fillStyle = colour("text");
+  c.lineWidth = 1.5;
+  c.beginPath();
+  c.moveTo(x - length * camera.scale, y - 4);
+  c.lineTo(x - length * camera.scale, y);
+  c.lineTo(x, y);
+  c.lineTo(x, y - 4);
+  c.stroke();
+  c.font = "11px system-ui, sans-serif";
+  c.textAlign = "right";
+  c.fillText(`${length} m`, x, y - 7);
+}

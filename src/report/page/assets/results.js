@@ -1,0 +1,140 @@
+// The main table, the tables of categories, and what happens per scenario.
+
+import { categories, counted, data, metric, runs, scenarios, subjects } from "./data.js";
+import { $, el } from "./dom.js";
+import { count, number, titled } from "./format.js";
+
+const several = runs.length > 1;
+/** Events that people ask for, in the order of the columns. */
+const HAPPENINGS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
+
+let part = "all";
+let sorted = { by: null, down: false };
+
+/** What the summary says of a subject in the chosen part. */
+const estimates = (subject) => (part === "all" ? subject.summary : subject.summary?.by_category[part]);
+
+/** The number that is best among those who do not know the future; as printed, so that equals are equal. */
+function best(rows, column) {
+  const shown = rows.filter((r) => !r.oracle).map((r) => estimates(r)?.metrics[column.id]?.mean).filter((v) => v !== null && v !== undefined);
+  if (shown.length < 2) return null;
+  return number(column, column.lower_is_better ? Math.min(...shown) : Math.max(...shown));
+}
+
+function cell(subject, column, top) {
+  const estimate = estimates(subject)?.metrics[column.id];
+  const about = { class: "number", "data-metric": column.id };
+  if (!estimate || estimate.mean === null) return el("td", { ...about, title: "nothing was judged" }, "–");
+  const { mean, low, high } = estimate;
+  const text = number(column, mean);
+  const isBest = !subject.oracle && text === top;
+  return el(
+    "td",
+    { ...about, "data-mean": mean, title: `${text}, 95 % interval ${number(column, low)} to ${number(column, high)}, ${count(estimate.scenarios, "scenario")}` },
+    isBest ? el("strong", {}, text) : text,
+    el("small", {}, ` ±${number(column, (high - low) / 2)}`),
+  );
+}
+
+function head(label, key, numeric, about) {
+  const isBy = sorted.by === key;
+  const turn = () => {
+    sorted = { by: key, down: isBy ? !sorted.down : false };
+    show();
+    // The table was made anew; the keyboard stays where it was.
+    $("main-table").querySelector(`button[data-key="${key}"]`)?.focus();
+  };
+  return el(
+    "th",
+    { scope: "col", class: numeric ? "number" : null, "aria-sort": isBy ? (sorted.down ? "descending" : "ascending") : "none" },
+    el("button", { class: "sort", title: about, "data-key": key, onclick: turn }, label, el("span", { "aria-hidden": "true" }, isBy ? (sorted.down ? " ▾" : " ▴") : "")),
+  );
+}
+
+function show() {
+  const columns = data.columns.map(metric);
+  const rows = subjects.filter((s) => estimates(s));
+  if (sorted.by !== null) {
+    const key = (s) => (sorted.by === "name" ? s.name : sorted.by === "run" ? runs[s.run].name : estimates(s).metrics[sorted.by]?.mean ?? Infinity);
+    const sign = sorted.down ? -1 : 1;
+    rows.sort((a, b) => sign * (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0));
+  }
+  const tops = columns.map((c) => best(rows, c));
+  const failed = part === "all" && rows.some((s) => s.summary.failed > 0);
+  $("main-table").replaceChildren(
+    el("thead", {}, el("tr", {},
+      several ? head("Run", "run") : null,
+      head("Method", "name"),
+      ...columns.map((c) => head(`${titled(c)} ${c.lower_is_better ? "↓" : "↑"}`, c.id, true, `${c.id} · ${c.source}`)),
+      failed ? el("th", { scope: "col", class: "number" }, "Failed") : null)),
+    el("tbody", {}, ...rows.map((s) => el("tr", { "data-subject": s.index },
+      several ? el("td", {}, runs[s.run].name) : null,
+      el("th", { scope: "row" }, s.title, s.oracle ? el("abbr", { title: "is shown the log's future" }, " †") : null),
+      ...columns.map((c, i) => cell(s, c, tops[i])),
+      failed ? el("td", { class: "number" }, String(s.summary.failed)) : null))),
+  );
+  for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part));
+  const n = part === "all" ? scenarios.id.length : scenarios.category.filter((c) => c === part).length;
+  $("main-about").textContent = `${count(n, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best of those that do not know the future. † is shown the log's future.`;
+}
+
+/** Events per scenario, and in how many scenarios there is one. */
+function happenings() {
+  const shown = HAPPENINGS.filter((id) => metric(id));
+  $("events-table").replaceChildren(
+    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Method"), ...shown.map((id) => el("th", { scope: "col", class: "number" }, metric(id).title)))),
+    el("tbody", {}, ...subjects.map((s) => el("tr", {}, el("th", { scope: "row" }, s.name), ...shown.map((id) => {
+      let [events, having, all] = [0, 0, 0];
+      const rollouts = s.settings.rollouts || 1;
+      for (let i = 0; i < scenarios.id.length; i++) {
+        if (!has(s.index, i)) continue;
+        const n = counted(s.index, id, i);
+        all++;
+        events += n / rollouts;
+        having += n > 0;
+      }
+      return el("td", { class: "number", title: `${having} of ${count(all, "scenario")} have one` }, all ? (events / all).toFixed(2) : "–", el("small", {}, all ? ` in ${((100 * having) / all).toFixed(0)} %` : ""));
+    })))),
+  );
+}
+
+/** Whether a subject has a result in a scenario. */
+const has = (subject, scenario) => scenarios.values[subject].some((column) => column[scenario] !== null && column[scenario] !== undefined);
+
+/** Shows all tables. */
+export function results() {
+  const choose = (name) => () => {
+    part = name;
+    show();
+  };
+  $("parts").replaceChildren(
+    el("button", { "data-part": "all", onclick: choose("all") }, "all scenarios"),
+    ...categories.map((c) => el("button", { "data-part": c, onclick: choose(c) }, c)),
+  );
+  show();
+  happenings();
+}
+
+/** Where the numbers come from. */
+export function provenance() {
+  const row = (name, ...texts) => el("tr", {}, el("th", { scope: "row" }, name), el("td", {}, ...texts));
+  $("provenance-body").replaceChildren(...runs.map((run) => {
+    const p = run.summary.provenance;
+    const settings = Object.entries(p.settings).map(([k, v]) => `${k} ${v}`).join(", ");
+    return el("table", { class: "facts" },
+      el("caption", {}, run.name),
+      el("tbody", {},
+        row("program", `reactsim ${p.version}, commit ${p.commit}`),
+        row("settings", settings),
+        row("scenarios", `${p.scenarios}, BLAKE3 of ids and digests ${p.scenarios_blake3}`),
+        ...p.inputs.map((f) => row("input", `${f.name} (${f.format}, ${f.bytes.toLocaleString("en")} bytes, BLAKE3 ${f.blake3})`)),
+        p.deviations ? row("deviations", `${p.deviations.name} (BLAKE3 ${p.deviations.blake3})`) : null,
+        ...p.simulators.map((s) => row(s.id, [
+          s.title,
+          s.weights ? `weights ${s.weights.name} (SHA-256 ${s.weights.sha256})` : null,
+          ...Object.entries(s.parameters ?? {}).map(([k, v]) => `${k} = ${v}`),
+          ...Object.entries(run.summary.simulators[s.id]?.outcomes ?? {}).map(([k, n]) => `${n} ${k}`),
+        ].filter(Boolean).join("; "))),
+        row("failures", p.failures.length ? el("ul", {}, ...p.failures.map((f) => el("li", {}, `${f.file} record ${f.record}${f.simulator ? ` (${f.simulator})` : ""}: ${f.error}`))) : "none")));
+  }));
+}

@@ -1,0 +1,98 @@
+// Scenes: what the program packed, ready to be drawn.
+
+import { data, scenarios } from "./data.js";
+import { FRAMES, NOW, agent, map } from "./decode.js";
+import { $ } from "./dom.js";
+import { analyse } from "./geometry.js";
+
+/** The form of scenes that is understood here. */
+const FORM = 1;
+/** Scenes that are kept. */
+const KEPT = 12;
+
+const cache = new Map();
+
+/** Whether a scenario can be drawn. */
+export const drawable = (index) => scenarios.scene[index] === 1;
+
+/** The scene of a scenario, from the page or from the program that shows it. */
+export function load(index) {
+  if (!cache.has(index)) {
+    const promise = raw(index).then(decode);
+    promise.catch(() => cache.delete(index));
+    cache.set(index, promise);
+    if (cache.size > KEPT) cache.delete(cache.keys().next().value);
+  }
+  return cache.get(index);
+}
+
+async function raw(index) {
+  if (data.live) {
+    const response = await fetch(`scene/${index}`);
+    if (!response.ok) throw new Error((await response.text()).trim() || `the server answered ${response.status}`);
+    return response.json();
+  }
+  const packed = Uint8Array.from(atob($(`scene-${index}`).textContent), (c) => c.charCodeAt(0));
+  return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
+}
+
+/** A track of 91 frames: the log up to now, then the spans of src/report/page/tracks.rs. Velocities are differences of positions. */
+function realised(spans, logged) {
+  const track = new Array(FRAMES).fill(null);
+  for (let f = 0; f <= NOW; f++) track[f] = logged[f];
+  for (const span of spans) {
+    const at = [0, 0, 0], by = [0, 0, 0];
+    for (let i = 1, f = NOW + span[0]; i + 2 < span.length; i += 3, f++) {
+      for (let k = 0; k < 3; k++) {
+        if (i === 1) at[k] = span[i + k];
+        else at[k] += by[k] += span[i + k];
+      }
+      track[f] = { x: at[0] / 1000, y: at[1] / 1000, h: at[2] / 1000, v: NaN };
+    }
+  }
+  for (let f = NOW + 1; f < FRAMES; f++) {
+    const [a, b] = [track[f - 1], track[f]];
+    if (a && b) b.v = Math.hypot(b.x - a.x, b.y - a.y) / 0.1;
+  }
+  return track;
+}
+
+/** Kinds of states, the gravest first. */
+export const STATES = ["fault", "contact", "risky", "offroad", "against"];
+
+/** What stands against an agent in every frame: `states[agent][frame]` is one of STATES or undefined. */
+function states(agents, events, analysis) {
+  const out = agents.map(() => new Array(FRAMES));
+  const put = (i, from, to, kind) => {
+    for (let f = from; f <= Math.min(to, FRAMES - 1); f++) {
+      const old = out[i][f];
+      if (!old || STATES.indexOf(kind) < STATES.indexOf(old)) out[i][f] = kind;
+    }
+  };
+  for (const e of events) {
+    if (e.metric === "aav-collision") {
+      // A contact lasts as long as the boxes touch.
+      let to = e.to;
+      while (to + 1 < FRAMES && analysis.touching[to + 1]?.has(e.agent)) to++;
+      put(e.agent, e.from, to, e.counted ? "fault" : "contact");
+    } else if (e.metric === "aa-collision") {
+      put(e.agent, e.from, e.to, "contact");
+      if (e.partner !== undefined) put(e.partner, e.from, e.to, "contact");
+    } else if (e.metric === "aav-ttc") put(e.agent, e.from, Math.max(e.to, e.from + 2), "risky");
+    else if (e.metric === "offroad") put(e.agent, e.from, e.to, "offroad");
+    else if (e.metric === "direction") put(e.agent, e.from, e.to, "against");
+  }
+  return out;
+}
+
+function decode(raw) {
+  if (raw.v !== FORM) throw new Error(`the scene has form ${raw.v}, this page draws form ${FORM}: make the page anew`);
+  const agents = raw.sketch.agents.map(agent);
+  const subjects = new Map(raw.subjects.map((s) => {
+    const tracks = s.tracks.map((spans, i) => realised(spans, agents[i].track));
+    const events = s.events.map((e) => ({ ...e, from: NOW + e.step, to: NOW + e.last })).sort((a, b) => a.from - b.from);
+    const analysis = analyse(agents, tracks[0], (i) => tracks[i]);
+    return [s.subject, { tracks, events, analysis, states: states(agents, events, analysis) }];
+  }));
+  return { id: raw.id, source: raw.source, agents, context: raw.sketch.context.map(agent), map: map(raw.sketch), subjects };
+}

@@ -1,0 +1,440 @@
+// The viewer: one or two simulators on the same scenario, with one time.
+
+import { Camera } from "./camera.js";
+import { Chart, seekable, sharp } from "./curves.js";
+import { counted, metric, runs, scenarios, subjects, value } from "./data.js";
+import { FRAMES, NOW } from "./decode.js";
+import { $, el, save, toast } from "./dom.js";
+import { number, seconds } from "./format.js";
+import { NO_RISK, RISKY, approach, between } from "./geometry.js";
+import { mark, neighbour } from "./list.js";
+import { LOOKS } from "./painter.js";
+import { colour, onChange } from "./palette.js";
+import { Pane } from "./pane.js";
+import { drawable, load } from "./scenes.js";
+import { strip, times } from "./strip.js";
+
+/** How long the last frame stands before the replay begins again, in frames. */
+const HOLD = 8;
+const SPEEDS = [0.25, 0.5, 1, 2, 4];
+const LAYERS = [
+  ["map", "map"], ["lanes", "lane directions"], ["lights", "lights"], ["ghosts", "log as ghosts"], ["trails", "trails"], ["plan", "last plan"], ["context", "others recorded"], ["ids", "ids"],
+];
+const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against" };
+const INKS = ["accent", "lateral"];
+
+const camera = new Camera();
+const layers = { map: true, lanes: true, lights: true, ghosts: true, trails: true, plan: true, context: true, ids: false };
+let scene = null, index = null, wanted = null, chosen = null;
+let time = NOW, isPlaying = false, speed = 1, follow = false, isDirty = false;
+let panes = [], charts = {};
+/** What is to be done when the address should change. */
+let onState = () => {};
+
+/** The name of a subject in addresses. */
+const key = (i) => (runs.length > 1 ? `${subjects[i].id}@${runs[subjects[i].run].name}` : subjects[i].id);
+export const byKey = (text) => subjects.findIndex((s) => key(s.index) === text);
+
+/** What is shown, for the address. */
+export function state() {
+  return index === null ? null : { scenario: scenarios.id[index], t: ((time - NOW) / 10).toFixed(1), left: key(panes[0].subject), right: panes[1].subject === null ? "" : key(panes[1].subject) };
+}
+
+const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : EVENTS[e.metric]);
+const replanOf = (i) => subjects[i].settings.replan_steps || 80;
+
+/** Shows a scenario; simulators and time as they are, or as they are given. */
+export async function show(i, { t = null, left = null, right = undefined } = {}) {
+  wanted = i;
+  if (!drawable(i)) {
+    scene = null;
+    index = null;
+    mark(i);
+    $("stage").hidden = true;
+    $("stage-note").hidden = false;
+    $("stage-note").textContent = `${scenarios.id[i]} has no scene here. ${$("stage-note").dataset.lacks || "Make the page with --all, or look at the runs with `reactsim view`."}`;
+    return;
+  }
+  let loaded;
+  try {
+    loaded = await load(i);
+  } catch (error) {
+    toast(`${scenarios.id[i]} can not be shown: ${error.message}`);
+    return;
+  }
+  if (wanted !== i) return;
+  $("stage").hidden = false;
+  $("stage-note").hidden = true;
+  [scene, index, chosen] = [loaded, i, null];
+  mark(i);
+  if (left !== null && left >= 0) panes[0].subject = left;
+  if (right !== undefined) panes[1].subject = right !== null && right >= 0 ? right : null;
+  propose();
+  time = t === null ? NOW : Math.min(FRAMES - 1, Math.max(NOW, NOW + 10 * t));
+  $("scene-id").textContent = scenarios.id[i];
+  $("scene-about").textContent = [scenarios.category[i] && `${scenarios.category[i]} deviation`, scene.source].filter(Boolean).join(" · ");
+  refresh();
+  resize();
+  fit();
+  document.body.dataset.scenario = i;
+  onState();
+}
+
+/** Where nobody chose, the two simulators that differ most are shown: one that hits the AV beside one that does not. */
+function propose() {
+  if (panes[0].subject !== null) return;
+  const there = subjects.filter((s) => scene.subjects.has(s.index));
+  const hits = (s) => counted(s.index, "aav-collision", index);
+  const bad = there.filter((s) => hits(s) > 0), good = there.filter((s) => !hits(s) && !s.oracle);
+  panes[0].subject = (bad[0] ?? there[0] ?? subjects[0]).index;
+  const other = good.filter((s) => s.index !== panes[0].subject);
+  panes[1].subject = (other[other.length - 1] ?? there.find((s) => s.index !== panes[0].subject) ?? null)?.index ?? null;
+}
+
+/** Shows where the AV is and was, and all whom it meets. */
+function fit() {
+  if (!scene) return;
+  const points = [];
+  for (const pane of panes) {
+    const part = pane.part(scene);
+    if (!part) continue;
+    points.push(...part.tracks[0]);
+    for (const e of part.events) if (e.metric.startsWith("aav-")) points.push(part.tracks[e.agent][Math.max(NOW, e.from - 15)]);
+  }
+  camera.fit(points.filter(Boolean));
+  camera.scale = Math.max(camera.scale, 2.2);
+  isDirty = true;
+}
+
+function resize() {
+  const changed = panes.map((pane) => !pane.root.hidden && pane.resize()).some(Boolean);
+  if (changed) isDirty = true;
+  return changed;
+}
+
+// ---- time
+
+export function seek(frame) {
+  time = Math.min(FRAMES - 1, Math.max(0, frame));
+  setPlaying(false);
+}
+
+function setPlaying(value) {
+  isPlaying = value;
+  if (isPlaying && time >= FRAMES - 1) time = NOW;
+  $("play").textContent = isPlaying ? "❚❚" : "▶";
+  $("play").setAttribute("aria-label", isPlaying ? "pause" : "play");
+  isDirty = true;
+  if (!isPlaying) onState();
+}
+
+let before = 0;
+function tick(now) {
+  const passed = Math.min((now - before) / 1000, 0.1);
+  before = now;
+  if (scene && !$("stage").hidden) {
+    if (isPlaying) {
+      time += passed * 10 * speed;
+      if (time > FRAMES - 1 + HOLD) time = NOW;
+      isDirty = true;
+    }
+    resize();
+    if (isDirty) {
+      isDirty = false;
+      draw();
+    }
+  }
+  requestAnimationFrame(tick);
+}
+
+function draw() {
+  const t = Math.min(time, FRAMES - 1);
+  const first = panes.map((p) => p.part(scene)).find(Boolean);
+  const av = first && between(first.tracks[0], t);
+  if (follow && av) [camera.x, camera.y] = [av.x, av.y];
+  for (const pane of panes) if (!pane.root.hidden) pane.draw(scene, t, layers, chosen);
+  $("time").textContent = seconds(t);
+  $("timeline").setAttribute("aria-valuenow", ((t - NOW) / 10).toFixed(1));
+  timeline(t);
+  now(Math.min(Math.round(t), FRAMES - 1));
+  const parts = panes.map((p) => p.part(scene));
+  const curves = (values) => parts.map((p, i) => p && { name: i ? "right" : "left", values: values(p), colour: colour(INKS[i]), dashed: i > 0 }).filter(Boolean);
+  const of = chosen ?? 0;
+  charts.speed.title = of === 0 ? "AV speed" : `Speed of ${scene.agents[of].id.slice(0, 14)}`;
+  charts.speed.draw([...curves((p) => p.tracks[of].map((s) => s?.v ?? NaN)), { name: "log", values: scene.agents[of].track.map((s) => s?.v ?? NaN), colour: colour("dim"), dashed: true }], t);
+  charts.ttc.draw(curves((p) => p.analysis.ttc.map((v) => v ?? NaN)), t);
+  charts.gap.draw(curves((p) => p.analysis.gap.map((v) => v ?? NaN)), t);
+}
+
+/** The bar of time: a lane for every simulator, with what happened there. */
+function timeline(t) {
+  const { c, width } = sharp($("timeline"));
+  if (!width) return;
+  const x = (f) => 8 + (f / (FRAMES - 1)) * (width - 16);
+  panes.forEach((pane, i) => {
+    const part = pane.part(scene), y = 12 + 16 * i;
+    c.fillStyle = colour("rule");
+    c.fillRect(x(0), y - 2, x(FRAMES - 1) - x(0), 4);
+    c.fillStyle = colour("center");
+    c.fillRect(x(0), y - 2, x(NOW) - x(0), 4);
+    for (const e of part?.events ?? []) {
+      const kind = eventKind(e);
+      if (!kind) continue;
+      c.fillStyle = colour(LOOKS[kind].fill);
+      c.strokeStyle = colour("text");
+      c.lineWidth = kind === "fault" ? 1.6 : 0.8;
+      c.globalAlpha = 0.55;
+      c.fillRect(x(e.from), y - 2, Math.max(2, x(e.to) - x(e.from)), 4);
+      c.globalAlpha = 1;
+      c.beginPath();
+      if (kind === "fault") c.arc(x(e.from), y, 5, 0, 7);
+      else if (kind === "risky") c.moveTo(x(e.from) - 4, y + 4), c.lineTo(x(e.from), y - 5), c.lineTo(x(e.from) + 4, y + 4), c.closePath();
+      else if (kind === "contact") c.rect(x(e.from) - 3.5, y - 3.5, 7, 7);
+      else c.rect(x(e.from) - 1.5, y - 4, 3, 8);
+      c.fill();
+      c.stroke();
+    }
+  });
+  c.font = "10px system-ui, sans-serif";
+  c.textAlign = "center";
+  for (let f = 0; f < FRAMES; f += 10) {
+    c.fillStyle = colour("dim");
+    c.fillText(`${(f - NOW) / 10}`, x(f), 46);
+  }
+  c.fillStyle = colour("text");
+  c.fillRect(x(t) - 1, 2, 2, 34);
+}
+
+/** What is so at this frame, beside what it is over the whole rollout. */
+function now(f) {
+  const covering = (part, id) => part.events.filter((e) => e.metric === id && e.from <= f && f <= e.to).length;
+  panes.forEach((pane, i) => {
+    const part = pane.part(scene);
+    for (const cell of $("now").querySelectorAll(`[data-pane="${i}"][data-now]`)) {
+      const id = cell.dataset.now;
+      const ttc = part?.analysis.ttc[f], gap = part?.analysis.gap[f];
+      cell.textContent = !part || f < NOW ? "–"
+        : id === "aav-collision" ? String(part.analysis.touching[f]?.size ?? 0)
+        : id === "aav-ttc" ? (ttc === null || ttc === undefined ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`)
+        : id === "gap" ? (gap === null || gap === undefined ? "–" : `${gap.toFixed(1)} m`)
+        : id === "ade" ? `${apart(part, f)} m`
+        : String(covering(part, id));
+      cell.classList.toggle("bad", (id === "aav-ttc" && ttc < RISKY) || (!["aav-ttc", "gap", "ade"].includes(id) && Number(cell.textContent) > 0));
+    }
+  });
+}
+
+/** Mean displacement of the agents from the log at a frame, metres. */
+function apart(part, f) {
+  let [sum, n] = [0, 0];
+  for (let i = 1; i < scene.agents.length; i++) {
+    const [a, b] = [part.tracks[i][f], scene.agents[i].track[f]];
+    if (a && b) [sum, n] = [sum + Math.hypot(a.x - b.x, a.y - b.y), n + 1];
+  }
+  return n ? (sum / n).toFixed(2) : "–";
+}
+
+/** All that does not change with time. */
+function refresh() {
+  panes.forEach((pane) => (pane.select.value = pane.subject ?? ""));
+  panes[1].root.hidden = panes[1].subject === null;
+  $("panes").classList.toggle("two", panes[1].subject !== null);
+  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade"].filter((id) => metric(id));
+  const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...panes.flatMap((pane, i) => (pane.subject === null ? [] : [
+    el("td", { class: "number", "data-pane": i, "data-now": id }),
+    el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(pane.subject, id, index)) : ""),
+  ])));
+  $("now").replaceChildren(
+    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, ""), ...panes.flatMap((pane, i) => (pane.subject === null ? [] : [el("th", { scope: "col", class: "number" }, `${i ? "right" : "left"} now`), el("th", { scope: "col", class: "number" }, "all")])))),
+    el("tbody", {}, ...shown.map((id) => row(id, `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
+  events();
+  isDirty = true;
+}
+
+function events() {
+  const all = panes.flatMap((pane, i) => (pane.part(scene)?.events ?? []).filter((e) => eventKind(e)).map((e) => ({ ...e, pane: i })));
+  all.sort((a, b) => a.from - b.from || a.pane - b.pane);
+  const words = (e) => {
+    const who = scene.agents[e.agent].id, partner = e.partner === undefined ? "" : ` with ${e.partner === 0 ? "the AV" : scene.agents[e.partner].id}`;
+    const values = (e.values ?? []).map(([k, v]) => `${k} ${v}`).join(", ");
+    return `${who}${partner}${e.reason ? `, ${e.reason.replaceAll("_", " ")}` : ""}${values ? ` (${values})` : ""}`;
+  };
+  $("events").replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
+    const kind = eventKind(e);
+    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => {
+      chosen = e.agent;
+      seek(e.from);
+    } }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${panes[1].subject === null ? "" : e.pane ? "right: " : "left: "}${LOOKS[kind].name}: ${words(e)}`));
+  }) : [el("li", { class: "dim" }, "Nothing was counted.")]));
+}
+
+// ---- pointer
+
+const hub = {
+  choose(pane, subject) {
+    panes[pane].subject = subject;
+    if (!scene) return;
+    refresh();
+    onState();
+  },
+  zoom(factor, x, y) {
+    camera.zoom(factor, x, y);
+    isDirty = true;
+  },
+  pan(dx, dy) {
+    setFollow(false);
+    camera.pan(dx, dy);
+    isDirty = true;
+  },
+  pick(pane, x, y) {
+    if (!scene) return;
+    chosen = pane.at(scene, Math.min(time, FRAMES - 1), x, y);
+    isDirty = true;
+  },
+  hover(pane, x, y, cx, cy) {
+    const tip = $("tip");
+    const i = pane && scene ? pane.at(scene, Math.min(time, FRAMES - 1), x, y) : null;
+    tip.hidden = i === null;
+    if (i === null) return;
+    const t = Math.min(Math.round(time), FRAMES - 1), part = pane.part(scene);
+    const [agent, track] = [scene.agents[i], part.tracks[i]];
+    const s = track[t], av = part.tracks[0][t];
+    const [a, b] = [track[t - 1], track[t + 1]];
+    const acceleration = a && b ? ((b.v - a.v) / 0.2).toFixed(1) : "–";
+    const ttc = i > 0 && s && av && agent.kind === "vehicle" ? approach(agent, s, scene.agents[0], av) : null;
+    const gone = scene.agents[i].track[t];
+    const fact = (name, text) => el("div", {}, el("span", { class: "dim" }, `${name} `), text);
+    tip.replaceChildren(...[
+      el("b", {}, i === 0 ? `AV (${agent.id})` : agent.id),
+      fact("class", `${agent.kind}, ${agent.length.toFixed(1)} × ${agent.width.toFixed(1)} m`),
+      fact("speed", s && Number.isFinite(s.v) ? `${s.v.toFixed(1)} m/s` : "–"),
+      fact("acceleration", `${acceleration} m/s²`),
+      i > 0 ? fact("TTC to the AV", ttc === null ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`) : null,
+      s && gone ? fact("from the log", `${Math.hypot(s.x - gone.x, s.y - gone.y).toFixed(1)} m`) : null,
+      part.states[i][t] ? fact("state", LOOKS[part.states[i][t]].name) : null,
+    ].filter(Boolean));
+    tip.style.left = `${Math.min(cx + 14, innerWidth - tip.offsetWidth - 8)}px`;
+    tip.style.top = `${Math.min(cy + 14, innerHeight - tip.offsetHeight - 8)}px`;
+  },
+};
+
+function setFollow(value) {
+  follow = value;
+  $("follow").setAttribute("aria-pressed", String(follow));
+  isDirty = true;
+}
+
+/** To the next event after now, or the last before. */
+function toEvent(direction) {
+  const all = [...new Set(panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => eventKind(e)).map((e) => e.from)) ?? []))].sort((a, b) => a - b);
+  const f = Math.round(time);
+  const next = direction > 0 ? all.find((e) => e > f) : all.findLast((e) => e < f);
+  if (next === undefined) toast(direction > 0 ? "no later event" : "no earlier event");
+  else seek(next);
+}
+
+function step(direction) {
+  const next = neighbour(direction);
+  if (next === null) toast(direction > 0 ? "this was the last one that is listed" : "this was the first one that is listed");
+  else show(next);
+}
+
+function saveStrip() {
+  const at = times($("strip-times").value);
+  if (!at) return toast("write up to 12 times between 0 and 8 s, such as 0, 2, 4, 6");
+  const rows = panes.map((p) => p.subject).filter((s) => s !== null);
+  save(`${scenarios.id[index].replace(/[^\w.-]+/g, "_")}.svg`, strip(scene, rows, at, camera, follow, layers, replanOf), "image/svg+xml");
+}
+
+/** What keys do: names of keys, words, and the deed. */
+export const KEYS = [
+  [[" "], "play or pause", () => setPlaying(!isPlaying)],
+  [["ArrowLeft"], "a frame back", () => seek(Math.round(time) - 1)],
+  [["ArrowRight"], "a frame on", () => seek(Math.round(time) + 1)],
+  [["shift ArrowLeft"], "a second back", () => seek(Math.round(time) - 10)],
+  [["shift ArrowRight"], "a second on", () => seek(Math.round(time) + 10)],
+  [["0"], "to step 0", () => seek(NOW)],
+  [["["], "event before", () => toEvent(-1)],
+  [["]"], "next event", () => toEvent(1)],
+  [["n"], "next scenario of the list", () => step(1)],
+  [["p"], "scenario before", () => step(-1)],
+  [["<"], "slower", () => faster(-1)],
+  [[">"], "faster", () => faster(1)],
+  [["v"], "follow the AV", () => setFollow(!follow)],
+  [["r"], "show everything", () => (setFollow(false), fit())],
+  [["+", "="], "closer", () => hub.zoom(1.25)],
+  [["-"], "farther", () => hub.zoom(0.8)],
+  [["g"], "the log as ghosts", () => toggle("ghosts")],
+  [["i"], "ids", () => toggle("ids")],
+];
+
+function faster(by) {
+  speed = SPEEDS[Math.min(SPEEDS.length - 1, Math.max(0, SPEEDS.indexOf(speed) + by))];
+  $("speed").value = speed;
+}
+
+function toggle(layer) {
+  layers[layer] = !layers[layer];
+  $(`layer-${layer}`).checked = layers[layer];
+  isDirty = true;
+}
+
+/** Answers a key; whether it was one of KEYS. */
+export function press(event) {
+  if (!scene) return false;
+  const name = event.shiftKey && event.key.startsWith("Arrow") ? `shift ${event.key}` : event.key;
+  const found = KEYS.find(([names]) => names.includes(name));
+  found?.[2]();
+  return !!found;
+}
+
+/** Makes the viewer. */
+export function viewer(changed) {
+  onState = changed;
+  panes = [0, 1].map((i) => new Pane(i, camera, hub, i > 0));
+  $("panes").replaceChildren(...panes.map((p) => p.root));
+  const seekable_ = (canvas) => seekable(canvas, (x, width) => ((x - 8) / (width - 16)) * (FRAMES - 1), (f) => {
+    // A press beside a mark is meant for it.
+    const marks = panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => eventKind(e))) ?? []);
+    const near = marks.filter((e) => Math.abs(e.from - f) < 0.8).sort((a, b) => Math.abs(a.from - f) - Math.abs(b.from - f))[0];
+    seek(near ? near.from : Math.round(f));
+  });
+  seekable_($("timeline"));
+  const chart = (id, about) => new Chart($(id), about, (f) => seek(Math.round(f)));
+  charts = {
+    speed: chart("chart-speed", { title: "Speed", unit: "m/s", floor: 5 }),
+    ttc: chart("chart-ttc", { title: "Time to collision", unit: "s", top: NO_RISK, line: RISKY, cap: NO_RISK }),
+    gap: chart("chart-gap", { title: "Nearest agent", unit: "m", top: 15 }),
+  };
+  $("layers").replaceChildren(...LAYERS.map(([name, label]) => el("label", {}, el("input", { type: "checkbox", id: `layer-${name}`, checked: layers[name], onchange: () => {
+    layers[name] = $(`layer-${name}`).checked;
+    isDirty = true;
+  } }), label)));
+  $("legend").replaceChildren(
+    el("li", {}, el("i", { class: "dot av" }), "AV"), el("li", {}, el("i", { class: "dot vehicle" }), "vehicle"), el("li", {}, el("i", { class: "dot pedestrian" }), "pedestrian"), el("li", {}, el("i", { class: "dot cyclist" }), "cyclist"), el("li", {}, el("i", { class: "dot ghost" }), "log"),
+    ...Object.entries(LOOKS).map(([kind, look]) => el("li", {}, el("i", { class: `dot ${kind}` }), look.name)));
+  $("speed").replaceChildren(...SPEEDS.map((s) => el("option", { value: s }, `${s}×`)));
+  $("speed").value = speed;
+  $("speed").onchange = () => (speed = Number($("speed").value));
+  $("play").onclick = () => setPlaying(!isPlaying);
+  $("back").onclick = () => seek(Math.round(time) - 1);
+  $("on").onclick = () => seek(Math.round(time) + 1);
+  $("event-before").onclick = () => toEvent(-1);
+  $("event-next").onclick = () => toEvent(1);
+  $("previous").onclick = () => step(-1);
+  $("next").onclick = () => step(1);
+  $("follow").onclick = () => setFollow(!follow);
+  $("fit").onclick = () => (setFollow(false), fit());
+  $("strip-save").onclick = saveStrip;
+  $("timeline").addEventListener("keydown", (event) => {
+    const to = { Home: NOW, End: FRAMES - 1 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    seek(to);
+  });
+  onChange(() => {
+    panes.forEach((p) => p.road.forget());
+    isDirty = true;
+  });
+  requestAnimationFrame(tick);
+}

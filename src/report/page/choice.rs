@@ -1,0 +1,52 @@
+//! Which scenes a page shows where it does not hold all of them.
+
+use super::gallery::Gallery;
+
+/// What makes a scenario worth a look: metrics of which one simulator has something to count and another has not, most telling first.
+const TELLING: [&str; 4] = ["aav-collision", "aav-ttc", "aa-collision", "offroad"];
+
+impl Gallery {
+    /// The numbers of at most `count` scenarios that can be drawn, in their order. Those come first in which simulators differ most, the
+    /// categories in turn, so that none takes all places.
+    pub(super) fn choose(&self, count: usize) -> Vec<usize> {
+        let mut queues: Vec<(Option<&str>, Vec<(f64, usize)>)> = Vec::new();
+        for (index, scenario) in self.scenarios.iter().enumerate().filter(|(i, _)| self.has_scene(*i)) {
+            let category = scenario.category.as_deref();
+            let at = queues.iter().position(|(c, _)| *c == category).unwrap_or_else(|| {
+                queues.push((category, Vec::new()));
+                queues.len() - 1
+            });
+            queues[at].1.push((self.contrast(index), index));
+        }
+        for (_, queue) in &mut queues {
+            queue.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        }
+        let longest = queues.iter().map(|(_, q)| q.len()).max().unwrap_or(0);
+        let in_turn = (0..longest).flat_map(|rank| queues.iter().filter_map(move |(_, q)| q.get(rank)));
+        let mut chosen: Vec<usize> = in_turn.take(count).map(|(_, index)| *index).collect();
+        chosen.sort_unstable();
+        chosen
+    }
+
+    /// How much the simulators that do not know the future differ in a scenario.
+    fn contrast(&self, index: usize) -> f64 {
+        let mut weight = 1.0;
+        let mut contrast = 0.0;
+        for metric in TELLING {
+            let counts = self.subjects.iter().filter(|s| !s.oracle).filter_map(|subject| {
+                let place = self.scenarios[index].places[subject.run]?;
+                let archive = &self.runs[subject.run].archive;
+                let done = archive.tally().has(place, subject.simulator);
+                done.then(|| archive.counted(place, subject.simulator, metric) > 0)
+            });
+            let (with, all) = counts.fold((0.0, 0.0), |(with, all), hit| (with + f64::from(hit), all + 1.0));
+            if all > 0.0 {
+                // Greatest where one half differs from the other.
+                let share: f64 = with / all;
+                contrast += weight * share * (1.0 - share);
+            }
+            weight *= 0.25;
+        }
+        contrast
+    }
+}

@@ -1,0 +1,203 @@
+//! The numbers of a page, as JSON.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::Serialize;
+
+use super::PageError;
+use super::gallery::Gallery;
+use crate::evaluation::{Summary, program_commit, program_version};
+use crate::metrics::{METRICS, Unit};
+use crate::report::table::{self, Column};
+use crate::report::{Run, exporter};
+
+/// Forms of the results that can be saved from the page.
+const DOWNLOADS: [(&str, &str); 3] = [("csv", "results.csv"), ("json", "results.json"), ("latex", "results.tex")];
+
+/// All numbers of a page.
+#[derive(Serialize)]
+pub(super) struct Data<'a> {
+    version: &'static str,
+    commit: &'static str,
+    /// Whether scenes are asked for; else those that there are lie in the page.
+    live: bool,
+    /// What lacks for scenes.
+    lacks: Vec<String>,
+    metrics: Vec<MetricData>,
+    /// Metrics of the main table.
+    columns: Vec<&'static str>,
+    runs: Vec<RunData<'a>>,
+    subjects: Vec<SubjectData<'a>>,
+    scenarios: ScenarioData<'a>,
+    downloads: Vec<Download>,
+}
+
+#[derive(Serialize)]
+struct MetricData {
+    id: &'static str,
+    title: &'static str,
+    unit: &'static str,
+    lower_is_better: bool,
+    source: &'static str,
+}
+
+#[derive(Serialize)]
+struct RunData<'a> {
+    name: &'a str,
+    /// The study that it belongs to, and what it is there.
+    study: &'a Option<(String, String)>,
+    /// What was run, in one line.
+    about: String,
+    summary: &'a Summary,
+}
+
+#[derive(Serialize)]
+struct SubjectData<'a> {
+    run: usize,
+    id: &'a str,
+    title: &'a str,
+    oracle: bool,
+}
+
+/// The scenarios, column by column.
+#[derive(Serialize)]
+struct ScenarioData<'a> {
+    id: Vec<&'a str>,
+    category: Vec<Option<&'a str>>,
+    /// Whether there is a scene.
+    scene: Vec<u8>,
+    /// Per run: what the deviated AV differs in from the logged one, by name of the statistic.
+    deviation: Vec<BTreeMap<&'a str, Vec<Option<f64>>>>,
+    /// Per subject and metric (in their order); empty where a metric has no value at all.
+    values: Vec<Vec<Vec<Option<f64>>>>,
+    /// Per subject and metric: events that count, in all rollouts; empty where there are none.
+    events: Vec<Vec<Vec<u32>>>,
+}
+
+#[derive(Serialize)]
+struct Download {
+    name: &'static str,
+    text: String,
+}
+
+/// As many digits as anybody reads; the summary has them all.
+fn short(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
+impl Gallery {
+    /// The data of the page. `scenes` are the scenarios that have one.
+    pub(super) fn data(&self, scenes: &BTreeSet<usize>, live: bool) -> Result<Data<'_>, PageError> {
+        let runs: Vec<Run<'_>> =
+            self.runs.iter().map(|r| Run { name: &r.name, summary: r.archive.summary() }).collect();
+        let summaries: Vec<&Summary> = runs.iter().map(|r| r.summary).collect();
+        let mut downloads = Vec::new();
+        for (form, name) in DOWNLOADS {
+            let mut text = Vec::new();
+            if let Some(exporter) = exporter(form) {
+                exporter.export(&runs, &mut text)?;
+            }
+            downloads.push(Download { name, text: String::from_utf8_lossy(&text).into_owned() });
+        }
+        Ok(Data {
+            version: program_version(),
+            commit: program_commit(),
+            live,
+            lacks: self.lacks(),
+            metrics: METRICS
+                .iter()
+                .map(|m| m.spec())
+                .map(|spec| MetricData {
+                    id: spec.id,
+                    title: spec.title,
+                    unit: match spec.unit {
+                        Unit::Count => "count",
+                        Unit::Rate => "rate",
+                        Unit::Metres => "m",
+                        Unit::Plain => "",
+                    },
+                    lower_is_better: spec.lower_is_better,
+                    source: spec.source,
+                })
+                .collect(),
+            columns: Column::used(&summaries).iter().map(|c| c.metric).collect(),
+            runs: self
+                .runs
+                .iter()
+                .zip(&runs)
+                .map(|(shown, run)| RunData {
+                    name: &shown.name,
+                    study: &shown.study,
+                    about: table::provenance(run),
+                    summary: run.summary,
+                })
+                .collect(),
+            subjects: self
+                .subjects
+                .iter()
+                .map(|s| SubjectData { run: s.run, id: &s.id, title: &s.title, oracle: s.oracle })
+                .collect(),
+            scenarios: self.scenario_data(scenes),
+            downloads,
+        })
+    }
+
+    fn scenario_data(&self, scenes: &BTreeSet<usize>) -> ScenarioData<'_> {
+        let entry = |run: usize, place| self.runs[run].archive.tally().entries.get(&place);
+        let deviation = (0..self.runs.len()).map(|run| {
+            let mut columns: BTreeMap<&str, Vec<Option<f64>>> = BTreeMap::new();
+            for (i, scenario) in self.scenarios.iter().enumerate() {
+                let Some(entry) = scenario.places[run].and_then(|place| entry(run, place)) else { continue };
+                for (name, value) in &entry.deviation {
+                    let column = columns.entry(name).or_insert_with(|| vec![None; self.scenarios.len()]);
+                    column[i] = Some(short(*value));
+                }
+            }
+            columns
+        });
+        let values = self.subjects.iter().map(|subject| {
+            let metrics = METRICS.iter().enumerate().map(|(m, _)| {
+                let column: Vec<Option<f64>> = self
+                    .scenarios
+                    .iter()
+                    .map(|scenario| {
+                        let entry = entry(subject.run, scenario.places[subject.run]?)?;
+                        entry.cells[subject.simulator].as_ref()?.values[m].map(short)
+                    })
+                    .collect();
+                if column.iter().all(Option::is_none) { Vec::new() } else { column }
+            });
+            metrics.collect()
+        });
+        let events = self.subjects.iter().map(|subject| {
+            let archive = &self.runs[subject.run].archive;
+            let metrics = METRICS.iter().map(|metric| {
+                let count = |place| archive.counted(place, subject.simulator, metric.spec().id);
+                let column: Vec<u32> =
+                    self.scenarios.iter().map(|s| s.places[subject.run].map_or(0, count)).collect();
+                if column.iter().all(|n| *n == 0) { Vec::new() } else { column }
+            });
+            metrics.collect()
+        });
+        ScenarioData {
+            id: self.scenarios.iter().map(|s| s.id.as_str()).collect(),
+            category: self.scenarios.iter().map(|s| s.category.as_deref()).collect(),
+            scene: (0..self.scenarios.len()).map(|i| u8::from(scenes.contains(&i))).collect(),
+            deviation: deviation.collect(),
+            values: values.collect(),
+            events: events.collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn six_digits_are_kept() {
+        assert_eq!(short(0.123_456_789), 0.123_457);
+        assert_eq!(short(-1_234_567.0), -1_234_570.0);
+        assert_eq!(short(0.0), 0.0);
+    }
+}

@@ -1,0 +1,92 @@
+//! One scenario with what simulators did in it, as JSON.
+
+use serde::Serialize;
+use serde_json::value::RawValue;
+
+use super::tracks::spans;
+use crate::evaluation::EventRecord;
+use crate::scene::{Frame, Scenario};
+use crate::web::sketch;
+
+/// Version of the form.
+const VERSION: u32 = 1;
+
+/// What one simulator did.
+pub(super) struct Performance {
+    /// Number of the subject.
+    pub(super) subject: usize,
+    /// Per agent of the scenario 91 frames.
+    pub(super) tracks: Vec<Vec<Frame>>,
+    /// What was counted in this rollout.
+    pub(super) events: Vec<EventRecord>,
+}
+
+#[derive(Serialize)]
+struct Scene<'a> {
+    v: u32,
+    id: &'a str,
+    source: &'a str,
+    /// Map, lights and log ([`sketch`]).
+    sketch: Box<RawValue>,
+    subjects: Vec<Subject<'a>>,
+}
+
+#[derive(Serialize)]
+struct Subject<'a> {
+    subject: usize,
+    /// Per agent its spans.
+    tracks: Vec<Vec<Vec<i64>>>,
+    events: Vec<Happening<'a>>,
+}
+
+/// An event; agents by their places in the scenario.
+#[derive(Serialize)]
+struct Happening<'a> {
+    metric: &'a str,
+    agent: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    partner: Option<usize>,
+    step: usize,
+    last: usize,
+    counted: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<&'a str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    values: Vec<(&'a str, f64)>,
+}
+
+/// The JSON of a scene.
+pub(super) fn scene(scenario: &Scenario, performances: &[Performance]) -> serde_json::Result<String> {
+    let place = |id: &str| scenario.start.agents.iter().position(|a| a.id == id);
+    let subjects = performances.iter().map(|performance| Subject {
+        subject: performance.subject,
+        tracks: performance.tracks.iter().map(|track| spans(track)).collect(),
+        events: performance
+            .events
+            .iter()
+            .filter_map(|event| {
+                Some(Happening {
+                    metric: &event.metric,
+                    agent: place(&event.agent)?,
+                    partner: event.partner.as_deref().and_then(place),
+                    step: event.step,
+                    last: event.last_step,
+                    counted: event.counted,
+                    reason: event.reason.as_deref(),
+                    values: event
+                        .values
+                        .iter()
+                        .map(|(n, v)| (n.as_str(), (v * 1e3).round() / 1e3))
+                        .collect(),
+                })
+            })
+            .collect(),
+    });
+    serde_json::to_string(&Scene {
+        v: VERSION,
+        id: &scenario.id,
+        source: &scenario.source,
+        sketch: RawValue::from_string(sketch(scenario))?,
+        subjects: subjects.collect(),
+    })
+}
