@@ -31,8 +31,5 @@ pub const SHARED: &[Asset] = &[
 ];
 
 /// The colours of all pages.
-pub const PALETTE: Asset = Asset {
-    name: "palette.css",
-    kind: "text/css; charset=utf-8",
-    text: include_str!("assets/palette.css"),
-};
+pub const PALETTE: Asset =
+    Asset { name: "palette.css", kind: "text/css; charset=utf-8", text: include_str!("assets/palette.css") };

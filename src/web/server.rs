@@ -87,8 +87,7 @@ impl Loopback {
         let told = Arc::clone(&ended);
         runtime.block_on(async move {
             let listener = TcpListener::from_std(listener).map_err(&refuse)?;
-            let router =
-                router.layer(middleware::from_fn_with_state(Guard::new(&token, port, &site), guard));
+            let router = router.layer(middleware::from_fn_with_state(Guard::new(&token, port, &site), guard));
             let graceful = stop.0.clone();
             let server = axum::serve(listener, router).with_graceful_shutdown(async move {
                 graceful.notified().await;

@@ -66,7 +66,8 @@ impl Browser {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let (socket, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), stream).unwrap();
         let (errors, requests) = (Vec::new(), Vec::new());
-        let mut browser = Self { process, socket, session: None, sent: 0, errors, requests, _profile: profile };
+        let mut browser =
+            Self { process, socket, session: None, sent: 0, errors, requests, _profile: profile };
         let target = browser.call("Target.createTarget", json!({"url": "about:blank"}));
         let attached =
             browser.call("Target.attachToTarget", json!({"targetId": target["targetId"], "flatten": true}));
@@ -128,7 +129,11 @@ impl Browser {
     }
 
     pub(crate) fn press(&mut self, key: &str) {
-        self.call("Input.dispatchKeyEvent", json!({"type": "keyDown", "key": key, "text": key}));
+        let mut down = json!({"type": "keyDown", "key": key});
+        if key.chars().count() == 1 {
+            down["text"] = key.into();
+        }
+        self.call("Input.dispatchKeyEvent", down);
         self.call("Input.dispatchKeyEvent", json!({"type": "keyUp", "key": key}));
     }
 

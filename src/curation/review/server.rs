@@ -87,8 +87,10 @@ impl ReviewServer {
     /// # Errors
     /// When the port is lost.
     pub fn run(self, stop: &Stop) -> Result<(), ReviewError> {
-        let site =
-            Site { hint: "open the address that `reactsim curate review` printed", policy: POLICY.to_owned() };
+        let site = Site {
+            hint: "open the address that `reactsim curate review` printed",
+            policy: POLICY.to_owned(),
+        };
         Ok(self.loopback.run(routes::router(self.desk), site, stop)?)
     }
 }

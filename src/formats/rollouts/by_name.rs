@@ -43,7 +43,9 @@ impl ByName {
             let rollout = View::find(&batch, "rollout", Leaf::Whole, 0).map_err(refuse)?;
             for row in 0..batch.num_rows() {
                 // A row without a name is nobody's.
-                let Some((scenario, simulator)) = scenario.text(row).zip(simulator.text(row)) else { continue };
+                let Some((scenario, simulator)) = scenario.text(row).zip(simulator.text(row)) else {
+                    continue;
+                };
                 let rollout = rollout.as_ref().and_then(|r| r.whole(row)).unwrap_or(0);
                 let name = (scenario.to_owned(), simulator.to_owned(), rollout);
                 places.entry(name).or_insert((group, row));

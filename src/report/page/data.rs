@@ -12,7 +12,8 @@ use crate::report::table::{self, Column};
 use crate::report::{Run, exporter};
 
 /// Forms of the results that can be saved from the page.
-const DOWNLOADS: [(&str, &str); 3] = [("csv", "results.csv"), ("json", "results.json"), ("latex", "results.tex")];
+const DOWNLOADS: [(&str, &str); 3] =
+    [("csv", "results.csv"), ("json", "results.json"), ("latex", "results.tex")];
 
 /// All numbers of a page.
 #[derive(Serialize)]

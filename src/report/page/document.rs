@@ -143,7 +143,9 @@ mod tests {
         assert!(!script.contains("</script") && !script.contains("<!--"));
         // What the bundle leaves of modules would not run in a page.
         assert!(!script.contains("\nimport ") && !script.contains("\nexport "));
-        for mark in ["<!--policy-->", "/*palette*/", "/*style*/", "<!--data-->", "<!--scenes-->", "/*script*/"] {
+        for mark in
+            ["<!--policy-->", "/*palette*/", "/*style*/", "<!--data-->", "<!--scenes-->", "/*script*/"]
+        {
             assert_eq!(PAGE.matches(mark).count(), 1, "{mark}");
         }
     }

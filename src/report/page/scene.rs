@@ -73,11 +73,7 @@ pub(super) fn scene(scenario: &Scenario, performances: &[Performance]) -> serde_
                     last: event.last_step,
                     counted: event.counted,
                     reason: event.reason.as_deref(),
-                    values: event
-                        .values
-                        .iter()
-                        .map(|(n, v)| (n.as_str(), (v * 1e3).round() / 1e3))
-                        .collect(),
+                    values: event.values.iter().map(|(n, v)| (n.as_str(), (v * 1e3).round() / 1e3)).collect(),
                 })
             })
             .collect(),

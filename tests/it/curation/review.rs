@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::{Duration, UNIX_EPOCH};
 
-use reactsim::curation::review::{
-    Journal, ReviewError, ReviewOptions, ReviewServer, candidate_digest,
-};
+use reactsim::curation::review::{Journal, ReviewError, ReviewOptions, ReviewServer, candidate_digest};
 use reactsim::curation::store::Store;
 use reactsim::curation::{Decision, ScenarioRecord};
 use reactsim::formats;

@@ -105,7 +105,7 @@ function heads() {
     ...columns.map((s) => head(s.name, s.index, `${s.name}: ${titled(metric(state.metric))}`, true)));
   const grid = `18px minmax(110px, 1.6fr) 96px repeat(${columns.length}, minmax(64px, 1fr))`;
   $("list-scroll").style.setProperty("--grid", grid);
-  $("list-scroll").style.setProperty("--least", `${224 + 64 * columns.length}px`);
+  $("list-scroll").style.setProperty("--least", `${270 + 74 * columns.length}px`);
 }
 
 function refresh() {

@@ -1,0 +1,505 @@
+//! The report page: what it says equals what the run found, it works by mouse, keyboard and address, and nothing of a run becomes markup.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::{Value, json};
+
+use crate::chromium::{Browser, chromium};
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+const MODELS: &str = "log-replay,constant-velocity,stop,idm";
+/// Longest answer to anything that is done to the list, milliseconds.
+const PROMPT: f64 = 100.0;
+
+fn reactsim(arguments: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
+}
+
+/// What a command says on stderr that ends with this code.
+fn said(arguments: &[&str], code: i32) -> String {
+    let output = reactsim(arguments);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{text}");
+    text
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A run of the scenarios at a path with its page, and the page's address.
+fn page(folder: &Path, scenarios: &str, options: &[&str]) -> (PathBuf, String) {
+    let (run, page) = (folder.join("run"), folder.join("page.html"));
+    said(&["run", scenarios, "--models", MODELS, "--out", text(&run), "--keep-rollouts"], 0);
+    let begin = ["report", text(&run), "--format", "html", "--scenarios", scenarios, "--out", text(&page)];
+    assert_eq!(said(&[&begin, options].concat(), 0), "");
+    let address = format!("file://{}", page.display());
+    (run, address)
+}
+
+fn json_of(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn lines_of(path: &Path) -> Vec<Value> {
+    fs::read_to_string(path).unwrap().lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+}
+
+fn open(page: &mut Browser, address: &str) {
+    page.open("about:blank");
+    page.requests.clear();
+    page.open(address);
+    page.until("document.body?.dataset.ready === 'yes'");
+}
+
+fn clean(page: &Browser) {
+    assert_eq!(page.errors, Vec::<String>::new());
+    let foreign = |url: &&String| !["file:", "data:", "blob:", "about:"].iter().any(|s| url.starts_with(s));
+    assert_eq!(page.requests.iter().find(foreign), None);
+    assert_eq!(page.requests.iter().filter(|url| url.starts_with("file:")).count(), 1);
+}
+
+#[test]
+fn the_page_says_what_the_run_found() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let folder = tempfile::tempdir().unwrap();
+    let (run, address) = page(folder.path(), MINI, &["--all"]);
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &address);
+
+    // The table: every number of the summary, the best in bold but never an oracle.
+    let summary = json_of(&run.join("summary.json"));
+    let cells = page.evaluate(
+        "[...document.querySelectorAll('#main-table tbody tr')].flatMap(r => [...r.querySelectorAll('td[data-mean]')].map(c => \
+         [r.querySelector('th').textContent, c.dataset.metric, Number(c.dataset.mean), c.firstChild.textContent, !!c.querySelector('strong')]))",
+    );
+    let cells = cells.as_array().unwrap();
+    let ids: BTreeMap<String, &Value> = summary["provenance"]["simulators"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| (s["title"].as_str().unwrap().to_owned(), s))
+        .collect();
+    assert!(cells.len() >= 4 * 8, "{}", cells.len());
+    let mut best: BTreeMap<&str, f64> = BTreeMap::new();
+    for cell in cells {
+        let title = cell[0].as_str().unwrap();
+        let metric = cell[1].as_str().unwrap();
+        let simulator = ids[title.trim_end_matches(" †")];
+        let mean = &summary["simulators"][simulator["id"].as_str().unwrap()]["metrics"][metric]["mean"];
+        assert_eq!(cell[2].as_f64(), mean.as_f64(), "{title} {metric}");
+        assert_eq!(title.ends_with(" †"), simulator["oracle"] == true);
+        if simulator["oracle"] != true && metric != "progress" {
+            let least = best.entry(metric).or_insert(f64::INFINITY);
+            *least = least.min(cell[2].as_f64().unwrap());
+        }
+    }
+    for cell in cells.iter().filter(|c| c[1] != "progress") {
+        let fair = !cell[0].as_str().unwrap().ends_with(" †");
+        let is_least = cell[2].as_f64().unwrap() <= best[cell[1].as_str().unwrap()];
+        assert!(!is_least || !fair || cell[4] == true, "{cell}");
+        assert!(fair || cell[4] == false, "{cell}");
+    }
+    let table = String::from_utf8(reactsim(&["report", text(&run)]).stdout).unwrap();
+    for cell in cells {
+        assert!(table.contains(&format!(" {} ", cell[3].as_str().unwrap())), "{cell}");
+    }
+
+    // Sorting turns the rows; the categories have tables of their own.
+    page.evaluate("document.querySelector('#main-table [data-key=\"ade\"]').click()");
+    let order = page.evaluate(
+        "[...document.querySelectorAll('#main-table td[data-metric=\"ade\"]')].map(c => Number(c.dataset.mean))",
+    );
+    let order: Vec<f64> = order.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    assert!(order.is_sorted() && order.len() == 4, "{order:?}");
+    page.evaluate("document.querySelector('#parts [data-part=\"longitudinal\"]').click()");
+    let mean = page.evaluate(
+        "Number(document.querySelector('#main-table tr[data-subject=\"3\"] td[data-metric=\"aav-ttc\"]').dataset.mean)",
+    );
+    let expected = &summary["simulators"]["idm"]["by_category"]["longitudinal"]["metrics"]["aav-ttc"]["mean"];
+    assert_eq!(mean.as_f64(), expected.as_f64());
+
+    // The charts stand on the files of the run.
+    let points = page.evaluate(
+        "[...document.querySelectorAll('[data-chart=\"endpoints\"] path[data-x]')].map(p => [p.querySelector('title').textContent, Number(p.dataset.x), Number(p.dataset.y)])",
+    );
+    let mut expected: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+    for row in lines_of(&run.join("rows.jsonl")) {
+        let of = |name: &str| row["deviation"][name].as_f64();
+        if let Some(xy) = of("endpoint_longitudinal").zip(of("endpoint_lateral"))
+            && row["category"].is_string()
+        {
+            expected.insert(row["scenario"].as_str().unwrap().to_owned(), xy);
+        }
+    }
+    let points = points.as_array().unwrap();
+    assert_eq!(points.len(), expected.len());
+    for point in points {
+        let (x, y) = expected[point[0].as_str().unwrap()];
+        for (shown, value) in [(&point[1], x), (&point[2], y)] {
+            assert!((shown.as_f64().unwrap() - value).abs() <= 1e-5 * value.abs(), "{point} {x} {y}");
+        }
+    }
+    let counts = page.evaluate(
+        "[...document.querySelectorAll('[data-chart=\"count-aav-collision\"] path[data-x]')].map(p => Number(p.dataset.x))",
+    );
+    let means: Vec<f64> = ["log-replay", "constant-velocity", "stop", "idm"]
+        .map(|id| summary["simulators"][id]["metrics"]["aav-collision"]["mean"].as_f64().unwrap())
+        .to_vec();
+    let counts: Vec<f64> = counts.as_array().unwrap().iter().filter_map(Value::as_f64).collect();
+    assert_eq!(counts, means);
+
+    // Every download is what the program prints.
+    page.evaluate("window.saved = {}; const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    for (name, format) in [("results.csv", "csv"), ("results.json", "json"), ("results.tex", "latex")] {
+        let script = format!(
+            "(async () => {{ [...document.querySelectorAll('#downloads button')].find(b => b.textContent === '{name}').click(); return await window.last.text(); }})()"
+        );
+        let expected = reactsim(&["report", text(&run), "--format", format]).stdout;
+        assert_eq!(page.evaluate(&script).as_str().unwrap().as_bytes(), expected, "{name}");
+    }
+    // A figure is saved with its colours.
+    let figure = page.evaluate("(async () => { document.querySelector('.card button').click(); return await window.last.text(); })()");
+    let figure = figure.as_str().unwrap();
+    assert!(figure.starts_with("<svg") && figure.contains("rgb(") && !figure.contains("var("), "{figure}");
+    clean(&page);
+}
+
+#[test]
+fn the_viewer_is_worked_by_mouse_keys_and_address() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let folder = tempfile::tempdir().unwrap();
+    let (run, address) = page(folder.path(), MINI, &["--all"]);
+    let events = lines_of(&run.join("events.jsonl"));
+    let hit = events
+        .iter()
+        .find(|e| e["metric"] == "aav-collision" && e["simulator"] == "log-replay" && e["counted"] == true)
+        .unwrap();
+    let (scenario, step) = (hit["scenario"].as_str().unwrap(), hit["step"].as_u64().unwrap());
+    let mut page = Browser::new(&chromium);
+
+    // An address names scenario, time and simulators.
+    open(&mut page, &format!("{address}#scenario={scenario}&t=1.5&left=log-replay&right=idm"));
+    page.until("!document.getElementById('stage').hidden");
+    assert_eq!(page.text("scene-id"), scenario);
+    page.until("document.getElementById('time').textContent === '1.5 s'");
+    let chosen = "[0, 1].map(i => document.getElementById(`pane-${i}`).selectedOptions[0].textContent)";
+    assert_eq!(page.evaluate(chosen), json!(["Log Replay †", "IDM"]));
+
+    // To the event: by its entry in the list, then by keys.
+    page.evaluate(&format!(
+        "[...document.querySelectorAll('button.event')].find(b => b.textContent.includes('left: at fault') && b.dataset.from === '{}').click()",
+        step + 10
+    ));
+    let time = format!("{:.1} s", step as f64 / 10.0);
+    page.until(&format!("document.getElementById('time').textContent === '{time}'"));
+    page.until("Number(document.querySelector('#now [data-pane=\"0\"][data-now=\"aav-collision\"]').textContent) > 0");
+    assert_eq!(
+        page.evaluate(
+            "document.querySelector('#now [data-pane=\"1\"][data-now=\"aav-collision\"]').textContent"
+        ),
+        "0"
+    );
+    page.press("0");
+    page.until("document.getElementById('time').textContent === '0.0 s'");
+    page.evaluate("document.activeElement.blur()");
+    page.press("]");
+    page.until("document.getElementById('time').textContent !== '0.0 s'");
+    page.press("[");
+    page.press("0");
+    page.press(" ");
+    page.until("parseFloat(document.getElementById('time').textContent) > 0.4");
+    page.press(" ");
+    page.evaluate("window.paused = document.getElementById('time').textContent");
+    page.evaluate("new Promise(r => setTimeout(r, 200))");
+    assert_eq!(page.evaluate("window.paused === document.getElementById('time').textContent"), true);
+    let shared = page.evaluate("location.hash").as_str().unwrap().to_owned();
+    assert!(shared.contains(&format!("scenario={scenario}")) && shared.contains("right=idm"), "{shared}");
+
+    // Both views show the same place; the picture differs from one time to the other.
+    let picture = "document.querySelector('.pane canvas').toDataURL()";
+    page.press("0");
+    page.until("document.getElementById('time').textContent === '0.0 s'");
+    page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
+    let before = page.evaluate(picture);
+    for _ in 0..4 {
+        page.press("ArrowRight");
+    }
+    page.until("document.getElementById('time').textContent === '0.4 s'");
+    page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
+    assert_ne!(page.evaluate(picture), before);
+    // Layers can be taken away.
+    page.evaluate("document.getElementById('layer-map').click()");
+    page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
+
+    // The list by keys alone: the second row, then the viewer shows it.
+    page.evaluate("document.getElementById('list').focus()");
+    for key in ["Home", "ArrowDown", "Enter"] {
+        page.press(key);
+    }
+    let second = page.evaluate("document.querySelectorAll('#list-body .row')[1].dataset.scenario");
+    page.until(&format!("document.body.dataset.scenario === '{}'", second.as_str().unwrap()));
+
+    // A filter and an order.
+    page.evaluate("const f = document.getElementById('list-condition'); f.value = 'differ'; f.dispatchEvent(new Event('change'))");
+    let differ: usize =
+        page.evaluate("parseInt(document.getElementById('list-count').textContent)").as_u64().unwrap()
+            as usize;
+    let mut hits: BTreeMap<&str, std::collections::BTreeSet<&str>> = BTreeMap::new();
+    for e in events.iter().filter(|e| e["metric"] == "aav-collision" && e["counted"] == true) {
+        hits.entry(e["scenario"].as_str().unwrap()).or_default().insert(e["simulator"].as_str().unwrap());
+    }
+    let fair = ["constant-velocity", "stop", "idm"];
+    let expected = hits.values().filter(|h| {
+        let n = fair.iter().filter(|s| h.contains(*s)).count();
+        n > 0 && n < fair.len()
+    });
+    assert_eq!(differ, expected.count());
+
+    // A case study is one drawing with a panel for every simulator and time.
+    page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    open(&mut page, &format!("{address}#scenario={scenario}&t=0&left=log-replay&right=idm"));
+    page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    page.until("!document.getElementById('stage').hidden");
+    let strip = page.evaluate(
+        "(async () => { const t = document.getElementById('strip-times'); t.value = '0, 2.5, 5'; document.getElementById('strip-save').click(); const text = await window.last.text(); \
+         const xml = new DOMParser().parseFromString(text, 'image/svg+xml'); return [xml.querySelector('parsererror') === null, xml.querySelectorAll('svg svg').length, text.length, /NaN|undefined|var\\(/.test(text)]; })()",
+    );
+    assert_eq!((&strip[0], &strip[1], &strip[3]), (&json!(true), &json!(6), &json!(false)), "{strip}");
+    clean(&page);
+}
+
+#[test]
+fn names_of_scenarios_and_simulators_are_text() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let folder = tempfile::tempdir().unwrap();
+    let hostile = "</script><img src=x onerror=\"window.hacked = 1\">&amp;<!--";
+    let mut scenario = json_of(&Path::new(MINI).join("crossing.json"));
+    scenario["id"] = hostile.into();
+    for (i, agent) in scenario["agents"].as_array_mut().unwrap().iter_mut().enumerate() {
+        agent["id"] = format!("{i}<b onmouseover=alert(1)>{hostile}").into();
+    }
+    scenario["av"] = Value::Null;
+    scenario.as_object_mut().unwrap().remove("av");
+    let file = folder.path().join("hostile.json");
+    fs::write(&file, scenario.to_string()).unwrap();
+    let (run, address) = page(folder.path(), text(&file), &["--all"]);
+    let mut summary = json_of(&run.join("summary.json"));
+    summary["provenance"]["simulators"][1]["title"] = format!("CV {hostile}").into();
+    fs::write(run.join("summary.json"), summary.to_string()).unwrap();
+    let path = folder.path().join("page.html");
+    said(&["report", text(&run), "--format", "html", "--scenarios", text(&file), "--out", text(&path)], 0);
+
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &address);
+    page.until("!document.getElementById('stage').hidden");
+    assert_eq!(page.text("scene-id"), hostile);
+    assert_eq!(page.evaluate("document.querySelector('#list-body .row .id').textContent"), hostile);
+    assert_eq!(
+        page.evaluate("document.querySelector('#main-table tr[data-subject=\"1\"] th').textContent"),
+        format!("CV {hostile}")
+    );
+    page.evaluate("document.getElementById('layer-ids').click()");
+    page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    let strip = page.evaluate(
+        "(async () => { document.getElementById('strip-save').click(); const xml = new DOMParser().parseFromString(await window.last.text(), 'image/svg+xml'); \
+         return [xml.querySelector('parsererror') === null, xml.querySelectorAll('img, script').length]; })()",
+    );
+    assert_eq!(strip, json!([true, 0]));
+    assert_eq!(
+        page.evaluate("[typeof window.hacked, document.querySelectorAll('img').length]"),
+        json!(["undefined", 0])
+    );
+    clean(&page);
+}
+
+/// A run folder as large as the paper's benchmark, made of a small one.
+fn multiplied(run: &Path, to: &Path, scenarios: usize) {
+    fs::create_dir(to).unwrap();
+    for name in ["summary.json", "provenance.json"] {
+        fs::copy(run.join(name), to.join(name)).unwrap();
+    }
+    for name in ["rows.jsonl", "events.jsonl"] {
+        let mut by_record: BTreeMap<u64, Vec<Value>> = BTreeMap::new();
+        for line in lines_of(&run.join(name)) {
+            by_record.entry(line["input"].as_u64().unwrap()).or_default().push(line);
+        }
+        let kinds: Vec<Vec<Value>> = by_record.into_values().collect();
+        let mut out = String::new();
+        for i in 0..scenarios {
+            for mut line in kinds[i % kinds.len()].clone() {
+                line["record"] = (i / kinds.len()).into();
+                let id = format!("{}-{i:04}", line["scenario"].as_str().unwrap());
+                line["scenario"] = id.into();
+                out.push_str(&format!("{line}\n"));
+            }
+        }
+        fs::write(to.join(name), out).unwrap();
+    }
+}
+
+#[test]
+fn thousands_of_scenarios_are_listed_without_delay() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let folder = tempfile::tempdir().unwrap();
+    let (run, large, path) =
+        (folder.path().join("run"), folder.path().join("large"), folder.path().join("page.html"));
+    let models = "log-replay,constant-velocity,stop,idm,constant-velocity+qp,idm+qp";
+    said(&["run", MINI, "--models", models, "--out", text(&run)], 0);
+    multiplied(&run, &large, 2636);
+    let notes = said(&["report", text(&large), "--format", "html", "--out", text(&path)], 0);
+    assert!(notes.contains("run it with --keep-rollouts") && notes.contains("give --scenarios"), "{notes}");
+    assert!(fs::metadata(&path).unwrap().len() < 6_000_000, "{:?}", fs::metadata(&path));
+
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &format!("file://{}", path.display()));
+    assert_eq!(page.text("list-count"), "2,636 scenarios of 2,636");
+    assert!(page.text("stage-note").contains("There are no scenes here"));
+    // Each is done three times; what else runs on the machine may delay one of them.
+    let measured = page.evaluate(
+        "(async () => {
+           const list = document.getElementById('list'), set = (id, value, kind) => { const f = document.getElementById(id); f.value = value; f.dispatchEvent(new Event(kind)); };
+           const shown = () => new Promise(r => requestAnimationFrame(() => r()));
+           const deeds = {
+             scroll: (i) => { list.scrollTop = 9000 * (i + 1); list.dispatchEvent(new Event('scroll')); },
+             sort: () => document.querySelector('#list-head [data-key=\"1\"]').click(),
+             text: (i) => set('list-text', ['7', '77', ''][i], 'input'),
+             condition: (i) => set('list-condition', ['differ', 'collision', ''][i], 'change'),
+             metric: (i) => set('list-metric', ['ade', 'offroad', 'aav-ttc'][i], 'change'),
+             key: () => list.dispatchEvent(new KeyboardEvent('keydown', { key: 'PageDown', bubbles: true })),
+           };
+           const out = {};
+           for (const [name, deed] of Object.entries(deeds)) {
+             out[name] = Infinity;
+             for (let i = 0; i < 3; i++) {
+               const begin = performance.now();
+               deed(i);
+               void list.offsetHeight;
+               out[name] = Math.min(out[name], performance.now() - begin);
+               await shown();
+             }
+           }
+           return [out, document.querySelectorAll('#list-body .row').length, Number(list.getAttribute('aria-rowcount'))];
+         })()",
+    );
+    for (name, took) in measured[0].as_object().unwrap() {
+        assert!(took.as_f64().unwrap() < PROMPT, "{name}: {took} ms");
+    }
+    assert!(measured[1].as_u64().unwrap() < 40, "{measured}");
+    assert_eq!(measured[2], 2637);
+    clean(&page);
+}
+
+/// The program, showing runs.
+struct Showing {
+    process: Child,
+    url: String,
+}
+
+impl Showing {
+    fn new(arguments: &[&str]) -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
+            .arg("view")
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut url = String::new();
+        BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut url).unwrap();
+        assert!(url.starts_with("http://127.0.0.1:"), "{url:?}");
+        Self { process, url: url.trim().to_owned() }
+    }
+
+    /// The answer to a request for a path.
+    fn ask(&self, path: &str) -> String {
+        let host = self.url.trim_start_matches("http://").split('/').next().unwrap();
+        let mut stream = TcpStream::connect(host).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+}
+
+impl Drop for Showing {
+    fn drop(&mut self) {
+        self.process.kill().ok();
+        self.process.wait().ok();
+    }
+}
+
+#[test]
+fn a_run_is_shown_with_every_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, _) = page(folder.path(), MINI, &[]);
+    let showing = Showing::new(&[text(&run), "--scenarios", MINI]);
+    let base = &showing.url[showing.url.trim_start_matches("http://").find('/').unwrap() + 7..];
+    assert!(showing.ask("/").starts_with("HTTP/1.1 404"));
+    assert!(showing.ask("/0123/").contains("`reactsim view` printed"));
+    let answer = showing.ask(&format!("{base}scene/0"));
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer:.200}");
+    assert!(answer.len() < 300_000, "{} bytes", answer.len());
+    assert!(showing.ask(&format!("{base}scene/99")).starts_with("HTTP/1.1 404"));
+    assert!(showing.ask(base).contains("content-security-policy: default-src 'none'; script-src 'sha256-"));
+
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &showing.url);
+    page.until("!document.getElementById('stage').hidden");
+    // All of them can be drawn, one after the other.
+    assert_eq!(
+        page.evaluate("[...document.querySelectorAll('#list-body .mark')].filter(m => m.textContent).length"),
+        12
+    );
+    let first = page.evaluate("document.body.dataset.scenario");
+    page.press("n");
+    page.until(&format!("document.body.dataset.scenario !== '{}'", first.as_str().unwrap()));
+    assert!(
+        page.requests.iter().all(|url| url.starts_with(&showing.url) || url.starts_with("data:")),
+        "{:?}",
+        page.requests
+    );
+    assert_eq!(page.errors, Vec::<String>::new());
+}
+
+#[test]
+fn what_can_not_be_shown_is_refused_or_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let run = at("run");
+    said(&["run", MINI, "--models", "stop", "--limit", "3", "--out", text(&run), "--keep-rollouts"], 0);
+    let html = |arguments: &[&str], code| {
+        let out = at("page.html");
+        said(&[&["report", "--format", "html", "--out", text(&out)], arguments].concat(), code)
+    };
+    assert!(html(&[text(&at("none"))], 2).contains("is no run folder"));
+    assert!(html(&[text(&run), text(&run)], 2).contains("two runs are named"));
+    assert!(html(&[text(&run), "--case", "nobody"], 2).contains("no run has a scenario `nobody`"));
+    assert!(html(&[text(&run)], 0).contains("give --scenarios"));
+    assert_eq!(html(&[text(&run), "--scenarios", MINI], 0), "");
+    let page = fs::read(at("page.html")).unwrap();
+    html(&[text(&run), "--scenarios", MINI], 0);
+    assert!(page == fs::read(at("page.html")).unwrap(), "the same run gives the same page");
+    // Events that are none, rollouts of another run, scenarios that changed.
+    let events = run.join("events.jsonl");
+    fs::write(&events, "{\"input\":0}\n").unwrap();
+    assert!(html(&[text(&run), "--scenarios", MINI], 2).contains("events.jsonl can not be read"));
+    fs::write(&events, "").unwrap();
+    let rows = fs::read_to_string(run.join("rows.jsonl")).unwrap();
+    let digest = lines_of(&run.join("rows.jsonl"))[0]["digest"].as_str().unwrap().to_owned();
+    fs::write(run.join("rows.jsonl"), rows.replace(&digest, &"0".repeat(64))).unwrap();
+    assert!(html(&[text(&run), "--scenarios", MINI], 2).contains("is not the scenario with the digest 000"));
+    fs::write(run.join("rows.jsonl"), rows).unwrap();
+    let bytes = fs::read(run.join("rollouts.parquet")).unwrap();
+    fs::write(run.join("rollouts.parquet"), &bytes[..bytes.len() / 2]).unwrap();
+    assert!(html(&[text(&run), "--scenarios", MINI], 2).contains("rollouts.parquet"));
+    let nobody = reactsim(&["view", text(&run), "--port", "1"]);
+    assert_eq!(nobody.status.code(), Some(2));
+}
