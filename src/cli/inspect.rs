@@ -53,14 +53,15 @@ pub(super) struct InspectArgs {
     #[arg(long, value_name = "N", default_value_t = 1, requires = "gif",
           value_parser = clap::value_parser!(u8).range(1..=40))]
     every: u8,
-    /// Keep the AV in the middle of the animation; files become far larger
+    /// Keep the AV in the middle of the animation, which makes larger files
     #[arg(long, requires = "gif")]
     follow: bool,
 }
 
 const AFTER: &str = "\
-Without --rollout an animation shows what happens if nobody reacts: the AV drives as the scenario's deviated AV
-does, all others as they were recorded. A scenario without a deviated AV is shown as it was recorded.";
+Without --rollout an animation shows what happens if nobody reacts: the AV drives as the
+scenario's deviated AV does, all others as they were recorded. A scenario without a deviated AV
+is shown as it was recorded.";
 
 pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
     if let Some(radius) = args.radius.filter(|r| !(5.0..=1000.0).contains(r)) {

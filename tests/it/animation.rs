@@ -132,6 +132,14 @@ fn a_generated_scenario_is_small() {
 }
 
 #[test]
+fn the_picture_of_the_readme_is_whole() {
+    let bytes = fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reacting.gif")).unwrap();
+    assert!(bytes.len() < 700_000, "{} bytes", bytes.len());
+    let film = film(&bytes);
+    assert_eq!((film.width, film.height, film.moments.len()), (2 * 400 + 8, 400 + AROUND, 81));
+}
+
+#[test]
 fn wrong_arguments_are_told_with_the_mend() {
     let scenario = crossing();
     let error = |arguments: &[&str]| {

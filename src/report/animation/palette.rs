@@ -37,10 +37,16 @@ impl Cluster {
         let mut found = (0, 0.0, 0.0);
         for axis in 0..3 {
             let value = |m: &(Colour, f64)| f64::from(m.0[axis]);
+            let least = members.iter().map(value).fold(f64::INFINITY, f64::min);
+            let most = members.iter().map(value).fold(0.0, f64::max);
+            if least >= most {
+                continue;
+            }
             let mean = members.iter().map(|m| m.1 * value(m)).sum::<f64>() / total;
             let spread: f64 = members.iter().map(|m| m.1 * (value(m) - mean) * (value(m) - mean)).sum();
             if spread > found.2 {
-                found = (axis, mean, spread);
+                // Values are whole: with this cut there is something on both sides.
+                found = (axis, mean.clamp(least, most - 0.5), spread);
             }
         }
         let (axis, cut, spread) = found;
@@ -80,7 +86,7 @@ impl Palette {
             let Cluster { members, axis, cut, .. } = clusters.swap_remove(widest);
             let (low, high): (Vec<_>, Vec<_>) =
                 members.into_iter().partition(|m| f64::from(m.0[axis]) <= cut);
-            clusters.extend([low, high].into_iter().filter(|m| !m.is_empty()).map(Cluster::new));
+            clusters.extend([low, high].map(Cluster::new));
         }
         let mut colours: Vec<Colour> = clusters.iter().map(Cluster::colour).collect();
         colours.sort_unstable();
