@@ -32,7 +32,8 @@ pub(super) struct InspectArgs {
     /// Index of the rollout
     #[arg(long, value_name = "N", default_value_t = 0)]
     index: u32,
-    /// Half of the side of a picture, metres [default: 60; for --gif what the AV's way needs]
+    /// Half of the side of a picture, metres [default: 60; for --gif what the AV's way needs, or 40 with
+    /// --follow]
     #[arg(long, value_name = "M")]
     radius: Option<f64>,
     /// Draw stills to this file

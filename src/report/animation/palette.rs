@@ -66,9 +66,9 @@ impl Cluster {
 }
 
 impl Palette {
-    /// At most `most` colours (at least 1, at most 255) for these, with how many pixels have each. Clusters are cut in two at their mean,
-    /// the one with the greatest spread first (after Wan, Wong and Prusinkiewicz, 1988), until there are enough. A colour weighs as the root of its
-    /// pixels, so that what is small and bright is not lost beside the ground.
+    /// At most `most` colours (at least 1, at most 255) for these, with how many pixels have each. Clusters are cut in two at their mean, the
+    /// one with the greatest sum of squared differences first, until there are enough (a simple form of Wu's quantiser of 1991). A colour
+    /// weighs as the root of its pixels, so that what is small and bright is not lost beside the ground.
     pub(super) fn new(counts: &BTreeMap<Colour, u64>, most: usize) -> Self {
         let members: Vec<(Colour, f64)> = counts.iter().map(|(c, n)| (*c, (*n as f64).sqrt())).collect();
         let mut clusters = if members.is_empty() { Vec::new() } else { vec![Cluster::new(members)] };

@@ -69,7 +69,7 @@ fn few_colours_are_kept_and_many_are_clustered() {
     for v in 0..=255_u8 {
         let [r, g, b] = shown(&mut palette, [v; 3]);
         let off = r.abs_diff(v).max(g.abs_diff(v)).max(b.abs_diff(v));
-        assert!(off <= 24, "{v} became {r} {g} {b}");
+        assert!(off <= 32, "{v} became {r} {g} {b}");
     }
     let none = Palette::new(&BTreeMap::new(), 16).indices(&[[1, 2, 3]]);
     assert_eq!(none, [palette::TRANSPARENT]);
@@ -84,18 +84,18 @@ fn colours_are_read() {
 #[test]
 fn a_camera_that_stands_sees_the_whole_way() {
     let scenario = scenario(10.0);
-    let animation = Animation { size: 200, ..Animation::new(&scenario, Vec::new()) };
+    let animation = Animation { size: 400, ..Animation::new(&scenario, Vec::new()) };
     let orange = |picture: &picture::Picture| {
         picture.pixels.iter().filter(|c| c[0] > 180 && c[2] < 40 && c[1] > 60 && c[1] < 120).count()
     };
     for step in [0, 40, 80] {
         assert!(orange(&moment(&animation, step)) > 20, "the AV is there at step {step}");
     }
-    // Over 80 m in 164 pixels or so the AV is at other places; with a camera that follows, always in the middle.
+    // A camera that stands has the AV in its middle half-way; one that follows, always.
     let middle = |follow: bool, step: usize| {
         let animation = Animation { follow, ..animation.clone() };
         let picture = moment(&animation, step);
-        picture.pixels[(26 + 100) * 200 + 100]
+        picture.pixels[(26 + 200) * 400 + 200]
     };
     let is_av = |c: Colour| c[0] > 180 && c[2] < 60;
     assert!(is_av(middle(true, 0)) && is_av(middle(true, 80)));
