@@ -9,6 +9,7 @@ mod agents;
 mod canvas;
 mod clip;
 mod ground;
+pub(super) mod moving;
 pub(super) mod palette;
 
 use self::canvas::{Canvas, Window};
@@ -113,7 +114,12 @@ struct Scene<'a> {
     logged: Vec<Vec<Frame>>,
 }
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
+        let agents = scenario.start.agents.len();
+        Self { scenario, view, logged: (0..agents).map(|i| scenario.logged(i)).collect() }
+    }
+
     /// The tracks that are drawn solid.
     fn tracks(&self) -> &[Vec<Frame>] {
         self.view.rollout.unwrap_or(&self.logged)
@@ -128,8 +134,7 @@ impl Scene<'_> {
 
 /// Draws a scenario, or a rollout of it, as an SVG document.
 pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
-    let agents = scenario.start.agents.len();
-    let scene = Scene { scenario, view, logged: (0..agents).map(|i| scenario.logged(i)).collect() };
+    let scene = Scene::new(scenario, view);
     let mut steps: Vec<usize> = view.steps.iter().map(|s| (*s).min(FUTURE)).collect();
     if steps.is_empty() {
         steps.push(0);

@@ -1,5 +1,6 @@
 //! What people read: tables and pictures. Knows results; never decides what is run.
 
+pub mod animation;
 pub mod birdseye;
 pub mod comparison;
 mod csv;

@@ -5,6 +5,7 @@
     reason = "expected values may come from the platform: they have tolerances"
 )]
 
+mod animation;
 mod chromium;
 mod cli;
 mod compare;

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::canvas::{Canvas, PathData};
 use super::palette::{self, Paint};
-use super::{MarkKind, Scene};
+use super::{Mark, MarkKind, Scene};
 use crate::geometry::{Bounds, OrientedBox, Vec2, direction};
 use crate::scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE};
 
@@ -38,13 +38,14 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
         }
     }
     canvas.raw("</g>");
-    marks(canvas, scene, last);
+    marks(canvas, scene, last, true);
     if scene.view.ids {
         ids(canvas, scene, last);
     }
 }
 
-fn paint(scene: &Scene<'_>, agent: usize) -> &'static Paint {
+/// The colours of an agent.
+pub(super) fn paint(scene: &Scene<'_>, agent: usize) -> &'static Paint {
     if agent == 0 { &palette::AV } else { palette::of(scene.scenario.start.agents[agent].kind) }
 }
 
@@ -86,7 +87,7 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
 }
 
 /// The positions of the frames `first..=last`; a gap breaks the line.
-fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: usize, last: usize) {
+pub(super) fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: usize, last: usize) {
     let mut points: Vec<Vec2> = Vec::new();
     for frame in first..=last {
         match track.get(frame).copied().flatten().filter(AgentState::is_finite) {
@@ -102,24 +103,36 @@ fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: usize, last
 
 /// The logged track of an agent that was moved elsewhere, and its logged box at the drawn step.
 fn ghost(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
-    let logged = &scene.logged[agent];
-    let apart = (0..=FUTURE).any(|k| match (scene.state(agent, k), logged[CURRENT + k]) {
-        (Some(a), Some(b)) => (a.position() - b.position()).norm() > APART,
-        _ => false,
-    });
-    if !apart {
+    if !(0..=FUTURE).any(|k| apart(scene, agent, k)) {
         return;
     }
     let mut path = PathData::new(canvas.window());
-    stretch(&mut path, logged, CURRENT, FRAMES - 1);
-    if let Some(state) = logged[CURRENT + step].filter(AgentState::is_finite) {
-        let shape = state.footprint(&scene.scenario.start.agents[agent]);
-        path.ring(&shape.corners());
+    stretch(&mut path, &scene.logged[agent], CURRENT, FRAMES - 1);
+    ghost_box(&mut path, scene, agent, step);
+    canvas.path(&path, &ghostly());
+}
+
+/// Whether an agent is elsewhere at a step than in the log.
+pub(super) fn apart(scene: &Scene<'_>, agent: usize, step: usize) -> bool {
+    match (scene.state(agent, step), scene.logged[agent][CURRENT + step]) {
+        (Some(a), Some(b)) => (a.position() - b.position()).norm() > APART,
+        _ => false,
     }
-    canvas.path(
-        &path,
-        &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"0.9\" stroke-dasharray=\"4 3\" stroke-opacity=\"0.8\"", palette::GHOST),
-    );
+}
+
+/// Adds the box of an agent as it is in the log.
+pub(super) fn ghost_box(path: &mut PathData, scene: &Scene<'_>, agent: usize, step: usize) {
+    if let Some(state) = scene.logged[agent][CURRENT + step].filter(AgentState::is_finite) {
+        path.ring(&state.footprint(&scene.scenario.start.agents[agent]).corners());
+    }
+}
+
+/// How ghosts are drawn.
+pub(super) fn ghostly() -> String {
+    format!(
+        "fill=\"none\" stroke=\"{}\" stroke-width=\"0.9\" stroke-dasharray=\"4 3\" stroke-opacity=\"0.8\"",
+        palette::GHOST
+    )
 }
 
 /// The deviated AV that comes with the scenario, where the log is drawn.
@@ -142,7 +155,7 @@ fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
 }
 
 /// An agent: people as discs with a tick, the rest as boxes with a pale wedge at the front.
-fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint, strength: f64) {
+pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint, strength: f64) {
     let shape = state.footprint(agent);
     if agent.kind != AgentKind::Pedestrian {
         body(canvas, &shape, paint, strength);
@@ -170,7 +183,7 @@ fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint,
 }
 
 /// A box with a pale wedge that points ahead.
-fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) {
+pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) {
     let window = canvas.window();
     let mut outline = PathData::new(window);
     outline.ring(&shape.corners());
@@ -191,19 +204,14 @@ fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) 
     canvas.path(&wedge, &format!("fill=\"#ffffff\" fill-opacity=\"{:.2}\"", 0.85 * strength));
 }
 
-/// Events up to a step, where the agent was then.
-fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize) {
+/// Events up to a step, where the agent was then, on demand with their steps beside them.
+pub(super) fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize, numbered: bool) {
     let window = canvas.window();
     let mut marks: Vec<_> = scene.view.marks.iter().filter(|m| m.step <= last).collect();
     marks.sort_by_key(|m| (m.step, m.kind));
     for mark in marks {
-        let agents = &scene.scenario.start.agents;
-        let Some(agent) = agents.iter().position(|a| a.id == mark.agent) else { continue };
-        let Some(state) = scene.state(agent, mark.step) else { continue };
-        if !window.bounds().contains(state.position()) {
-            continue;
-        }
-        let p = window.pixel(state.position());
+        let Some(place) = place(scene, mark).filter(|p| window.bounds().contains(*p)) else { continue };
+        let p = window.pixel(place);
         let radius = match mark.kind {
             MarkKind::AtFault | MarkKind::Contact => (3.4 * window.scale()).max(9.0),
             MarkKind::Risky => 7.0,
@@ -215,10 +223,18 @@ fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize) {
             p.y,
             sign(mark.kind, radius)
         ));
-        let beside = p + Vec2::new(0.75 * radius + 2.0, 0.75 * radius + 9.0);
-        let attributes = format!("font-size=\"10\" fill=\"{}\"", palette::EVENT);
-        canvas.text(beside, &format!("step {}", mark.step), &attributes);
+        if numbered {
+            let beside = p + Vec2::new(0.75 * radius + 2.0, 0.75 * radius + 9.0);
+            let attributes = format!("font-size=\"10\" fill=\"{}\"", palette::EVENT);
+            canvas.text(beside, &format!("step {}", mark.step), &attributes);
+        }
     }
+}
+
+/// Where the agent of an event was then; `None` for unknown and absent agents.
+pub(super) fn place(scene: &Scene<'_>, mark: &Mark) -> Option<Vec2> {
+    let agent = scene.scenario.start.agents.iter().position(|a| a.id == mark.agent)?;
+    scene.state(agent, mark.step).map(|s| s.position())
 }
 
 /// The sign of an event, of this radius in pixels, around the origin.

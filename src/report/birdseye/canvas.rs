@@ -54,6 +54,20 @@ impl Canvas {
         Self { out, window: None }
     }
 
+    /// A document that is nothing but a window, without a ground.
+    pub(super) fn bare(window: Window) -> Self {
+        let size = window.size;
+        let out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{size:.0}\" height=\"{size:.0}\" viewBox=\"0 0 {size:.0} {size:.0}\">\n"
+        );
+        Self { out, window: Some(window) }
+    }
+
+    /// Fills a bare document with the colour of the ground.
+    pub(super) fn background(&mut self) {
+        self.raw(&format!("<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>", super::palette::GROUND));
+    }
+
     /// The document.
     pub(super) fn finish(mut self) -> String {
         self.out.push_str("</svg>\n");
@@ -78,8 +92,10 @@ impl Canvas {
         if let Some(Window { corner: c, size, .. }) = self.window.take() {
             let _ = writeln!(
                 self.out,
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{size:.1}\" height=\"{size:.1}\" fill=\"none\" stroke=\"#b9bcc4\"/>",
-                c.x, c.y
+                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{size:.1}\" height=\"{size:.1}\" fill=\"none\" stroke=\"{}\"/>",
+                c.x,
+                c.y,
+                super::palette::FRAME
             );
         }
     }

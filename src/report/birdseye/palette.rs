@@ -30,17 +30,19 @@ pub(super) const BIKE_LANE: &str = "#cfe0d6";
 /// White paint, and zebra stripes.
 pub(super) const WHITE: &str = "#ffffff";
 /// Yellow paint.
-pub(super) const YELLOW: &str = "#e2a800";
+pub(in crate::report) const YELLOW: &str = "#e2a800";
 /// Edges of the road.
-pub(super) const EDGE: &str = "#6c7078";
+pub(in crate::report) const EDGE: &str = "#6c7078";
 /// Centre lines and their arrows.
 pub(super) const CENTER: &str = "#aeb3bd";
 /// Stop lines without a light.
 pub(in crate::report) const STOP: &str = "#22252b";
 /// Tracks of the log beside a rollout.
 pub(in crate::report) const GHOST: &str = "#5c6068";
+/// The line around a panel.
+pub(in crate::report) const FRAME: &str = "#b9bcc4";
 /// Events.
-pub(super) const EVENT: &str = "#b00020";
+pub(in crate::report) const EVENT: &str = "#b00020";
 
 /// The colours of a kind of agent.
 pub(super) const fn of(kind: AgentKind) -> &'static Paint {

@@ -1,0 +1,94 @@
+//! What is in a scenario, in words.
+
+use crate::scene::{AgentKind, CURRENT, FUTURE, LaneKind, Scenario};
+
+/// What is in a scenario, by name.
+pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
+    let (start, map) = (&scenario.start, &scenario.start.map);
+    let kinds = |agents: &mut dyn Iterator<Item = AgentKind>| {
+        let all: Vec<AgentKind> = agents.collect();
+        let of = |kind: AgentKind| {
+            let n = all.iter().filter(|k| **k == kind).count();
+            (n > 0).then(|| format!("{n} {kind}{}", if n == 1 { "" } else { "s" }))
+        };
+        let parts: Vec<String> = AgentKind::ALL.into_iter().filter_map(of).collect();
+        if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+    };
+    let world = start.agents.len().saturating_sub(1);
+    let lanes = |kind: LaneKind| map.lanes.iter().filter(|l| l.kind == kind).count();
+    let metres: f64 = map.lanes.iter().map(|l| l.baseline.length()).sum();
+    let seen =
+        (0..start.lights.len()).filter(|&i| scenario.light_states(i).iter().any(Option::is_some)).count();
+    let mut lines = vec![
+        ("scenario", scenario.id.clone()),
+        ("source", scenario.source.clone()),
+        ("digest", scenario.digest()),
+        ("origin", format!("({:.3}, {:.3}) m in the world", scenario.origin.x, scenario.origin.y)),
+        (
+            "agents",
+            format!("{world} around the AV: {}", kinds(&mut start.agents[1..].iter().map(|a| a.kind))),
+        ),
+        ("context", kinds(&mut scenario.unselected.iter().map(|a| a.agent.kind))),
+        (
+            "lanes",
+            format!(
+                "{} lanes, {} connectors, {metres:.0} m",
+                lanes(LaneKind::Lane),
+                lanes(LaneKind::Connector)
+            ),
+        ),
+        (
+            "map",
+            format!(
+                "{} road edges, {} road lines, {} stop lines, {} crosswalks, {} speed bumps, {} driveways",
+                map.road_edges.len(),
+                map.road_lines.len(),
+                map.stop_lines.len(),
+                map.crosswalks.len(),
+                map.speed_bumps.len(),
+                map.driveways.len()
+            ),
+        ),
+        (
+            "drivable area",
+            map.drivable_area.as_ref().map_or("by road edges".into(), |a| format!("{} polygons", a.len())),
+        ),
+        ("lights", format!("{}, {seen} of them observed", start.lights.len())),
+        ("AV", travel(scenario)),
+        (
+            "deviation",
+            scenario.deviation.as_ref().map_or("none".into(), |d| {
+                let category = d.category.map_or("of unknown category", |c| c.name());
+                let end = d.track.last().map(|s| s.position());
+                let logged = scenario.log_future.tracks[0].last().copied().flatten().map(|s| s.position());
+                match end.zip(logged) {
+                    Some((end, logged)) => {
+                        format!("{category}, {:.1} m off at the end", (end - logged).norm())
+                    }
+                    None => category.to_owned(),
+                }
+            }),
+        ),
+    ];
+    for (what, n) in &scenario.repairs {
+        lines.push(("left out", format!("{n} {what}")));
+    }
+    lines
+}
+
+/// How far the logged AV drives, and how fast it is now.
+fn travel(scenario: &Scenario) -> String {
+    let track = scenario.logged(0);
+    let pairs = track[CURRENT..].windows(2).filter_map(|w| Some((w[0]?, w[1]?)));
+    let metres: f64 = pairs.map(|(a, b)| (b.position() - a.position()).norm()).sum();
+    let steps = track[CURRENT + 1..].iter().flatten().count();
+    let now = scenario.start.now(0);
+    let agent = &scenario.start.agents[0];
+    let gaps = if steps < FUTURE { format!(", present at {steps} of {FUTURE} steps") } else { String::new() };
+    let speed =
+        if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
+    format!(
+        "`{}`, {:.2} m x {:.2} m, {speed}, drives {metres:.1} m{gaps}",
+        agent.id, agent.length, agent.width
+    )
+}

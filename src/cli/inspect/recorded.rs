@@ -1,0 +1,73 @@
+//! What a run folder holds of one scenario.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use serde_json::Value;
+
+use crate::evaluation::{EVENTS, ROLLOUTS, recorded_tracks};
+use crate::formats;
+use crate::metrics::Event;
+use crate::report::birdseye::{Mark, MarkKind};
+use crate::scene::{Frame, Scenario};
+
+/// The realised tracks of a rollout in a run folder.
+pub(super) fn rollout(
+    run: &Path,
+    simulator: &str,
+    index: u32,
+    scenario: &Scenario,
+) -> anyhow::Result<Vec<Vec<Frame>>> {
+    let path = run.join(ROLLOUTS);
+    if !path.exists() {
+        bail!("{} has no {ROLLOUTS}: run with --keep-rollouts", run.display());
+    }
+    for record in formats::rollouts::read(&path)? {
+        let record = record?;
+        if record.scenario_id == scenario.id && record.simulator == simulator && record.rollout == index {
+            return Ok(recorded_tracks(scenario, &record)?);
+        }
+    }
+    bail!("{} holds no rollout {index} of `{simulator}` in `{}`", path.display(), scenario.id)
+}
+
+/// The events of a rollout that a picture points out.
+pub(super) fn marks(run: &Path, simulator: &str, rollout: u32, scenario: &str) -> anyhow::Result<Vec<Mark>> {
+    let path = run.join(EVENTS);
+    let name = || format!("could not read {}", path.display());
+    let mut marks = Vec::new();
+    for line in BufReader::new(File::open(&path).with_context(name)?).lines() {
+        let event: Value = serde_json::from_str(&line.with_context(name)?).with_context(name)?;
+        let text = |key: &str| event[key].as_str().unwrap_or_default();
+        if text("scenario") != scenario
+            || text("simulator") != simulator
+            || event["rollout"].as_u64() != Some(u64::from(rollout))
+        {
+            continue;
+        }
+        let Some(kind) = kind(text("metric"), event["counted"] == true) else { continue };
+        let step = event["step"].as_u64().and_then(|s| usize::try_from(s).ok()).unwrap_or(0);
+        marks.push(Mark { agent: text("agent").to_owned(), step, kind });
+    }
+    Ok(marks)
+}
+
+/// The same of events that were just found.
+pub(super) fn marks_of(events: &[Event]) -> Vec<Mark> {
+    let mark =
+        |e: &Event| Some(Mark { agent: e.agent.clone(), step: e.step, kind: kind(e.metric, e.counted)? });
+    events.iter().filter_map(mark).collect()
+}
+
+/// What a picture shows of the events of a metric.
+fn kind(metric: &str, counted: bool) -> Option<MarkKind> {
+    match metric {
+        "aav-collision" if counted => Some(MarkKind::AtFault),
+        "aav-collision" | "aa-collision" => Some(MarkKind::Contact),
+        "aav-ttc" => Some(MarkKind::Risky),
+        "offroad" => Some(MarkKind::OffRoad),
+        _ => None,
+    }
+}
