@@ -3,6 +3,7 @@
 mod compare;
 mod convert;
 mod curate;
+mod finished;
 mod futures;
 mod generate;
 mod inspect;
@@ -12,6 +13,8 @@ mod report;
 mod run;
 mod score;
 mod shipped;
+mod study;
+mod subject;
 mod train;
 
 use std::fs::File;
@@ -60,6 +63,8 @@ enum Command {
     Report(report::ReportArgs),
     /// Compare two runs on the same scenarios, scenario by scenario
     Compare(compare::CompareArgs),
+    /// Run studies: replan intervals, both protocols, what each part of a simulator is worth
+    Study(study::StudyArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
     /// List models, metrics, formats, weights or map types
@@ -106,6 +111,7 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
+        Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::List(args) => list::list(&args),
     };

@@ -12,6 +12,7 @@ mod markdown;
 mod parquet;
 pub mod realism_charts;
 pub mod realism_tables;
+pub mod study_tables;
 mod table;
 pub mod training_curves;
 
