@@ -50,7 +50,10 @@ pub fn write_markdown(results: &StudyResults, out: &mut dyn Write) -> io::Result
     writeln!(out)?;
     legend(out, all().any(|s| s.oracle))?;
     if results.study.kind == StudyKind::Guards {
-        writeln!(out, "Differences are paired, scenario by scenario; bold where the interval leaves 0 out.")?;
+        writeln!(
+            out,
+            "Differences are paired, scenario by scenario; bold where the interval, which need not be symmetric, leaves 0 out."
+        )?;
     }
     writeln!(out)?;
     for (member, summary) in members(results) {

@@ -15,14 +15,14 @@ is off. The stage `qp` is put behind those that take it; `qp-regression` has it 
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct GuardsArgs {
-    #[command(flatten)]
-    pub shared: Shared,
     /// How often simulators plan anew, such as 2hz or 5steps
     #[arg(long, default_value = "2hz", value_name = "RATE")]
     replan: Replan,
     /// Rollouts per scenario and simulator
     #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     rollouts: u32,
+    #[command(flatten)]
+    pub shared: Shared,
 }
 
 pub(super) fn plan(args: &GuardsArgs) -> anyhow::Result<StudyPlan> {

@@ -9,8 +9,6 @@ use crate::rollout::{Replan, Settings};
 /// Arguments of `study realism`.
 #[derive(Debug, Args)]
 pub(super) struct RealismArgs {
-    #[command(flatten)]
-    pub shared: Shared,
     /// How often simulators plan anew, such as 2hz or 5steps
     #[arg(long, default_value = "2hz", value_name = "RATE")]
     replan: Replan,
@@ -20,6 +18,8 @@ pub(super) struct RealismArgs {
     /// Rollouts per scenario and simulator in the reactive protocol
     #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     reactive_rollouts: u32,
+    #[command(flatten)]
+    pub shared: Shared,
 }
 
 pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<StudyPlan> {
