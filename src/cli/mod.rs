@@ -3,6 +3,7 @@
 mod compare;
 mod convert;
 mod curate;
+mod finished;
 mod futures;
 mod gallery;
 mod generate;
@@ -13,6 +14,8 @@ mod report;
 mod run;
 mod score;
 mod shipped;
+mod study;
+mod subject;
 mod train;
 mod view;
 
@@ -64,6 +67,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Show run folders in a browser: tables, figures, every scenario from above
     View(view::ViewArgs),
+    /// Run studies: replan intervals, both protocols, what each part of a simulator is worth
+    Study(study::StudyArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
     /// List models, metrics, formats, weights or map types
@@ -111,6 +116,7 @@ pub fn main() -> ExitCode {
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::View(args) => view::view(&args),
+        Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::List(args) => list::list(&args),
     };

@@ -46,6 +46,22 @@ pub enum EvaluationError {
         /// The folder.
         path: PathBuf,
     },
+    /// A folder is no folder of a study.
+    #[error("{path} is no study: it has no study.json")]
+    NoStudy {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Members of a study are not finished.
+    #[error(
+        "the study in {path} is not finished ({members}); finish it by running the same command with --resume"
+    )]
+    UnfinishedStudy {
+        /// The folder.
+        path: PathBuf,
+        /// Names of the members.
+        members: String,
+    },
     /// The run folder exists and is not empty.
     #[error(
         "{path} exists and is not empty; give --resume to continue the run in it, or choose another folder"

@@ -70,14 +70,27 @@ impl RunFolder {
         if is_unbegun(path) {
             return Self::create(path, provenance);
         }
-        let old = read_provenance(path)?;
-        if let Some((setting, old, new)) = old.difference(provenance) {
-            return Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new });
-        }
+        Self::is_of(path, provenance)?;
         let folder = Self::open(path)?;
         folder.remove_halves()?;
         folder.keep_whole_pairs(tally, provenance)?;
         Ok(folder)
+    }
+
+    /// Whether a folder holds a run with these settings, or none that was begun: what [`Self::resume`] asks.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when it holds something else, or a run with other settings, which are named.
+    pub fn is_of(path: &Path, provenance: &Provenance) -> Result<(), EvaluationError> {
+        if is_unbegun(path) {
+            return Ok(());
+        }
+        match read_provenance(path)?.difference(provenance) {
+            Some((setting, old, new)) => {
+                Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new })
+            }
+            None => Ok(()),
+        }
     }
 
     fn open(path: &Path) -> Result<Self, EvaluationError> {
@@ -176,17 +189,19 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Whether an earlier run came to its end without a failure, so that nothing is left to be tried.
-    fn is_finished(&self) -> bool {
-        let there = |name| self.path.join(name).exists();
-        let no_failure = fs::metadata(self.path.join(FAILURES)).is_ok_and(|m| m.len() == 0);
-        there(SUMMARY) && there(ROLLOUTS) && no_failure
+    /// Whether an earlier run came to its end without a failure, and these are all of its values, so that nothing is left to be tried.
+    fn is_finished(&self, values: &Tally) -> bool {
+        let whole = |s: &Summary| s.provenance.failures.is_empty() && s.is_of(values);
+        self.path.join(ROLLOUTS).exists() && read_summary(&self.path).is_ok_and(|s| whole(&s))
     }
 
     fn keep_whole_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
+        let pairs = whole_pairs(&self.path, provenance.inputs.len(), tally)?;
+        let mut all = tally.clone();
+        pairs.values().for_each(|rows| all.add(rows));
         // Rollouts that were already put together can not be added to: then a pair without its part is run again.
-        let with_rollouts = provenance.keep_rollouts == Some(true) && !self.is_finished();
-        for ((place, simulator), rows) in &whole_pairs(&self.path, provenance.inputs.len(), tally)? {
+        let with_rollouts = provenance.keep_rollouts == Some(true) && !self.is_finished(&all);
+        for ((place, simulator), rows) in &pairs {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
             if !with_rollouts || self.part(*place, index)?.exists() {
                 tally.add(rows);

@@ -14,6 +14,8 @@
 //! | `summary.json`, `summary.md` | the result, written last |
 //! | `rollouts.parquet` | the rollouts, where they were asked for; `parts/` while the run lasts |
 //!
+//! A study is several run folders below one that holds `study.json` ([`Study`]).
+//!
 //! Rows and events are appended as they come, events first; a pair whose rows are not whole is dropped and run again when a
 //! run is resumed. At the end both files are put into the order of inputs, simulators and rollouts, so that no byte depends
 //! on threads, batches or interruptions.
@@ -35,6 +37,7 @@ mod shelf;
 mod simulators;
 mod source;
 mod statistics;
+mod study;
 mod summary;
 mod tally;
 
@@ -58,5 +61,9 @@ pub use shelf::Shelf;
 pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;
+pub use study::{
+    Difference, Member, STUDY, STUDY_TABLE, Study, StudyFolder, StudyKind, StudyPlan, StudyResults, is_study,
+    read_study,
+};
 pub use summary::{CategorySummary, Pressure, REFERENCE, SimulatorSummary, Summary, SummaryProvenance};
 pub use tally::{Cell, Entry, Tally};

@@ -8,6 +8,7 @@ use super::provenance::{
 };
 use super::simulators::PlannedSimulator;
 use super::source::Source;
+use super::tally::Tally;
 use crate::formats::deviations::DeviationRecord;
 use crate::metrics::Options;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
@@ -43,6 +44,7 @@ pub struct Plan {
     /// Simulators in the order of the tables.
     pub simulators: Vec<PlannedSimulator>,
     /// Deviated AVs from a file. Where there is one, those that scenarios carry do not count: a set is not mixed with another.
+    /// In the realism protocol, which has no deviated AVs, it says which scenarios are wanted.
     pub deviations: Option<Deviations>,
     /// Settings.
     pub settings: RunSettings,
@@ -110,6 +112,11 @@ impl Plan {
         }
     }
 
+    /// What its values are collected in, still empty.
+    pub fn tally(&self) -> Tally {
+        Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.settings.rollouts)
+    }
+
     /// Whether a scenario that has no AV for this reason is left out rather than failed: a file of deviations says which scenarios are
     /// wanted.
     pub(super) fn passes_over(&self, reason: &NoAv) -> bool {
@@ -138,6 +145,9 @@ impl Plan {
     /// [`NoAv`] where the scenario has none, or one that no AV can drive.
     pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, Option<Deviation>), NoAv> {
         if self.settings.rollout.protocol == Protocol::Realism {
+            if self.deviations.is_some() {
+                self.deviated(scenario)?;
+            }
             return Ok((Box::new(MovedBySimulator), None));
         }
         Ok(match &self.settings.av {

@@ -163,6 +163,13 @@ impl Summary {
         }
     }
 
+    /// Whether a tally holds all values that it sums up, and no others.
+    pub fn is_of(&self, tally: &Tally) -> bool {
+        let with_result = |i: usize| tally.entries.values().filter(|e| e.cells[i].is_some()).count();
+        let mut counts = tally.simulators.iter().enumerate().map(|(i, id)| (id, with_result(i)));
+        counts.all(|(id, n)| self.simulators.get(id).is_some_and(|s| s.scenarios == n))
+    }
+
     /// The text of `summary.json`.
     pub fn to_json(&self) -> String {
         let mut text =

@@ -53,14 +53,12 @@ fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &Paired)> {
 }
 
 fn row(column: &Column, paired: &Paired) -> Vec<String> {
-    let arrow = if column.kind().1 { '↓' } else { '↑' };
-    let unit = column.unit().map(|u| format!(" ({u})")).unwrap_or_default();
     let interval = match (paired.difference.low, paired.difference.high) {
         (Some(low), Some(high)) => format!(" [{}, {}]", signed(column, low), signed(column, high)),
         _ => String::new(),
     };
     vec![
-        format!("{}{unit} {arrow}", column.title()),
+        column.head(),
         column.number(paired.first),
         column.number(paired.second),
         format!("{}{interval}", signed(column, paired.second - paired.first)),
@@ -71,7 +69,7 @@ fn row(column: &Column, paired: &Paired) -> Vec<String> {
 }
 
 /// A number with its sign; what is shown as 0 has none.
-fn signed(column: &Column, value: f64) -> String {
+pub(super) fn signed(column: &Column, value: f64) -> String {
     let text = column.number(value.abs());
     match value {
         _ if text.chars().all(|c| matches!(c, '0' | '.')) => text,

@@ -50,13 +50,7 @@ impl Exporter for Markdown {
             write_table(out, &columns, &lines)?;
         }
         writeln!(out)?;
-        if lines.iter().any(|l| l.oracle) {
-            writeln!(out, "† is shown the log's future.")?;
-        }
-        writeln!(
-            out,
-            "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
-        )?;
+        legend(out, lines.iter().any(|l| l.oracle))?;
         for run in runs {
             let name = if runs.len() > 1 { format!("{}: ", escape(run.name)) } else { String::new() };
             writeln!(out, "{name}{}.", escape(&table::provenance(run)))?;
@@ -71,21 +65,34 @@ fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> i
     let mut head: Vec<String> = Vec::new();
     head.extend(with_run.then(|| "Run".to_owned()));
     head.push("Method".to_owned());
-    head.extend(columns.iter().map(|c| {
-        let arrow = if c.kind().1 { '↓' } else { '↑' };
-        format!("{}{} {arrow}", c.title(), c.unit().map(|u| format!(" ({u})")).unwrap_or_default())
-    }));
+    head.extend(columns.iter().map(Column::head));
     head.extend(with_failed.then(|| "Failed".to_owned()));
     let texts = 1 + usize::from(with_run);
     let mut rows = vec![head];
     for line in lines {
         let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
-        row.push(format!("{}{}", escape(line.title), if line.oracle { " †" } else { "" }));
+        row.push(method(line.title, line.oracle));
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
         row.extend(with_failed.then(|| line.failed.to_string()));
         rows.push(row);
     }
     write_aligned(out, &rows, texts)
+}
+
+/// What the marks of a table mean.
+pub(super) fn legend(out: &mut dyn Write, with_oracles: bool) -> io::Result<()> {
+    if with_oracles {
+        writeln!(out, "† is shown the log's future.")?;
+    }
+    writeln!(
+        out,
+        "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
+    )
+}
+
+/// The name of a simulator; oracles have a mark.
+pub(super) fn method(title: &str, oracle: bool) -> String {
+    format!("{}{}", escape(title), if oracle { " †" } else { "" })
 }
 
 /// Rows of equal length as a table; the first one is its head. So many columns, from the left, hold text; the others numbers.
@@ -111,7 +118,7 @@ fn pad(text: &str, width: usize, right: bool) -> String {
 }
 
 /// A mean with half the width of its interval; a dash where nothing could be judged.
-fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
+pub(super) fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
     match estimate {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
             format!("{} ±{}", column.number(*mean), column.number((high - low) / 2.0))

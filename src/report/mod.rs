@@ -14,6 +14,7 @@ mod parquet;
 pub mod page;
 pub mod realism_charts;
 pub mod realism_tables;
+pub mod study_tables;
 mod table;
 pub mod training_curves;
 

@@ -49,6 +49,12 @@ impl Column {
         }
     }
 
+    /// Head of the column with its unit and which way is better.
+    pub(super) fn head(&self) -> String {
+        let arrow = if self.kind().1 { '↓' } else { '↑' };
+        format!("{}{} {arrow}", self.title(), self.unit().map(|u| format!(" ({u})")).unwrap_or_default())
+    }
+
     /// A number of this column: per cent for rates, three digits otherwise.
     pub(super) fn number(&self, value: f64) -> String {
         match self.kind().0 {

@@ -105,6 +105,7 @@ fn help_fits_a_terminal() {
       convert   Convert scenarios of any format to native Parquet
       report    Print the tables of finished runs
       compare   Compare two runs on the same scenarios, scenario by scenario
+      study     Run studies: replan intervals, both protocols, what each part of a simulator is worth
       inspect   Print and draw what is in a scenario
       list      List models, metrics, formats, weights or map types
       help      Print this message or the help of the given subcommand(s)
@@ -117,11 +118,18 @@ fn help_fits_a_terminal() {
 
     With no arguments at all it runs every baseline on the shipped scenarios.
     ");
-    for verb in ["run", "score", "curate", "generate", "train", "convert", "report", "inspect", "list"] {
+    for verb in
+        ["run", "score", "curate", "generate", "train", "convert", "report", "study", "inspect", "list"]
+    {
         let help = stdout(&reactsim(&[verb, "--help"]));
         assert!(help.contains("Usage: reactsim"), "{verb}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
         assert!(widest < 100, "{verb}: {widest} columns");
+    }
+    for kind in ["replan", "realism", "guards"] {
+        let help = stdout(&reactsim(&["study", kind, "--help"]));
+        let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
+        assert!(widest < 100, "study {kind}: {widest} columns");
     }
 }
 
@@ -141,7 +149,7 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     assert!(unknown.contains("\nhint: `reactsim list models`"), "{unknown}");
     insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios carry no deviated AV: give --deviations <file>, or say with --av who drives: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>");
     insta::assert_snapshot!(error(&["run", "--metric-option", "fault_order=mine"]), @r"error: metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
-    insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av and --deviations out");
+    insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av out");
     insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: --deviations goes with --av deviated only");
     insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");
     insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is no run folder: it has no provenance.json");

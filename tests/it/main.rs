@@ -31,6 +31,7 @@ mod regression;
 mod scenes;
 mod scripted_av;
 mod shipped;
+mod study;
 mod tokens;
 mod trained;
 mod training;

@@ -1,0 +1,61 @@
+//! What is said of a run when it is finished, besides its table.
+
+use anyhow::Context;
+
+use super::{count, say};
+use crate::evaluation::{RunFolder, Summary, TABLE};
+use crate::report::{Run, exporter};
+
+/// Puts the table of a run into its folder, with what failed below it.
+pub(super) fn put_table(folder: &RunFolder, summary: &Summary) -> anyhow::Result<()> {
+    let Some(markdown) = exporter("markdown") else { return Ok(()) };
+    let mut text = Vec::new();
+    markdown.export(&[Run { name: "", summary }], &mut text).context("could not make the table")?;
+    let mut text = String::from_utf8_lossy(&text).into_owned();
+    text.push_str(&outcomes(summary));
+    text.push_str(&failures(summary));
+    Ok(folder.put(TABLE, &text)?)
+}
+
+/// Says what the file of deviations and the inputs do not have in common.
+pub(super) fn tell_left_out(summary: &Summary) {
+    let p = &summary.provenance;
+    if p.passed_over > 0 {
+        let n = count(p.passed_over, "scenario");
+        say(format_args!("{n} passed over: no deviated AV in the file of deviations"));
+    }
+    if p.unused_deviations > 0 {
+        let n = count(p.unused_deviations, "deviation");
+        say(format_args!("warning: {n} not used: for scenarios that are not among those that were read"));
+    }
+}
+
+/// Per simulator that counts them: how parts of plans ended.
+fn endings(summary: &Summary) -> impl Iterator<Item = String> {
+    let counting = summary.simulators.iter().filter(|(_, s)| !s.outcomes.is_empty());
+    counting.map(|(id, simulator)| {
+        let all = simulator.outcomes.iter().map(|(name, n)| format!("{n} {name}"));
+        format!("{id}: {}", all.collect::<Vec<_>>().join(", "))
+    })
+}
+
+/// The same as a list in Markdown, below the table.
+pub(super) fn outcomes(summary: &Summary) -> String {
+    let lines: String = endings(summary).map(|line| format!("- {line}\n")).collect();
+    if lines.is_empty() { lines } else { format!("\nHow plans ended:\n\n{lines}") }
+}
+
+/// What failed, as a list in Markdown.
+fn failures(summary: &Summary) -> String {
+    let failures = &summary.provenance.failures;
+    let mut text = String::new();
+    if !failures.is_empty() {
+        text.push_str("\nFailed:\n\n");
+    }
+    for failure in failures {
+        let simulator = failure.simulator.as_deref().map(|s| format!(" ({s})")).unwrap_or_default();
+        let line = format!("- {} record {}{simulator}: {}\n", failure.file, failure.record, failure.error);
+        text.push_str(&line);
+    }
+    text
+}

@@ -1,0 +1,68 @@
+//! One run after the other, and the table.
+
+use anyhow::{Context, bail};
+
+use super::Shared;
+use crate::cli::finished::{put_table, tell_left_out};
+use crate::cli::progress::Progress;
+use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
+use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyPlan, StudyResults};
+use crate::report::study_tables;
+
+pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<ExitStatus> {
+    let folder = match shared.resume {
+        true => StudyFolder::resume(&shared.out, &mut plan)?,
+        false => StudyFolder::create(&shared.out, plan.study())?,
+    };
+    let stop = stop_on_interrupt("writing what is finished")?;
+    let members = plan.study().members.clone();
+    let mut failed = 0;
+    for (i, member) in members.iter().enumerate() {
+        let plan = plan.select(i);
+        let provenance = plan.provenance();
+        let which = format!("{} of {}: {}", i + 1, members.len(), member.label);
+        if folder.finished(member, &provenance)?.is_some() {
+            say(format_args!("{which}: finished before"));
+            continue;
+        }
+        say(format_args!("{which}"));
+        let mut tally = plan.tally();
+        let run = RunFolder::resume(&folder.member(member), &provenance, &mut tally)?;
+        let progress = Progress::new();
+        let outcome = evaluation::run(plan, shared.work.execution(), Some(&run), tally, &progress, &stop);
+        progress.end();
+        let Outcome::Finished(summary) = outcome? else {
+            say(format_args!(
+                "interrupted; finished rows are in {}; go on with the same command and --resume",
+                folder.path().display()
+            ));
+            return Ok(ExitStatus::Interrupted);
+        };
+        put_table(&run, &summary)?;
+        if i == 0 || summary.provenance.scenarios == 0 {
+            tell_left_out(&summary);
+        }
+        if summary.provenance.scenarios == 0 {
+            bail!("no scenario could be run: see the warnings above");
+        }
+        failed += summary.provenance.failures.len();
+    }
+    finish(&folder, shared, failed)
+}
+
+/// Keeps and prints the table.
+fn finish(folder: &StudyFolder, shared: &Shared, failed: usize) -> anyhow::Result<ExitStatus> {
+    let results = StudyResults::read(folder.path())?;
+    let mut text = Vec::new();
+    study_tables::write_markdown(&results, &mut text).context("could not make the table")?;
+    folder.put(STUDY_TABLE, &String::from_utf8_lossy(&text))?;
+    write_result(None, |out| match shared.format.as_str() {
+        "json" => study_tables::write_json(&results, out),
+        _ => out.write_all(&text),
+    })?;
+    if failed > 0 {
+        say(format_args!("warning: {failed} failed; the others are in the table"));
+        return Ok(ExitStatus::SomeFailed);
+    }
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,41 @@
+//! `reactsim study replan`: what planning more often is worth.
+
+use anyhow::bail;
+use clap::Args;
+
+use super::Shared;
+use crate::evaluation::{PlannedSimulator, StudyPlan};
+use crate::rollout::{Replan, Settings};
+
+const AFTER: &str = "\
+Without --models oracles are left out too: what they do does not depend on when they are asked.";
+
+/// Arguments of `study replan`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct ReplanArgs {
+    /// Steps between two plans (1 to 80, of 0.1 s each), separated by commas, or rates such as 2hz
+    #[arg(long, value_name = "STEPS", value_delimiter = ',', default_value = "1,2,5,10,20,40")]
+    intervals: Vec<Replan>,
+    /// Rollouts per scenario and simulator
+    #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    rollouts: u32,
+    #[command(flatten)]
+    pub shared: Shared,
+}
+
+pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<StudyPlan> {
+    let mut intervals = args.intervals.clone();
+    intervals.sort_by_key(|i| i.steps());
+    if let Some(twice) = intervals.windows(2).find(|w| w[0] == w[1]) {
+        bail!("--intervals names {} steps twice: give each interval once", twice[0].steps());
+    }
+    let subject = &args.shared.subject;
+    let mut simulators = PlannedSimulator::adjusted(&subject.models, &subject.adjustments(None)?)?;
+    if subject.models.is_empty() {
+        simulators.retain(|s| !s.controller.is_oracle());
+    }
+    let settings = Settings { seed: subject.seed, ..Settings::default() };
+    let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
+    Ok(StudyPlan::replan(plan, &intervals))
+}

@@ -1,0 +1,160 @@
+//! What `run` and the studies are asked alike: scenarios, simulators, who drives the AV, and how the work is shared.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+use anyhow::bail;
+use clap::Args;
+
+use super::{find_inputs, metric_options, shipped};
+use crate::evaluation::{
+    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator,
+    RunSettings, Source,
+};
+use crate::formats::{self, FormatError, PendingScenarios};
+use crate::models::qp::Smoothing;
+use crate::rollout::{Protocol, Settings};
+
+/// Scenarios, simulators and the AV.
+#[derive(Debug, Args)]
+pub(super) struct Subject {
+    /// Files or folders of scenarios [default: the shipped benchmark]
+    #[arg(value_name = "SCENARIOS")]
+    scenarios: Vec<PathBuf>,
+    /// Simulators, separated by commas [default: all baselines that have what they need]
+    #[arg(long, value_delimiter = ',', value_name = "IDS")]
+    pub(super) models: Vec<String>,
+    /// Weights of a simulator, such as pufferdrive=puffer.safetensors; may be repeated
+    #[arg(long = "model-weights", value_name = "ID=FILE")]
+    model_weights: Vec<String>,
+    /// Another value for a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be
+    /// repeated
+    #[arg(long, value_name = "ID.KEY=VALUE")]
+    set: Vec<String>,
+    /// Who drives the AV: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>,
+    /// shift:<m> or file:<path> [default: deviated]
+    #[arg(long, value_name = "POLICY")]
+    av: Option<AvChoice>,
+    /// Deviated AVs by scenario id, Parquet or JSON; scenarios that it does not name are passed over
+    #[arg(long, value_name = "FILE")]
+    deviations: Option<PathBuf>,
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Only the first N scenarios of every file [default: all]
+    #[arg(long, value_name = "N")]
+    limit: Option<NonZeroUsize>,
+    /// A variant of the metrics, such as fault_order=nuplan; may be repeated
+    #[arg(long = "metric-option", value_name = "NAME=VALUE")]
+    metric_options: Vec<String>,
+}
+
+/// How the work is shared; decides no number.
+#[derive(Debug, Args)]
+pub(super) struct Work {
+    /// Threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Scenarios that a thread steps together; more need more memory
+    #[arg(long, default_value = "4", value_name = "N")]
+    batch: NonZeroUsize,
+}
+
+impl Work {
+    pub(super) fn execution(&self) -> Execution {
+        let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        Execution { jobs: self.jobs.map_or_else(cores, usize::from), batch: self.batch.get() }
+    }
+}
+
+impl Subject {
+    /// The weights and parameters that were asked for, and a stage behind all simulators.
+    pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
+        let mut asked = Adjustments { smoothing, ..Adjustments::default() };
+        for text in &self.model_weights {
+            match text.split_once('=') {
+                Some((id, file)) if !id.is_empty() && !file.is_empty() => {
+                    asked.weights.push((id.to_owned(), PathBuf::from(file)));
+                }
+                _ => bail!("--model-weights `{text}`: write ID=FILE, such as pufferdrive=puffer.safetensors"),
+            }
+        }
+        for text in &self.set {
+            let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
+            let Some(((id, key), value)) = parts else {
+                bail!("--set `{text}`: write ID.KEY=VALUE, such as idm.vehicle.headway=1.5");
+            };
+            asked.parameters.push((id.trim().to_owned(), key.trim().to_owned(), value.trim().to_owned()));
+        }
+        Ok(asked)
+    }
+
+    /// These simulators on the scenarios. Everything that can be wrong is found here, before the first scenario.
+    pub(super) fn plan(
+        &self,
+        simulators: Vec<PlannedSimulator>,
+        rollout: Settings,
+        rollouts: u32,
+        keep_rollouts: bool,
+    ) -> anyhow::Result<Plan> {
+        let options = metric_options(&self.metric_options)?;
+        let protocol = rollout.protocol;
+        if protocol == Protocol::Realism && self.av.is_some() {
+            bail!("the simulator moves the AV in the realism protocol: leave --av out");
+        }
+        let deviated = matches!(self.av, None | Some(AvChoice::Deviated));
+        let deviations = match (&self.deviations, &self.av) {
+            (Some(_), Some(AvChoice::File(_))) => bail!("give either --deviations or --av file:<path>"),
+            (Some(_), _) if !deviated => bail!("--deviations goes with --av deviated only"),
+            (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(read_deviations(path)?),
+            (None, _) => None,
+        };
+        let sources = sources(&self.scenarios, self.limit)?;
+        let av = match (&self.av, protocol) {
+            (Some(av), _) => av.clone(),
+            (None, Protocol::Realism) => AvChoice::Log,
+            (None, Protocol::Reactive) => {
+                if deviations.is_none() && !self.scenarios.is_empty() && !first_is_deviated(&sources) {
+                    bail!(
+                        "the scenarios carry no deviated AV: give --deviations <file>, or say with --av who drives: \
+                         {AV_CHOICES}"
+                    );
+                }
+                AvChoice::Deviated
+            }
+        };
+        let limit = self.limit.map(NonZeroUsize::get);
+        let settings = RunSettings { rollout, av, rollouts, options, limit };
+        Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
+    }
+}
+
+/// The files of scenarios, each found and recognised; the shipped benchmark where none is named.
+fn sources(paths: &[PathBuf], limit: Option<NonZeroUsize>) -> anyhow::Result<Vec<Source>> {
+    let most = limit.map_or(usize::MAX, NonZeroUsize::get);
+    if paths.is_empty() {
+        return Ok(vec![shipped::benchmark(most)]);
+    }
+    let mut sources = Vec::new();
+    for input in find_inputs(paths)? {
+        let file = FileRecord::of(&input.path, input.format.id())?;
+        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
+            Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
+        });
+        sources.push(Source { file, open });
+    }
+    Ok(sources)
+}
+
+fn read_deviations(path: &Path) -> anyhow::Result<Deviations> {
+    let tracks = formats::deviations::read(path)?;
+    Ok(Deviations { file: FileRecord::of(path, "deviations")?, tracks })
+}
+
+/// Whether the first scenario that can be read carries a deviated AV. Where none can be read the run will say so.
+fn first_is_deviated(sources: &[Source]) -> bool {
+    let scenarios = sources.iter().filter_map(|s| (s.open)().ok()).flatten();
+    let mut readable = scenarios.filter_map(|s| s.and_then(|decode| decode()).ok());
+    readable.next().is_none_or(|s| s.deviation.is_some())
+}

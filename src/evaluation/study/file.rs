@@ -1,0 +1,52 @@
+//! `study.json`: what a study consists of.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::de::Error as _;
+
+use super::Study;
+use crate::evaluation::EvaluationError;
+use crate::evaluation::folder::{SUMMARY, cannot_read};
+
+/// Name of the file that says what a study consists of.
+pub const STUDY: &str = "study.json";
+/// Name of the file with the table of a study.
+pub const STUDY_TABLE: &str = "study.md";
+
+/// Whether a folder holds a study, finished or not.
+pub fn is_study(folder: &Path) -> bool {
+    folder.join(STUDY).is_file()
+}
+
+/// The study in a folder, whose members are finished runs in folders below it.
+///
+/// # Errors
+/// [`EvaluationError`] when there is none, it is damaged, or members are not finished, which are named.
+pub fn read_study(folder: &Path) -> Result<Study, EvaluationError> {
+    let study = read(folder)?;
+    let open = study.members.iter().map(|m| m.folder.as_str());
+    let open: Vec<&str> = open.filter(|name| !folder.join(name).join(SUMMARY).is_file()).collect();
+    if !open.is_empty() {
+        return Err(EvaluationError::UnfinishedStudy { path: folder.to_owned(), members: open.join(", ") });
+    }
+    Ok(study)
+}
+
+/// The same, finished or not.
+pub(super) fn read(folder: &Path) -> Result<Study, EvaluationError> {
+    let path = folder.join(STUDY);
+    let text = match fs::read_to_string(&path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            return Err(EvaluationError::NoStudy { path: folder.to_owned() });
+        }
+        other => other.map_err(cannot_read(&path))?,
+    };
+    let damaged = |source| EvaluationError::Damaged { path: path.clone(), source };
+    let study: Study = serde_json::from_str(&text).map_err(damaged)?;
+    match study.fault() {
+        Some(fault) => Err(damaged(serde_json::Error::custom(fault))),
+        None => Ok(study),
+    }
+}

@@ -1,0 +1,81 @@
+//! What came out of a study.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::{Study, StudyKind, read_study};
+use crate::evaluation::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
+
+/// The numbers of a study.
+#[derive(Clone, Debug)]
+pub struct StudyResults {
+    /// What it consists of.
+    pub study: Study,
+    /// The result of each member, in their order.
+    pub summaries: Vec<Summary>,
+    /// What the changes of a study of kind `guards` are worth, by member and simulator; empty in other studies.
+    pub differences: Vec<Difference>,
+}
+
+/// A simulator with a change, compared to the same one as it is (in the first member).
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// Index of the member.
+    pub member: usize,
+    /// Id of the simulator in it.
+    pub simulator: String,
+    /// Its id as it is.
+    pub original: String,
+    /// First: as it is; second: changed. `None` where there is no scenario that both have a result for.
+    pub comparison: Option<Comparison>,
+}
+
+impl StudyResults {
+    /// Reads the results in the folder of a study.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when there is no study, it is not finished, or its files are damaged.
+    pub fn read(folder: &Path) -> Result<Self, EvaluationError> {
+        let study = read_study(folder)?;
+        let members = || study.members.iter().map(|m| folder.join(&m.folder));
+        let summaries: Vec<Summary> = members().map(|path| read_summary(&path)).collect::<Result<_, _>>()?;
+        let mut differences = Vec::new();
+        if study.kind == StudyKind::Guards {
+            let mut tallies = Vec::new();
+            for (summary, path) in summaries.iter().zip(members()) {
+                let tally = read_tally(&path)?;
+                if !summary.is_of(&tally) {
+                    return Err(EvaluationError::Unfinished { path });
+                }
+                tallies.push(tally);
+            }
+            differences = compare(&study, &summaries, &tallies)?;
+        }
+        Ok(Self { study, summaries, differences })
+    }
+}
+
+/// Compares every simulator of every member but the first with its original in that.
+fn compare(
+    study: &Study,
+    summaries: &[Summary],
+    tallies: &[Tally],
+) -> Result<Vec<Difference>, EvaluationError> {
+    let Some((as_is, tally)) = summaries.first().zip(tallies.first()) else { return Ok(Vec::new()) };
+    let seed = as_is.provenance.run.settings.seed;
+    let mut pairs = Vec::new();
+    for (i, member) in study.members.iter().enumerate().skip(1) {
+        for id in &tallies[i].simulators {
+            pairs.push((i, id, member.originals.get(id).unwrap_or(id)));
+        }
+    }
+    let one = |(member, id, original): (usize, &String, &String)| {
+        let comparison = match Comparison::of((tally, original), (&tallies[member], id), seed) {
+            Err(EvaluationError::NothingInCommon) => None,
+            other => Some(other?),
+        };
+        Ok(Difference { member, simulator: id.clone(), original: original.clone(), comparison })
+    };
+    pairs.into_par_iter().map(one).collect()
+}

@@ -1,0 +1,227 @@
+//! Studies, as tables for people and for programs.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+use super::Run;
+use super::comparison::signed;
+use super::markdown::{cell, escape, legend, method, write_aligned};
+use super::table::{COLUMNS, Column, provenance};
+use crate::evaluation::{
+    Comparison, Difference, Estimate, Member, SimulatorSummary, StudyKind, StudyResults, Summary,
+};
+
+/// How agents get on with the AV: what the paper studies.
+const REACTION: &[&str] = &["aav-collision", "aav-ttc"];
+/// What the paper's table 2 has of the realism protocol, and the smallest displacement of any rollout.
+const REALISM: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
+/// The metrics of the benchmark are the first columns of its table.
+const SEVEN: usize = 7;
+
+/// The columns of a member of a study.
+fn columns(kind: StudyKind, member: &Member) -> Vec<Column> {
+    let of = |ids: &[&'static str]| ids.iter().map(|metric| Column { metric }).collect();
+    match kind {
+        StudyKind::Replan => of(REACTION),
+        StudyKind::Realism if member.protocol.as_deref() == Some("realism") => of(REALISM),
+        StudyKind::Realism => of(REACTION),
+        StudyKind::Guards => COLUMNS[..SEVEN].to_vec(),
+    }
+}
+
+/// The members of a study with their results.
+fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> {
+    results.study.members.iter().zip(&results.summaries)
+}
+
+/// Writes the tables of a study as Markdown.
+///
+/// # Errors
+/// When `out` can not be written.
+pub fn write_markdown(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    match results.study.kind {
+        StudyKind::Replan => replan(results, out)?,
+        StudyKind::Realism => realism(results, out)?,
+        StudyKind::Guards => guards(results, out)?,
+    }
+    let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
+    writeln!(out)?;
+    legend(out, all().any(|s| s.oracle))?;
+    if results.study.kind == StudyKind::Guards {
+        writeln!(
+            out,
+            "Differences are paired, scenario by scenario; bold where the interval, which need not be symmetric, leaves 0 out."
+        )?;
+    }
+    writeln!(out)?;
+    for (member, summary) in members(results) {
+        let run = Run { name: &member.folder, summary };
+        writeln!(out, "- `{}`: {}", member.folder, escape(&provenance(&run)))?;
+    }
+    Ok(())
+}
+
+/// An estimate of a simulator in a run; a dash where there is none.
+fn number(summary: &Summary, simulator: &str, column: &Column) -> String {
+    cell(column, summary.simulators.get(simulator).and_then(|s| s.metrics.get(column.metric)))
+}
+
+/// Per metric a table: simulators by intervals.
+fn replan(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    let Some(first) = results.summaries.first() else { return Ok(()) };
+    for (i, metric) in REACTION.iter().enumerate() {
+        let column = Column { metric };
+        let head = column.head();
+        writeln!(out, "{}{head} by steps (of 0.1 s) between two plans:\n", if i > 0 { "\n" } else { "" })?;
+        let steps = members(results).map(|(m, _)| m.replan_steps.unwrap_or_default().to_string());
+        let mut rows: Vec<Vec<String>> = vec![std::iter::once("Method".to_owned()).chain(steps).collect()];
+        for (id, title, simulator) in first.order() {
+            let numbers = results.summaries.iter().map(|summary| number(summary, id, &column));
+            rows.push(std::iter::once(method(title, simulator.oracle)).chain(numbers).collect());
+        }
+        write_aligned(out, &rows, 1)?;
+    }
+    Ok(())
+}
+
+/// One table: simulators by metrics of both protocols.
+fn realism(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    let Some(first) = results.summaries.first() else { return Ok(()) };
+    let kind = results.study.kind;
+    let mut head = vec!["Method".to_owned()];
+    for (member, _) in members(results) {
+        let protocol = super::markdown::capital(member.protocol.as_deref().unwrap_or_default());
+        head.extend(columns(kind, member).iter().map(|c| format!("{protocol}: {}", c.head())));
+    }
+    let mut rows = vec![head];
+    for (id, title, simulator) in first.order() {
+        let mut row = vec![method(title, simulator.oracle)];
+        for (member, summary) in members(results) {
+            row.extend(columns(kind, member).iter().map(|c| number(summary, id, c)));
+        }
+        rows.push(row);
+    }
+    write_aligned(out, &rows, 1)
+}
+
+/// Two tables: simulators in all their variants, and what these differ by from the simulators as they are.
+fn guards(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    let Some(first) = results.summaries.first() else { return Ok(()) };
+    let columns = &COLUMNS[..SEVEN];
+    let titles = ["Method", "Variant"].map(str::to_owned).into_iter();
+    let head: Vec<String> = titles.chain(columns.iter().map(Column::head)).collect();
+    let (mut values, mut differences) = (vec![head.clone()], vec![head]);
+    for (original, title, simulator) in first.order() {
+        let method = method(title, simulator.oracle);
+        for (i, (member, summary)) in members(results).enumerate() {
+            for (id, _) in member.originals.iter().filter(|(_, of)| *of == original) {
+                let about = [method.clone(), member.label.clone()].into_iter();
+                values.push(about.clone().chain(columns.iter().map(|c| number(summary, id, c))).collect());
+                if let Some(found) = difference(results, i, id) {
+                    let cells = columns.iter().map(|c| worth(c, found.comparison.as_ref()));
+                    differences.push(about.chain(cells).collect());
+                }
+            }
+        }
+    }
+    write_aligned(out, &values, 2)?;
+    if differences.len() > 1 {
+        writeln!(out, "\nDifference to the same simulator as it is:\n")?;
+        write_aligned(out, &differences, 2)?;
+    }
+    Ok(())
+}
+
+fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> Option<&'a Difference> {
+    results.differences.iter().find(|d| d.member == member && d.simulator == simulator)
+}
+
+/// A difference with half the width of its interval.
+fn worth(column: &Column, comparison: Option<&Comparison>) -> String {
+    let found = comparison.and_then(|c| c.metrics.get(column.metric)).map(|paired| &paired.difference);
+    let Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) = found else {
+        return "–".to_owned();
+    };
+    let text = format!("{} ±{}", signed(column, *mean), column.number((high - low) / 2.0));
+    if *low > 0.0 || *high < 0.0 { format!("**{text}**") } else { text }
+}
+
+/// The numbers of a study's tables.
+#[derive(Serialize)]
+struct Numbers<'a> {
+    study: StudyKind,
+    members: Vec<MemberNumbers<'a>>,
+}
+
+#[derive(Serialize)]
+struct MemberNumbers<'a> {
+    #[serde(flatten)]
+    member: &'a Member,
+    /// Scenarios with a result, and what failed.
+    scenarios: usize,
+    failures: usize,
+    simulators: Vec<SimulatorNumbers<'a>>,
+}
+
+#[derive(Serialize)]
+struct SimulatorNumbers<'a> {
+    id: &'a str,
+    title: &'a str,
+    oracle: bool,
+    scenarios: usize,
+    failed: usize,
+    /// By metric.
+    metrics: BTreeMap<&'static str, Estimate>,
+    /// By metric: this simulator minus the same one as it is, and how probable such a difference is by chance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    difference: Option<BTreeMap<&'static str, Worth>>,
+}
+
+#[derive(Serialize)]
+struct Worth {
+    #[serde(flatten)]
+    estimate: Estimate,
+    p: f64,
+}
+
+/// Writes the numbers of the tables as JSON, by member and simulator.
+///
+/// # Errors
+/// When `out` can not be written.
+pub fn write_json(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    let kind = results.study.kind;
+    let members = members(results).enumerate().map(|(i, (member, summary))| {
+        let columns = columns(kind, member);
+        let simulators = summary.order().map(|(id, title, simulator)| {
+            let found = difference(results, i, id).and_then(|d| d.comparison.as_ref());
+            SimulatorNumbers {
+                id,
+                title,
+                oracle: simulator.oracle,
+                scenarios: simulator.scenarios,
+                failed: simulator.failed,
+                metrics: metrics(&columns, simulator),
+                difference: found.map(|comparison| differences(&columns, comparison)),
+            }
+        });
+        MemberNumbers {
+            member,
+            scenarios: summary.provenance.scenarios,
+            failures: summary.provenance.failures.len(),
+            simulators: simulators.collect(),
+        }
+    });
+    serde_json::to_writer_pretty(&mut *out, &Numbers { study: kind, members: members.collect() })?;
+    out.write_all(b"\n")
+}
+
+fn metrics(columns: &[Column], simulator: &SimulatorSummary) -> BTreeMap<&'static str, Estimate> {
+    columns.iter().filter_map(|c| Some((c.metric, *simulator.metrics.get(c.metric)?))).collect()
+}
+
+fn differences(columns: &[Column], comparison: &Comparison) -> BTreeMap<&'static str, Worth> {
+    let paired = columns.iter().filter_map(|c| Some((c.metric, comparison.metrics.get(c.metric)?)));
+    paired.map(|(metric, found)| (metric, Worth { estimate: found.difference, p: found.p })).collect()
+}

@@ -1,0 +1,518 @@
+//! Studies: ordinary runs side by side, in one folder that can be gone on with.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use reactsim::evaluation::{
+    Adjustments, AvChoice, Member, Plan, PlannedSimulator, RunSettings, StudyKind, StudyPlan, is_study,
+    read_study, read_summary,
+};
+use reactsim::metrics::Options;
+use reactsim::rollout::Settings;
+use serde_json::Value;
+
+use crate::generated::{deviating, scenario, source, write};
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+
+fn program() -> Command {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+}
+
+fn of(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command that ends with this code prints, and says.
+fn said(arguments: &[&str], code: i32) -> (String, String) {
+    let output: Output = program().args(arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", of(&output.stderr));
+    (of(&output.stdout), of(&output.stderr))
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The folders of a study's members, in order.
+fn members(study: &Path) -> Vec<Member> {
+    read_study(study).unwrap().members
+}
+
+/// The files of all members that must not depend on how the study went, and its own.
+fn results(study: &Path) -> Vec<Vec<u8>> {
+    let read = |path: std::path::PathBuf| fs::read(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
+    let mut all: Vec<Vec<u8>> = ["study.json", "study.md"].iter().map(|n| read(study.join(n))).collect();
+    for member in members(study) {
+        let names =
+            ["summary.json", "rows.jsonl", "events.jsonl", "failures.jsonl", "summary.md", "provenance.json"];
+        all.extend(names.iter().map(|n| read(study.join(&member.folder).join(n))));
+    }
+    all
+}
+
+/// Asserts that a member has what `run` makes of these arguments.
+fn is_what_run_makes(study: &Path, member: &str, arguments: &[&str]) {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("run");
+    said(&[&["run", MINI, "--out", text(&out)], arguments].concat(), 0);
+    for name in ["summary.json", "rows.jsonl", "summary.md"] {
+        let same = fs::read(study.join(member).join(name)).unwrap() == fs::read(out.join(name)).unwrap();
+        assert!(same, "{name} of {member}");
+    }
+}
+
+/// The rows of the tables in a text, by cells; heads among them.
+fn rows(table: &str) -> Vec<Vec<String>> {
+    let lines = table.lines().filter(|l| l.starts_with("| "));
+    lines.map(|l| l.trim_matches('|').split(" | ").map(|c| c.trim().to_owned()).collect()).collect()
+}
+
+/// The mean of a metric as tables show it.
+fn shown(member: &Path, simulator: &str, metric: &str) -> String {
+    let summary = read_summary(member).unwrap();
+    let mean = summary.simulators[simulator].metrics[metric].mean.unwrap();
+    match metric {
+        "ade" | "min-ade" => format!("{mean:.2}"),
+        _ => format!("{mean:.3}"),
+    }
+}
+
+/// What stands before the half width of a cell.
+fn mean(cell: &str) -> &str {
+    cell.split(' ').next().unwrap()
+}
+
+#[test]
+fn intervals_are_runs_side_by_side() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("replan");
+    let arguments =
+        ["study", "replan", MINI, "--models", "idm,stop", "--intervals", "40,5", "--out", text(&out)];
+    let (table, told) = said(&arguments, 0);
+    assert_eq!(told, "1 of 2: every 5 steps (2 Hz)\n2 of 2: every 40 steps (0.25 Hz)\n");
+    assert_eq!(table, fs::read_to_string(out.join("study.md")).unwrap());
+    assert!(is_study(&out) && !is_study(&out.join("steps-05")));
+    let study = read_study(&out).unwrap();
+    assert_eq!(study.kind, StudyKind::Replan);
+    let names: Vec<&str> = study.members.iter().map(|m| m.folder.as_str()).collect();
+    assert_eq!(names, ["steps-05", "steps-40"]);
+    assert_eq!(study.members[1].replan_steps, Some(40));
+    is_what_run_makes(&out, "steps-05", &["--models", "idm,stop"]);
+    is_what_run_makes(&out, "steps-40", &["--models", "idm,stop", "--replan", "40steps"]);
+    let rows = rows(&table);
+    assert_eq!(rows[0], ["Method", "5", "40"]);
+    for (metric, first) in [("aav-collision", 1), ("aav-ttc", 4)] {
+        for (row, id) in rows[first..].iter().zip(["idm", "stop"]) {
+            for (cell, member) in row[1..].iter().zip(names.iter()) {
+                assert_eq!(mean(cell), shown(&out.join(member), id, metric), "{id} {member}");
+            }
+        }
+    }
+    // Who plans every four seconds sees the AV too late.
+    assert!(
+        shown(&out.join("steps-40"), "idm", "aav-collision")
+            > shown(&out.join("steps-05"), "idm", "aav-collision")
+    );
+
+    // The same numbers as JSON, without another run.
+    let before = results(&out);
+    let (json, told) = said(&[&arguments[..], &["--resume", "--format", "json"]].concat(), 0);
+    assert!(told.lines().count() == 2 && told.lines().all(|l| l.ends_with(": finished before")), "{told}");
+    assert!(results(&out) == before);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((&json["study"], &json["members"][1]["replan_steps"]), (&"replan".into(), &40.into()));
+    let simulator = &json["members"][1]["simulators"][0];
+    let wanted = &read_summary(&out.join("steps-40")).unwrap().simulators["idm"].metrics["aav-ttc"];
+    assert_eq!((&simulator["id"], simulator["scenarios"].as_u64()), (&"idm".into(), Some(12)));
+    assert_eq!(simulator["metrics"]["aav-ttc"], serde_json::to_value(wanted).unwrap());
+    assert_eq!(simulator["metrics"].as_object().unwrap().len(), 2);
+}
+
+#[test]
+fn both_protocols_stand_side_by_side() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("realism");
+    let models = ["--models", "log-replay,constant-velocity,idm"];
+    let arguments =
+        [&["study", "realism", MINI, "--rollouts", "3", "--seed", "4", "--out", text(&out)], &models[..]]
+            .concat();
+    let (table, _) = said(&arguments, 0);
+    let study = read_study(&out).unwrap();
+    let names: Vec<&str> = study.members.iter().map(|m| m.folder.as_str()).collect();
+    assert_eq!((study.kind, names), (StudyKind::Realism, vec!["reactive", "realism"]));
+    let run = [&models[..], &["--seed", "4"]].concat();
+    is_what_run_makes(&out, "reactive", &run);
+    is_what_run_makes(&out, "realism", &[&run[..], &["--protocol", "realism", "--rollouts", "3"]].concat());
+    let rows = rows(&table);
+    let columns = [
+        ("reactive", "aav-collision"),
+        ("reactive", "aav-ttc"),
+        ("realism", "aav-collision"),
+        ("realism", "aav-ttc"),
+        ("realism", "ade"),
+        ("realism", "min-ade"),
+        ("realism", "kinematic-likelihood"),
+    ];
+    assert_eq!((rows.len(), rows[0].len()), (4, 1 + columns.len()));
+    assert_eq!(rows[0][6], "Realism: minADE (m) ↓");
+    assert_eq!(rows[1][0], "Log Replay †");
+    for (row, id) in rows[1..].iter().zip(["log-replay", "constant-velocity", "idm"]) {
+        for (cell, (member, metric)) in row[1..].iter().zip(columns) {
+            assert_eq!(mean(cell), shown(&out.join(member), id, metric), "{id} {member} {metric}");
+        }
+    }
+    // Log replay hits an AV that leaves the log, and is the log where the AV is too.
+    assert!(mean(&rows[1][1]) > "1.0" && mean(&rows[1][3]) == "0.000" && mean(&rows[1][5]) == "0.00");
+}
+
+#[test]
+fn parts_are_taken_away_and_put_to() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("guards");
+    let (table, _) =
+        said(&["study", "guards", MINI, "--models", "log-replay,stop,idm", "--out", text(&out)], 0);
+    let study = read_study(&out).unwrap();
+    let names: Vec<&str> = study.members.iter().map(|m| m.folder.as_str()).collect();
+    assert_eq!(names, ["as-is", "lookahead-0", "with-qp", "with-qp-lookahead-0"], "no card has a projection");
+    is_what_run_makes(&out, "as-is", &["--models", "log-replay,stop,idm"]);
+    is_what_run_makes(&out, "lookahead-0", &["--models", "log-replay,stop,idm", "--av-lookahead", "0"]);
+    is_what_run_makes(&out, "with-qp-lookahead-0", &["--models", "stop+qp,idm+qp", "--av-lookahead", "0"]);
+    let rows = rows(&table);
+    let values = &rows[..1 + rows[1..].iter().position(|r| r[0] == "Method").unwrap()];
+    assert_eq!(values.len(), 1 + 2 + 4 + 4);
+    let stands: Vec<&str> = values[3..7].iter().map(|r| r[1].as_str()).collect();
+    assert_eq!(stands, ["as it is", "look-ahead 0", "with QP", "with QP, look-ahead 0"]);
+    for (row, (member, id)) in
+        values[3..].iter().zip([("as-is", "stop"), ("lookahead-0", "stop"), ("with-qp", "stop+qp")])
+    {
+        assert_eq!(mean(&row[3]), shown(&out.join(member), id, "aav-ttc"));
+    }
+    // Who stands is risky where the AV drives into it; with the stage nobody brakes as hard as that.
+    let (as_is, with) =
+        (read_summary(&out.join("as-is")).unwrap(), read_summary(&out.join("with-qp")).unwrap());
+    let risky =
+        |s: &reactsim::evaluation::Summary, id: &str| s.simulators[id].metrics["aav-ttc"].mean.unwrap();
+    let wanted = risky(&with, "stop+qp") - risky(&as_is, "stop");
+    let found = rows[values.len()..].iter().find(|r| r[0] == "Stop" && r[1] == "with QP").unwrap();
+    let cell = found[3].trim_matches('*');
+    assert!((mean(cell).parse::<f64>().unwrap() - wanted).abs() < 6e-4, "{cell}, not {wanted}");
+    // The same as JSON, with the interval.
+    let again = ["study", "guards", MINI, "--models", "log-replay,stop,idm", "--out", text(&out), "--resume"];
+    let (json, _) = said(&[&again[..], &["--format", "json"]].concat(), 0);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    let changed = &json["members"][2]["simulators"][0];
+    assert_eq!(changed["id"], "stop+qp");
+    let difference = &changed["difference"]["aav-ttc"];
+    assert!((difference["mean"].as_f64().unwrap() - wanted).abs() < 1e-12);
+    assert!(difference["p"].as_f64().unwrap() <= 1.0 && difference["scenarios"] == 12);
+    assert!(json["members"][0]["simulators"][1].get("difference").is_none());
+}
+
+/// A plan of these simulators that is not carried out.
+fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
+    let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
+    Plan {
+        sources: vec![source("a", vec![0])],
+        simulators: PlannedSimulator::adjusted(&ids, asked).unwrap(),
+        deviations: None,
+        settings: RunSettings {
+            rollout: Settings::default(),
+            av: AvChoice::Deviated,
+            rollouts: 1,
+            options: Options::default(),
+            limit: None,
+        },
+        keep_rollouts: false,
+    }
+}
+
+#[test]
+fn a_variant_holds_what_it_changes() {
+    let set = |id: &str, key: &str, value: &str| (id.to_owned(), key.to_owned(), value.to_owned());
+    let asked = Adjustments {
+        parameters: vec![set("ntp-reactive", "keep_clear", "false"), set("idm", "vehicle.headway", "2")],
+        ..Adjustments::default()
+    };
+    let models = ["stop+qp", "idm", "ntp-reactive", "ntp-reactive-raw", "qp-regression"];
+    let mut plan = StudyPlan::guards(plan_of(&models, &asked), &asked).unwrap();
+    let members = plan.study().members.clone();
+    let found: Vec<String> = (0..members.len())
+        .map(|i| {
+            let plan = plan.select(i);
+            let provenance = plan.provenance();
+            let simulators = provenance.simulators.iter().map(|s| {
+                let changes = s.parameters.iter().map(|(key, value)| format!(" {key}={value}"));
+                assert!(members[i].originals.contains_key(&s.id), "{}", s.id);
+                assert_eq!(s.weights.is_some(), s.id.contains("ntp") || s.id.contains("regression"));
+                format!("{}{}", s.id, changes.collect::<String>())
+            });
+            assert_eq!(members[i].originals.len(), provenance.simulators.len());
+            let ahead = u8::from(provenance.settings.av_lookahead);
+            assert_eq!(Some(ahead == 1), members[i].av_lookahead);
+            let simulators: Vec<String> = simulators.collect();
+            format!("{} {ahead}: {}", members[i].folder, simulators.join(", "))
+        })
+        .collect();
+    insta::assert_snapshot!(found.join("\n"), @r"
+    as-is 1: stop+qp, idm vehicle.headway=2.0, ntp-reactive keep_clear=false, ntp-reactive-raw, qp-regression
+    lookahead-0 0: stop+qp, idm vehicle.headway=2.0, ntp-reactive keep_clear=false, ntp-reactive-raw, qp-regression
+    without-projection 1: ntp-reactive keep_clear=false projection=false
+    without-projection-lookahead-0 0: ntp-reactive keep_clear=false projection=false
+    with-projection 1: ntp-reactive-raw projection=true
+    with-projection-lookahead-0 0: ntp-reactive-raw projection=true
+    without-keep-clear 1: qp-regression keep_clear=false
+    without-keep-clear-lookahead-0 0: qp-regression keep_clear=false
+    with-keep-clear 1: ntp-reactive keep_clear=true, ntp-reactive-raw keep_clear=true
+    with-keep-clear-lookahead-0 0: ntp-reactive keep_clear=true, ntp-reactive-raw keep_clear=true
+    with-qp 1: idm+qp vehicle.headway=2.0, ntp-reactive+qp keep_clear=false, ntp-reactive-raw+qp
+    with-qp-lookahead-0 0: idm+qp vehicle.headway=2.0, ntp-reactive+qp keep_clear=false, ntp-reactive-raw+qp
+    without-qp 1: stop
+    without-qp-lookahead-0 0: stop
+    ");
+    // Selecting goes back and forth.
+    assert_eq!(plan.select(0).simulators.len(), models.len());
+}
+
+#[test]
+fn an_interrupted_study_goes_on_to_the_same_bytes() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, cut) = (home.path().join("whole"), home.path().join("cut"));
+    let study = |out: &Path, more: &[&str], code| {
+        let models = ["--models", "stop,constant-velocity", "--intervals", "5,10,20", "--keep-rollouts"];
+        said(&[&["study", "replan", MINI, "--out", text(out)], &models[..], more].concat(), code).1
+    };
+    study(&out, &[], 0);
+    let wanted = results(&out);
+    // One member whole, one cut, one not begun.
+    study(&cut, &["--jobs", "1"], 0);
+    assert!(results(&cut) == wanted);
+    let member = cut.join("steps-10");
+    let rows = fs::read_to_string(member.join("rows.jsonl")).unwrap();
+    let half = &rows[..rows.len() / 2 + 3];
+    fs::write(member.join("rows.jsonl"), half).unwrap();
+    fs::remove_file(member.join("summary.json")).unwrap();
+    fs::remove_dir_all(cut.join("steps-20")).unwrap();
+    fs::remove_file(cut.join("study.md")).unwrap();
+    let error = read_study(&cut).unwrap_err().to_string();
+    assert!(error.contains("is not finished (steps-10, steps-20); finish it by"), "{error}");
+    let told = study(&cut, &["--resume"], 0);
+    assert_eq!(told.matches("finished before").count(), 1, "{told}");
+    assert!(results(&cut) == wanted);
+    // Rows that are gone although the member was finished; a table that was not written.
+    fs::write(member.join("rows.jsonl"), half).unwrap();
+    fs::remove_file(cut.join("steps-20/summary.md")).unwrap();
+    let told = study(&cut, &["--resume"], 0);
+    assert_eq!(told.matches("finished before").count(), 1, "{told}");
+    assert!(results(&cut) == wanted);
+    // A folder that a kill left before the study began.
+    let begun = home.path().join("begun");
+    fs::create_dir(&begun).unwrap();
+    fs::write(begun.join("study.json.tmp"), "{").unwrap();
+    study(&begun, &["--resume"], 0);
+    assert!(results(&begun) == wanted);
+
+    // Other settings are refused by name, whatever is begun, and nothing is touched.
+    let refused = |more: &[&str], part: &str| {
+        let told = study(&cut, more, 2);
+        assert!(told.contains(part), "{told}");
+    };
+    refused(&[], "exists and is not empty; give --resume");
+    refused(&["--resume", "--seed", "3"], "`seed` is 0 there and 3 now");
+    refused(&["--resume", "--limit", "1"], "`limit` is absent there and 1 now");
+    fs::remove_dir_all(cut.join("steps-05")).unwrap();
+    refused(&["--resume", "--seed", "3"], "steps-10: `seed` is 0 there and 3 now");
+    let shared =
+        ["study", "replan", MINI, "--models", "stop,constant-velocity", "--out", text(&cut), "--resume"];
+    let (_, told) = said(&[&shared[..], &["--intervals", "5,10", "--keep-rollouts"]].concat(), 2);
+    assert!(
+        told.contains("`members` is steps-05, steps-10, steps-20 there and steps-05, steps-10 now"),
+        "{told}"
+    );
+    let (_, told) = said(&["study", "guards", MINI, "--models", "stop", "--out", text(&cut), "--resume"], 2);
+    assert!(told.contains("`study` is replan there and guards now"), "{told}");
+    let (_, told) =
+        said(&["study", "guards", MINI, "--models", "stop", "--out", text(&member), "--resume"], 2);
+    assert!(told.contains("steps-10 is no study: it has no study.json"), "{told}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_a_study_that_goes_on() {
+    let home = tempfile::tempdir().unwrap();
+    let input = home.path().join("scenarios.parquet");
+    write(&input, (0..24).map(scenario));
+    let study = |out: &Path, resume: bool| {
+        let mut command = program();
+        command.args([
+            "study",
+            "replan",
+            text(&input),
+            "--models",
+            "stop",
+            "--intervals",
+            "5,10",
+            "--rollouts",
+            "60",
+        ]);
+        command.args(["--jobs", "1", "--batch", "1", "--out", text(out)]).args(resume.then_some("--resume"));
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        command
+    };
+    let whole = home.path().join("whole");
+    assert!(study(&whole, false).status().unwrap().success());
+    for attempt in 0..20 {
+        let out = home.path().join(format!("stopped-{attempt}"));
+        let mut child = study(&out, false).spawn().unwrap();
+        let begun = Instant::now();
+        while fs::metadata(out.join("steps-05/rows.jsonl")).map_or(0, |m| m.len()) == 0 {
+            assert!(child.try_wait().unwrap().is_none(), "the study ended before it wrote a row");
+            assert!(begun.elapsed() < Duration::from_secs(60), "no row was written");
+            sleep(Duration::from_millis(1));
+        }
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let output = child.wait_with_output().unwrap();
+        if output.status.success() {
+            // It was faster than the test.
+            continue;
+        }
+        assert_eq!(output.status.code(), Some(130), "{}", of(&output.stderr));
+        assert!(of(&output.stderr).contains("go on with the same command and --resume"));
+        assert!(read_study(&out).unwrap_err().to_string().contains("is not finished"));
+        assert!(study(&out, true).status().unwrap().success());
+        assert!(results(&out) == results(&whole));
+        return;
+    }
+    panic!("no study lasted long enough");
+}
+
+#[test]
+fn wrong_input_names_the_mend_before_anything_is_run() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("study");
+    let refused = |arguments: &[&str]| {
+        let (printed, told) = said(&[&["study"], arguments, &["--out", text(&out)]].concat(), 2);
+        assert!(printed.is_empty() && !out.exists(), "{arguments:?}");
+        told
+    };
+    for (intervals, part) in [
+        ("0", "`0` is no replan rate: expected 1 to 80 steps"),
+        ("5,81", "`81` is no replan rate"),
+        ("abc", "`abc` is no replan rate"),
+        ("", "`` is no replan rate"),
+        ("5,2hz", "--intervals names 5 steps twice: give each interval once"),
+    ] {
+        let told = refused(&["replan", MINI, "--models", "stop", "--intervals", intervals]);
+        assert!(told.contains(part), "{told}");
+    }
+    assert!(refused(&["guards", MINI, "--models", "stop+qqp"]).contains("no simulator `stop+qqp`"));
+    assert!(
+        refused(&["guards", MINI, "--models", "stop", "--set", "idm.x=1"])
+            .contains("name it in --models too")
+    );
+    assert!(refused(&["realism", MINI, "--models", "stop", "--rollouts", "0"]).contains("1..=10000"));
+    assert!(
+        refused(&["realism", MINI, "--models", "stop", "--metric-option", "a=b"])
+            .contains("metric option `a`")
+    );
+    assert!(refused(&["replan", "absent.parquet", "--models", "stop"]).contains("absent.parquet"));
+    let (_, told) = said(&["study", "replan", MINI], 2);
+    assert!(told.contains("--out <FOLDER>"), "{told}");
+}
+
+#[test]
+fn without_names_the_log_is_replayed_where_it_tells_something() {
+    let ids = |study: &str| {
+        let home = tempfile::tempdir().unwrap();
+        let input = home.path().join("some.parquet");
+        let out = home.path().join("study");
+        // Everything is planned before it is found that the only scenario has no deviated AV.
+        write(&input, [deviating(0, false)]);
+        let (_, told) = said(&["study", study, text(&input), "--av", "deviated", "--out", text(&out)], 2);
+        assert!(told.contains("no scenario could be run"), "{told}");
+        let first = if study == "replan" { "steps-01" } else { "reactive" };
+        let summary = read_summary(&out.join(first)).unwrap();
+        summary.provenance.run.simulators.into_iter().map(|s| s.id).collect::<Vec<_>>()
+    };
+    let (replan, realism) = (ids("replan"), ids("realism"));
+    assert!(replan.len() > 3 && !replan.contains(&"log-replay".to_owned()));
+    assert_eq!(realism.len(), replan.len() + 1);
+}
+
+#[test]
+fn deviations_say_which_scenarios_both_protocols_have() {
+    let home = tempfile::tempdir().unwrap();
+    let (plain, file, out) =
+        (home.path().join("p.parquet"), home.path().join("d.json"), home.path().join("s"));
+    write(&plain, (0..4).map(|i| deviating(i, false)));
+    let record = |i: usize| {
+        let track = scenario(i).deviation.unwrap().track;
+        let each = |of: fn(&reactsim::scene::AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
+        let id = format!("road-{i:03}");
+        serde_json::json!({
+            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+        })
+    };
+    let document = serde_json::json!({
+        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": [record(1), record(3)]
+    });
+    fs::write(&file, document.to_string()).unwrap();
+    let arguments = ["study", "realism", text(&plain), "--deviations", text(&file), "--models", "stop"];
+    let (_, told) = said(&[&arguments[..], &["--rollouts", "2", "--out", text(&out)]].concat(), 0);
+    assert!(told.contains("2 scenarios passed over"), "{told}");
+    let [reactive, realism] = ["reactive", "realism"].map(|m| read_summary(&out.join(m)).unwrap().provenance);
+    assert_eq!((reactive.scenarios, reactive.passed_over), (2, 2));
+    assert_eq!((realism.scenarios, realism.passed_over), (2, 2));
+    assert_eq!(reactive.scenarios_blake3, realism.scenarios_blake3);
+}
+
+#[test]
+fn failures_are_counted_and_tried_again() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("some.parquet"), home.path().join("study"));
+    write(&input, (0..3).map(|i| deviating(i, i != 2)));
+    let arguments =
+        ["study", "replan", text(&input), "--models", "stop", "--intervals", "5,10", "--out", text(&out)];
+    let (table, told) = said(&arguments, 1);
+    assert!(table.contains("`steps-05`: 2 scenarios, 1 failure, "), "{table}");
+    assert!(told.ends_with("warning: 2 failed; the others are in the table\n"), "{told}");
+    let before = results(&out);
+    let (_, told) = said(&[&arguments[..], &["--resume"]].concat(), 1);
+    assert!(!told.contains("finished before"), "{told}");
+    assert!(results(&out) == before);
+}
+
+#[test]
+fn a_damaged_study_is_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let refused = |text: &str, part: &str| {
+        fs::write(home.path().join("study.json"), text).unwrap();
+        let error = read_study(home.path()).unwrap_err().to_string();
+        assert!(error.contains("study.json can not be read") && error.contains(part), "{error}");
+    };
+    let study =
+        |kind: &str, members: &str| format!(r#"{{"version": 1, "kind": "{kind}", "members": [{members}]}}"#);
+    refused("{", "EOF");
+    refused(
+        r#"{"version": 2, "kind": "replan", "members": []}"#,
+        "its version is 2, this program reads version 1",
+    );
+    refused(&study("other", ""), "unknown variant `other`");
+    refused(&study("replan", ""), "it has no members");
+    refused(
+        &study("replan", r#"{"folder": "../x", "label": "", "replan_steps": 1}"#),
+        "`../x` is no name of a folder",
+    );
+    refused(&study("replan", r#"{"folder": "x", "label": ""}"#), "the member `x` has no `replan_steps`");
+    refused(&study("realism", r#"{"folder": "x", "label": ""}"#), "has no `protocol`");
+    refused(&study("guards", r#"{"folder": "x", "label": "", "variant": "a"}"#), "has no `av_lookahead`");
+    refused(&study("replan", r#"{"folder": "x", "label": "", "speed": 1}"#), "unknown field `speed`");
+    let twice = r#"{"folder": "x", "label": "", "replan_steps": 1}"#;
+    refused(&study("replan", &format!("{twice}, {twice}")), "two members `x`");
+    fs::remove_file(home.path().join("study.json")).unwrap();
+    assert!(read_study(home.path()).unwrap_err().to_string().contains("is no study: it has no study.json"));
+    assert!(!is_study(home.path()));
+}
