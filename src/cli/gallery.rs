@@ -3,20 +3,32 @@
 use std::path::PathBuf;
 
 use super::{find_inputs, shipped};
-use crate::evaluation::Shelf;
+use crate::evaluation::{Shelf, StudyResults, is_study};
 use crate::report::page::{Gallery, Member};
 
-/// Opens the runs in these folders with the scenarios at these paths. The shipped benchmark is always at hand.
+/// Opens the runs in these folders, those of studies among them, with the scenarios at these paths. The shipped benchmark is always at
+/// hand.
 pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result<Gallery> {
     let mut shelf = Shelf::default();
     shelf.add(shipped::benchmark(usize::MAX));
     for input in find_inputs(scenarios)? {
         shelf.add_file(&input)?;
     }
-    let members = names(folders).into_iter().zip(folders);
-    let members =
-        members.map(|(name, folder)| Member { name, folder: folder.clone(), study: None }).collect();
-    Ok(Gallery::open(members, shelf)?)
+    let (mut members, mut studies) = (Vec::new(), Vec::new());
+    for (name, folder) in names(folders).into_iter().zip(folders) {
+        if !is_study(folder) {
+            members.push(Member { name, folder: folder.clone(), study: None });
+            continue;
+        }
+        let results = StudyResults::read(folder)?;
+        members.extend(results.study.members.iter().map(|member| Member {
+            name: format!("{name}/{}", member.folder),
+            folder: folder.join(&member.folder),
+            study: Some((name.clone(), member.label.clone())),
+        }));
+        studies.push((name, results));
+    }
+    Ok(Gallery::open(members, studies, shelf)?)
 }
 
 /// The names of run folders; their whole paths where the names alone are not unique.

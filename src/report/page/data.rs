@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
+use serde_json::value::RawValue;
 
 use super::PageError;
 use super::gallery::Gallery;
 use crate::evaluation::{Summary, program_commit, program_version};
 use crate::metrics::{METRICS, Unit};
 use crate::report::table::{self, Column};
-use crate::report::{Run, exporter};
+use crate::report::{Run, exporter, study_tables};
 
 /// Forms of the results that can be saved from the page.
 const DOWNLOADS: [(&str, &str); 3] =
@@ -30,7 +31,15 @@ pub(super) struct Data<'a> {
     runs: Vec<RunData<'a>>,
     subjects: Vec<SubjectData<'a>>,
     scenarios: ScenarioData<'a>,
+    studies: Vec<StudyData<'a>>,
     downloads: Vec<Download>,
+}
+
+#[derive(Serialize)]
+struct StudyData<'a> {
+    name: &'a str,
+    /// What its tables hold ([`study_tables::write_json`]).
+    numbers: Box<RawValue>,
 }
 
 #[derive(Serialize)]
@@ -139,8 +148,19 @@ impl Gallery {
                 .map(|s| SubjectData { run: s.run, id: &s.id, title: &s.title, oracle: s.oracle })
                 .collect(),
             scenarios: self.scenario_data(scenes),
+            studies: self.study_data()?,
             downloads,
         })
+    }
+
+    fn study_data(&self) -> Result<Vec<StudyData<'_>>, PageError> {
+        let numbers = self.studies.iter().map(|(name, results)| {
+            let mut text = Vec::new();
+            study_tables::write_json(results, &mut text)?;
+            let text = String::from_utf8_lossy(&text).trim().to_owned();
+            Ok(StudyData { name, numbers: RawValue::from_string(text)? })
+        });
+        numbers.collect()
     }
 
     fn scenario_data(&self, scenes: &BTreeSet<usize>) -> ScenarioData<'_> {

@@ -30,6 +30,7 @@ const SCRIPTS: &[Asset] = &[
     script!("results.js"),
     script!("charts.js"),
     script!("figures.js"),
+    script!("studies.js"),
     script!("scenes.js"),
     script!("list.js"),
     script!("vector.js"),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::PageError;
 use super::scene::{Performance, scene};
-use crate::evaluation::{Archive, Place, Shelf};
+use crate::evaluation::{Archive, Place, Shelf, StudyResults};
 
 /// A run that is to be shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,6 +23,8 @@ pub struct Gallery {
     pub(super) runs: Vec<Shown>,
     pub(super) subjects: Vec<Subject>,
     pub(super) scenarios: Vec<Joined>,
+    /// Studies by name; their runs are among those above.
+    pub(super) studies: Vec<(String, StudyResults)>,
     shelf: Shelf,
 }
 
@@ -54,11 +56,16 @@ pub(super) struct Joined {
 }
 
 impl Gallery {
-    /// Opens runs. A scenario of several runs is the same where id and digest are.
+    /// Opens runs, and takes the results of the studies that some of them belong to. A scenario of several runs is the same where id and
+    /// digest are.
     ///
     /// # Errors
     /// [`PageError`] when a run can not be read or two have one name.
-    pub fn open(members: Vec<Member>, shelf: Shelf) -> Result<Self, PageError> {
+    pub fn open(
+        members: Vec<Member>,
+        studies: Vec<(String, StudyResults)>,
+        shelf: Shelf,
+    ) -> Result<Self, PageError> {
         let mut names = BTreeSet::new();
         let mut runs = Vec::with_capacity(members.len());
         for member in members {
@@ -95,7 +102,7 @@ impl Gallery {
                 }
             }
         }
-        Ok(Self { runs, subjects, scenarios, shelf })
+        Ok(Self { runs, subjects, scenarios, studies, shelf })
     }
 
     /// The number of a scenario by its id, the first where several have it.

@@ -7,6 +7,7 @@ import { list } from "./list.js";
 import { choose } from "./palette.js";
 import { provenance, results } from "./results.js";
 import { drawable } from "./scenes.js";
+import { studies } from "./studies.js";
 import { KEYS, byKey, press, show, state, viewer } from "./viewer.js";
 
 const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "space" };
@@ -76,6 +77,7 @@ function begin() {
   $("stage-note").dataset.lacks = data.lacks.join(" ");
   results();
   figures();
+  studies();
   provenance();
   downloads();
   viewer(remember);

@@ -1,0 +1,71 @@
+// Studies: what replanning, the protocols and the parts of simulators are worth.
+
+import { data, metric } from "./data.js";
+import { $, el } from "./dom.js";
+import { count, number, titled } from "./format.js";
+
+const ABOUT = {
+  replan: ["Effect of the replanning interval", "Columns: how often plans are made anew. Vehicles per scenario."],
+  realism: ["Realism and reactive protocols", "In the realism protocol the simulator moves the AV too, and is held against the log."],
+  guards: ["What each part is worth", "The same simulators with parts taken away or put to them, and with the AV's next step seen or not."],
+};
+
+const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
+const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n, i) => el("th", { scope: "col", class: i ? "number" : null }, n))));
+const method = (s) => el("th", { scope: "row" }, s.title, s.oracle ? el("abbr", { title: "is shown the log's future" }, " †") : null);
+
+function cell(m, estimate) {
+  if (!estimate || estimate.mean === null) return el("td", { class: "number" }, "–");
+  return el("td", { class: "number", "data-metric": m.id, "data-mean": estimate.mean, title: `95 % interval ${number(m, estimate.low)} to ${number(m, estimate.high)}, ${count(estimate.scenarios, "scenario")}` },
+    number(m, estimate.mean), el("small", {}, ` ±${number(m, (estimate.high - estimate.low) / 2)}`));
+}
+
+/** A difference; bold where its interval leaves 0 out. */
+function worth(m, w) {
+  if (!w || w.mean === null) return el("td", { class: "number" }, "–");
+  const text = `${w.mean > 0 ? "+" : w.mean < 0 ? "−" : ""}${number(m, Math.abs(w.mean))}`;
+  const isSure = w.low > 0 || w.high < 0;
+  return el("td", { class: "number", "data-metric": m.id, "data-mean": w.mean, title: `95 % interval ${number(m, w.low)} to ${number(m, w.high)}, p = ${w.p.toFixed(4)}` }, isSure ? el("strong", {}, text) : text);
+}
+
+const find = (member, id) => member.simulators.find((s) => s.id === id);
+const wide = (...rows) => el("div", { class: "wide" }, el("table", { class: "data" }, ...rows));
+
+/** A table per metric: simulators by intervals. */
+function replan({ members }) {
+  return ["aav-collision", "aav-ttc"].map(metric).flatMap((m) => [
+    el("h4", {}, arrow(m)),
+    wide(head("Method", ...members.map((member) => member.label)), el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...members.map((member) => cell(m, find(member, s.id)?.metrics[m.id])))))),
+  ]);
+}
+
+/** One table: simulators by metrics of both protocols. */
+function realism({ members }) {
+  const columns = members.flatMap((member) => Object.keys(member.simulators[0]?.metrics ?? {}).map((id) => [member, metric(id)]));
+  columns.sort((a, b) => members.indexOf(a[0]) - members.indexOf(b[0]) || data.metrics.indexOf(a[1]) - data.metrics.indexOf(b[1]));
+  return [wide(head("Method", ...columns.map(([member, m]) => `${member.protocol}: ${arrow(m)}`)),
+    el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...columns.map(([member, m]) => cell(m, find(member, s.id)?.metrics[m.id]))))))];
+}
+
+/** Two tables: simulators in all their variants, and what these differ by. */
+function guards({ members }) {
+  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
+  const rows = members[0].simulators.flatMap((original) => members.flatMap((member) =>
+    Object.entries(member.originals).filter(([, of]) => of === original.id).map(([id]) => [original, member, find(member, id)])).filter(([, , s]) => s));
+  const table = (name, part, all) => [el("h4", {}, name), wide(head("Method", "Variant", ...columns.map(arrow)),
+    el("tbody", {}, ...all.map(([original, member, s]) => el("tr", {}, method(original), el("td", {}, member.label), ...columns.map((m) => part(m, s))))))];
+  return [
+    ...table("Values", (m, s) => cell(m, s.metrics[m.id]), rows),
+    ...table("Difference to the same simulator as it is (bold where the interval leaves 0 out)", (m, s) => worth(m, s.difference[m.id]), rows.filter(([, , s]) => s.difference)),
+  ];
+}
+
+/** Shows the tables of all studies. */
+export function studies() {
+  const draw = { replan, realism, guards };
+  $("studies").hidden = !data.studies.length;
+  $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
+    const [title, about] = ABOUT[numbers.study];
+    return el("section", { "data-study": numbers.study }, el("h3", {}, `${title} (${name})`), el("p", { class: "dim small" }, about), ...draw[numbers.study](numbers));
+  }));
+}
