@@ -37,7 +37,7 @@ impl Camera {
                 places.extend((0..=FUTURE).filter_map(|k| moving.av(k)).map(|s| s.position()));
                 places.extend(moving.marked());
             }
-            let seen = Bounds::of(places.into_iter());
+            let seen = Bounds::of(places);
             let half = 0.5 * (seen.max - seen.min);
             let radius = wanted.unwrap_or_else(|| (half.x.max(half.y) + MARGIN).clamp(LEAST, MOST));
             (radius, Some(0.5 * (seen.min + seen.max)))
