@@ -1,9 +1,9 @@
-//! What `report --format html` and `view` have in common: which runs are shown, and where their scenarios lie.
+//! What `report` and `view` have in common: which runs are shown, and where their scenarios lie.
 
 use std::path::PathBuf;
 
 use super::{find_inputs, shipped};
-use crate::evaluation::{Shelf, StudyResults, is_study};
+use crate::evaluation::{EvaluationError, Shelf, StudyResults, is_study};
 use crate::report::page::{Gallery, Member};
 
 /// Opens the runs in these folders, those of studies among them, with the scenarios at these paths. The shipped benchmark is always at
@@ -14,6 +14,15 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result
     for input in find_inputs(scenarios)? {
         shelf.add_file(&input)?;
     }
+    let (members, studies) = members(folders)?;
+    Ok(Gallery::open(members, studies, shelf)?)
+}
+
+/// Studies by name.
+type Studies = Vec<(String, StudyResults)>;
+
+/// The runs in these folders, and the studies that some of them belong to.
+pub(super) fn members(folders: &[PathBuf]) -> Result<(Vec<Member>, Studies), EvaluationError> {
     let (mut members, mut studies) = (Vec::new(), Vec::new());
     for (name, folder) in names(folders).into_iter().zip(folders) {
         if !is_study(folder) {
@@ -28,11 +37,11 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result
         }));
         studies.push((name, results));
     }
-    Ok(Gallery::open(members, studies, shelf)?)
+    Ok((members, studies))
 }
 
 /// The names of run folders; their whole paths where the names alone are not unique.
-pub(super) fn names(runs: &[PathBuf]) -> Vec<String> {
+fn names(runs: &[PathBuf]) -> Vec<String> {
     let short: Vec<String> = runs
         .iter()
         .map(|p| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned()))

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::gallery::{self, names};
-use super::{ExitStatus, say, write_result};
+use super::{ExitStatus, gallery, say, write_result};
 use crate::evaluation::{Summary, read_summary};
 use crate::report::{EXPORTERS, Run, exporter};
 
@@ -17,6 +16,7 @@ const AFTER: &str = "\
   reactsim report runs/x --format csv
   reactsim report runs/x runs/y --format html --out page.html
   reactsim report runs/x --format html --scenarios logs/ --all --out page.html
+  reactsim report studies/replan studies/guards --format html --out studies.html
 
 The page is one file that opens anywhere. Scenes are drawn for runs that were made with --keep-rollouts; the
 shipped benchmark is always at hand, other scenarios are found with --scenarios.";
@@ -25,7 +25,7 @@ shipped benchmark is always at hand, other scenarios are found with --scenarios.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct ReportArgs {
-    /// Run folders
+    /// Folders of runs or studies
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// Form of the result
@@ -58,10 +58,11 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
     if args.format == HTML {
         return page(args);
     }
-    let summaries: Vec<Summary> = args.runs.iter().map(|p| read_summary(p)).collect::<Result<_, _>>()?;
-    let names = names(&args.runs);
+    let (members, _) = gallery::members(&args.runs)?;
+    let summaries: Vec<Summary> =
+        members.iter().map(|m| read_summary(&m.folder)).collect::<Result<_, _>>()?;
     let runs: Vec<Run<'_>> =
-        names.iter().zip(&summaries).map(|(name, summary)| Run { name, summary }).collect();
+        members.iter().zip(&summaries).map(|(m, summary)| Run { name: &m.name, summary }).collect();
     if let Some(exporter) = exporter(&args.format) {
         write_result(args.out.as_deref(), |out| exporter.export(&runs, out))?;
     }

@@ -11,7 +11,7 @@ use crate::web::{Loopback, Stop};
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub(super) struct ViewArgs {
-    /// Run folders, made with --keep-rollouts
+    /// Folders of runs or studies, made with --keep-rollouts
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// Where the scenarios of the runs lie (the shipped benchmark is at hand); may be repeated

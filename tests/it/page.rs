@@ -234,8 +234,10 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
     page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
     assert_ne!(page.evaluate(picture), before);
     // Layers can be taken away.
+    let with_map = page.evaluate(picture);
     page.evaluate("document.getElementById('layer-map').click()");
     page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
+    assert_ne!(page.evaluate(picture), with_map);
 
     // The list by keys alone: the second row, then the viewer shows it.
     page.evaluate("document.getElementById('list').focus()");
@@ -262,7 +264,6 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
     assert_eq!(differ, expected.count());
 
     // A case study is one drawing with a panel for every simulator and time.
-    page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
     open(&mut page, &format!("{address}#scenario={scenario}&t=0&left=log-replay&right=idm"));
     page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
     page.until("!document.getElementById('stage').hidden");
@@ -393,6 +394,71 @@ fn thousands_of_scenarios_are_listed_without_delay() {
     assert!(measured[1].as_u64().unwrap() < 40, "{measured}");
     assert_eq!(measured[2], 2637);
     clean(&page);
+}
+
+#[test]
+fn studies_have_their_tables_and_figures() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let study = |kind: &str, options: &[&str]| -> (PathBuf, Value) {
+        let out = at(kind);
+        let begin = ["study", kind, MINI, "--out", text(&out), "--format", "json"];
+        let output = reactsim(&[&begin, options].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (out, serde_json::from_slice(&output.stdout).unwrap())
+    };
+    let (replan, of_replan) = study("replan", &["--models", "constant-velocity,idm", "--intervals", "5,20"]);
+    let (realism, of_realism) = study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2"]);
+    let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
+    let path = at("page.html");
+    let folders = [text(&replan), text(&realism), text(&guards)];
+    said(&[&["report"], &folders[..], &["--format", "html", "--out", text(&path)]].concat(), 0);
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &format!("file://{}", path.display()));
+
+    // Every number of a study stands in its section, none twice, none from elsewhere.
+    for (kind, numbers) in [("replan", &of_replan), ("realism", &of_realism), ("guards", &of_guards)] {
+        let shown = page.evaluate(&format!(
+            "[...document.querySelectorAll('[data-study=\"{kind}\"] td[data-mean]')].map(c => Number(c.dataset.mean))"
+        ));
+        let mut shown: Vec<f64> = shown.as_array().unwrap().iter().filter_map(Value::as_f64).collect();
+        let mut expected = Vec::new();
+        for simulator in
+            numbers["members"].as_array().unwrap().iter().flat_map(|m| m["simulators"].as_array().unwrap())
+        {
+            let parts = [&simulator["metrics"], &simulator["difference"]];
+            let estimates = parts.into_iter().filter_map(Value::as_object).flat_map(|o| o.values());
+            expected.extend(estimates.filter_map(|e| e["mean"].as_f64()));
+        }
+        shown.sort_by(f64::total_cmp);
+        expected.sort_by(f64::total_cmp);
+        assert!(expected.len() >= 8, "{kind}: {numbers}");
+        assert_eq!(shown, expected, "{kind}");
+    }
+    // The figures: a line per simulator over the intervals, and realism against reaction.
+    let points = page.evaluate(
+        "[...document.querySelectorAll('[data-chart=\"replan-aav-collision\"] path[data-x]')].map(p => [Number(p.dataset.x), Number(p.dataset.y)])",
+    );
+    let mut expected = Vec::new();
+    for id in ["constant-velocity", "idm"] {
+        for (steps, member) in [5.0, 20.0].into_iter().zip(of_replan["members"].as_array().unwrap()) {
+            let simulator = member["simulators"].as_array().unwrap().iter().find(|s| s["id"] == id).unwrap();
+            expected.push((steps, simulator["metrics"]["aav-collision"]["mean"].as_f64().unwrap()));
+        }
+    }
+    let points: Vec<(f64, f64)> =
+        points.as_array().unwrap().iter().map(|p| (p[0].as_f64().unwrap(), p[1].as_f64().unwrap())).collect();
+    assert_eq!(points, expected);
+    assert_eq!(
+        page.evaluate("document.querySelectorAll('[data-chart=\"realism-reactive\"] path[data-x]').length"),
+        3
+    );
+    clean(&page);
+
+    // Tables of all its runs are those of run folders.
+    let table = String::from_utf8(reactsim(&["report", text(&replan)]).stdout).unwrap();
+    assert!(table.contains("| replan/steps-05 |") && table.contains("| replan/steps-20 |"), "{table}");
 }
 
 /// The program, showing runs.

@@ -88,7 +88,8 @@ function families(setting) {
     const { [setting]: own, ...same } = s.settings;
     const key = JSON.stringify([same, s.id, runs[s.run].summary.provenance.scenarios_blake3, runs[s.run].summary.provenance.simulators.find((r) => r.id === s.id)?.parameters ?? {}]);
     if (!groups.has(key)) groups.set(key, []);
-    groups.get(key).push([own, s]);
+    // The same run may stand in two studies.
+    if (!groups.get(key).some(([other]) => other === own)) groups.get(key).push([own, s]);
   }
   return [...groups.values()].filter((g) => new Set(g.map(([own]) => own)).size > 1);
 }
