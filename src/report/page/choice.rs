@@ -1,5 +1,7 @@
 //! Which scenes a page shows where it does not hold all of them.
 
+use std::collections::BTreeMap;
+
 use super::gallery::Gallery;
 
 /// What makes a scenario worth a look: metrics of which one simulator has something to count and another has not, most telling first.
@@ -9,20 +11,16 @@ impl Gallery {
     /// The numbers of at most `count` scenarios that can be drawn, in their order. Those come first in which simulators differ most, the
     /// categories in turn, so that none takes all places.
     pub(super) fn choose(&self, count: usize) -> Vec<usize> {
-        let mut queues: Vec<(Option<&str>, Vec<(f64, usize)>)> = Vec::new();
+        let mut queues: BTreeMap<Option<&str>, Vec<(f64, usize)>> = BTreeMap::new();
         for (index, scenario) in self.scenarios.iter().enumerate().filter(|(i, _)| self.has_scene(*i)) {
-            let category = scenario.category.as_deref();
-            let at = queues.iter().position(|(c, _)| *c == category).unwrap_or_else(|| {
-                queues.push((category, Vec::new()));
-                queues.len() - 1
-            });
-            queues[at].1.push((self.contrast(index), index));
+            let queue = queues.entry(scenario.category.as_deref()).or_default();
+            queue.push((self.contrast(index), index));
         }
-        for (_, queue) in &mut queues {
+        for queue in queues.values_mut() {
             queue.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         }
-        let longest = queues.iter().map(|(_, q)| q.len()).max().unwrap_or(0);
-        let in_turn = (0..longest).flat_map(|rank| queues.iter().filter_map(move |(_, q)| q.get(rank)));
+        let longest = queues.values().map(Vec::len).max().unwrap_or(0);
+        let in_turn = (0..longest).flat_map(|rank| queues.values().filter_map(move |q| q.get(rank)));
         let mut chosen: Vec<usize> = in_turn.take(count).map(|(_, index)| *index).collect();
         chosen.sort_unstable();
         chosen

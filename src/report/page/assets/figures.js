@@ -115,7 +115,14 @@ function replanning() {
 /** Realism against reactive behaviour: simulators that ran in both protocols on the same scenarios. */
 function realism() {
   const of = (protocol) => subjects.filter((s) => s.settings.protocol === protocol);
-  const pairs = of("reactive").flatMap((a) => of("realism").filter((b) => b.id === a.id && runs[a.run].summary.provenance.scenarios_blake3 === runs[b.run].summary.provenance.scenarios_blake3).map((b) => [a, b]));
+  const same = (a, b) => b.id === a.id && a.settings.replan_steps === b.settings.replan_steps && runs[a.run].summary.provenance.scenarios_blake3 === runs[b.run].summary.provenance.scenarios_blake3;
+  const study = (s) => runs[s.run].study?.[0];
+  // Of several reactive runs that of the same study counts, else the first.
+  const pairs = of("realism").flatMap((b) => {
+    const found = of("reactive").filter((a) => same(a, b));
+    const one = found.find((a) => study(a) === study(b)) ?? found[0];
+    return one ? [[one, b]] : [];
+  });
   const points = pairs.map(([a, b]) => [a, mean(b, "kinematic-likelihood"), mean(a, "aav-collision")]).filter(([, x, y]) => x?.mean != null && y?.mean != null);
   if (!points.length) return [];
   const [low, high] = [Math.min(...points.map(([, x]) => x.low)), Math.max(...points.map(([, x]) => x.high))];
