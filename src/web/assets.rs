@@ -27,6 +27,7 @@ pub const SHARED: &[Asset] = &[
     shared!("decode.js"),
     shared!("geometry.js"),
     shared!("road.js"),
+    shared!("bodies.js"),
     shared!("curves.js"),
 ];
 

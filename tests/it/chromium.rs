@@ -1,5 +1,6 @@
 //! Pages in a real browser: headless Chromium, driven over its DevTools protocol. Where there is none, tests say so and pass.
 
+use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -139,6 +140,42 @@ impl Browser {
 
     pub(crate) fn text(&mut self, id: &str) -> String {
         self.evaluate(&format!("document.getElementById('{id}').textContent")).as_str().unwrap().to_owned()
+    }
+}
+
+/// The program, serving a page until this is dropped.
+pub(crate) struct Served {
+    pub(crate) process: Child,
+    pub(crate) url: String,
+}
+
+impl Served {
+    /// Runs the program and reads where the page is.
+    pub(crate) fn new(arguments: &[&str]) -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut url = String::new();
+        BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut url).unwrap();
+        assert!(url.starts_with("http://127.0.0.1:"), "{url:?}");
+        Self { process, url: url.trim().to_owned() }
+    }
+
+    /// As by SIGKILL.
+    pub(crate) fn kill(&mut self) {
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.process.kill().ok();
+        self.process.wait().ok();
     }
 }
 

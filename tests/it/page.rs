@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use serde_json::{Value, json};
 
-use crate::chromium::{Browser, chromium};
+use crate::chromium::{Browser, Served, chromium};
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const MODELS: &str = "log-replay,constant-velocity,stop,idm";
@@ -461,59 +461,29 @@ fn studies_have_their_tables_and_figures() {
     assert!(table.contains("| replan/steps-05 |") && table.contains("| replan/steps-20 |"), "{table}");
 }
 
-/// The program, showing runs.
-struct Showing {
-    process: Child,
-    url: String,
-}
-
-impl Showing {
-    fn new(arguments: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
-            .arg("view")
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut url = String::new();
-        BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut url).unwrap();
-        assert!(url.starts_with("http://127.0.0.1:"), "{url:?}");
-        Self { process, url: url.trim().to_owned() }
-    }
-
-    /// The answer to a request for a path.
-    fn ask(&self, path: &str) -> String {
-        let host = self.url.trim_start_matches("http://").split('/').next().unwrap();
-        let mut stream = TcpStream::connect(host).unwrap();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        answer
-    }
-}
-
-impl Drop for Showing {
-    fn drop(&mut self) {
-        self.process.kill().ok();
-        self.process.wait().ok();
-    }
+/// The answer of a server to a request for a path.
+fn ask(served: &Served, path: &str) -> String {
+    let host = served.url.trim_start_matches("http://").split('/').next().unwrap();
+    let mut stream = TcpStream::connect(host).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
 }
 
 #[test]
 fn a_run_is_shown_with_every_scene() {
     let folder = tempfile::tempdir().unwrap();
     let (run, _) = page(folder.path(), MINI, &[]);
-    let showing = Showing::new(&[text(&run), "--scenarios", MINI]);
+    let showing = Served::new(&["view", text(&run), "--scenarios", MINI]);
     let base = &showing.url[showing.url.trim_start_matches("http://").find('/').unwrap() + 7..];
-    assert!(showing.ask("/").starts_with("HTTP/1.1 404"));
-    assert!(showing.ask("/0123/").contains("`reactsim view` printed"));
-    let answer = showing.ask(&format!("{base}scene/0"));
+    assert!(ask(&showing, "/").starts_with("HTTP/1.1 404"));
+    assert!(ask(&showing, "/0123/").contains("`reactsim view` printed"));
+    let answer = ask(&showing, &format!("{base}scene/0"));
     assert!(answer.starts_with("HTTP/1.1 200"), "{answer:.200}");
     assert!(answer.len() < 300_000, "{} bytes", answer.len());
-    assert!(showing.ask(&format!("{base}scene/99")).starts_with("HTTP/1.1 404"));
-    assert!(showing.ask(base).contains("content-security-policy: default-src 'none'; script-src 'sha256-"));
+    assert!(ask(&showing, &format!("{base}scene/99")).starts_with("HTTP/1.1 404"));
+    assert!(ask(&showing, base).contains("content-security-policy: default-src 'none'; script-src 'sha256-"));
 
     let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
     let mut page = Browser::new(&chromium);

@@ -1,8 +1,8 @@
 //! The review page in a real browser.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::hand;
 use super::review::{file, records};
-use crate::chromium::{Browser, chromium};
+use crate::chromium::{Browser, Served, chromium};
 
 /// The scenario that the page shows, and the candidate that is selected.
 trait Reviewed {
@@ -33,39 +33,8 @@ impl Reviewed for Browser {
 }
 
 /// The program, serving a file.
-struct Program {
-    process: Child,
-    url: String,
-}
-
-impl Program {
-    fn new(file: &Path) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
-            .args(["curate", "review", "--reviewer", "anna"])
-            .arg(file)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut url = String::new();
-        BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut url).unwrap();
-        assert!(url.starts_with("http://127.0.0.1:"), "{url:?}");
-        Self { process, url: url.trim().to_owned() }
-    }
-
-    /// As by SIGKILL.
-    fn kill(&mut self) {
-        self.process.kill().unwrap();
-        self.process.wait().unwrap();
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        self.process.kill().ok();
-        self.process.wait().ok();
-    }
+fn reviewing(file: &Path) -> Served {
+    Served::new(&["curate", "review", "--reviewer", "anna", file.to_str().unwrap()])
 }
 
 /// What the journal says, by number of the scenario.
@@ -82,7 +51,7 @@ fn decided(file: &Path) -> Vec<Option<(Decision, Option<u32>)>> {
 fn decisions_survive_a_killed_server() {
     let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
     let (_folder, file) = file(5);
-    let mut program = Program::new(&file);
+    let mut program = reviewing(&file);
     let mut page = Browser::new(&chromium);
     page.open(&program.url);
     page.shows(0);
@@ -135,8 +104,11 @@ fn decisions_survive_a_killed_server() {
     assert_eq!(page.text("progress-text"), "2 / 5 decided");
     assert_eq!(decided(&file), before);
 
+    // The browser tells of the server that is gone; of nothing else.
+    page.errors.retain(|error| !error.contains("ERR_CONNECTION_REFUSED"));
+
     // Opened again, it goes on where it was.
-    let program = Program::new(&file);
+    let program = reviewing(&file);
     page.open(&program.url);
     page.shows(3);
     assert_eq!(page.text("progress-text"), "2 / 5 decided");
@@ -169,7 +141,7 @@ fn decisions_survive_a_killed_server() {
 #[cfg(unix)]
 fn an_interrupt_ends_the_review() {
     let (_folder, file) = file(1);
-    let mut program = Program::new(&file);
+    let mut program = reviewing(&file);
     let id = program.process.id().to_string();
     assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     assert_eq!(program.process.wait().unwrap().code(), Some(0));
@@ -185,7 +157,7 @@ fn a_scene_of_another_form_is_not_drawn_and_the_page_says_so() {
     let mut all = records(2);
     all[0].scene = all[0].scene.as_ref().map(|scene| scene.replacen("{\"v\":1,", "{\"v\":7,", 1));
     hand::write(&file, &all);
-    let program = Program::new(&file);
+    let program = reviewing(&file);
     let mut page = Browser::new(&chromium);
     page.open(&program.url);
     page.shows(0);

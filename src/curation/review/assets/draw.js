@@ -1,12 +1,10 @@
 // The scenario from above. World coordinates are metres with y up; line widths are metres where the road is drawn, pixels elsewhere.
 
+import { box, lights, names, ruler } from "./bodies.js";
 import { FRAMES, NOW } from "./decode.js";
 import { between } from "./geometry.js";
 import { colour } from "./palette.js";
 import { Road } from "./road.js";
-
-/** Red, yellow, green by the code of a light (0 to 8, `-` where not observed). */
-const LIGHTS = { 1: "light-stop", 4: "light-stop", 7: "light-stop", 2: "light-caution", 5: "light-caution", 8: "light-caution", 3: "light-go", 6: "light-go" };
 
 export class View {
   road = new Road();
@@ -42,7 +40,7 @@ export class View {
     c.lineJoin = "round";
     const px = 1 / camera.scale;
     const f = Math.min(Math.round(t), FRAMES - 1);
-    this.lights(scenario, f, px);
+    lights(c, scenario.map, f, px);
     this.trajectories(scenario, selected, show, px);
     for (const agent of scenario.context) this.agent(agent, between(agent.track, t), px, { alpha: 0.5 });
     const touching = analysis?.touching[f] ?? new Set(), risky = analysis?.risky[f] ?? new Set();
@@ -67,22 +65,9 @@ export class View {
     } else {
       this.agent(av, between(av.track, t), px, { fill: colour("accent"), strong: colour("text"), label: "AV" });
     }
-    // Names lie on top of all boxes.
-    for (const [text, x, y] of this.labels) this.label(text, x, y);
-    this.ruler();
-  }
-
-  lights(scenario, f, px) {
-    const c = this.context;
-    for (const light of scenario.map?.lights ?? []) {
-      c.beginPath();
-      c.arc(light.x, light.y, Math.max(0.75, 3 * px), 0, 7);
-      c.fillStyle = colour(LIGHTS[light.states[f]] ?? "light-unknown");
-      c.fill();
-      c.lineWidth = px;
-      c.strokeStyle = colour("ground");
-      c.stroke();
-    }
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    names(c, this.labels);
+    ruler(c, camera);
   }
 
   /** All candidates as lines: survivors solid, rejected ones thin and dashed; the selected one wide, with a dot every second. */
@@ -143,60 +128,9 @@ export class View {
     }
   }
 
-  /** A box with its heading. A ghost is an outline; what is `strong` has a thick one. */
+  /** A box with its heading. What is `strong` has a thick outline. */
   agent(agent, state, px, { fill = null, ghost = false, strong = null, alpha = 1, label = null } = {}) {
-    if (!state) return;
-    const c = this.context, { camera } = this;
-    // What is out of sight need not be drawn.
-    const [sx, sy] = camera.toScreen(state.x, state.y);
-    const reach = Math.hypot(agent.length, agent.width) * camera.scale;
-    if (sx < -reach || sy < -reach || sx > camera.width + reach || sy > camera.height + reach) return;
-    // People and cycles are kept large enough to be seen.
-    const length = Math.max(agent.length, 5 * px), width = Math.max(agent.width, 4 * px);
-    c.save();
-    c.globalAlpha = alpha;
-    c.translate(state.x, state.y);
-    c.rotate(state.h);
-    c.beginPath();
-    c.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) * 0.18);
-    if (!ghost) {
-      c.fillStyle = fill ?? colour(agent.kind);
-      c.fill();
-    }
-    c.lineWidth = (strong ? 2.2 : ghost ? 1.4 : 1) * px;
-    c.strokeStyle = ghost ? colour("ghost") : strong ?? colour("outline");
-    c.setLineDash(ghost ? [3 * px, 3 * px] : []);
-    c.stroke();
-    c.setLineDash([]);
-    // The nose: where it is heading.
-    c.beginPath();
-    c.moveTo(length * 0.46, 0);
-    c.lineTo(length * 0.2, width * 0.3);
-    c.lineTo(length * 0.2, -width * 0.3);
-    c.closePath();
-    if (ghost) c.stroke();
-    else {
-      c.fillStyle = strong ?? colour("outline");
-      c.globalAlpha *= 0.75;
-      c.fill();
-    }
-    c.restore();
-    const high = (Math.abs(Math.sin(state.h)) * length + Math.abs(Math.cos(state.h)) * width) / 2;
-    if (label) this.labels.push([label, sx, sy - high * camera.scale - 4]);
-  }
-
-  label(text, x, y) {
-    const c = this.context;
-    c.save();
-    c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    c.font = "600 11px system-ui, sans-serif";
-    c.textAlign = "center";
-    c.lineWidth = 3;
-    c.strokeStyle = colour("panel");
-    c.strokeText(text, x, y);
-    c.fillStyle = colour("text");
-    c.fillText(text, x, y);
-    c.restore();
+    box(this.context, this.camera, agent, state, px, { fill, ghost, line: strong, width: strong ? 2.2 : 1, alpha, label }, this.labels);
   }
 
   /** Where the AV is when somebody first touches it. */
@@ -210,24 +144,5 @@ export class View {
     c.moveTo(state.x - r, state.y + r);
     c.lineTo(state.x + r, state.y - r);
     c.stroke();
-  }
-
-  ruler() {
-    const c = this.context, { camera } = this;
-    const length = [5, 10, 20, 50, 100].find((m) => m * camera.scale >= 60) ?? 100;
-    const x = camera.width - 14, y = camera.height - 14;
-    c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    c.strokeStyle = colour("dim");
-    c.fillStyle = colour("dim");
-    c.lineWidth = 1.5;
-    c.beginPath();
-    c.moveTo(x - length * camera.scale, y - 4);
-    c.lineTo(x - length * camera.scale, y);
-    c.lineTo(x, y);
-    c.lineTo(x, y - 4);
-    c.stroke();
-    c.font = "11px system-ui, sans-serif";
-    c.textAlign = "right";
-    c.fillText(`${length} m`, x, y - 7);
   }
 }

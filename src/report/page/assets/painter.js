@@ -3,11 +3,10 @@
 
 import { FRAMES, NOW } from "./decode.js";
 import { between } from "./geometry.js";
+import { box, lights, names, ruler } from "./bodies.js";
 import { colour } from "./palette.js";
 import { paintMap } from "./road.js";
 
-/** Red, yellow, green by the code of a light (0 to 8, `-` where not observed). */
-const LIGHTS = { 1: "light-stop", 4: "light-stop", 7: "light-stop", 2: "light-caution", 5: "light-caution", 8: "light-caution", 3: "light-go", 6: "light-go" };
 /** A realised state farther than this from the log gives the log a ghost, metres. */
 const APART = 0.5;
 /** Frames of trail behind an agent. */
@@ -16,7 +15,7 @@ const TRAIL = 30;
 /** How states look: fill, outline, width of the outline in pixels, dashes, and whether a ring lies around. */
 export const LOOKS = {
   fault: { name: "at fault", fill: "fault", line: "text", width: 2.6, dash: [], ring: true },
-  contact: { name: "colliding", fill: "lateral", line: "fault", width: 2.4, dash: [], ring: false },
+  contact: { name: "colliding", fill: "contact", line: "text", width: 2.6, dash: [], ring: false },
   risky: { name: "risky", fill: "risky", line: "text", width: 2, dash: [4, 2.5], ring: false },
   offroad: { name: "off-road", fill: "offroad", line: "offroad", width: 2, dash: [1.5, 2.5], ring: false },
   against: { name: "against the lane", fill: "pedestrian", line: "text", width: 2, dash: [7, 3, 1.5, 3], ring: false },
@@ -66,21 +65,16 @@ export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan 
   }
   for (const i of order) {
     const agent = scene.agents[i], look = LOOKS[states[i][f]];
-    body(agent, between(tracks[i], t), { look, label: look || layers.ids || i === chosen ? agent.id : null, chosen: i === chosen });
+    const label = look || layers.ids || i === chosen ? agent.id : null;
+    const ring = look?.ring ? colour("fault") : i === chosen ? colour("accent") : null;
+    body(agent, between(tracks[i], t), look ? { fill: colour(look.fill), line: colour(look.line), width: look.width, dash: look.dash, ring, label } : { ring, label });
   }
   const isHit = [...(subject.analysis.touching[f] ?? [])].length > 0;
-  body(scene.agents[0], between(tracks[0], t), { fill: colour("av"), strong: isHit ? colour("fault") : colour("text"), label: "AV", below: true, chosen: chosen === 0 });
+  // The AV's name lies below it, so that it covers nobody's who touches it.
+  body(scene.agents[0], between(tracks[0], t), { fill: colour("av"), line: colour(isHit ? "fault" : "text"), width: 2.2, ring: chosen === 0 ? colour("accent") : null, label: "AV", below: true });
   c.globalAlpha = 1;
   c.setTransform(ratio, 0, 0, ratio, 0, 0);
-  for (const [text, x, y] of labels) {
-    c.font = "600 11px system-ui, sans-serif";
-    c.textAlign = "center";
-    c.lineWidth = 3;
-    c.strokeStyle = colour("panel");
-    c.strokeText(text, x, y);
-    c.fillStyle = colour("text");
-    c.fillText(text, x, y);
-  }
+  names(c, labels);
   ruler(c, camera);
 }
 
@@ -89,18 +83,6 @@ function arrows(c, map, px) {
   c.strokeStyle = colour("center");
   c.lineWidth = 1.2 * px;
   c.stroke(map.arrows);
-}
-
-function lights(c, map, f, px) {
-  for (const light of map.lights) {
-    c.beginPath();
-    c.arc(light.x, light.y, Math.max(0.75, 3.2 * px), 0, 7);
-    c.fillStyle = colour(LIGHTS[light.states[f]] ?? "light-unknown");
-    c.fill();
-    c.lineWidth = px;
-    c.strokeStyle = colour("text");
-    c.stroke();
-  }
 }
 
 function line(c, track, from, to) {
@@ -150,70 +132,4 @@ function route(c, track, px, isAv) {
   line(c, track, NOW, FRAMES - 1);
   c.setLineDash([]);
   c.globalAlpha = 1;
-}
-
-/** A box with its heading. */
-function box(c, camera, agent, state, px, { fill = null, strong = null, look = null, ghost = false, alpha = 1, label = null, below = false, chosen = false }, labels) {
-  if (!state) return;
-  const [sx, sy] = camera.toScreen(state.x, state.y);
-  const reach = Math.hypot(agent.length, agent.width) * camera.scale;
-  if (sx < -reach || sy < -reach || sx > camera.width + reach || sy > camera.height + reach) return;
-  // People and cycles are kept large enough to be seen.
-  const length = Math.max(agent.length, 5 * px), width = Math.max(agent.width, 4 * px);
-  c.save();
-  c.globalAlpha = alpha;
-  c.translate(state.x, state.y);
-  c.rotate(state.h);
-  c.beginPath();
-  c.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) * 0.18);
-  if (!ghost) {
-    c.fillStyle = fill ?? (look ? colour(look.fill) : colour(agent.kind));
-    c.fill();
-  }
-  c.lineWidth = (look?.width ?? (strong ? 2.2 : ghost ? 1.3 : 1)) * px;
-  c.strokeStyle = ghost ? colour("ghost") : look ? colour(look.line) : strong ?? colour("outline");
-  c.setLineDash((ghost ? [3, 3] : look?.dash ?? []).map((d) => d * px));
-  c.stroke();
-  c.setLineDash([]);
-  // The nose: where it is heading.
-  c.beginPath();
-  c.moveTo(length * 0.46, 0);
-  c.lineTo(length * 0.2, width * 0.3);
-  c.lineTo(length * 0.2, -width * 0.3);
-  c.closePath();
-  if (ghost) c.stroke();
-  else {
-    c.fillStyle = strong ?? colour(look?.line ?? "outline");
-    c.globalAlpha = 0.75 * alpha;
-    c.fill();
-  }
-  if (look?.ring || chosen) {
-    c.globalAlpha = alpha;
-    c.strokeStyle = colour(look?.ring ? "fault" : "accent");
-    c.lineWidth = 2 * px;
-    c.beginPath();
-    c.arc(0, 0, Math.max(0.62 * Math.hypot(length, width), 9 * px), 0, 7);
-    c.stroke();
-  }
-  c.restore();
-  const high = (Math.abs(Math.sin(state.h)) * length + Math.abs(Math.cos(state.h)) * width) / 2;
-  // The AV's name lies below it, so that it covers nobody's who touches it.
-  if (label) labels.push([label, sx, below ? sy + high * camera.scale + 13 : sy - high * camera.scale - 4]);
-}
-
-function ruler(c, camera) {
-  const length = [5, 10, 20, 50, 100].find((m) => m * camera.scale >= 60) ?? 100;
-  const x = camera.width - 14, y = camera.height - 12;
-  c.strokeStyle = colour("text");
-  c.fillStyle = colour("text");
-  c.lineWidth = 1.5;
-  c.beginPath();
-  c.moveTo(x - length * camera.scale, y - 4);
-  c.lineTo(x - length * camera.scale, y);
-  c.lineTo(x, y);
-  c.lineTo(x, y - 4);
-  c.stroke();
-  c.font = "11px system-ui, sans-serif";
-  c.textAlign = "right";
-  c.fillText(`${length} m`, x, y - 7);
 }
