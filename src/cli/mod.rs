@@ -61,7 +61,7 @@ enum Command {
     Train(train::TrainArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
-    /// Print the tables of finished runs
+    /// Print the tables of finished runs, or make one page of them
     Report(report::ReportArgs),
     /// Compare two runs on the same scenarios, scenario by scenario
     Compare(compare::CompareArgs),

@@ -103,8 +103,9 @@ fn help_fits_a_terminal() {
       generate  Generate scenarios: maps, traffic, and for benchmarks deviated AVs
       train     Train networks, and build what they need
       convert   Convert scenarios of any format to native Parquet
-      report    Print the tables of finished runs
+      report    Print the tables of finished runs, or make one page of them
       compare   Compare two runs on the same scenarios, scenario by scenario
+      view      Show run folders in a browser: tables, figures, every scenario from above
       study     Run studies: replan intervals, both protocols, what each part of a simulator is worth
       inspect   Print and draw what is in a scenario
       list      List models, metrics, formats, weights or map types
@@ -118,9 +119,10 @@ fn help_fits_a_terminal() {
 
     With no arguments at all it runs every baseline on the shipped scenarios.
     ");
-    for verb in
-        ["run", "score", "curate", "generate", "train", "convert", "report", "study", "inspect", "list"]
-    {
+    for verb in [
+        "run", "score", "curate", "generate", "train", "convert", "report", "compare", "view", "study",
+        "inspect", "list",
+    ] {
         let help = stdout(&reactsim(&[verb, "--help"]));
         assert!(help.contains("Usage: reactsim"), "{verb}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
