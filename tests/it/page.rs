@@ -239,6 +239,18 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
     page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
     assert_ne!(page.evaluate(picture), with_map);
 
+    // Who is under the pointer is told: the AV is in the middle of a view that follows it.
+    page.press("v");
+    page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
+    let tip = page.evaluate(
+        "(() => { const c = document.querySelector('.pane canvas'), b = c.getBoundingClientRect(); \
+         c.dispatchEvent(new PointerEvent('pointermove', { clientX: b.x + b.width / 2, clientY: b.y + b.height / 2, bubbles: true })); \
+         return document.getElementById('tip').textContent; })()",
+    );
+    let tip = tip.as_str().unwrap();
+    assert!(tip.starts_with("AV (") && tip.contains("m/s²") && tip.contains("class vehicle"), "{tip}");
+    page.press("v");
+
     // The list by keys alone: the second row, then the viewer shows it.
     page.evaluate("document.getElementById('list').focus()");
     for key in ["Home", "ArrowDown", "Enter"] {
@@ -354,7 +366,11 @@ fn thousands_of_scenarios_are_listed_without_delay() {
     said(&["run", MINI, "--models", models, "--out", text(&run)], 0);
     multiplied(&run, &large, 2636);
     let notes = said(&["report", text(&large), "--format", "html", "--out", text(&path)], 0);
-    assert!(notes.contains("run it with --keep-rollouts") && notes.contains("give --scenarios"), "{notes}");
+    assert!(
+        notes.contains("no rollouts were kept of `large`: run with --keep-rollouts")
+            && notes.contains("give --scenarios"),
+        "{notes}"
+    );
     assert!(fs::metadata(&path).unwrap().len() < 6_000_000, "{:?}", fs::metadata(&path));
 
     let mut page = Browser::new(&chromium);

@@ -113,10 +113,11 @@ impl Gallery {
     /// What lacks for scenes, in words for people: runs without rollouts, files of scenarios that were not given.
     pub fn lacks(&self) -> Vec<String> {
         let mut lacks = Vec::new();
-        for run in &self.runs {
-            if !run.archive.keeps_rollouts() {
-                lacks.push(format!("`{}` has no rollouts to show: run it with --keep-rollouts", run.name));
-            }
+        let bare = self.runs.iter().filter(|run| !run.archive.keeps_rollouts());
+        let bare: Vec<String> = bare.map(|run| format!("`{}`", run.name)).collect();
+        if !bare.is_empty() {
+            let names = bare.join(", ");
+            lacks.push(format!("no rollouts were kept of {names}: run with --keep-rollouts to see them"));
         }
         let inputs = self.runs.iter().flat_map(|r| &r.archive.summary().provenance.run.inputs);
         let missing: BTreeSet<&str> =

@@ -1,8 +1,9 @@
 // The page: what is where, addresses and keys.
 
-import { data, runs, scenarios } from "./data.js";
+import { data, runs, scenarios, subjects } from "./data.js";
 import { $, el, save, toast } from "./dom.js";
 import { figures } from "./figures.js";
+import { count } from "./format.js";
 import { list } from "./list.js";
 import { choose } from "./palette.js";
 import { provenance, results } from "./results.js";
@@ -71,9 +72,12 @@ function keys() {
 }
 
 function begin() {
-  document.title = `${runs.map((r) => r.name).join(", ")} · reactsim`;
+  document.title = `${runs[0].name}${runs.length > 1 ? ` and ${runs.length - 1} more` : ""} · reactsim`;
   $("runs").textContent = runs.map((r) => r.name).join(", ");
-  $("about").replaceChildren(...runs.map((r) => el("p", {}, runs.length > 1 ? el("b", {}, `${r.name}: `) : null, r.about)));
+  const abouts = runs.map((r) => el("p", {}, runs.length > 1 ? el("b", {}, `${r.name}: `) : null, r.about));
+  $("about").replaceChildren(...(runs.length > 3 ? [el("details", {}, el("summary", {}, count(runs.length, "run")), ...abouts)] : abouts));
+  // What is long where there are many is folded.
+  $("events-fold").open = subjects.length <= 12;
   $("stage-note").dataset.lacks = data.lacks.join(" ");
   results();
   figures();

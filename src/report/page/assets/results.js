@@ -121,8 +121,7 @@ export function provenance() {
   $("provenance-body").replaceChildren(...runs.map((run) => {
     const p = run.summary.provenance;
     const settings = Object.entries(p.settings).map(([k, v]) => `${k} ${v}`).join(", ");
-    return el("table", { class: "facts" },
-      el("caption", {}, run.name),
+    return el("details", { open: runs.length <= 3 }, el("summary", {}, run.name), el("table", { class: "facts" },
       el("tbody", {},
         row("program", `reactsim ${p.version}, commit ${p.commit}`),
         row("settings", settings),
@@ -135,6 +134,6 @@ export function provenance() {
           ...Object.entries(s.parameters ?? {}).map(([k, v]) => `${k} = ${v}`),
           ...Object.entries(run.summary.simulators[s.id]?.outcomes ?? {}).map(([k, n]) => `${n} ${k}`),
         ].filter(Boolean).join("; "))),
-        row("failures", p.failures.length ? el("ul", {}, ...p.failures.map((f) => el("li", {}, `${f.file} record ${f.record}${f.simulator ? ` (${f.simulator})` : ""}: ${f.error}`))) : "none")));
+        row("failures", p.failures.length ? el("ul", {}, ...p.failures.map((f) => el("li", {}, `${f.file} record ${f.record}${f.simulator ? ` (${f.simulator})` : ""}: ${f.error}`))) : "none"))));
   }));
 }

@@ -11,7 +11,8 @@ const ABOUT = {
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
-const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n, i) => el("th", { scope: "col", class: i ? "number" : null }, n))));
+const TEXTS = ["Method", "Variant"];
+const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n) => el("th", { scope: "col", class: TEXTS.includes(n) ? null : "number" }, n))));
 const method = (s) => el("th", { scope: "row" }, s.title, s.oracle ? el("abbr", { title: "is shown the log's future" }, " †") : null);
 
 function cell(m, estimate) {
@@ -63,7 +64,7 @@ function guards({ members }) {
 /** Shows the tables of all studies. */
 export function studies() {
   const draw = { replan, realism, guards };
-  $("studies").hidden = !data.studies.length;
+  $("studies").hidden = $("nav-studies").hidden = !data.studies.length;
   $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
     const [title, about] = ABOUT[numbers.study];
     return el("section", { "data-study": numbers.study }, el("h3", {}, `${title} (${name})`), el("p", { class: "dim small" }, about), ...draw[numbers.study](numbers));
