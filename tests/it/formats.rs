@@ -6,8 +6,10 @@
     reason = "tests stop at what they did not expect, and say what they skip"
 )]
 
+mod argoverse2;
 mod by_number;
 mod damage;
+mod gpudrive;
 mod odd;
 pub(crate) mod proto;
 mod tables;
