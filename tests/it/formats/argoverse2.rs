@@ -7,6 +7,7 @@ use std::sync::Arc;
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
 use reactsim::formats::{argoverse2, find_inputs, open, survey};
+use reactsim::geometry::Polygon;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
 
@@ -243,7 +244,7 @@ fn bad_maps_are_refused_by_key() {
         ("map.lanes[1].id is 1, expected an id that no other lane has", |m| {
             m["lane_segments"]["2"]["id"] = json!(1)
         }),
-        ("map.lanes[1].points is (1e300, 0), expected a point within 100 km", |m| {
+        ("map.lanes[1].points is (1000000000", |m| {
             m["lane_segments"]["2"]["centerline"][0]["x"] = json!(1e300);
         }),
     ];
@@ -337,16 +338,20 @@ fn real_files() {
         let recorded = s.log_future.tracks[0].iter().flatten().count();
         assert_eq!(recorded, 80 - short as usize);
         let road = s.start.road();
-        // Vehicles of the log stay on the road, but for who stands beside the part of the map that was cut out.
+        // Vehicles of the log stay on the road. Some go on where the map was cut off.
+        let area = s.start.map.drivable_area.as_ref().unwrap();
+        let mapped = area.iter().map(Polygon::bounds).reduce(|a, b| a.union(&b)).unwrap();
         let (mut on, mut all) = (0, 0);
         for (a, _) in s.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
-            for state in s.logged(a).iter().flatten().filter(|s| s.speed() > 1.0) {
+            for state in
+                s.logged(a).iter().flatten().filter(|s| s.speed() > 1.0 && mapped.contains(s.position()))
+            {
                 all += 1;
                 on += usize::from(road.drivable(state.position(), &mut None) == Some(true));
                 assert!(state.forward_speed() > 0.8 * state.speed() || state.speed() < 3.0, "{}", s.id);
             }
         }
-        assert!(on * 10 > all * 9, "{}: {on} of {all}", s.id);
+        assert!(on * 100 >= all * 99, "{}: {on} of {all}", s.id);
         assert!(road.drivable(s.start.now(0).position(), &mut None).unwrap());
         let lanes = &s.start.map.lanes;
         assert!(
