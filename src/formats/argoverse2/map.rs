@@ -10,6 +10,9 @@ use crate::formats::error::{Cause, FormatError};
 use crate::geometry::{Polygon, Vec2};
 use crate::scene::{Crosswalk, MapParts};
 
+/// Most lanes of the map of a scenario: usual ones have some hundred.
+const MOST_LANES: usize = 10_000;
+
 #[derive(Deserialize)]
 struct RawMap {
     lane_segments: BTreeMap<String, RawLane>,
@@ -51,6 +54,10 @@ pub(super) fn read(path: &Path, text: &[u8]) -> Result<MapParts, FormatError> {
     let refuse = |cause| FormatError::file(path, cause);
     let raw: RawMap =
         serde_json::from_slice(text).map_err(|e| refuse(Cause::Undecodable(format!("as a map: {e}"))))?;
+    if raw.lane_segments.len() > MOST_LANES {
+        let expected = format!("at most {MOST_LANES}: the map of one scenario");
+        return Err(refuse(Cause::value("the number of `lane_segments`", raw.lane_segments.len(), expected)));
+    }
     let mut area = Vec::with_capacity(raw.drivable_areas.len());
     for (key, drivable) in &raw.drivable_areas {
         let exterior = points(&drivable.area_boundary);

@@ -34,8 +34,7 @@ impl ScenarioFormat for Argoverse2 {
 
     fn recognises(&self, path: &Path) -> bool {
         is_parquet(path).unwrap_or(false)
-            && TableReader::open(path)
-                .is_ok_and(|table| table.has("track_id") && table.has("timestep") && !table.has("x"))
+            && TableReader::open(path).is_ok_and(|table| table.has("track_id") && table.has("timestep"))
     }
 
     fn accompanies(&self, path: &Path) -> bool {
@@ -71,7 +70,10 @@ pub fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
     let map_path = map_beside(path, &id).map_err(refuse)?;
     let map = map::read(&map_path, &read_whole(&map_path, LONGEST_MAP, "the map of one scenario")?)?;
     let (parts, lacking) = parts::parts(tracks, map, current).map_err(refuse)?;
-    let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    let mut scenario = Scenario::assemble(parts).map_err(|e| {
+        let file = if e.field.starts_with("map.") { &map_path } else { path };
+        FormatError::scene(file, 0, e)
+    })?;
     if lacking > 0 {
         scenario.repairs.insert("frames at the end that are not recorded".into(), lacking);
     }

@@ -253,7 +253,13 @@ fn bad_maps_are_refused_by_key() {
         change(&mut map);
         let error = read(&rows(110), &map).unwrap_err();
         assert!(error.contains(expected), "expected {expected}: {error}");
+        assert!(error.starts_with("log_map_archive_made-1.json: "), "{error}");
     }
+    let mut many = map();
+    let lanes = many["lane_segments"].as_object_mut().unwrap();
+    (10..10_010).for_each(|id| drop(lanes.insert(id.to_string(), lane(id, 450.0, 0.0, false))));
+    let error = read(&rows(110), &many).unwrap_err();
+    assert!(error.contains("the number of `lane_segments` is 10004, expected at most 10000"), "{error}");
     let s = read(&rows(110), &json!({"drivable_areas": {}, "lane_segments": {}, "pedestrian_crossings": {}}))
         .unwrap();
     assert!(s.start.map.drivable_area.is_none() && !s.start.road().knows_drivable());
