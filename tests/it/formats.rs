@@ -22,6 +22,9 @@ use reactsim::scene::Scenario;
 
 use self::proto::Proto;
 
+/// What a refusal says, and the change of good input that brings it.
+pub(crate) type Case<T> = (&'static str, fn(&mut T));
+
 pub(crate) fn digests(path: &Path) -> Vec<Result<String, FormatError>> {
     match open(path) {
         Ok(scenarios) => scenarios.map(|s| s.map(|s| s.digest())).collect(),

@@ -11,7 +11,7 @@ use reactsim::geometry::Polygon;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{digests, good, refusal};
+use super::{Case, digests, good, refusal};
 
 /// A row: track, class, time step, x, y, heading.
 type Row = (Option<&'static str>, &'static str, i64, f64, f64, Option<f64>);
@@ -168,7 +168,7 @@ fn another_frame_can_be_the_current_one() {
 
 #[test]
 fn bad_tables_are_refused_by_column_and_row() {
-    let cases: &[(&str, fn(&mut Vec<Row>))] = &[
+    let cases: &[Case<Vec<Row>>] = &[
         ("`heading` in row 3 is null, expected a finite number", |r| r[3].5 = None),
         ("`position_x` in row 5 is NaN, expected a finite number", |r| r[5].3 = f64::NAN),
         ("`position_y` in row 5 is inf, expected a finite number", |r| r[5].4 = f64::INFINITY),
@@ -228,7 +228,7 @@ fn bad_tables_are_refused_by_column_and_row() {
 
 #[test]
 fn bad_maps_are_refused_by_key() {
-    let cases: &[(&str, fn(&mut Value))] = &[
+    let cases: &[Case<Value>] = &[
         ("missing field `drivable_areas`", |m| {
             m.as_object_mut().unwrap().remove("drivable_areas");
         }),

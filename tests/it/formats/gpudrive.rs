@@ -7,7 +7,7 @@ use reactsim::formats::{find_inputs, open};
 use reactsim::scene::{AgentKind, LaneClass, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{digests, good, refusal};
+use super::{Case, digests, good, refusal};
 
 /// Frames of an object that goes along the x axis at 10 m/s, absent before frame `from`.
 fn object(id: u64, kind: &str, x: f64, y: f64, from: usize) -> Value {
@@ -148,7 +148,7 @@ fn old_files_hold_degrees_and_no_ids() {
 
 #[test]
 fn bad_input_is_refused_by_name() {
-    let cases: &[(&str, fn(&mut Value))] = &[
+    let cases: &[Case<Value>] = &[
         ("metadata.sdc_track_index is 3, expected the index of one of 3 objects", |v| {
             v["metadata"]["sdc_track_index"] = json!(3);
         }),
