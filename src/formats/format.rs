@@ -4,7 +4,9 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::argoverse2::Argoverse2;
 use super::error::{Cause, FormatError};
+use super::gpudrive::GpuDrive;
 use super::json::Json;
 use super::native::Native;
 use super::womd::Womd;
@@ -32,6 +34,10 @@ pub trait ScenarioFormat: Sync {
     fn title(&self) -> &'static str;
     /// Whether a file looks like this format: by its first bytes, and where these are damaged by its name.
     fn recognises(&self, path: &Path) -> bool;
+    /// Whether a file is no scenario but belongs to those of this format, such as a map: in a folder nothing is said of it.
+    fn accompanies(&self, _path: &Path) -> bool {
+        false
+    }
     /// Opens one file.
     ///
     /// # Errors
@@ -48,7 +54,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &Json];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &Json, &GpuDrive, &Argoverse2];
 
 /// A file and its format.
 #[derive(Clone)]
@@ -79,7 +85,9 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     for path in files_at(path)? {
         if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
             inputs.push(Input { path, format });
-        } else if [".json", ".parquet"].iter().any(|ending| named(&path, ending)) {
+        } else if [".json", ".parquet"].iter().any(|ending| named(&path, ending))
+            && !FORMATS.iter().any(|f| f.accompanies(&path))
+        {
             passed_over.push(path);
         }
     }
@@ -205,6 +213,7 @@ fn kind_of(path: &Path) -> std::io::Result<&'static str> {
         h if h.starts_with(GZIP) => "a gzip file without TFRecords",
         h if h.starts_with(ZSTD) => "a zstd file without TFRecords",
         [0x80, 0x02..=0x05, ..] => "a Python pickle",
+        _ if Argoverse2.accompanies(path) => "an Argoverse 2 map (name the scenario_*.parquet beside it)",
         _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
         _ if text.starts_with(b"<") => "an XML file",
         _ => "a file of an unknown kind",

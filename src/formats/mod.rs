@@ -5,11 +5,13 @@
 
 pub(crate) mod error;
 mod format;
+mod gpudrive;
 mod json;
 mod states;
 pub(crate) mod table;
 mod womd;
 
+pub mod argoverse2;
 pub mod deviations;
 pub mod document;
 pub mod native;

@@ -6,8 +6,10 @@
     reason = "tests stop at what they did not expect, and say what they skip"
 )]
 
+mod argoverse2;
 mod by_number;
 mod damage;
+mod gpudrive;
 mod odd;
 pub(crate) mod proto;
 mod tables;
@@ -19,6 +21,9 @@ use reactsim::formats::{FormatError, find_inputs, native, open};
 use reactsim::scene::Scenario;
 
 use self::proto::Proto;
+
+/// What a refusal says, and the change of good input that brings it.
+pub(crate) type Case<T> = (&'static str, fn(&mut T));
 
 pub(crate) fn digests(path: &Path) -> Vec<Result<String, FormatError>> {
     match open(path) {

@@ -119,6 +119,12 @@ impl TableReader {
         if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
     }
 
+    /// Whether there is a column of this name.
+    pub(crate) fn has(&self, column: &str) -> bool {
+        let fields = self.metadata.parquet_schema().root_schema().get_fields();
+        fields.iter().any(|field| field.name() == column)
+    }
+
     /// Decodes these columns only, of those that there are.
     pub(crate) fn only(&mut self, columns: &'static [&'static str]) {
         self.columns = columns;

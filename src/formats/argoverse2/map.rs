@@ -1,0 +1,79 @@
+//! The map of a scenario.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::lanes::{self, RawLane};
+use crate::formats::error::{Cause, FormatError};
+use crate::geometry::{Polygon, Vec2};
+use crate::scene::{Crosswalk, MapParts};
+
+/// Most lanes of the map of a scenario: usual ones have some hundred.
+const MOST_LANES: usize = 10_000;
+
+#[derive(Deserialize)]
+struct RawMap {
+    lane_segments: BTreeMap<String, RawLane>,
+    drivable_areas: BTreeMap<String, RawArea>,
+    pedestrian_crossings: BTreeMap<String, RawCrossing>,
+}
+
+#[derive(Deserialize)]
+struct RawArea {
+    area_boundary: Vec<Point>,
+}
+
+#[derive(Deserialize)]
+struct RawCrossing {
+    edge1: Vec<Point>,
+    edge2: Vec<Point>,
+}
+
+/// A point; its height is not read.
+#[derive(Clone, Copy, Deserialize)]
+pub(super) struct Point {
+    x: f64,
+    y: f64,
+}
+
+pub(super) fn points(line: &[Point]) -> Vec<Vec2> {
+    line.iter().map(|p| Vec2::new(p.x, p.y)).collect()
+}
+
+/// The ring between two lines that lead the same way.
+pub(super) fn between(one: &[Point], other: &[Point]) -> Vec<Vec2> {
+    let mut ring = points(one);
+    ring.extend(points(other).into_iter().rev());
+    ring
+}
+
+/// Reads a map.
+pub(super) fn read(path: &Path, text: &[u8]) -> Result<MapParts, FormatError> {
+    let refuse = |cause| FormatError::file(path, cause);
+    let raw: RawMap =
+        serde_json::from_slice(text).map_err(|e| refuse(Cause::Undecodable(format!("as a map: {e}"))))?;
+    if raw.lane_segments.len() > MOST_LANES {
+        let expected = format!("at most {MOST_LANES}: the map of one scenario");
+        return Err(refuse(Cause::value("the number of `lane_segments`", raw.lane_segments.len(), expected)));
+    }
+    let mut area = Vec::with_capacity(raw.drivable_areas.len());
+    for (key, drivable) in &raw.drivable_areas {
+        let exterior = points(&drivable.area_boundary);
+        if exterior.len() < 3 {
+            let field = format!("drivable_areas[\"{}\"].area_boundary", key.escape_debug());
+            let found = format!("{} points", exterior.len());
+            return Err(refuse(Cause::value(field, found, "at least 3 points; fetch the map again")));
+        }
+        area.push(Polygon { exterior, holes: Vec::new() });
+    }
+    let crossing = |c: &RawCrossing| Crosswalk { outline: between(&c.edge1, &c.edge2) };
+    Ok(MapParts {
+        lanes: lanes::lanes(&raw.lane_segments),
+        road_lines: lanes::paint(&raw.lane_segments),
+        crosswalks: raw.pedestrian_crossings.values().map(crossing).collect(),
+        drivable_area: (!area.is_empty()).then_some(area),
+        ..MapParts::default()
+    })
+}

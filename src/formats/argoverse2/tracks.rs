@@ -1,0 +1,159 @@
+//! The table of tracks: one row per track and time step.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use arrow_array::RecordBatch;
+
+use crate::formats::error::{Cause, FormatError};
+use crate::formats::table::{Leaf, TableReader, View};
+use crate::scene::AgentState;
+
+/// The columns that are read.
+const COLUMNS: &[&str] = &[
+    "track_id",
+    "object_type",
+    "object_category",
+    "timestep",
+    "position_x",
+    "position_y",
+    "heading",
+    "velocity_x",
+    "velocity_y",
+    "scenario_id",
+    "start_timestamp",
+    "end_timestamp",
+    "num_timestamps",
+    "focal_track_id",
+];
+/// Most rows of a scenario: 110 time steps of nine thousand tracks.
+const MOST_ROWS: usize = 1_000_000;
+/// Most time steps: those of a scenario are 110.
+const MOST_STEPS: u32 = 10_000;
+/// Nanoseconds in a second.
+const NANOSECONDS: f64 = 1e9;
+
+/// The content of a table.
+#[derive(Default)]
+pub(super) struct Tracks {
+    pub(super) scenario_id: String,
+    /// The track that forecasters are asked for.
+    pub(super) focal: Option<String>,
+    /// Seconds between time steps, where the file says so.
+    pub(super) step: Option<f64>,
+    /// In the order in which they first appear.
+    pub(super) tracks: Vec<Track>,
+    index: BTreeMap<String, usize>,
+    rows: usize,
+}
+
+/// One object.
+pub(super) struct Track {
+    pub(super) id: String,
+    pub(super) object_type: String,
+    /// 0 fragment, 1 unscored, 2 scored, 3 focal.
+    pub(super) category: u32,
+    /// By time step.
+    pub(super) states: BTreeMap<u32, AgentState>,
+}
+
+impl Tracks {
+    /// Reads a table.
+    pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
+        let mut table = TableReader::open(path)?;
+        table.only(COLUMNS);
+        let mut tracks = Self::default();
+        while let Some(batch) = table.next_batch() {
+            let read = tracks.add(&batch?);
+            read.map_err(|cause| FormatError::file(path, cause).at(0))?;
+        }
+        if tracks.rows == 0 {
+            let cause = Cause::value("the table", "empty", "rows of tracks; fetch the file again");
+            return Err(FormatError::file(path, cause).at(0));
+        }
+        Ok(tracks)
+    }
+
+    fn add(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
+        if self.rows + batch.num_rows() > MOST_ROWS {
+            return Err(Cause::value("the number of rows", "more than a million", "one scenario"));
+        }
+        let [ids, types, scenarios] =
+            ["track_id", "object_type", "scenario_id"].map(|name| View::need(batch, name, Leaf::Text, 0));
+        let (ids, types, scenarios) = (ids?, types?, scenarios?);
+        let steps = View::need(batch, "timestep", Leaf::Whole, 0)?;
+        let categories = View::find(batch, "object_category", Leaf::Whole, 0)?;
+        let [x, y, heading] =
+            ["position_x", "position_y", "heading"].map(|name| View::need(batch, name, Leaf::Number, 0));
+        let (x, y, heading) = (x?, y?, heading?);
+        let [vx, vy] = ["velocity_x", "velocity_y"].map(|name| View::find(batch, name, Leaf::Number, 0));
+        let (vx, vy) = (vx?, vy?);
+        for cell in 0..batch.num_rows() {
+            let row = self.rows;
+            let number = |view: &View| {
+                let v = view.number(cell);
+                let found = v.map_or("null".to_owned(), |v| v.to_string());
+                v.filter(|v| v.is_finite()).ok_or_else(|| wrong(view, row, found, "a finite number"))
+            };
+            let text = |view: &'_ View| -> Result<String, Cause> {
+                Ok(view.text(cell).ok_or_else(|| wrong(view, row, "null", "a text"))?.to_owned())
+            };
+            // Velocities may be unknown, other numbers may not.
+            let velocity =
+                |view: &Option<View>| view.as_ref().and_then(|v| v.number(cell)).unwrap_or(f64::NAN);
+            let state = AgentState {
+                x: number(&x)?,
+                y: number(&y)?,
+                heading: number(&heading)?,
+                vx: velocity(&vx),
+                vy: velocity(&vy),
+            };
+            if row == 0 {
+                self.scenario_id = text(&scenarios)?;
+                self.about(batch)?;
+            } else if scenarios.text(cell) != Some(&self.scenario_id) {
+                let found = scenarios.text(cell).map_or("null".to_owned(), |t| format!("`{t}`"));
+                let expected = format!("`{}` as in row 0: one scenario in a file", self.scenario_id);
+                return Err(wrong(&scenarios, row, found, expected));
+            }
+            let step = steps.whole(cell).filter(|s| *s < MOST_STEPS);
+            let step = step.ok_or_else(|| {
+                let found = steps.whole(cell).map_or("null".to_owned(), |s| s.to_string());
+                wrong(&steps, row, found, "an index such as 0 to 109")
+            })?;
+            let id = text(&ids)?;
+            let track = match self.index.get(&id) {
+                Some(&i) => i,
+                None => {
+                    let category = categories.as_ref().and_then(|c| c.whole(cell)).unwrap_or(0);
+                    let states = BTreeMap::new();
+                    self.tracks.push(Track { id: id.clone(), object_type: text(&types)?, category, states });
+                    self.index.insert(id.clone(), self.tracks.len() - 1);
+                    self.tracks.len() - 1
+                }
+            };
+            if self.tracks[track].states.insert(step, state).is_some() {
+                let expected = format!("one row per time step of track `{id}`");
+                return Err(wrong(&steps, row, format!("{step} a second time"), expected));
+            }
+            self.rows += 1;
+        }
+        Ok(())
+    }
+
+    /// What the first row says of the whole scenario.
+    fn about(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
+        let focal = View::find(batch, "focal_track_id", Leaf::Text, 0)?;
+        self.focal = focal.and_then(|f| f.text(0).map(str::to_owned));
+        let [from, to, count] = ["start_timestamp", "end_timestamp", "num_timestamps"]
+            .map(|name| View::find(batch, name, Leaf::Number, 0).map(|v| v.and_then(|v| v.number(0))));
+        if let (Some(from), Some(to), Some(count)) = (from?, to?, count?) {
+            self.step = Some((to - from) / NANOSECONDS / (count - 1.0));
+        }
+        Ok(())
+    }
+}
+
+fn wrong(column: &View, row: usize, value: impl std::fmt::Display, expected: impl Into<String>) -> Cause {
+    Cause::value(format!("`{}` in row {row}", column.name()), value, expected)
+}

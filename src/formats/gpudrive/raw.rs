@@ -1,0 +1,111 @@
+//! The fields of a GPUDrive file that are read; all others are skipped.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Deserialize;
+
+use crate::geometry::Vec2;
+
+#[derive(Deserialize)]
+pub(super) struct RawScenario {
+    #[serde(default)]
+    pub(super) name: Option<String>,
+    #[serde(default)]
+    pub(super) scenario_id: Option<String>,
+    pub(super) objects: Vec<RawObject>,
+    pub(super) roads: Vec<RawRoad>,
+    /// By the id of the controlled lane.
+    #[serde(default)]
+    pub(super) tl_states: BTreeMap<String, RawLight>,
+    /// Old files have none.
+    #[serde(default)]
+    pub(super) metadata: Option<RawMetadata>,
+}
+
+impl RawScenario {
+    /// The scenario's id: Waymo's own, in old files the name of the record that the file was made of.
+    pub(super) fn id(&self) -> Option<String> {
+        let name = || Some(self.name.as_ref()?.trim_end_matches(".json").to_owned());
+        self.scenario_id.clone().or_else(name).filter(|id| !id.is_empty())
+    }
+}
+
+#[derive(Deserialize)]
+pub(super) struct RawMetadata {
+    #[serde(default)]
+    pub(super) sdc_track_index: Option<i64>,
+    #[serde(default)]
+    pub(super) objects_of_interest: Vec<Name>,
+    #[serde(default)]
+    pub(super) tracks_to_predict: Vec<RawPrediction>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct RawPrediction {
+    pub(super) track_index: i64,
+}
+
+#[derive(Deserialize)]
+pub(super) struct RawObject {
+    #[serde(default)]
+    pub(super) id: Option<Name>,
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    pub(super) length: f64,
+    pub(super) width: f64,
+    pub(super) position: Vec<Point>,
+    pub(super) velocity: Vec<Point>,
+    pub(super) heading: Vec<f64>,
+    pub(super) valid: Vec<bool>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct RawRoad {
+    #[serde(default)]
+    pub(super) id: Option<Name>,
+    #[serde(default)]
+    pub(super) map_element_id: Option<i64>,
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    pub(super) geometry: Vec<Point>,
+}
+
+/// What a light showed: four lists with one entry per observation.
+#[derive(Deserialize)]
+pub(super) struct RawLight {
+    pub(super) state: Vec<String>,
+    pub(super) x: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) time_index: Vec<i64>,
+}
+
+/// A point or a vector; its height, where there is one, is not read.
+#[derive(Clone, Copy, Deserialize)]
+pub(super) struct Point {
+    pub(super) x: f64,
+    pub(super) y: f64,
+}
+
+impl From<Point> for Vec2 {
+    fn from(p: Point) -> Self {
+        Self::new(p.x, p.y)
+    }
+}
+
+/// An id: a number in files of these programs, a text in some that were changed by others.
+#[derive(Clone, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Name {
+    Number(i64),
+    Text(String),
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(n) => n.fmt(f),
+            Self::Text(t) => t.fmt(f),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! From the road elements of a file to a map.
+
+use std::collections::BTreeMap;
+
+use super::links;
+use super::raw::{Point, RawRoad};
+use crate::formats::error::Cause;
+use crate::geometry::Vec2;
+use crate::scene::{
+    Crosswalk, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, MapParts, RoadEdge, RoadEdgeKind,
+    RoadLine, Surface,
+};
+
+/// The code of the paint 1 (broken single white); those of 2 to 8 follow.
+const FIRST_PAINT: i64 = 6;
+/// The codes of the kinds of road edges.
+const EDGE_BOUNDARY: i64 = 15;
+const EDGE_MEDIAN: i64 = 16;
+
+/// The map, and what had to be left out.
+pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static str, u32>), Cause> {
+    let mut map = MapParts::default();
+    let mut left_out: BTreeMap<&'static str, u32> = BTreeMap::new();
+    for (i, road) in roads.into_iter().enumerate() {
+        let code = road.map_element_id;
+        let points = points(&road.geometry);
+        match road.kind.as_str() {
+            "lane" if points.windows(2).all(|w| w[0] == w[1]) => {
+                *left_out.entry("lanes without extent").or_default() += 1;
+            }
+            "lane" => map.lanes.push(LaneParts {
+                id: road.id.map_or_else(|| i.to_string(), |id| id.to_string()),
+                // Waymo's lanes overlap at merges and junctions, as connectors do.
+                kind: LaneKind::Connector,
+                class: class(code),
+                speed_limit: None,
+                points,
+                area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
+                successors: Vec::new(),
+                predecessors: Vec::new(),
+                left: Vec::new(),
+                right: Vec::new(),
+            }),
+            "road_line" => {
+                let paint = code.and_then(|c| u8::try_from(c.checked_sub(FIRST_PAINT - 1)?).ok());
+                let paint = paint.filter(|p| (1..=8).contains(p)).unwrap_or(0);
+                map.road_lines.push(RoadLine { paint, points });
+            }
+            "road_edge" => {
+                let kind = match code {
+                    Some(EDGE_BOUNDARY) => RoadEdgeKind::Boundary,
+                    Some(EDGE_MEDIAN) => RoadEdgeKind::Median,
+                    _ => RoadEdgeKind::Unknown,
+                };
+                map.road_edges.push(RoadEdge { kind, points });
+            }
+            "crosswalk" => map.crosswalks.push(Crosswalk { outline: points }),
+            "speed_bump" => map.speed_bumps.push(Surface { outline: points }),
+            "driveway" => map.driveways.push(Surface { outline: points }),
+            // The file does not say for whom a sign stands, and the next lane is often another one.
+            "stop_sign" => *left_out.entry("stop signs of unknown lanes").or_default() += 1,
+            _ => *left_out.entry("road elements of unknown type").or_default() += 1,
+        }
+    }
+    links::link(&mut map.lanes)?;
+    Ok((map, left_out))
+}
+
+fn class(code: Option<i64>) -> LaneClass {
+    let known = code.and_then(|c| usize::try_from(c).ok()).and_then(|c| LaneClass::ALL.get(c).copied());
+    known.unwrap_or(LaneClass::Undefined)
+}
+
+fn points(line: &[Point]) -> Vec<Vec2> {
+    line.iter().copied().map(Vec2::from).collect()
+}

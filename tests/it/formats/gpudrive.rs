@@ -1,0 +1,336 @@
+//! GPUDrive and Nocturne files.
+
+use std::fs;
+use std::path::Path;
+
+use reactsim::formats::{find_inputs, open};
+use reactsim::scene::{AgentKind, LaneClass, LightState, RoadEdgeKind, Scenario};
+use serde_json::{Value, json};
+
+use super::{Case, digests, good, refusal};
+
+/// Frames of an object that goes along the x axis at 10 m/s, absent before frame `from`.
+fn object(id: u64, kind: &str, x: f64, y: f64, from: usize) -> Value {
+    let at = |f: usize| match f < from {
+        true => json!({"x": -10000.0, "y": -10000.0, "z": -10000.0}),
+        false => json!({"x": x + f as f64, "y": y, "z": 3.0}),
+    };
+    let frames = |of: &dyn Fn(usize) -> Value| (0..91).map(of).collect::<Vec<_>>();
+    json!({
+        "position": frames(&at), "width": 1.9, "length": 4.5, "height": 1.5,
+        "heading": frames(&|f| if f < from { json!(-10000.0) } else { json!(0.01) }),
+        "velocity": frames(&|f| if f < from { json!({"x": -10000.0, "y": -10000.0}) } else { json!({"x": 10.0, "y": 0.1}) }),
+        "valid": frames(&|f| json!(f >= from)), "goalPosition": {"x": 0, "y": 0, "z": 0}, "type": kind, "id": id,
+        "mark_as_expert": false
+    })
+}
+
+fn line(points: &[(f64, f64)]) -> Value {
+    points.iter().map(|p| json!({"x": p.0, "y": p.1, "z": 0.0})).collect()
+}
+
+fn made() -> Value {
+    let road = |id: u64, kind: &str, code: i64, points: &[(f64, f64)]| json!({"geometry": line(points), "type": kind, "map_element_id": code, "id": id});
+    json!({
+        "name": "tfrecord-00001-of-00150_7.json", "scenario_id": "made",
+        "objects": [object(7, "vehicle", 1000.0, 5.0, 3), object(9, "pedestrian", 1020.0, 5.0, 0), object(8, "vehicle", 1010.0, 0.0, 0)],
+        "roads": [
+            road(100, "lane", 2, &[(900.0, 0.0), (1050.0, 0.0)]),
+            road(101, "lane", 1, &[(1050.0, 0.02), (1200.0, 0.0)]),
+            road(102, "lane", 3, &[(1050.0, 0.2), (1200.0, 9.0)]),
+            road(103, "lane", 2, &[(1050.0, 0.0)]),
+            road(104, "road_edge", 15, &[(900.0, -2.0), (1200.0, -2.0)]),
+            road(105, "road_edge", 16, &[(1200.0, 8.0), (900.0, 8.0)]),
+            road(106, "road_line", 11, &[(900.0, 2.0), (1200.0, 2.0)]),
+            road(107, "crosswalk", 18, &[(1040.0, 0.0), (1045.0, 0.0), (1045.0, 8.0)]),
+            road(108, "speed_bump", 19, &[(1040.0, 0.0), (1045.0, 0.0), (1045.0, 8.0)]),
+            road(109, "driveway", 20, &[(1040.0, 0.0), (1045.0, 0.0), (1045.0, 8.0)]),
+            road(110, "stop_sign", 17, &[(1049.0, -3.0)]),
+        ],
+        "tl_states": {
+            "100": {"state": ["stop", "arrow_go"], "x": [1049.0, 1049.0], "y": [0.0, 0.0], "z": [0.0, 0.0], "time_index": [0, 90]},
+            "999": {"state": ["go"], "x": [0.0], "y": [0.0], "z": [0.0], "time_index": [4]}
+        },
+        "metadata": {"sdc_track_index": 2, "objects_of_interest": [9], "tracks_to_predict": [{"track_index": 0, "difficulty": 0}]}
+    })
+}
+
+fn write(folder: &Path, value: &Value) -> std::path::PathBuf {
+    // Texts of this length are the rule: what tells the format stands at the beginning.
+    let path = folder.join("f.json");
+    let Value::Object(fields) = value else { panic!() };
+    let order = ["name", "scenario_id", "objects", "roads", "tl_states", "metadata"];
+    let body: Vec<String> =
+        order.iter().filter_map(|k| Some(format!("\"{k}\": {}", fields.get(*k)?))).collect();
+    fs::write(&path, format!("{{{}}}", body.join(", "))).unwrap();
+    path
+}
+
+fn read(change: impl FnOnce(&mut Value)) -> Result<Scenario, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let mut value = made();
+    change(&mut value);
+    let path = write(folder.path(), &value);
+    let told = |e: reactsim::formats::FormatError| e.to_string().split_once("f.json: ").unwrap().1.to_owned();
+    open(&path).map_err(told)?.next().unwrap().map_err(told)
+}
+
+#[test]
+fn fields_mean_what_they_say() {
+    let s = read(|_| ()).unwrap();
+    assert_eq!((s.id.as_str(), s.source.as_str()), ("made", "gpudrive"));
+    assert_eq!((s.origin.x, s.origin.y), (1020.0, 0.0));
+    let ids: Vec<&str> = s.start.agents.iter().map(|a| a.id.as_str()).collect();
+    assert_eq!(ids, ["8", "7", "9"], "the AV, then by distance, then in the order of the file");
+    assert_eq!(s.start.agents[2].kind, AgentKind::Pedestrian);
+    assert!(s.start.history[1][2].is_none() && s.start.history[1][3].is_some());
+    assert!((s.start.now(0).heading - 0.01).abs() < 1e-12 && s.start.now(0).vx == 10.0);
+    assert_eq!((s.tracks_to_predict[0].as_str(), s.objects_of_interest[0].as_str()), ("7", "9"));
+    let map = &s.start.map;
+    assert_eq!(map.lanes.iter().map(|l| l.id.as_str()).collect::<Vec<_>>(), ["100", "101", "102"]);
+    assert_eq!(
+        (map.lanes[0].successors.as_slice(), map.lanes[1].predecessors.as_slice()),
+        ([1].as_slice(), [0].as_slice())
+    );
+    assert!(map.lanes[2].predecessors.is_empty(), "20 cm beside the end");
+    assert_eq!(map.lanes[1].class, LaneClass::Freeway);
+    assert_eq!(
+        (map.road_edges[0].kind, map.road_edges[1].kind),
+        (RoadEdgeKind::Boundary, RoadEdgeKind::Median)
+    );
+    assert_eq!(map.road_lines[0].paint, 6, "solid single yellow");
+    assert_eq!((map.crosswalks.len(), map.speed_bumps.len(), map.driveways.len()), (1, 1, 1));
+    assert_eq!(map.stop_lines.len(), 1, "the light's");
+    let shown = s.light_states(0);
+    assert_eq!((shown[0], shown[1], shown[90]), (Some(LightState::Stop), None, Some(LightState::ArrowGo)));
+    for what in ["lanes without extent", "stop signs of unknown lanes", "lights on missing lanes"] {
+        assert_eq!(s.repairs[what], 1, "{what}");
+    }
+}
+
+#[test]
+fn old_files_hold_degrees_and_no_ids() {
+    let old = |value: &mut Value| {
+        let top = value.as_object_mut().unwrap();
+        top.remove("metadata");
+        top.remove("scenario_id");
+        for object in value["objects"].as_array_mut().unwrap() {
+            object.as_object_mut().unwrap().remove("id");
+            let degrees = |h: &Value| json!(h.as_f64().unwrap().to_degrees());
+            object["heading"] = object["heading"].as_array().unwrap().iter().map(degrees).collect();
+        }
+        for road in value["roads"].as_array_mut().unwrap() {
+            road.as_object_mut().unwrap().remove("id");
+            road.as_object_mut().unwrap().remove("map_element_id");
+        }
+    };
+    let s = read(old).unwrap();
+    assert_eq!((s.id.as_str(), s.start.agents[0].id.as_str()), ("tfrecord-00001-of-00150_7", "2"));
+    assert!((s.start.now(0).heading - 0.01).abs() < 1e-12, "{}", s.start.now(0).heading);
+    assert_eq!(s.start.map.lanes[0].successors, [1]);
+    assert_eq!(
+        (s.start.map.lanes[0].class, s.start.map.road_edges[0].kind),
+        (LaneClass::Undefined, RoadEdgeKind::Unknown)
+    );
+    // Where nobody moves nothing tells but the vintage.
+    let halt = |value: &mut Value| {
+        for object in value["objects"].as_array_mut().unwrap() {
+            object["velocity"] = (0..91).map(|_| json!({"x": 0.0, "y": 0.0})).collect();
+        }
+    };
+    assert!((read(halt).unwrap().start.now(0).heading - 0.01).abs() < 1e-12);
+    let both = read(|value| {
+        old(value);
+        halt(value);
+    });
+    assert!((both.unwrap().start.now(0).heading - 0.01).abs() < 1e-12);
+}
+
+#[test]
+fn bad_input_is_refused_by_name() {
+    let cases: &[Case<Value>] = &[
+        ("metadata.sdc_track_index is 3, expected the index of one of 3 objects", |v| {
+            v["metadata"]["sdc_track_index"] = json!(3);
+        }),
+        ("metadata.tracks_to_predict[0].track_index is -1", |v| {
+            v["metadata"]["tracks_to_predict"][0]["track_index"] = json!(-1);
+        }),
+        ("`scenario_id` is missing", |v| {
+            v["scenario_id"] = json!("");
+            v["name"] = Value::Null;
+        }),
+        ("objects[1].heading is 90 entries, expected 91 entries", |v| {
+            v["objects"][1]["heading"].as_array_mut().unwrap().pop();
+        }),
+        ("objects[0].position[0] is (-10000, -10000), expected a position where `valid` is true", |v| {
+            v["objects"][0]["valid"][0] = json!(true);
+        }),
+        ("agents[1].id is 7, expected an id that no other agent has", |v| v["objects"][1]["id"] = json!(7)),
+        ("agents[2].track[10] is absent", |v| v["objects"][2]["valid"][10] = json!(false)),
+        ("agents[0].length is -4, expected a size", |v| v["objects"][0]["length"] = json!(-4)),
+        ("agents[0].track[50] is (1000000000", |v| {
+            v["objects"][0]["position"][50] = json!({"x": 1e300, "y": 0.0});
+        }),
+        ("agents[0].track[50].heading is 1000000000", |v| v["objects"][0]["heading"][50] = json!(1e9)),
+        ("map.road_edges[0] is (1000000000", |v| {
+            v["roads"][4]["geometry"][0] = json!({"x": 1e300, "y": 5.0});
+        }),
+        ("map.lanes[1].id is 100, expected an id that no other lane has", |v| {
+            v["roads"][1]["id"] = json!(100)
+        }),
+        ("tl_states[\"100\"].state[0] is `blue`, expected unknown, arrow_stop,", |v| {
+            v["tl_states"]["100"]["state"][0] = json!("blue");
+        }),
+        ("tl_states[\"100\"].time_index[1] is 91, expected the index of a frame, 0 to 90", |v| {
+            v["tl_states"]["100"]["time_index"][1] = json!(91);
+        }),
+        ("tl_states[\"100\"].x is 1 entries, expected as many as `time_index` has: 2", |v| {
+            v["tl_states"]["100"]["x"] = json!([1.0]);
+        }),
+        ("missing field `width`", |v| {
+            v["objects"][0].as_object_mut().unwrap().remove("width");
+        }),
+        ("missing field `roads`", |v| {
+            v.as_object_mut().unwrap().remove("roads");
+        }),
+        ("invalid type: string \"far\", expected f64", |v| {
+            v["objects"][0]["position"][4]["x"] = json!("far")
+        }),
+        ("objects is empty", |v| {
+            v["objects"] = json!([]);
+            v["metadata"] = Value::Null;
+        }),
+    ];
+    for (expected, change) in cases {
+        let error = read(*change).unwrap_err();
+        assert!(error.contains(expected), "expected {expected}: {error}");
+        assert!(error.starts_with("record 0: "), "{error}");
+    }
+    // Codes of elements that do not exist have a stated meaning.
+    let s = read(|v| {
+        v["roads"][0]["map_element_id"] = json!(i64::MIN);
+        v["roads"][6]["map_element_id"] = json!(i64::MIN);
+        v["roads"][7]["type"] = json!("runway");
+    });
+    let s = s.unwrap();
+    assert_eq!((s.start.map.lanes[0].class, s.start.map.road_lines[0].paint), (LaneClass::Undefined, 0));
+    assert_eq!(s.repairs["road elements of unknown type"], 1);
+}
+
+#[test]
+fn damaged_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &made());
+    let sound = fs::read(&path).unwrap();
+    assert_eq!(good(&path).len(), 1);
+    let mut lengths: Vec<usize> = (0..sound.len()).step_by(sound.len() / 40).collect();
+    lengths.push(sound.len() - 1);
+    for length in lengths {
+        fs::write(&path, &sound[..length]).unwrap();
+        assert!(refusal(&path).contains("f.json"), "cut to {length}");
+    }
+    for (k, at) in (0..sound.len()).step_by(sound.len() / 400).enumerate() {
+        let mut bad = sound.clone();
+        bad[at] ^= [0x01, 0x80, 0xff][k % 3];
+        fs::write(&path, &bad).unwrap();
+        digests(&path)
+            .iter()
+            .flat_map(|r| r.as_ref().err())
+            .for_each(|e| assert!(e.to_string().contains("f.json")));
+    }
+    let text = String::from_utf8(sound).unwrap();
+    fs::write(&path, text.replacen("1020.0", "NaN", 1)).unwrap();
+    assert!(refusal(&path).contains("can not be decoded"));
+    fs::write(&path, format!("{{\"objects\": [{{\"position\": {}", "[".repeat(1_000_000))).unwrap();
+    assert!(refusal(&path).contains("can not be decoded"));
+}
+
+#[test]
+fn kinds_of_json_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), &made());
+    fs::write(folder.path().join("hand.json"), super::HAND_WRITTEN).unwrap();
+    fs::write(folder.path().join("other.json"), "{\"objects\": 3}").unwrap();
+    let found = find_inputs(folder.path()).unwrap();
+    let formats: Vec<&str> = found.iter().map(|i| i.format.id()).collect();
+    assert_eq!(formats, ["gpudrive", "json"]);
+}
+
+#[test]
+fn real_files() {
+    let Some(folder) = crate::shared("data/gpudrive") else { return };
+    let scenarios = good(&folder);
+    assert_eq!(scenarios.len(), 4);
+    for s in &scenarios {
+        let av = &s.start.agents[0];
+        assert!((av.length - 5.286).abs() < 1e-6 && (av.width - 2.332).abs() < 1e-6, "{}: {av:?}", s.id);
+        // Who moves goes where it heads.
+        let mut seen = 0;
+        for (a, agent) in s.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
+            for state in s.logged(a).iter().flatten().filter(|s| s.speed() > 5.0) {
+                assert!(state.forward_speed() > 0.9 * state.speed(), "{}: {}", s.id, agent.id);
+                seen += 1;
+            }
+        }
+        assert!(seen > 20, "{}: {seen}", s.id);
+        assert!(s.start.map.lanes.iter().any(|l| !l.successors.is_empty()));
+    }
+}
+
+#[test]
+fn the_same_scenario_agrees_with_the_waymo_record() {
+    let Some(ours) = crate::shared("data/gpudrive/965472cb24cb397b.json") else { return };
+    let Some(record) = crate::shared("data/womd/train/womd-train-00001-of-00011.tfrecord.zst") else {
+        return;
+    };
+    let ours = good(&ours).remove(0);
+    let theirs = open(&record).unwrap().map(|s| s.unwrap()).find(|s| s.id == ours.id).unwrap();
+    let near = |a: f64, b: f64| (a - b).abs() < 0.01;
+    assert!(near(ours.origin.x, theirs.origin.x) && near(ours.origin.y, theirs.origin.y));
+    assert_eq!(ours.start.agents.len(), theirs.start.agents.len());
+    for (a, (x, y)) in ours.start.agents.iter().zip(&theirs.start.agents).enumerate() {
+        assert_eq!((&x.id, x.kind), (&y.id, y.kind));
+        assert!(near(x.length, y.length) && near(x.width, y.width));
+        for (f, pair) in ours.logged(a).into_iter().zip(theirs.logged(a)).enumerate() {
+            match pair {
+                (None, None) => {}
+                (Some(p), Some(q)) => {
+                    let turned = (p.heading - q.heading).sin().abs();
+                    assert!(near(p.x, q.x) && near(p.y, q.y) && turned < 1e-4, "{}: frame {f}", x.id);
+                    assert!(near(p.vx, q.vx) && near(p.vy, q.vy), "{}: frame {f}", x.id);
+                }
+                _ => panic!("{}: present in one of both at frame {f}", x.id),
+            }
+        }
+    }
+    let (m, n) = (&ours.start.map, &theirs.start.map);
+    let by_id = |map: &reactsim::scene::RoadMap| {
+        let name = |all: &[usize]| {
+            let mut ids: Vec<String> = all.iter().map(|&l| map.lanes[l].id.clone()).collect();
+            ids.sort();
+            ids
+        };
+        let of = |l: &reactsim::scene::Lane| {
+            (l.id.clone(), (l.baseline.clone(), l.class, name(&l.successors), name(&l.predecessors)))
+        };
+        map.lanes.iter().map(of).collect::<std::collections::BTreeMap<_, _>>()
+    };
+    let (m_lanes, n_lanes) = (by_id(m), by_id(n));
+    assert_eq!(m_lanes.keys().collect::<Vec<_>>(), n_lanes.keys().collect::<Vec<_>>());
+    for (id, (line, class, next, before)) in &m_lanes {
+        let (other, other_class, other_next, other_before) = &n_lanes[id];
+        assert_eq!((class, next, before), (other_class, other_next, other_before), "{id}");
+        assert_eq!(line.points().len(), other.points().len());
+        assert!(
+            line.points().iter().zip(other.points()).all(|(p, q)| near(p.x, q.x) && near(p.y, q.y)),
+            "{id}"
+        );
+    }
+    assert_eq!(
+        (m.road_edges.len(), m.road_lines.len(), m.crosswalks.len()),
+        (n.road_edges.len(), n.road_lines.len(), n.crosswalks.len())
+    );
+    assert_eq!((m.driveways.len(), m.speed_bumps.len()), (n.driveways.len(), n.speed_bumps.len()));
+    let edges = |map: &reactsim::scene::RoadMap| map.road_edges.iter().map(|e| e.points.len()).sum::<usize>();
+    assert_eq!(edges(m), edges(n));
+}
