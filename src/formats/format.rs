@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::error::{Cause, FormatError};
 use super::json::Json;
 use super::native::Native;
+use super::nuplan::NuPlan;
 use super::womd::Womd;
 use crate::scene::Scenario;
 
@@ -48,7 +49,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &Json];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &NuPlan, &Json];
 
 /// A file and its format.
 #[derive(Clone)]

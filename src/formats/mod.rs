@@ -6,6 +6,7 @@
 pub(crate) mod error;
 mod format;
 mod json;
+mod nuplan;
 mod states;
 pub(crate) mod table;
 mod womd;
