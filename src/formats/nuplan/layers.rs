@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
             map.drivable.extend(areas);
         }
         for lane in map.lanes.values_mut() {
-            lane.bounds = Bounds::of(lane.baseline.iter().chain(&lane.outline).copied());
+            lane.bounds = Bounds::of(lane.baseline.iter().chain(&lane.outline.exterior).copied());
         }
         Ok(map)
     }
@@ -228,7 +228,7 @@ impl MapLane {
             lane_type: None,
             speed_limit: f64::NAN,
             baseline: Vec::new(),
-            outline: Vec::new(),
+            outline: Polygon { exterior: Vec::new(), holes: Vec::new() },
             sides: [None; 2],
             incoming: Vec::new(),
             outgoing: Vec::new(),
@@ -297,12 +297,12 @@ fn bounds(polygons: &[Polygon]) -> Bounds {
     polygons.iter().fold(Bounds::EMPTY, |all, polygon| all.union(&polygon.bounds()))
 }
 
-/// The outline of the largest of several polygons: a lane has one.
-fn largest(polygons: Vec<Polygon>) -> Vec<Vec2> {
+/// The largest of several polygons: a lane has one.
+fn largest(polygons: Vec<Polygon>) -> Polygon {
     let area = |p: &Polygon| {
         let origin = p.exterior[0];
         p.exterior.windows(2).map(|w| (w[0] - origin).perp(&(w[1] - origin))).sum::<f64>().abs()
     };
-    let all = polygons.into_iter();
-    all.max_by(|a, b| area(a).total_cmp(&area(b))).map(|p| p.exterior).unwrap_or_default()
+    let nothing = Polygon { exterior: Vec::new(), holes: Vec::new() };
+    polygons.into_iter().max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(nothing)
 }

@@ -38,8 +38,8 @@ pub(super) struct MapLane {
     pub(super) speed_limit: f64,
     /// Centre line in driving direction; empty where the map has none.
     pub(super) baseline: Vec<Vec2>,
-    /// Outline; empty where the map has none.
-    pub(super) outline: Vec<Vec2>,
+    /// Outline; empty where the map has none. A few have holes.
+    pub(super) outline: Polygon,
     /// Fids of the boundary lines, left and right.
     pub(super) sides: [Option<i64>; 2],
     /// Where one comes from, in ascending order: for connectors the lane that is left.

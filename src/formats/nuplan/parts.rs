@@ -207,10 +207,10 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
         class: if lane.lane_type == Some(1) { LaneClass::Bike } else { LaneClass::Undefined },
         speed_limit: Some(lane.speed_limit).filter(|v| v.is_finite() && *v > 0.0),
         points: lane.baseline.clone(),
-        area: if lane.outline.is_empty() {
+        area: if lane.outline.exterior.is_empty() {
             LaneArea::Corridor { half_width: LANE_HALF_WIDTH }
         } else {
-            LaneArea::Polygon(lane.outline.clone())
+            LaneArea::Polygon(lane.outline.exterior.clone())
         },
         successors: names(&lane.outgoing),
         predecessors: names(&lane.incoming),

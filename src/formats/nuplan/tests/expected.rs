@@ -11,7 +11,7 @@ use super::super::map::{Area, Map, MapLane};
 use super::super::parts;
 use super::super::window;
 use crate::formats;
-use crate::geometry::{Polygon, Vec2, point_in_ring};
+use crate::geometry::{Polygon, Vec2};
 use crate::scene::{AgentKind, LightState, Scenario};
 
 struct Sample {
@@ -196,7 +196,7 @@ fn lane(map: &Map, lane: &MapLane, expected: &Value) {
     for (side, key) in lane.sides.iter().zip(["left_boundary", "right_boundary"]) {
         line(&map.boundaries[&side.unwrap()].points, &expected[key], &what);
     }
-    polygon(&lane.outline, &[], &expected["polygon"], &what);
+    polygon(&lane.outline.exterior, &lane.outline.holes, &expected["polygon"], &what);
     assert_eq!(texts(&lane.incoming), expected["incoming"], "{what}");
     assert_eq!(texts(&lane.outgoing), expected["outgoing"], "{what}");
 }
@@ -259,9 +259,7 @@ fn probes() {
             assert_eq!(json!(inside(&s.map.crosswalks)), probe["crosswalk"], "{probe}");
             let holding = |connector: bool| -> BTreeSet<String> {
                 let all = s.map.lanes.iter().filter(|(_, l)| l.connector == connector);
-                all.filter(|(_, l)| point_in_ring(p, &l.outline) == Some(true))
-                    .map(|(fid, _)| fid.to_string())
-                    .collect()
+                all.filter(|(_, l)| l.outline.contains(p)).map(|(fid, _)| fid.to_string()).collect()
             };
             let asked =
                 |key: &str| -> BTreeSet<String> { serde_json::from_value(probe[key].clone()).unwrap() };

@@ -36,13 +36,13 @@ impl Made {
 
     /// Changes the log by SQL.
     pub(super) fn log(self, sql: &str) -> Self {
-        Connection::open(&self.log).unwrap().execute_batch(sql).unwrap();
+        opened(&self.log).execute_batch(sql).unwrap();
         self
     }
 
     /// Changes the map by SQL.
     pub(super) fn map(self, sql: &str) -> Self {
-        Connection::open(&self.map).unwrap().execute_batch(sql).unwrap();
+        opened(&self.map).execute_batch(sql).unwrap();
         self
     }
 }
@@ -53,8 +53,15 @@ pub(super) fn token(table: u8, number: u32) -> [u8; 8] {
     [table, 0, 0, 0, a, b, c, d]
 }
 
+/// A database that does not wait for the disk.
+fn opened(path: &Path) -> Connection {
+    let connection = Connection::open(path).unwrap();
+    connection.execute_batch("PRAGMA synchronous = OFF; PRAGMA journal_mode = MEMORY").unwrap();
+    connection
+}
+
 fn write_log(path: &Path) {
-    let mut connection = Connection::open(path).unwrap();
+    let mut connection = opened(path);
     let db = connection.transaction().unwrap();
     db.execute_batch(
         "CREATE TABLE log (token BLOB, map_version TEXT, location TEXT);
@@ -155,7 +162,7 @@ fn put(blob: &mut Vec<u8>, points: &[(f64, f64)]) {
 }
 
 fn write_map(path: &Path) {
-    let db = Connection::open(path).unwrap();
+    let db = opened(path);
     db.execute_batch(
         "CREATE TABLE gpkg_geometry_columns (table_name TEXT, column_name TEXT, geometry_type_name TEXT, srs_id INTEGER);
          CREATE TABLE meta (key TEXT, value TEXT);
