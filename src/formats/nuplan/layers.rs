@@ -110,7 +110,7 @@ impl<'a> Reader<'a> {
         for layer in DRIVABLE {
             let areas = self.areas(layer)?;
             if layer == "intersections" {
-                map.intersections = self.areas(layer)?;
+                map.intersections.clone_from(&areas);
             }
             map.drivable.extend(areas);
         }

@@ -77,7 +77,7 @@ pub(super) struct Stop {
 }
 
 /// A named area.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Area {
     /// The fid in its layer.
     #[cfg_attr(not(test), allow(dead_code, reason = "tells tests which one it is"))]
