@@ -9,6 +9,7 @@ use super::error::{Cause, FormatError};
 use super::gpudrive::GpuDrive;
 use super::json::Json;
 use super::native::Native;
+use super::nuplan::NuPlan;
 use super::womd::Womd;
 use crate::scene::Scenario;
 
@@ -54,7 +55,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &Json, &GpuDrive, &Argoverse2];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2];
 
 /// A file and its format.
 #[derive(Clone)]

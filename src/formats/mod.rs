@@ -7,6 +7,7 @@ pub(crate) mod error;
 mod format;
 mod gpudrive;
 mod json;
+mod nuplan;
 mod states;
 pub(crate) mod table;
 mod womd;

@@ -8,4 +8,7 @@
 //!
 //! Errors are a unit or two in the last place. Angles are in radians. Not a number in, not a number out.
 
-pub use libm::{atan, atan2, cos, exp, exp10, hypot, log as ln, log10, pow, sin, sincos as sin_cos, tanh};
+pub use libm::{
+    asinh, atan, atan2, atanh, cos, cosh, exp, exp10, hypot, log as ln, log10, pow, sin, sincos as sin_cos,
+    sinh, tanh,
+};

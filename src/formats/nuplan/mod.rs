@@ -1,0 +1,175 @@
+//! nuPlan: logs (`.db`, SQLite) with their maps (`map.gpkg`, GeoPackage), or selections of windows in them (JSON).
+//!
+//! A log gives a scenario every ten seconds; a selection names logs and says by token, by tag or by time where scenarios are.
+//! Maps are read once and shared. Told in `scenarios/README.md`.
+
+mod layers;
+mod library;
+mod log;
+mod map;
+mod parts;
+mod selection;
+mod sqlite;
+mod token;
+mod utm;
+mod window;
+mod wkb;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::vec::IntoIter;
+
+use self::log::Log;
+use self::map::Map;
+use self::selection::{Among, Choice, Selection};
+use self::sqlite::Database;
+use self::token::Token;
+use super::error::{Cause, FormatError};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, named};
+use crate::scene::Scenario;
+
+/// The format.
+pub(super) struct NuPlan;
+
+impl ScenarioFormat for NuPlan {
+    fn id(&self) -> &'static str {
+        "nuplan"
+    }
+
+    fn title(&self) -> &'static str {
+        "nuPlan log, `.db` with maps beside it, or a selection, JSON with \"format\": \"reactsim-nuplan-v1\""
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        let log = || Database::open(path).is_ok_and(|database| database.has("lidar_pc").unwrap_or(false));
+        // By name where the file is too damaged to tell by its content.
+        named(path, ".db") || selection::is_selection(path) || (sqlite::is_sqlite(path) && log())
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(Reader::open(path)?))
+    }
+}
+
+struct Reader {
+    path: PathBuf,
+    /// Whether one log was asked for; its errors end the file.
+    single: bool,
+    logs: IntoIter<PathBuf>,
+    maps: Option<PathBuf>,
+    choice: Choice,
+    now: Option<(Arc<Log>, Arc<Map>, IntoIter<usize>)>,
+    record: u64,
+    /// Tokens that no log had yet.
+    missing: BTreeSet<Token>,
+    failed: bool,
+}
+
+impl Reader {
+    fn open(path: &Path) -> Result<Self, FormatError> {
+        let single = !selection::is_selection(path);
+        let selection = if single {
+            Selection { logs: vec![path.to_owned()], maps: None, choice: Choice::default() }
+        } else {
+            Selection::read(path)?
+        };
+        let missing = match &selection.choice.among {
+            Among::Tokens(tokens) => tokens.iter().copied().collect(),
+            _ => BTreeSet::new(),
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            single,
+            logs: selection.logs.into_iter(),
+            maps: selection.maps,
+            choice: selection.choice,
+            now: None,
+            record: 0,
+            missing,
+            failed: false,
+        })
+    }
+
+    /// Reads the next log, its map only where a scenario needs it.
+    fn load(&mut self, path: &Path) -> Result<(), FormatError> {
+        let log = Log::read(path)?;
+        let anchors = self.choice.anchors(&log);
+        if anchors.is_empty() {
+            return Ok(());
+        }
+        anchors.iter().for_each(|anchor| {
+            self.missing.remove(&log.frames[*anchor].token);
+        });
+        let folder = match &self.maps {
+            Some(folder) => folder.clone(),
+            None => library::folder_for(path)?,
+        };
+        let map = library::map(&folder, &log.map_name)?;
+        self.now = Some((Arc::new(log), map, anchors.into_iter()));
+        Ok(())
+    }
+
+    fn next_decoder(&mut self) -> Option<Undecoded> {
+        let (log, map, anchors) = self.now.as_mut()?;
+        let Some(anchor) = anchors.next() else {
+            self.now = None;
+            return None;
+        };
+        let (log, map, record) = (Arc::clone(log), Arc::clone(map), self.record);
+        self.record += 1;
+        Some(Box::new(move || read_one(&log, &map, anchor, record)))
+    }
+
+    /// What is wrong with a file or selection that gave nothing, or not all that it names.
+    fn left_over(&mut self) -> Option<FormatError> {
+        if let Some(token) = self.missing.pop_first() {
+            let expected = "the token of a row of `lidar_pc` in one of the logs";
+            let cause = Cause::value("tokens", format!("`{token}`"), expected);
+            let error = FormatError::record(&self.path, self.record, Some(token.to_string()), cause);
+            self.record += 1;
+            return Some(error);
+        }
+        if self.record > 0 || self.failed {
+            return None;
+        }
+        self.failed = true;
+        let expected = "a current frame with 20 rows of the 20 Hz clock before it and 160 after it, by tag, or in a \
+                        scene with two scenes before it and two after it";
+        Some(FormatError::file(&self.path, Cause::value("the choice of windows", "empty", expected)))
+    }
+}
+
+impl Iterator for Reader {
+    type Item = Result<Undecoded, FormatError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(decode) = self.next_decoder() {
+                return Some(Ok(decode));
+            }
+            let Some(path) = self.logs.next() else { return self.left_over().map(Err) };
+            if let Err(error) = self.load(&path) {
+                self.failed = true;
+                let record = self.record;
+                self.record += 1;
+                let one = |e: FormatError| FormatError::record(&e.path, record, None, *e.cause);
+                return Some(Err(if self.single { error } else { one(error) }));
+            }
+        }
+    }
+}
+
+fn read_one(log: &Log, map: &Map, anchor: usize, record: u64) -> Result<Scenario, FormatError> {
+    let id = log.frames[anchor].token.to_string();
+    let parts = parts::parts(log, map, anchor)
+        .map_err(|cause| FormatError::record(&log.path, record, Some(id), cause))?;
+    Scenario::assemble(parts).map_err(|e| FormatError::scene(&log.path, record, e))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,179 @@
+//! Which windows of which logs become scenarios.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::log::Log;
+use super::token::Token;
+use super::window;
+use crate::formats::error::{Cause, FormatError};
+use crate::formats::format::{head, named, read_whole};
+
+/// What a selection calls itself.
+pub(super) const FORMAT: &str = "reactsim-nuplan-v1";
+/// Seconds between windows where nothing else is said: they do not overlap.
+const EVERY: f64 = 10.0;
+/// Longest selection that is read: a million tokens.
+const LONGEST: u64 = 32 << 20;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    format: String,
+    logs: Vec<PathBuf>,
+    maps: Option<PathBuf>,
+    tokens: Option<Vec<String>>,
+    tags: Option<Vec<String>>,
+    every_seconds: Option<f64>,
+}
+
+/// Which frames become the current frames of scenarios.
+#[derive(Clone, Debug)]
+pub(super) struct Choice {
+    /// Among which frames.
+    pub(super) among: Among,
+    /// Seconds from one to the next, at least.
+    pub(super) every: f64,
+}
+
+/// Candidates for current frames.
+#[derive(Clone, Debug)]
+pub(super) enum Among {
+    /// The frames that the devkit offers as beginnings.
+    Starts,
+    /// Those with one of these tags.
+    Tagged(Vec<String>),
+    /// Those with these tokens.
+    Tokens(Vec<Token>),
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Self { among: Among::Starts, every: EVERY }
+    }
+}
+
+impl Choice {
+    /// The current frames of a log, in the order of time. Those that lack frames before or after are left out, but for those that are
+    /// asked by token.
+    pub(super) fn anchors(&self, log: &Log) -> Vec<usize> {
+        let all: Vec<usize> = match &self.among {
+            Among::Starts => log.starts(),
+            Among::Tagged(types) => {
+                let tagged = |tags: &[(String, _)]| tags.iter().any(|(tag, _)| types.contains(tag));
+                log.tags.iter().filter(|(_, tags)| tagged(tags)).map(|(frame, _)| *frame).collect()
+            }
+            Among::Tokens(tokens) => {
+                let frames = log.frames.iter().enumerate();
+                return frames
+                    .filter(|(_, f)| tokens.binary_search(&f.token).is_ok())
+                    .map(|(i, _)| i)
+                    .collect();
+            }
+        };
+        let mut last = None;
+        let mut keep = |frame: &usize| {
+            let now = log.frames[*frame].timestamp;
+            // Half a frame of slack: the clock is only nominally regular.
+            let due =
+                last.is_none_or(|last: i64| now.saturating_sub(last) as f64 >= self.every * 1e6 - 25_000.0);
+            if due {
+                last = Some(now);
+            }
+            due
+        };
+        all.into_iter().filter(|frame| window::fits(log, *frame)).filter(|frame| keep(frame)).collect()
+    }
+}
+
+/// A selection as a file tells it.
+pub(super) struct Selection {
+    /// The logs.
+    pub(super) logs: Vec<PathBuf>,
+    /// The folder with the list of maps.
+    pub(super) maps: Option<PathBuf>,
+    /// Which frames.
+    pub(super) choice: Choice,
+}
+
+/// Whether a file is a selection.
+pub(super) fn is_selection(path: &Path) -> bool {
+    head(path, 4096).is_ok_and(|head| {
+        head.trim_ascii_start().starts_with(b"{")
+            && head.windows(FORMAT.len()).any(|w| w == FORMAT.as_bytes())
+    })
+}
+
+impl Selection {
+    /// Reads a selection; paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// [`FormatError`] names the key and the value.
+    pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
+        let refuse = |cause| FormatError::file(path, cause);
+        let content = read_whole(path, LONGEST, "a selection of at most 32 MiB")?;
+        let raw: Raw =
+            serde_json::from_slice(&content).map_err(|e| refuse(Cause::Undecodable(e.to_string())))?;
+        if raw.format != FORMAT {
+            return Err(refuse(Cause::value("format", format!("`{}`", raw.format), format!("`{FORMAT}`"))));
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut logs = Vec::new();
+        for log in &raw.logs {
+            logs.extend(logs_at(&folder.join(log))?);
+        }
+        if logs.is_empty() {
+            return Err(refuse(Cause::value(
+                "logs",
+                "without any log",
+                "`.db` files or folders that hold some",
+            )));
+        }
+        let among = match (raw.tokens, raw.tags) {
+            (Some(_), Some(_)) => {
+                return Err(refuse(Cause::value("tokens", "given together with `tags`", "one of the two")));
+            }
+            (Some(tokens), None) => {
+                if raw.every_seconds.is_some() {
+                    let found = "given together with `tokens`";
+                    return Err(refuse(Cause::value("every_seconds", found, "one of the two")));
+                }
+                let parse = |text: &String| {
+                    let expected = "16 hexadecimal digits, the token of a row of `lidar_pc`";
+                    Token::parse(text)
+                        .ok_or_else(|| refuse(Cause::value("tokens", format!("`{text}`"), expected)))
+                };
+                let mut tokens = tokens.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
+                tokens.sort();
+                tokens.dedup();
+                Among::Tokens(tokens)
+            }
+            (None, Some(tags)) => Among::Tagged(tags),
+            (None, None) => Among::Starts,
+        };
+        let default = if matches!(among, Among::Starts) { EVERY } else { 0.0 };
+        let every = raw.every_seconds.unwrap_or(default);
+        if !(0.0..1e9).contains(&every) {
+            return Err(refuse(Cause::value("every_seconds", every, "seconds, 0 or more")));
+        }
+        Ok(Self { logs, maps: raw.maps.map(|maps| folder.join(maps)), choice: Choice { among, every } })
+    }
+}
+
+/// The log at a path, or those of a folder by name.
+fn logs_at(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
+    let refuse = |e| FormatError::file(path, Cause::read(e));
+    if !std::fs::metadata(path).map_err(refuse)?.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let mut logs = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(refuse)? {
+        let file = entry.map_err(refuse)?.path();
+        if named(&file, ".db") && file.is_file() {
+            logs.push(file);
+        }
+    }
+    logs.sort();
+    Ok(logs)
+}
