@@ -36,6 +36,7 @@ const SCRIPTS: &[Asset] = &[
     script!("vector.js"),
     script!("painter.js"),
     script!("pane.js"),
+    script!("panel.js"),
     script!("strip.js"),
     script!("viewer.js"),
     script!("main.js"),

@@ -39,10 +39,22 @@ function remember() {
   history.replaceState(null, "", written);
 }
 
-/** A citation of these results. */
+/** The benchmark whose protocol and metrics these are. */
+const BENCHMARK = `@misc{reactsimbench,
+  title = {{ReactSim-Bench}: Benchmarking Reactive Behavior World Model Simulation in Autonomous Driving},
+  author = {Zhang, Zhiyuan and Peng, Yanlun and Zhang, Jianing and Guo, Xianda and Huang, Zehan and Liu, Haoran and Li, Qifeng and Zhang, Shaofeng and Jia, Xiaosong and Yan, Junchi},
+}
+`;
+
+/** A citation of these results, and of the benchmark. */
 function bibtex() {
   const p = runs[0].summary.provenance;
-  return `@misc{reactsim,\n  title = {reactsim: do simulated road users respond feasibly when the autonomous vehicle leaves its log?},\n  note = {Version ${p.version}, commit ${p.commit}; seed ${p.settings.seed}; scenarios (BLAKE3) ${p.scenarios_blake3}},\n}\n`;
+  return `@misc{reactsim,
+  title = {reactsim: do simulated road users respond feasibly when the autonomous vehicle leaves its log?},
+  note = {Version ${p.version}, commit ${p.commit}; seed ${p.settings.seed}; scenarios (BLAKE3) ${p.scenarios_blake3}},
+}
+
+${BENCHMARK}`;
 }
 
 function downloads() {

@@ -1,16 +1,17 @@
 // The viewer: one or two simulators on the same scenario, with one time.
 
 import { Camera } from "./camera.js";
-import { Chart, seekable, sharp } from "./curves.js";
-import { counted, metric, runs, scenarios, subjects, value } from "./data.js";
+import { Chart, seekable } from "./curves.js";
+import { counted, runs, scenarios, subjects } from "./data.js";
 import { FRAMES, NOW } from "./decode.js";
 import { $, el, save, toast } from "./dom.js";
-import { number, seconds } from "./format.js";
-import { NO_RISK, RISKY, approach, between } from "./geometry.js";
+import { seconds } from "./format.js";
+import { NO_RISK, RISKY, between } from "./geometry.js";
 import { mark, neighbour } from "./list.js";
 import { LOOKS } from "./painter.js";
 import { colour, onChange } from "./palette.js";
 import { Pane } from "./pane.js";
+import * as panel from "./panel.js";
 import { drawable, load } from "./scenes.js";
 import { strip, times } from "./strip.js";
 
@@ -20,7 +21,6 @@ const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const LAYERS = [
   ["map", "map"], ["lanes", "lane directions"], ["lights", "lights"], ["ghosts", "log as ghosts"], ["trails", "trails"], ["plan", "last plan"], ["context", "others recorded"], ["ids", "ids"],
 ];
-const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against" };
 const INKS = ["accent", "lateral"];
 
 const camera = new Camera();
@@ -40,7 +40,6 @@ export function state() {
   return index === null ? null : { scenario: scenarios.id[index], t: ((time - NOW) / 10).toFixed(1), left: key(panes[0].subject), right: panes[1].subject === null ? "" : key(panes[1].subject) };
 }
 
-const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : EVENTS[e.metric]);
 const replanOf = (i) => subjects[i].settings.replan_steps || 80;
 
 /** Shows a scenario; simulators and time as they are, or as they are given. */
@@ -155,9 +154,9 @@ function draw() {
   for (const pane of panes) if (!pane.root.hidden) pane.draw(scene, t, layers, chosen);
   $("time").textContent = seconds(t);
   $("timeline").setAttribute("aria-valuenow", ((t - NOW) / 10).toFixed(1));
-  timeline(t);
-  now(Math.min(Math.round(t), FRAMES - 1));
   const parts = panes.map((p) => p.part(scene));
+  panel.timeline($("timeline"), parts, t);
+  panel.now($("now"), scene, parts, Math.min(Math.round(t), FRAMES - 1));
   const curves = (values) => parts.map((p, i) => p && { name: i ? "right" : "left", values: values(p), colour: colour(INKS[i]), dashed: i > 0 }).filter(Boolean);
   const of = chosen ?? 0;
   charts.speed.title = of === 0 ? "AV speed" : `Speed of ${scene.agents[of].id.slice(0, 14)}`;
@@ -166,106 +165,17 @@ function draw() {
   charts.gap.draw(curves((p) => p.analysis.gap.map((v) => v ?? NaN)), t);
 }
 
-/** The bar of time: a lane for every simulator, with what happened there. */
-function timeline(t) {
-  const { c, width } = sharp($("timeline"));
-  if (!width) return;
-  const x = (f) => 8 + (f / (FRAMES - 1)) * (width - 16);
-  panes.forEach((pane, i) => {
-    const part = pane.part(scene), y = 12 + 16 * i;
-    c.fillStyle = colour("rule");
-    c.fillRect(x(0), y - 2, x(FRAMES - 1) - x(0), 4);
-    c.fillStyle = colour("center");
-    c.fillRect(x(0), y - 2, x(NOW) - x(0), 4);
-    for (const e of part?.events ?? []) {
-      const kind = eventKind(e);
-      if (!kind) continue;
-      c.fillStyle = colour(LOOKS[kind].fill);
-      c.strokeStyle = colour("text");
-      c.lineWidth = kind === "fault" ? 1.6 : 0.8;
-      c.globalAlpha = 0.55;
-      c.fillRect(x(e.from), y - 2, Math.max(2, x(e.to) - x(e.from)), 4);
-      c.globalAlpha = 1;
-      c.beginPath();
-      if (kind === "fault") c.arc(x(e.from), y, 5, 0, 7);
-      else if (kind === "risky") c.moveTo(x(e.from) - 4, y + 4), c.lineTo(x(e.from), y - 5), c.lineTo(x(e.from) + 4, y + 4), c.closePath();
-      else if (kind === "contact") c.rect(x(e.from) - 3.5, y - 3.5, 7, 7);
-      else c.rect(x(e.from) - 1.5, y - 4, 3, 8);
-      c.fill();
-      c.stroke();
-    }
-  });
-  c.font = "10px system-ui, sans-serif";
-  c.textAlign = "center";
-  for (let f = 0; f < FRAMES; f += 10) {
-    c.fillStyle = colour("dim");
-    c.fillText(`${(f - NOW) / 10}`, x(f), 46);
-  }
-  c.fillStyle = colour("text");
-  c.fillRect(x(t) - 1, 2, 2, 34);
-}
-
-/** What is so at this frame, beside what it is over the whole rollout. */
-function now(f) {
-  const covering = (part, id) => part.events.filter((e) => e.metric === id && e.from <= f && f <= e.to).length;
-  panes.forEach((pane, i) => {
-    const part = pane.part(scene);
-    for (const cell of $("now").querySelectorAll(`[data-pane="${i}"][data-now]`)) {
-      const id = cell.dataset.now;
-      const ttc = part?.analysis.ttc[f], gap = part?.analysis.gap[f];
-      cell.textContent = !part || f < NOW ? "–"
-        : id === "aav-collision" ? String(part.analysis.touching[f]?.size ?? 0)
-        : id === "aav-ttc" ? (ttc === null || ttc === undefined ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`)
-        : id === "gap" ? (gap === null || gap === undefined ? "–" : `${gap.toFixed(1)} m`)
-        : id === "ade" ? `${apart(part, f)} m`
-        : String(covering(part, id));
-      cell.classList.toggle("bad", (id === "aav-ttc" && ttc < RISKY) || (!["aav-ttc", "gap", "ade"].includes(id) && Number(cell.textContent) > 0));
-    }
-  });
-}
-
-/** Mean displacement of the agents from the log at a frame, metres. */
-function apart(part, f) {
-  let [sum, n] = [0, 0];
-  for (let i = 1; i < scene.agents.length; i++) {
-    const [a, b] = [part.tracks[i][f], scene.agents[i].track[f]];
-    if (a && b) [sum, n] = [sum + Math.hypot(a.x - b.x, a.y - b.y), n + 1];
-  }
-  return n ? (sum / n).toFixed(2) : "–";
-}
-
 /** All that does not change with time. */
 function refresh() {
   panes.forEach((pane) => (pane.select.value = pane.subject ?? ""));
   panes[1].root.hidden = panes[1].subject === null;
   $("panes").classList.toggle("two", panes[1].subject !== null);
-  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade"].filter((id) => metric(id));
-  const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...panes.flatMap((pane, i) => (pane.subject === null ? [] : [
-    el("td", { class: "number", "data-pane": i, "data-now": id }),
-    el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(pane.subject, id, index)) : ""),
-  ])));
-  $("now").replaceChildren(
-    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, ""), ...panes.flatMap((pane, i) => (pane.subject === null ? [] : [el("th", { scope: "col", class: "number" }, `${i ? "right" : "left"} now`), el("th", { scope: "col", class: "number" }, "all")])))),
-    el("tbody", {}, ...shown.map((id) => row(id, `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
-  events();
+  panel.facts($("now"), panes.map((p) => p.subject), index);
+  panel.events($("events"), scene, panes.map((p) => p.part(scene)), panes[1].subject !== null, (event) => {
+    chosen = event.agent;
+    seek(event.from);
+  });
   isDirty = true;
-}
-
-function events() {
-  const all = panes.flatMap((pane, i) => (pane.part(scene)?.events ?? []).filter((e) => eventKind(e)).map((e) => ({ ...e, pane: i })));
-  all.sort((a, b) => a.from - b.from || a.pane - b.pane);
-  const words = (e) => {
-    const who = scene.agents[e.agent].id, partner = e.partner === undefined ? "" : ` with ${e.partner === 0 ? "the AV" : scene.agents[e.partner].id}`;
-    const values = (e.values ?? []).map(([k, v]) => `${k} ${v}`).join(", ");
-    return `${who}${partner}${e.reason ? `, ${e.reason.replaceAll("_", " ")}` : ""}${values ? ` (${values})` : ""}`;
-  };
-  $("events").replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
-    const kind = eventKind(e);
-    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => {
-      chosen = e.agent;
-      seek(e.from);
-    } }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${panes[1].subject === null ? "" : e.pane ? "right: " : "left: "}${LOOKS[kind].name}: ${words(e)}`));
-  }) : [el("li", { class: "dim" }, "Nothing was counted.")]));
 }
 
 // ---- pointer
@@ -296,23 +206,7 @@ const hub = {
     const i = pane && scene ? pane.at(scene, Math.min(time, FRAMES - 1), x, y) : null;
     tip.hidden = i === null;
     if (i === null) return;
-    const t = Math.min(Math.round(time), FRAMES - 1), part = pane.part(scene);
-    const [agent, track] = [scene.agents[i], part.tracks[i]];
-    const s = track[t], av = part.tracks[0][t];
-    const [a, b] = [track[t - 1], track[t + 1]];
-    const acceleration = a && b ? ((b.v - a.v) / 0.2).toFixed(1) : "–";
-    const ttc = i > 0 && s && av && agent.kind === "vehicle" ? approach(agent, s, scene.agents[0], av) : null;
-    const gone = scene.agents[i].track[t];
-    const fact = (name, text) => el("div", {}, el("span", { class: "dim" }, `${name} `), text);
-    tip.replaceChildren(...[
-      el("b", {}, i === 0 ? `AV (${agent.id})` : agent.id),
-      fact("class", `${agent.kind}, ${agent.length.toFixed(1)} × ${agent.width.toFixed(1)} m`),
-      fact("speed", s && Number.isFinite(s.v) ? `${s.v.toFixed(1)} m/s` : "–"),
-      fact("acceleration", `${acceleration} m/s²`),
-      i > 0 ? fact("TTC to the AV", ttc === null ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`) : null,
-      s && gone ? fact("from the log", `${Math.hypot(s.x - gone.x, s.y - gone.y).toFixed(1)} m`) : null,
-      part.states[i][t] ? fact("state", LOOKS[part.states[i][t]].name) : null,
-    ].filter(Boolean));
+    panel.agent(tip, scene, pane.part(scene), i, Math.min(Math.round(time), FRAMES - 1));
     tip.style.left = `${Math.min(cx + 14, innerWidth - tip.offsetWidth - 8)}px`;
     tip.style.top = `${Math.min(cy + 14, innerHeight - tip.offsetHeight - 8)}px`;
   },
@@ -326,7 +220,7 @@ function setFollow(value) {
 
 /** To the next event after now, or the last before. */
 function toEvent(direction) {
-  const all = [...new Set(panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => eventKind(e)).map((e) => e.from)) ?? []))].sort((a, b) => a - b);
+  const all = [...new Set(panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => panel.eventKind(e)).map((e) => e.from)) ?? []))].sort((a, b) => a - b);
   const f = Math.round(time);
   const next = direction > 0 ? all.find((e) => e > f) : all.findLast((e) => e < f);
   if (next === undefined) toast(direction > 0 ? "no later event" : "no earlier event");
@@ -395,7 +289,7 @@ export function viewer(changed) {
   $("panes").replaceChildren(...panes.map((p) => p.root));
   const seekable_ = (canvas) => seekable(canvas, (x, width) => ((x - 8) / (width - 16)) * (FRAMES - 1), (f) => {
     // A press beside a mark is meant for it.
-    const marks = panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => eventKind(e))) ?? []);
+    const marks = panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => panel.eventKind(e))) ?? []);
     const near = marks.filter((e) => Math.abs(e.from - f) < 0.8).sort((a, b) => Math.abs(a.from - f) - Math.abs(b.from - f))[0];
     seek(near ? near.from : Math.round(f));
   });

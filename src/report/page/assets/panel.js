@@ -1,0 +1,129 @@
+// What is told beside the views: the bar of time, what is so now, events, and who is under the pointer.
+
+import { sharp } from "./curves.js";
+import { metric, value } from "./data.js";
+import { FRAMES, NOW } from "./decode.js";
+import { el } from "./dom.js";
+import { number, seconds } from "./format.js";
+import { NO_RISK, RISKY, approach } from "./geometry.js";
+import { LOOKS } from "./painter.js";
+import { colour } from "./palette.js";
+
+const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against" };
+
+/** How an event looks; undefined for those that have no marks. */
+export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : EVENTS[e.metric]);
+
+/** The bar of time: a lane for every simulator, with what happened there. */
+export function timeline(canvas, parts, t) {
+  const { c, width } = sharp(canvas);
+  if (!width) return;
+  const x = (f) => 8 + (f / (FRAMES - 1)) * (width - 16);
+  parts.forEach((part, i) => {
+    const y = 12 + 16 * i;
+    c.fillStyle = colour("rule");
+    c.fillRect(x(0), y - 2, x(FRAMES - 1) - x(0), 4);
+    c.fillStyle = colour("center");
+    c.fillRect(x(0), y - 2, x(NOW) - x(0), 4);
+    for (const e of part?.events ?? []) {
+      const kind = eventKind(e);
+      if (!kind) continue;
+      c.fillStyle = colour(LOOKS[kind].fill);
+      c.strokeStyle = colour("text");
+      c.lineWidth = kind === "fault" ? 1.6 : 0.8;
+      c.globalAlpha = 0.55;
+      c.fillRect(x(e.from), y - 2, Math.max(2, x(e.to) - x(e.from)), 4);
+      c.globalAlpha = 1;
+      c.beginPath();
+      if (kind === "fault") c.arc(x(e.from), y, 5, 0, 7);
+      else if (kind === "risky") c.moveTo(x(e.from) - 4, y + 4), c.lineTo(x(e.from), y - 5), c.lineTo(x(e.from) + 4, y + 4), c.closePath();
+      else if (kind === "contact") c.rect(x(e.from) - 3.5, y - 3.5, 7, 7);
+      else c.rect(x(e.from) - 1.5, y - 4, 3, 8);
+      c.fill();
+      c.stroke();
+    }
+  });
+  c.font = "10px system-ui, sans-serif";
+  c.textAlign = "center";
+  for (let f = 0; f < FRAMES; f += 10) {
+    c.fillStyle = colour("dim");
+    c.fillText(`${(f - NOW) / 10}`, x(f), 46);
+  }
+  c.fillStyle = colour("text");
+  c.fillRect(x(t) - 1, 2, 2, 34);
+}
+
+/** The table of what is so now, and over the whole rollout: for these simulators (null for none) in this scenario. */
+export function facts(table, simulators, index) {
+  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade"].filter((id) => metric(id));
+  const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...simulators.flatMap((subject, i) => (subject === null ? [] : [
+    el("td", { class: "number", "data-pane": i, "data-now": id }),
+    el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(subject, id, index)) : ""),
+  ])));
+  table.replaceChildren(
+    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, ""), ...simulators.flatMap((subject, i) => (subject === null ? [] : [el("th", { scope: "col", class: "number" }, `${i ? "right" : "left"} now`), el("th", { scope: "col", class: "number" }, "all")])))),
+    el("tbody", {}, ...shown.map((id) => row(id, `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
+}
+
+/** What is so at this frame, beside what it is over the whole rollout. */
+export function now(table, scene, parts, f) {
+  const covering = (part, id) => part.events.filter((e) => e.metric === id && e.from <= f && f <= e.to).length;
+  parts.forEach((part, i) => {
+    for (const cell of table.querySelectorAll(`[data-pane="${i}"][data-now]`)) {
+      const id = cell.dataset.now;
+      const ttc = part?.analysis.ttc[f], gap = part?.analysis.gap[f];
+      cell.textContent = !part || f < NOW ? "–"
+        : id === "aav-collision" ? String(part.analysis.touching[f]?.size ?? 0)
+        : id === "aav-ttc" ? (ttc === null || ttc === undefined ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`)
+        : id === "gap" ? (gap === null || gap === undefined ? "–" : `${gap.toFixed(1)} m`)
+        : id === "ade" ? `${apart(scene, part, f)} m`
+        : String(covering(part, id));
+      cell.classList.toggle("bad", (id === "aav-ttc" && ttc < RISKY) || (!["aav-ttc", "gap", "ade"].includes(id) && Number(cell.textContent) > 0));
+    }
+  });
+}
+
+/** Mean displacement of the agents from the log at a frame, metres. */
+function apart(scene, part, f) {
+  let [sum, n] = [0, 0];
+  for (let i = 1; i < scene.agents.length; i++) {
+    const [a, b] = [part.tracks[i][f], scene.agents[i].track[f]];
+    if (a && b) [sum, n] = [sum + Math.hypot(a.x - b.x, a.y - b.y), n + 1];
+  }
+  return n ? (sum / n).toFixed(2) : "–";
+}
+
+/** The list of events; `pick` is told which one was chosen. */
+export function events(list, scene, parts, several, pick) {
+  const all = parts.flatMap((part, i) => (part?.events ?? []).filter((e) => eventKind(e)).map((e) => ({ ...e, pane: i })));
+  all.sort((a, b) => a.from - b.from || a.pane - b.pane);
+  const words = (e) => {
+    const who = scene.agents[e.agent].id, partner = e.partner === undefined ? "" : ` with ${e.partner === 0 ? "the AV" : scene.agents[e.partner].id}`;
+    const values = (e.values ?? []).map(([k, v]) => `${k} ${v}`).join(", ");
+    return `${who}${partner}${e.reason ? `, ${e.reason.replaceAll("_", " ")}` : ""}${values ? ` (${values})` : ""}`;
+  };
+  list.replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
+    const kind = eventKind(e);
+    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${LOOKS[kind].name}: ${words(e)}`));
+  }) : [el("li", { class: "dim" }, "Nothing was counted.")]));
+}
+
+/** What is known of an agent at a frame. */
+export function agent(tip, scene, part, i, t) {
+  const [about, track] = [scene.agents[i], part.tracks[i]];
+  const s = track[t], av = part.tracks[0][t];
+  const [a, b] = [track[t - 1], track[t + 1]];
+  const acceleration = a && b ? ((b.v - a.v) / 0.2).toFixed(1) : "–";
+  const ttc = i > 0 && s && av && about.kind === "vehicle" ? approach(about, s, scene.agents[0], av) : null;
+  const gone = scene.agents[i].track[t];
+  const fact = (name, text) => el("div", {}, el("span", { class: "dim" }, `${name} `), text);
+  tip.replaceChildren(...[
+    el("b", {}, i === 0 ? `AV (${about.id})` : about.id),
+    fact("class", `${about.kind}, ${about.length.toFixed(1)} × ${about.width.toFixed(1)} m`),
+    fact("speed", s && Number.isFinite(s.v) ? `${s.v.toFixed(1)} m/s` : "–"),
+    fact("acceleration", `${acceleration} m/s²`),
+    i > 0 ? fact("TTC to the AV", ttc === null ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`) : null,
+    s && gone ? fact("from the log", `${Math.hypot(s.x - gone.x, s.y - gone.y).toFixed(1)} m`) : null,
+    part.states[i][t] ? fact("state", LOOKS[part.states[i][t]].name) : null,
+  ].filter(Boolean));
+}
