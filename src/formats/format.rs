@@ -10,6 +10,7 @@ use super::gpudrive::GpuDrive;
 use super::json::Json;
 use super::native::Native;
 use super::nuplan::NuPlan;
+use super::scenarionet::ScenarioNet;
 use super::womd::Womd;
 use crate::scene::Scenario;
 
@@ -55,7 +56,7 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2];
+pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
 
 /// A file and its format.
 #[derive(Clone)]
@@ -86,7 +87,7 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     for path in files_at(path)? {
         if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
             inputs.push(Input { path, format });
-        } else if [".json", ".parquet"].iter().any(|ending| named(&path, ending))
+        } else if [".json", ".parquet", ".pkl"].iter().any(|ending| named(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {
             passed_over.push(path);

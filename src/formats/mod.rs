@@ -17,6 +17,7 @@ pub mod deviations;
 pub mod document;
 pub mod native;
 pub mod rollouts;
+pub mod scenarionet;
 
 pub use error::{Cause, FormatError};
 pub use format::{

@@ -12,7 +12,7 @@ const TOUCHING: f64 = 0.05;
 const MOST: usize = 100;
 
 /// Links lanes whose ends touch.
-pub(super) fn link(lanes: &mut [LaneParts]) -> Result<(), Cause> {
+pub(in crate::formats) fn link(lanes: &mut [LaneParts]) -> Result<(), Cause> {
     let cell = |p: Vec2| ((p.x / TOUCHING).floor() as i64, (p.y / TOUCHING).floor() as i64);
     let mut starts: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
     let mut ends: BTreeMap<(i64, i64), usize> = BTreeMap::new();

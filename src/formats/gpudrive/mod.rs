@@ -1,7 +1,8 @@
 //! The JSON files of GPUDrive and, before it, Nocturne: one Waymo scenario each. Told in `scenarios/README.md`.
 
+pub(super) mod links;
+
 mod angles;
-mod links;
 mod parts;
 mod raw;
 mod roads;

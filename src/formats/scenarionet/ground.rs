@@ -1,0 +1,92 @@
+//! The drivable area, which some files hold as the rings that bound it.
+
+use crate::geometry::{Polygon, Vec2, point_in_ring};
+
+/// How the keys of these features begin.
+pub(super) const KEY: &str = "boundary_";
+/// Most rings: those of a piece of a city are some dozen.
+const MOST_RINGS: usize = 500;
+/// Points of a ring that are asked whether they lie in another.
+const MOST_ASKED: usize = 8;
+
+/// The polygons that lines bound, if together they are closed rings and none else; holes are rings within others. Newer files cut a ring into
+/// pieces that follow one another.
+pub(super) fn ground(lines: &[&[Vec2]]) -> Option<Vec<Polygon>> {
+    let mut rings: Vec<Vec<Vec2>> = Vec::new();
+    let mut ring: Vec<Vec2> = Vec::new();
+    for line in lines {
+        ring.extend_from_slice(line);
+        if ring.len() > 3 && ring.first() == ring.last() {
+            ring.pop();
+            rings.push(std::mem::take(&mut ring));
+        }
+    }
+    if !ring.is_empty() || rings.is_empty() || rings.len() > MOST_RINGS {
+        return None;
+    }
+    Some(nest(rings))
+}
+
+/// Rings do not cross: each lies in others as a whole or not at all. One that lies in an even number bounds ground, one in an odd number a
+/// hole of the smallest around it.
+fn nest(rings: Vec<Vec<Vec2>>) -> Vec<Polygon> {
+    let around: Vec<Vec<usize>> = (0..rings.len())
+        .map(|i| {
+            let holds = |j: &usize| *j != i && inside(&rings[i], &rings[*j]);
+            (0..rings.len()).filter(holds).collect()
+        })
+        .collect();
+    let mut polygons: Vec<(usize, Polygon)> = Vec::new();
+    for (i, ring) in rings.iter().enumerate().filter(|(i, _)| around[*i].len() % 2 == 0) {
+        polygons.push((i, Polygon { exterior: ring.clone(), holes: Vec::new() }));
+    }
+    for (i, ring) in rings.into_iter().enumerate().filter(|(i, _)| around[*i].len() % 2 == 1) {
+        // The innermost ring around it lies in as many others as it does itself, less one.
+        let outer = around[i].iter().copied().find(|o| around[*o].len() + 1 == around[i].len());
+        if let Some((_, polygon)) = outer.and_then(|o| polygons.iter_mut().find(|(p, _)| *p == o)) {
+            polygon.holes.push(ring);
+        }
+    }
+    polygons.into_iter().map(|(_, polygon)| polygon).collect()
+}
+
+/// Whether a ring lies in another: rings may touch, so the first point that is not on the other one tells.
+fn inside(ring: &[Vec2], other: &[Vec2]) -> bool {
+    ring.iter().take(MOST_ASKED).find_map(|p| point_in_ring(*p, other)).unwrap_or(false)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests stop at what they did not expect")]
+
+    use super::*;
+
+    fn square(x: f64, y: f64, side: f64) -> Vec<Vec2> {
+        [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
+            .map(|(dx, dy)| Vec2::new(x + dx, y + dy))
+            .to_vec()
+    }
+
+    fn slices(lines: &[Vec<Vec2>]) -> Vec<&[Vec2]> {
+        lines.iter().map(Vec::as_slice).collect()
+    }
+
+    #[test]
+    fn rings_nest() {
+        let lines = [square(2.0, 2.0, 6.0), square(0.0, 0.0, 10.0), square(20.0, 0.0, 5.0), square(3.0, 3.0, 2.0)];
+        let ground = ground(&slices(&lines)).unwrap();
+        assert_eq!(ground.len(), 3);
+        let drivable = |x, y| ground.iter().any(|p| p.contains(Vec2::new(x, y)));
+        assert!(drivable(1.0, 1.0) && drivable(22.0, 2.0) && drivable(4.0, 4.0));
+        assert!(!drivable(7.0, 7.0) && !drivable(15.0, 2.0));
+    }
+
+    #[test]
+    fn pieces_of_a_ring_are_joined_and_open_lines_are_no_ground() {
+        let whole = square(0.0, 0.0, 10.0);
+        let pieces = [whole[..2].to_vec(), whole[2..4].to_vec(), whole[4..].to_vec(), square(20.0, 0.0, 5.0)];
+        assert_eq!(ground(&slices(&pieces)).unwrap().len(), 2);
+        assert!(ground(&slices(&pieces[..2])).is_none());
+        assert!(ground(&[]).is_none());
+    }
+}

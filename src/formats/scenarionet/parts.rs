@@ -1,0 +1,159 @@
+//! From a pickle to the parts of a scenario.
+
+use std::collections::BTreeMap;
+
+use super::pickle::View;
+use super::{lights, map, tracks};
+use crate::formats::error::Cause;
+use crate::scene::{CURRENT, DT, FRAMES, ScenarioParts, StopKind, StopLineParts};
+
+/// What a file holds.
+pub(super) struct Read {
+    pub(super) parts: ScenarioParts,
+    /// What lacks, was left out or changed: counts.
+    pub(super) repairs: BTreeMap<&'static str, u32>,
+}
+
+/// The frames of a recording that are read.
+#[derive(Clone, Copy)]
+pub(super) struct Window {
+    /// The first of the 91, in the recording.
+    pub(super) first: usize,
+    /// Frames of the recording.
+    pub(super) length: usize,
+}
+
+impl Window {
+    /// The frames of the recording that lie in the window.
+    pub(super) fn recorded(self) -> std::ops::Range<usize> {
+        self.first..self.length.min(self.first + FRAMES)
+    }
+}
+
+/// The name of the scenario.
+pub(super) fn id(root: &View) -> Result<String, Cause> {
+    let about = root.get("metadata")?;
+    for place in [Some(root), about.as_ref()].into_iter().flatten() {
+        for key in ["id", "scenario_id"] {
+            if let Some(id) = place.get(key)? {
+                return id.name().and_then(|name| {
+                    if name.is_empty() { Err(id.wrong("the name of the scenario")) } else { Ok(name) }
+                });
+            }
+        }
+    }
+    Err(Cause::schema("`id`", "missing", "the name of the scenario"))
+}
+
+/// The parts of a scenario; `current` is the current frame, if not as the file says.
+pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<Read, Cause> {
+    let about = root.need("metadata")?;
+    let (window, mut repairs) = window(root, &about, current)?;
+    let timestamps = timestamps(&about, window)?;
+    let dataset = about.get("dataset")?;
+    let dataset = dataset.as_ref().and_then(View::as_text);
+    let stated = about.need("sdc_id")?;
+    let av_id = stated.name()?;
+    let mut agents = tracks::tracks(&root.need("tracks")?, &av_id, window)?;
+    let Some(av) = agents.iter().position(|a| a.agent.id == av_id) else {
+        return Err(stated.wrong("the id of a track"));
+    };
+    let sizes = &mut agents[av].agent;
+    // The converter of nuScenes took the AV's length for its width for a while.
+    if dataset == Some("nuscenes") && sizes.width > sizes.length {
+        std::mem::swap(&mut sizes.width, &mut sizes.length);
+        repairs.insert("length and width of the AV that were exchanged", 1);
+    }
+    let mut map = map::map(&root.need("map_features")?, dataset, &mut repairs)?;
+    let lights = match root.get("dynamic_map_states")? {
+        None => Vec::new(),
+        Some(states) => lights::lights(&states, window, &map)?,
+    };
+    map.stop_lines.extend(lights.iter().map(|light| StopLineParts {
+        kind: StopKind::Light,
+        lane: light.lane.clone(),
+        at: light.stop_point,
+    }));
+    let parts = ScenarioParts {
+        id,
+        source: "scenarionet".into(),
+        origin: None,
+        timestamps,
+        av,
+        agents,
+        tracks_to_predict: names(&about, "tracks_to_predict")?,
+        objects_of_interest: names(&about, "objects_of_interest")?,
+        map,
+        lights,
+        deviation: None,
+    };
+    Ok(Read { parts, repairs })
+}
+
+/// Which frames are read, and what is to be said of the others.
+fn window(
+    root: &View,
+    about: &View,
+    current: Option<usize>,
+) -> Result<(Window, BTreeMap<&'static str, u32>), Cause> {
+    let stated = root.need("length")?;
+    let length = stated.whole()?;
+    let length = usize::try_from(length).ok().filter(|n| (1..=tracks::MOST_FRAMES).contains(n));
+    let length = length.ok_or_else(|| stated.wrong("the number of frames"))?;
+    let said = about.get("current_time_index")?;
+    let now = match (current, &said) {
+        (Some(current), _) => i64::try_from(current).unwrap_or(i64::MAX),
+        (None, Some(said)) => said.whole()?,
+        (None, None) => CURRENT as i64,
+    };
+    let first = usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(CURRENT));
+    let Some(first) = first else {
+        let expected = format!("a frame with ten before it, {CURRENT} to {}", length as i64 - 1);
+        return Err(match said.filter(|_| current.is_none()) {
+            Some(said) => said.wrong(expected),
+            None => Cause::value("the current frame", now, expected),
+        });
+    };
+    let window = Window { first, length };
+    let mut repairs = BTreeMap::new();
+    let recorded = window.recorded().len();
+    if recorded < FRAMES {
+        repairs.insert("frames at the end that are not recorded", (FRAMES - recorded) as u32);
+    }
+    if length > recorded {
+        repairs.insert("recorded frames before and after those that are read", (length - recorded) as u32);
+    }
+    Ok((window, repairs))
+}
+
+/// The times of the frames; those that are not recorded follow at the usual step.
+fn timestamps(about: &View, window: Window) -> Result<Vec<f64>, Cause> {
+    let rate = about.get("sample_rate")?;
+    if let Some(rate) = rate {
+        let step = rate.number()?;
+        if !((step - DT).abs() <= 0.1 * DT) {
+            return Err(rate.wrong("0.1 (10 Hz); convert the data set with frames in between"));
+        }
+    }
+    let Some(given) = about.get("ts")? else { return Ok(Vec::new()) };
+    let grid = given.grid()?;
+    if grid.rows != window.length || grid.columns != 1 {
+        return Err(given.wrong(format!("one time for each of {} frames", window.length)));
+    }
+    let mut times: Vec<f64> = window.recorded().map(|f| grid.at(f, 0)).collect();
+    let (n, first, last) = (times.len(), times[0], times[times.len() - 1]);
+    // What is not recorded goes on as what is, so that a recording of another rate is not taken for one of this.
+    let step = if n > 1 { (last - first) / (n - 1) as f64 } else { DT };
+    times.extend((n..FRAMES).map(|f| last + (f - n + 1) as f64 * step));
+    Ok(times)
+}
+
+/// Ids: the keys of a dictionary, or a list of ids or of records with `track_id`.
+fn names(about: &View, key: &str) -> Result<Vec<String>, Cause> {
+    let Some(list) = about.get(key)? else { return Ok(Vec::new()) };
+    if list.is_dict() {
+        return Ok(list.entries(tracks::MOST_TRACKS)?.into_iter().map(|(name, _)| name).collect());
+    }
+    let name = |item: &View| if item.is_dict() { item.need("track_id")?.name() } else { item.name() };
+    list.items()?.iter().map(name).collect()
+}

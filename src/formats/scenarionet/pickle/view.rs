@@ -1,0 +1,288 @@
+//! A value of a pickle with its path, which messages name.
+
+use super::array::{Array, Content, Grid, Kind, Numbers};
+use super::{Id, Node, Pickle};
+use crate::formats::error::Cause;
+use crate::geometry::Vec2;
+
+/// Most keys of a dictionary in which one is looked up: what is so long is no record.
+const MOST_KEYS: usize = 4096;
+/// Most items of a list: numbers of many rows lie in arrays.
+const MOST_ITEMS: usize = 100_000;
+/// Longest id, in bytes.
+const LONGEST_NAME: usize = 256;
+
+/// A value and its path.
+#[derive(Clone)]
+pub(in crate::formats::scenarionet) struct View<'a> {
+    pickle: &'a Pickle<'a>,
+    id: Id,
+    path: String,
+}
+
+impl<'a> View<'a> {
+    pub(super) fn new(pickle: &'a Pickle<'a>, id: Id, path: String) -> Self {
+        Self { pickle, id, path }
+    }
+
+    /// The path from the outermost value.
+    pub(in crate::formats::scenarionet) fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// What is wrong with this value.
+    pub(in crate::formats::scenarionet) fn wrong(&self, expected: impl Into<String>) -> Cause {
+        Cause::value(self.field(), self.shown(), expected)
+    }
+
+    fn field(&self) -> String {
+        if self.path.is_empty() { "the pickle".into() } else { self.path.clone() }
+    }
+
+    fn node(&self) -> &'a Node {
+        self.pickle.node(self.id)
+    }
+
+    /// A few words on what the value is.
+    fn shown(&self) -> String {
+        match self.node() {
+            Node::None => "None".into(),
+            Node::Bool(b) => b.to_string(),
+            Node::Int(i) => i.to_string(),
+            Node::Float(v) => v.to_string(),
+            Node::Text(range) => {
+                let text = String::from_utf8_lossy(self.pickle.bytes(range));
+                let begin: String = text.chars().take(60).collect();
+                format!("`{}`", begin.escape_debug())
+            }
+            Node::Bytes(_) | Node::Own(_) => "bytes".into(),
+            Node::List(all) => format!("a list of {}", all.len()),
+            Node::Tuple(all) => format!("a tuple of {}", all.len()),
+            Node::Dict(all) => format!("a dictionary of {}", all.len()),
+            Node::Global(_) | Node::Dtype(_) => "a type".into(),
+            Node::Array(array) => format!("an array of shape ({}, {})", array.rows, array.columns),
+        }
+    }
+
+    fn child(&self, id: Id, key: &str) -> Self {
+        let path = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
+        Self { pickle: self.pickle, id, path }
+    }
+
+    fn taken(&self, count: usize) -> Result<(), Cause> {
+        let left = self.pickle.budget.get().checked_sub(count);
+        self.pickle.budget.set(left.unwrap_or(0));
+        left.map(|_| ()).ok_or_else(|| {
+            let found = "the one with which points and entries become too many";
+            Cause::value(self.field(), found, "the content of one scenario: at most four million points and entries")
+        })
+    }
+
+    fn dict(&self) -> Result<&'a [(Id, Id)], Cause> {
+        match self.node() {
+            Node::Dict(all) => Ok(all),
+            _ => Err(self.wrong("a dictionary")),
+        }
+    }
+
+    /// The entry of a dictionary; none also where it holds None.
+    pub(in crate::formats::scenarionet) fn get(&self, key: &str) -> Result<Option<Self>, Cause> {
+        let all = self.dict()?;
+        if all.len() > MOST_KEYS {
+            return Err(self.wrong(format!("a dictionary with the key `{key}` and at most {MOST_KEYS} keys")));
+        }
+        let found = all.iter().rev().find(|(k, _)| match self.pickle.node(*k) {
+            Node::Text(range) | Node::Bytes(range) => self.pickle.bytes(range) == key.as_bytes(),
+            _ => false,
+        });
+        let found = found.map(|(_, value)| self.child(*value, key));
+        Ok(found.filter(|v| !matches!(v.node(), Node::None)))
+    }
+
+    /// The entry of a dictionary that must be there.
+    pub(in crate::formats::scenarionet) fn need(&self, key: &str) -> Result<Self, Cause> {
+        let missing = || {
+            let what = if self.path.is_empty() { format!("`{key}`") } else { format!("`{}.{key}`", self.path) };
+            Cause::schema(what, "missing", "a scenario as ScenarioNet writes it; convert it again")
+        };
+        self.get(key)?.ok_or_else(missing)
+    }
+
+    /// The entries of a dictionary, by ids, in the order of the file. At most `most` of them.
+    pub(in crate::formats::scenarionet) fn entries(&self, most: usize) -> Result<Vec<(String, Self)>, Cause> {
+        let all = self.dict()?;
+        if all.len() > most {
+            return Err(self.wrong(format!("at most {most} entries: those of one scenario")));
+        }
+        self.taken(all.len())?;
+        all.iter()
+            .map(|(key, value)| {
+                let name = Self::new(self.pickle, *key, format!("a key of {}", self.field())).name()?;
+                let path = format!("{}[\"{}\"]", self.path, name.escape_debug());
+                Ok((name, Self::new(self.pickle, *value, path)))
+            })
+            .collect()
+    }
+
+    /// The items of a list, a tuple or an array of Python values.
+    pub(in crate::formats::scenarionet) fn items(&self) -> Result<Vec<Self>, Cause> {
+        let all = self.list().ok_or_else(|| self.wrong("a list"))?;
+        if all.len() > MOST_ITEMS {
+            return Err(self.wrong(format!("a list of at most {MOST_ITEMS} items")));
+        }
+        self.taken(all.len())?;
+        let item = |(i, id): (usize, &Id)| Self::new(self.pickle, *id, format!("{}[{i}]", self.path));
+        Ok(all.iter().enumerate().map(item).collect())
+    }
+
+    fn list(&self) -> Option<&'a [Id]> {
+        match self.node() {
+            Node::List(all) | Node::Tuple(all) => Some(all),
+            Node::Array(array) => match array.content {
+                Content::Value(id) if array.dtype.kind == Kind::Object => match self.pickle.node(id) {
+                    Node::List(all) => Some(all),
+                    _ => None,
+                },
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// Whether this is a dictionary.
+    pub(in crate::formats::scenarionet) fn is_dict(&self) -> bool {
+        matches!(self.node(), Node::Dict(_))
+    }
+
+    /// Whether this is None.
+    pub(in crate::formats::scenarionet) fn is_none(&self) -> bool {
+        matches!(self.node(), Node::None)
+    }
+
+    /// Whether this is a list, a tuple or an array of Python values.
+    pub(in crate::formats::scenarionet) fn is_list(&self) -> bool {
+        self.list().is_some()
+    }
+
+    /// A text; none where the value is something else.
+    pub(in crate::formats::scenarionet) fn as_text(&self) -> Option<&'a str> {
+        match self.node() {
+            Node::Text(range) | Node::Bytes(range) => std::str::from_utf8(self.pickle.bytes(range)).ok(),
+            _ => None,
+        }
+    }
+
+    /// A text.
+    pub(in crate::formats::scenarionet) fn text(&self) -> Result<&'a str, Cause> {
+        self.as_text().ok_or_else(|| self.wrong("a text"))
+    }
+
+    /// An id: a text, or a whole number.
+    pub(in crate::formats::scenarionet) fn name(&self) -> Result<String, Cause> {
+        if let Node::Int(i) = self.node() {
+            return Ok(i.to_string());
+        }
+        let short = |t: &&str| t.len() <= LONGEST_NAME;
+        let found = self.as_text().filter(short).map(str::to_owned);
+        found.ok_or_else(|| self.wrong(format!("an id: a text of at most {LONGEST_NAME} bytes or a whole number")))
+    }
+
+    /// A number.
+    pub(in crate::formats::scenarionet) fn number(&self) -> Result<f64, Cause> {
+        match self.node() {
+            Node::Int(i) => Ok(*i as f64),
+            Node::Float(v) => Ok(*v),
+            Node::Bool(b) => Ok(f64::from(u8::from(*b))),
+            _ => Err(self.wrong("a number")),
+        }
+    }
+
+    /// A whole number, also where it is spelled as a text.
+    pub(in crate::formats::scenarionet) fn whole(&self) -> Result<i64, Cause> {
+        let found = match self.node() {
+            Node::Int(i) => Some(*i),
+            _ => self.as_text().and_then(|t| t.parse().ok()),
+        };
+        found.ok_or_else(|| self.wrong("a whole number"))
+    }
+
+    /// Numbers in rows: an array, a list of numbers (one column), or a list of rows.
+    pub(in crate::formats::scenarionet) fn grid(&self) -> Result<Grid<'a>, Cause> {
+        match self.node() {
+            Node::Array(array) if array.dtype.kind != Kind::Object => self.of_array(array),
+            _ => self.of_list(),
+        }
+    }
+
+    fn of_array(&self, array: &'a Array) -> Result<Grid<'a>, Cause> {
+        let bytes = match &array.content {
+            Content::File(range) => self.pickle.bytes(range),
+            Content::Value(id) => match self.pickle.node(*id) {
+                Node::Own(bytes) => bytes,
+                _ => return Err(self.wrong("an array with content")),
+            },
+            Content::Missing => return Err(self.wrong("an array with content")),
+        };
+        let numbers = Numbers::Raw { bytes, dtype: array.dtype, by_column: array.by_column };
+        Ok(Grid { rows: array.rows, columns: array.columns, numbers })
+    }
+
+    fn of_list(&self) -> Result<Grid<'a>, Cause> {
+        let expected = "an array or a list of numbers, or of rows of numbers";
+        let items = self.list().ok_or_else(|| self.wrong(expected)).and_then(|_| self.items())?;
+        let (mut numbers, mut columns) = (Vec::new(), 1);
+        for (i, item) in items.iter().enumerate() {
+            let row = match item.node() {
+                Node::Int(_) | Node::Float(_) | Node::Bool(_) => vec![item.number()?],
+                Node::Array(array) if array.dtype.kind != Kind::Object => {
+                    let row = item.of_array(array)?;
+                    let length = row.rows.saturating_mul(row.columns);
+                    item.taken(length)?;
+                    (0..row.rows).flat_map(|r| (0..row.columns).map(move |c| (r, c))).map(|(r, c)| row.at(r, c)).collect()
+                }
+                _ => item.items()?.iter().map(View::number).collect::<Result<Vec<f64>, _>>()?,
+            };
+            if i > 0 && row.len() != columns {
+                return Err(item.wrong(format!("{columns} numbers as in the first row")));
+            }
+            columns = row.len();
+            numbers.extend(row);
+        }
+        Ok(Grid { rows: items.len(), columns, numbers: Numbers::Listed(numbers) })
+    }
+
+    /// Points of the plane: rows of x, y and perhaps a height, which is not read.
+    pub(in crate::formats::scenarionet) fn points(&self) -> Result<Vec<Vec2>, Cause> {
+        let grid = self.grid()?;
+        if grid.rows == 0 {
+            return Ok(Vec::new());
+        }
+        if grid.columns < 2 {
+            return Err(self.wrong("points of two or three coordinates"));
+        }
+        self.taken(grid.rows)?;
+        (0..grid.rows)
+            .map(|row| {
+                let (x, y) = (grid.at(row, 0), grid.at(row, 1));
+                if x.is_finite() && y.is_finite() {
+                    return Ok(Vec2::new(x, y));
+                }
+                Err(Cause::value(format!("{}[{row}]", self.path), format!("({x}, {y})"), "a finite point"))
+            })
+            .collect()
+    }
+
+    /// One point: three or two numbers.
+    pub(in crate::formats::scenarionet) fn point(&self) -> Result<Vec2, Cause> {
+        let grid = self.grid()?;
+        let (x, y) = match (grid.rows, grid.columns) {
+            (2 | 3, 1) => (grid.at(0, 0), grid.at(1, 0)),
+            (1, 2 | 3) => (grid.at(0, 0), grid.at(0, 1)),
+            _ => return Err(self.wrong("a point of two or three coordinates")),
+        };
+        if x.is_finite() && y.is_finite() {
+            return Ok(Vec2::new(x, y));
+        }
+        Err(Cause::value(self.path.clone(), format!("({x}, {y})"), "a finite point"))
+    }
+}
