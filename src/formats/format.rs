@@ -56,7 +56,8 @@ pub trait ScenarioFormat: Sync {
 }
 
 /// All formats.
-pub const FORMATS: &[&dyn ScenarioFormat] = &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
+pub const FORMATS: &[&dyn ScenarioFormat] =
+    &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
 
 /// A file and its format.
 #[derive(Clone)]

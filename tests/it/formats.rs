@@ -12,6 +12,7 @@ mod damage;
 mod gpudrive;
 mod odd;
 pub(crate) mod proto;
+mod scenarionet;
 mod tables;
 
 use std::fs;

@@ -73,7 +73,8 @@ mod tests {
 
     #[test]
     fn rings_nest() {
-        let lines = [square(2.0, 2.0, 6.0), square(0.0, 0.0, 10.0), square(20.0, 0.0, 5.0), square(3.0, 3.0, 2.0)];
+        let lines =
+            [square(2.0, 2.0, 6.0), square(0.0, 0.0, 10.0), square(20.0, 0.0, 5.0), square(3.0, 3.0, 2.0)];
         let ground = ground(&slices(&lines)).unwrap();
         assert_eq!(ground.len(), 3);
         let drivable = |x, y| ground.iter().any(|p| p.contains(Vec2::new(x, y)));

@@ -41,7 +41,8 @@ pub(super) fn map(
     repairs: &mut BTreeMap<&'static str, u32>,
 ) -> Result<MapParts, Cause> {
     let mut map = MapParts::default();
-    let mut lanes = Lanes { limits: !dataset.is_some_and(|d| WITHOUT_LIMITS.contains(&d)), ..Lanes::default() };
+    let mut lanes =
+        Lanes { limits: !dataset.is_some_and(|d| WITHOUT_LIMITS.contains(&d)), ..Lanes::default() };
     let mut boundaries: Vec<(u8, Vec<Vec2>)> = Vec::new();
     for (id, feature) in features.entries(MOST_FEATURES)? {
         let kind = feature.need("type")?.text()?;
@@ -178,13 +179,17 @@ impl Lanes {
                 .filter_map(|other| Some((apart(lane, other)?, other)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((_, other)) = next {
-                nearest.push((*i, *left, NeighborParts {
-                    lane: other.id.clone(),
-                    self_start: 0,
-                    self_end: last(lane),
-                    other_start: 0,
-                    other_end: last(other),
-                }));
+                nearest.push((
+                    *i,
+                    *left,
+                    NeighborParts {
+                        lane: other.id.clone(),
+                        self_start: 0,
+                        self_end: last(lane),
+                        other_start: 0,
+                        other_end: last(other),
+                    },
+                ));
             }
         }
         for (i, left, neighbor) in nearest {

@@ -106,7 +106,8 @@ fn window(
         (None, Some(said)) => said.whole()?,
         (None, None) => CURRENT as i64,
     };
-    let first = usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(CURRENT));
+    let first =
+        usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(CURRENT));
     let Some(first) = first else {
         let expected = format!("a frame with ten before it, {CURRENT} to {}", length as i64 - 1);
         return Err(match said.filter(|_| current.is_none()) {

@@ -60,7 +60,8 @@ fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause>
     }
     frames.resize(FRAMES, None);
     // As of Waymo's records: the box of the current frame, else the first one that is seen.
-    let seen = if frames[CURRENT].is_some() { Some(CURRENT) } else { frames.iter().position(Option::is_some) };
+    let seen =
+        if frames[CURRENT].is_some() { Some(CURRENT) } else { frames.iter().position(Option::is_some) };
     let (mut length, mut width) = (0.0, 0.0);
     if let Some(f) = seen.map(|f| window.first + f) {
         (length, width) = match state.get("size")? {

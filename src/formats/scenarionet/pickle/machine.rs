@@ -237,7 +237,9 @@ impl<'a> Machine<'a> {
     fn remains(&self, length: usize) -> Result<(), String> {
         let left = self.file.len() - self.at;
         if length > left {
-            return Err(format!("{length} bytes should follow and {left} do: the file is cut; fetch it again"));
+            return Err(format!(
+                "{length} bytes should follow and {left} do: the file is cut; fetch it again"
+            ));
         }
         Ok(())
     }
@@ -417,7 +419,11 @@ impl<'a> Machine<'a> {
                     return Err("a number of numpy without a type or bytes".into());
                 };
                 if bytes.len() != dtype.size {
-                    return Err(format!("a number of numpy with {} bytes, expected {}", bytes.len(), dtype.size));
+                    return Err(format!(
+                        "a number of numpy with {} bytes, expected {}",
+                        bytes.len(),
+                        dtype.size
+                    ));
                 }
                 let number = dtype.number(bytes);
                 match dtype.kind {

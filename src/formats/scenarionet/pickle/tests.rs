@@ -54,8 +54,14 @@ fn arrays() {
     assert_eq!(numbers(&with_array("numpy._core", "f4", ">", false, &big)), [1.0, 2.0, 3.0, -4.5]);
     assert_eq!(numbers(&with_array("numpy.core", "f4", "<", true, &little)), [1.0, 3.0, 2.0, -4.5]);
     assert_eq!(numbers(&with_array("numpy.core", "b1", "|", false, &[1, 0, 1, 0])), [1.0, 0.0, 1.0, 0.0]);
-    assert_eq!(numbers(&with_array("numpy.core", "i1", "|", false, &[255, 0, 127, 128])), [-1.0, 0.0, 127.0, -128.0]);
-    assert_eq!(numbers(&with_array("numpy.core", "u2", ">", false, &[1, 0, 0, 1, 0, 2, 0, 3])), [256.0, 1.0, 2.0, 3.0]);
+    assert_eq!(
+        numbers(&with_array("numpy.core", "i1", "|", false, &[255, 0, 127, 128])),
+        [-1.0, 0.0, 127.0, -128.0]
+    );
+    assert_eq!(
+        numbers(&with_array("numpy.core", "u2", ">", false, &[1, 0, 0, 1, 0, 2, 0, 3])),
+        [256.0, 1.0, 2.0, 3.0]
+    );
     let error = refusal(&with_array("numpy.core", "f4", "<", false, &little[..15]));
     assert!(error.contains("shape (2, 2) with 15 bytes, expected 16"), "{error}");
     let error = refusal(&with_array("numpy.core", "U7", "<", false, &little));
@@ -132,9 +138,17 @@ fn nothing_is_run() {
     ];
     for case in cases {
         let error = refusal(&pickle(&case));
-        assert!(error.contains("it names `os.system`, which is not run") && error.contains("save it again"), "{error}");
+        assert!(
+            error.contains("it names `os.system`, which is not run") && error.contains("save it again"),
+            "{error}"
+        );
     }
-    for (module, name) in [("builtins", "eval"), ("builtins", "getattr"), ("numpy", "load"), ("numpy.core.multiarray", "fromfile")] {
+    for (module, name) in [
+        ("builtins", "eval"),
+        ("builtins", "getattr"),
+        ("numpy", "load"),
+        ("numpy.core.multiarray", "fromfile"),
+    ] {
         assert!(refusal(&pickle(&global(module, name))).contains(&format!("`{module}.{name}`")));
     }
     // What is known is not for everything.
@@ -143,7 +157,8 @@ fn nothing_is_run() {
     assert!(known(b")\x81").contains("class"));
     assert!(known(b"}b").contains("a state"));
     assert!(refusal(&pickle(b"K\x05)R")).contains("calls what is no name"));
-    let factory = [global("collections", "defaultdict"), global("builtins", "int"), b"K\x05\x85R".to_vec()].concat();
+    let factory =
+        [global("collections", "defaultdict"), global("builtins", "int"), b"K\x05\x85R".to_vec()].concat();
     assert!(refusal(&pickle(&factory)).contains("Plain is called"));
     for outside in [b"P0\n".as_slice(), b"K\x01Q", b"\x97", b"\x82\x01", b"I01\n"] {
         refusal(&pickle(outside));
@@ -237,7 +252,24 @@ fn damage_is_an_error() {
     assert!(refusal(b"(lp0\n.").contains("does not begin as pickles"));
     assert!(refusal(&pickle(b"NN")).contains("values that belong to nothing"));
     assert!(refusal(&pickle(b"(N")).contains("values that belong to nothing"));
-    for empty in [b"".as_slice(), b"0", b"1", b"2", b"a", b"e", b"s", b"u", b"R", b"b", b"t", b"\x85", b"\x94", b"(\x85", b"N(a", b"\x93"] {
+    for empty in [
+        b"".as_slice(),
+        b"0",
+        b"1",
+        b"2",
+        b"a",
+        b"e",
+        b"s",
+        b"u",
+        b"R",
+        b"b",
+        b"t",
+        b"\x85",
+        b"\x94",
+        b"(\x85",
+        b"N(a",
+        b"\x93",
+    ] {
         refusal(&pickle(empty));
     }
     assert!(refusal(&pickle(b"}(Nu")).contains("a key without a value"));

@@ -74,7 +74,11 @@ impl<'a> View<'a> {
         self.pickle.budget.set(left.unwrap_or(0));
         left.map(|_| ()).ok_or_else(|| {
             let found = "the one with which points and entries become too many";
-            Cause::value(self.field(), found, "the content of one scenario: at most four million points and entries")
+            Cause::value(
+                self.field(),
+                found,
+                "the content of one scenario: at most four million points and entries",
+            )
         })
     }
 
@@ -102,7 +106,8 @@ impl<'a> View<'a> {
     /// The entry of a dictionary that must be there.
     pub(in crate::formats::scenarionet) fn need(&self, key: &str) -> Result<Self, Cause> {
         let missing = || {
-            let what = if self.path.is_empty() { format!("`{key}`") } else { format!("`{}.{key}`", self.path) };
+            let what =
+                if self.path.is_empty() { format!("`{key}`") } else { format!("`{}.{key}`", self.path) };
             Cause::schema(what, "missing", "a scenario as ScenarioNet writes it; convert it again")
         };
         self.get(key)?.ok_or_else(missing)
@@ -184,7 +189,9 @@ impl<'a> View<'a> {
         }
         let short = |t: &&str| t.len() <= LONGEST_NAME;
         let found = self.as_text().filter(short).map(str::to_owned);
-        found.ok_or_else(|| self.wrong(format!("an id: a text of at most {LONGEST_NAME} bytes or a whole number")))
+        found.ok_or_else(|| {
+            self.wrong(format!("an id: a text of at most {LONGEST_NAME} bytes or a whole number"))
+        })
     }
 
     /// A number.
@@ -238,7 +245,10 @@ impl<'a> View<'a> {
                     let row = item.of_array(array)?;
                     let length = row.rows.saturating_mul(row.columns);
                     item.taken(length)?;
-                    (0..row.rows).flat_map(|r| (0..row.columns).map(move |c| (r, c))).map(|(r, c)| row.at(r, c)).collect()
+                    (0..row.rows)
+                        .flat_map(|r| (0..row.columns).map(move |c| (r, c)))
+                        .map(|(r, c)| row.at(r, c))
+                        .collect()
                 }
                 _ => item.items()?.iter().map(View::number).collect::<Result<Vec<f64>, _>>()?,
             };

@@ -1,0 +1,501 @@
+//! ScenarioNet pickles.
+
+use std::fs;
+use std::path::Path;
+
+use reactsim::formats::{find_inputs, open, scenarionet, survey};
+use reactsim::geometry::Vec2;
+use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, LightState, RoadEdgeKind, Scenario};
+use serde_json::{Value, json};
+
+use super::{Case, digests, good, refusal};
+
+/// Rows of numbers that become a numpy array.
+fn array(rows: Vec<Vec<f64>>) -> Value {
+    json!({ "__array__": rows })
+}
+
+fn numbers(frames: usize, of: impl Fn(usize) -> f64) -> Value {
+    array((0..frames).map(|f| vec![of(f)]).collect())
+}
+
+/// The value as Python's pickle writes it, in protocol 4 with names spelled in one line.
+fn pickle(value: &Value, out: &mut Vec<u8>) {
+    let text = |text: &str, out: &mut Vec<u8>| {
+        out.push(b'X');
+        out.extend((text.len() as u32).to_le_bytes());
+        out.extend(text.as_bytes());
+    };
+    match value {
+        Value::Null => out.push(b'N'),
+        Value::Bool(b) => out.push(if *b { 0x88 } else { 0x89 }),
+        Value::Number(n) if n.is_i64() => {
+            out.extend([0x8a, 8]);
+            out.extend(n.as_i64().unwrap().to_le_bytes());
+        }
+        Value::Number(n) => {
+            out.push(b'G');
+            out.extend(n.as_f64().unwrap().to_be_bytes());
+        }
+        Value::String(t) => text(t, out),
+        Value::Array(items) => {
+            out.extend(b"](");
+            items.iter().for_each(|item| pickle(item, out));
+            out.push(b'e');
+        }
+        Value::Object(fields) if fields.contains_key("__array__") => {
+            let rows = fields["__array__"].as_array().unwrap();
+            let columns = rows.first().map_or(1, |r| r.as_array().unwrap().len());
+            out.extend(b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R(K\x01");
+            for side in [rows.len(), columns] {
+                out.push(b'M');
+                out.extend((side as u16).to_le_bytes());
+            }
+            out.extend(b"\x86cnumpy\ndtype\n");
+            text("f8", out);
+            out.extend(b"\x89\x88\x87R(K\x03");
+            text("<", out);
+            out.extend(b"NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb\x89B");
+            let all = rows.iter().flat_map(|r| r.as_array().unwrap());
+            let bytes: Vec<u8> = all.flat_map(|v| v.as_f64().unwrap_or(f64::NAN).to_le_bytes()).collect();
+            out.extend((bytes.len() as u32).to_le_bytes());
+            out.extend(bytes);
+            out.extend(b"tb");
+        }
+        Value::Object(fields) => {
+            out.extend(b"}(");
+            // What tells the format stands at the beginning.
+            let first = ["id", "version", "length"];
+            let (begin, rest): (Vec<_>, Vec<_>) =
+                fields.iter().partition(|(k, _)| first.contains(&k.as_str()));
+            for (key, value) in begin.into_iter().chain(rest) {
+                text(key, out);
+                pickle(value, out);
+            }
+            out.push(b'u');
+        }
+    }
+}
+
+/// A track along the x axis at 10 m/s, absent before frame `from`.
+fn track(frames: usize, kind: &str, x: f64, y: f64, from: usize) -> Value {
+    let there = move |f: usize, v: f64| if f < from { 0.0 } else { v };
+    json!({"type": kind, "metadata": {"type": kind}, "state": {
+        "position": array((0..frames).map(|f| vec![there(f, x + f as f64), there(f, y), 1.0]).collect()),
+        "heading": numbers(frames, |f| there(f, 0.01)),
+        "velocity": array((0..frames).map(|f| vec![there(f, 10.0), there(f, 0.1)]).collect()),
+        "valid": numbers(frames, |f| there(f, 1.0)),
+        "length": numbers(frames, |f| there(f, 4.5)), "width": numbers(frames, |f| there(f, 1.9)), "height": numbers(frames, |_| 1.5)
+    }})
+}
+
+fn line(points: &[(f64, f64)]) -> Value {
+    array(points.iter().map(|p| vec![p.0, p.1, 0.0]).collect())
+}
+
+fn lane(kind: &str, points: &[(f64, f64)], before: Value, after: Value) -> Value {
+    json!({"type": kind, "polyline": line(points), "speed_limit_mph": 25.0, "speed_limit_kmh": 40.0, "entry_lanes": before, "exit_lanes": after,
+        "left_neighbor": [], "right_neighbor": []})
+}
+
+/// A scenario of Waymo's, with so many frames.
+fn made(frames: usize) -> Value {
+    let corners = line(&[(1040.0, 0.0), (1045.0, 0.0), (1045.0, 8.0)]);
+    let mut shown = vec![json!("LANE_STATE_STOP"), Value::Null];
+    shown.resize(frames, json!("LANE_STATE_ARROW_GO"));
+    let mut beside = lane("LANE_BIKE_LANE", &[(900.0, -4.0), (1050.0, -4.0)], json!([]), json!([]));
+    beside["left_neighbor"] = json!([{"feature_id": "100", "self_start_index": "0", "self_end_index": "1", "neighbor_start_index": "0",
+        "neighbor_end_index": "1", "boundaries": []}]);
+    json!({
+        "id": "made", "version": "MetaDrive v0.3.0.1", "length": frames,
+        "metadata": {"dataset": "waymo", "sdc_id": "8", "scenario_id": "made", "ts": numbers(frames, |f| f as f64 * 0.1), "current_time_index": 10,
+            "tracks_to_predict": {"7": {"track_index": 0, "track_id": "7", "difficulty": 0}}, "objects_of_interest": ["9"]},
+        "tracks": {"7": track(frames, "VEHICLE", 1000.0, 5.0, 3), "8": track(frames, "VEHICLE", 1010.0, 0.0, 0), "9": track(frames, "PEDESTRIAN", 1020.0, 5.0, 0),
+            "barrier": track(frames, "TRAFFIC_BARRIER", 1020.0, 9.0, 0)},
+        "map_features": {
+            "100": lane("LANE_SURFACE_STREET", &[(900.0, 0.0), (1050.0, 0.0)], json!([]), json!([101, 999])),
+            "101": lane("LANE_FREEWAY", &[(1050.0, 0.0), (1200.0, 0.0)], json!([100]), json!([])),
+            "102": beside,
+            "104": {"type": "ROAD_EDGE_BOUNDARY", "polyline": line(&[(900.0, -6.0), (1200.0, -6.0)])},
+            "105": {"type": "ROAD_EDGE_MEDIAN", "polyline": line(&[(1200.0, 8.0), (900.0, 8.0)])},
+            "106": {"type": "ROAD_LINE_SOLID_SINGLE_YELLOW", "polyline": line(&[(900.0, 2.0), (1200.0, 2.0)])},
+            "107": {"type": "CROSSWALK", "polygon": corners.clone()},
+            "108": {"type": "SPEED_BUMP", "polyline": corners.clone()},
+            "109": {"type": "DRIVEWAY", "polygon": corners.clone()},
+            "110": {"type": "STOP_SIGN", "lane": [101], "position": array(vec![vec![1060.0], vec![-3.0], vec![1.0]])},
+            "111": {"type": "CROSS_WALK", "polyline": corners.clone()},
+            "112": {"type": "ROAD_EDGE_SIDEWALK", "polygon": corners}
+        },
+        "dynamic_map_states": {"100": {"type": "TRAFFIC_LIGHT", "lane": 100, "stop_point": array(vec![vec![1049.0], vec![0.0], vec![1.0]]),
+            "state": {"object_state": shown}}}
+    })
+}
+
+fn write(folder: &Path, value: &Value) -> std::path::PathBuf {
+    let path = folder.join("f.pkl");
+    let mut file = vec![0x80, 4];
+    pickle(value, &mut file);
+    file.push(b'.');
+    fs::write(&path, file).unwrap();
+    path
+}
+
+fn read_of(mut value: Value, change: impl FnOnce(&mut Value)) -> Result<Scenario, String> {
+    let folder = tempfile::tempdir().unwrap();
+    change(&mut value);
+    let path = write(folder.path(), &value);
+    let told = |e: reactsim::formats::FormatError| e.to_string().split_once("f.pkl: ").unwrap().1.to_owned();
+    open(&path).map_err(told)?.next().unwrap().map_err(told)
+}
+
+fn read(change: impl FnOnce(&mut Value)) -> Result<Scenario, String> {
+    read_of(made(91), change)
+}
+
+#[test]
+fn fields_mean_what_they_say() {
+    let s = read(|_| ()).unwrap();
+    assert_eq!((s.id.as_str(), s.source.as_str()), ("made", "scenarionet"));
+    assert_eq!((s.origin.x, s.origin.y), (1020.0, 0.0));
+    let ids: Vec<&str> = s.start.agents.iter().map(|a| a.id.as_str()).collect();
+    assert_eq!(ids, ["8", "7", "9"], "the AV, then by distance, then in the order of the file");
+    assert_eq!((s.start.agents[1].length, s.start.agents[1].width), (4.5, 1.9));
+    assert_eq!((s.start.agents[2].kind, s.start.obstacles.len()), (AgentKind::Pedestrian, 1));
+    assert!(s.start.history[1][2].is_none() && s.start.history[1][3].is_some());
+    assert!((s.start.now(0).heading - 0.01).abs() < 1e-12 && s.start.now(0).vx == 10.0);
+    assert_eq!((s.tracks_to_predict[0].as_str(), s.objects_of_interest[0].as_str()), ("7", "9"));
+    assert_eq!((s.timestamps.len(), s.timestamps[90]), (91, 9.0));
+    let map = &s.start.map;
+    assert_eq!(map.lanes.iter().map(|l| l.id.as_str()).collect::<Vec<_>>(), ["100", "101", "102"]);
+    assert_eq!(
+        (map.lanes[0].successors.as_slice(), map.lanes[1].predecessors.as_slice()),
+        ([1].as_slice(), [0].as_slice())
+    );
+    assert_eq!((map.lanes[1].class, map.lanes[2].class), (LaneClass::Freeway, LaneClass::Bike));
+    assert_eq!((map.lanes[2].left[0].lane, map.lanes[2].left[0].self_end), (0, 1));
+    assert!((map.lanes[0].speed_limit.unwrap() - 25.0 * 0.44704).abs() < 1e-12);
+    let edges = (map.road_edges[0].kind, map.road_edges[1].kind);
+    assert_eq!(edges, (RoadEdgeKind::Boundary, RoadEdgeKind::Median));
+    assert_eq!((map.road_lines[0].paint, map.drivable_area.is_none()), (6, true));
+    assert_eq!((map.crosswalks.len(), map.speed_bumps.len(), map.driveways.len()), (2, 1, 1));
+    assert_eq!(map.stop_lines.len(), 2, "the sign's and the light's");
+    let shown = s.light_states(0);
+    assert_eq!((shown[0], shown[1], shown[90]), (Some(LightState::Stop), None, Some(LightState::ArrowGo)));
+    let repairs: Vec<(&str, u32)> = s.repairs.iter().map(|(k, v)| (k.as_str(), *v)).collect();
+    assert_eq!(repairs, [("links to missing lanes", 1), ("map features of other types", 1)]);
+}
+
+#[test]
+fn recordings_of_other_lengths() {
+    // Longer, and no word of the current frame.
+    let s = read_of(made(198), |v| {
+        v["metadata"].as_object_mut().unwrap().remove("current_time_index");
+    });
+    let s = s.unwrap();
+    assert_eq!((s.origin.x, s.timestamps[90]), (1020.0, 9.0));
+    assert_eq!(s.repairs["recorded frames before and after those that are read"], 107);
+    // As of Argoverse 2: 60 steps after the current frame.
+    let s = read_of(made(110), |v| v["metadata"]["current_time_index"] = json!(49)).unwrap();
+    assert_eq!((s.origin.x, s.repairs["frames at the end that are not recorded"]), (1059.0, 20));
+    assert!(s.logged(0)[70].is_some() && s.logged(0)[71].is_none());
+    assert!(s.light_states(0)[70].is_some() && s.light_states(0)[71].is_none());
+    assert!((s.timestamps[90] - 12.9).abs() < 1e-9, "{}", s.timestamps[90]);
+    // Another frame than the file says.
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &made(198));
+    assert_eq!(scenarionet::read(&path, Some(100)).unwrap().origin.x, 1110.0);
+    let error = scenarionet::read(&path, Some(9)).unwrap_err().to_string();
+    assert!(
+        error.contains("the current frame is 9, expected a frame with ten before it, 10 to 197"),
+        "{error}"
+    );
+    let two_hertz = read_of(made(20), |v| v["metadata"]["ts"] = numbers(20, |f| f as f64 * 0.5));
+    let error = two_hertz.unwrap_err();
+    assert!(error.contains("timestamps is a step of 0.5 s, expected steps of 0.1 s"), "{error}");
+}
+
+#[test]
+fn older_and_other_flavours() {
+    // One array for the box; codes and a stop point per frame for the lights.
+    let s = read(|v| {
+        let state = v["tracks"]["8"]["state"].as_object_mut().unwrap();
+        state.remove("length");
+        state.insert("size".into(), array((0..91).map(|_| vec![5.5, 2.1, 1.6]).collect()));
+        v["dynamic_map_states"]["100"] = json!({"type": "TRAFFIC_LIGHT", "state": {
+            "object_state": numbers(91, |f| if f < 20 { 4.0 } else { 6.0 }),
+            "lane": numbers(91, |_| 100.0),
+            "stop_point": array((0..91).map(|f| if f < 2 { vec![0.0; 3] } else { vec![1048.0, 0.0, 1.0] }).collect())}});
+    });
+    let s = s.unwrap();
+    assert_eq!((s.start.agents[0].length, s.start.agents[0].width), (5.5, 2.1));
+    let shown = s.light_states(0);
+    assert_eq!((shown[0], shown[20]), (Some(LightState::Stop), Some(LightState::Go)));
+    assert_eq!(s.start.map.stop_lines.len(), 2);
+    // nuScenes: no links, outlines of lanes, the drivable area as rings, an AV that is wider than long, limits that are filled in.
+    let nuscenes = |v: &mut Value| {
+        v["metadata"]["dataset"] = json!("nuscenes");
+        v["tracks"]["8"]["state"]["length"] = numbers(91, |_| 1.73);
+        v["tracks"]["8"]["state"]["width"] = numbers(91, |_| 4.08);
+        for lane in ["100", "101", "102"] {
+            v["map_features"][lane]["entry_lanes"] = Value::Null;
+            v["map_features"][lane].as_object_mut().unwrap().remove("exit_lanes");
+        }
+        let ring = |a: f64, b: f64| {
+            array([(a, a), (b, a), (b, b), (a, b), (a, a)].map(|p| vec![p.0 + 1000.0, p.1]).to_vec())
+        };
+        v["map_features"]["boundary_0"] =
+            json!({"type": "ROAD_LINE_SOLID_SINGLE_WHITE", "polyline": ring(-100.0, 150.0)});
+        v["map_features"]["boundary_1"] =
+            json!({"type": "ROAD_LINE_SOLID_SINGLE_WHITE", "polyline": ring(60.0, 70.0)});
+        v["map_features"]["100"]["polygon"] =
+            array(vec![vec![900.0, -2.0], vec![1050.0, -2.0], vec![1050.0, 2.0], vec![900.0, 2.0]]);
+    };
+    let s = read(nuscenes).unwrap();
+    assert_eq!((s.start.agents[0].length, s.start.agents[0].width), (4.08, 1.73));
+    assert_eq!(s.repairs["length and width of the AV that were exchanged"], 1);
+    let map = &s.start.map;
+    assert_eq!((map.lanes[0].kind, map.lanes[1].kind), (LaneKind::Lane, LaneKind::Connector));
+    assert!(matches!(map.lanes[0].area, LaneArea::Polygon(_)) && map.lanes[0].speed_limit.is_none());
+    assert_eq!(map.lanes[0].successors, [1], "where they touch");
+    let ground = map.drivable_area.as_ref().unwrap();
+    assert_eq!((ground.len(), ground[0].holes.len(), map.road_lines.len()), (1, 1, 1));
+    assert!(ground[0].contains(Vec2::new(0.0, 1.0)) && !ground[0].contains(Vec2::new(45.0, 65.0)));
+    // nuPlan: colours, lists of ids for neighbours, paths through junctions with a type of their own.
+    let s = read(|v| {
+        v["metadata"]["dataset"] = json!("nuplan");
+        v["map_features"]["101"]["type"] = json!("LANE_SURFACE_UNSTRUCTURE");
+        for (lane, y) in [("100", 0.0), ("101", 0.0), ("102", -4.0)] {
+            v["map_features"][lane]["polygon"] =
+                json!([[900.0, y - 2.0], [1050.0, y - 2.0], [1050.0, y + 2.0]]);
+        }
+        v["map_features"]["103"] =
+            lane("LANE_SURFACE_STREET", &[(900.0, -8.0), (1050.0, -8.0)], json!([]), json!([]));
+        v["map_features"]["103"]["left_neighbor"] = json!(["100", "102"]);
+        let colours = ["TRAFFIC_LIGHT_RED", "TRAFFIC_LIGHT_UNKNOWN", "TRAFFIC_LIGHT_GREEN"];
+        let shown: Vec<&str> = (0..91).map(|f| colours[f % 3]).collect();
+        v["dynamic_map_states"] =
+            json!({"100": {"lane": "100", "stop_point": null, "state": {"object_state": shown}}});
+    });
+    let s = s.unwrap();
+    let map = &s.start.map;
+    assert_eq!(
+        map.lanes.iter().map(|l| l.kind == LaneKind::Lane).collect::<Vec<_>>(),
+        [true, false, true, false]
+    );
+    assert_eq!(map.lanes[3].left.iter().map(|n| map.lanes[n.lane].id.as_str()).collect::<Vec<_>>(), ["102"]);
+    let shown = s.light_states(0);
+    assert_eq!((shown[0], shown[1], shown[2]), (Some(LightState::Stop), None, Some(LightState::Go)));
+}
+
+#[test]
+fn bad_input_is_refused_by_name() {
+    let cases: &[Case<Value>] = &[
+        ("`tracks` is missing, expected a scenario as ScenarioNet writes it", |v| {
+            v.as_object_mut().unwrap().remove("tracks");
+        }),
+        ("`map_features` is missing", |v| v["map_features"] = Value::Null),
+        ("`metadata.sdc_id` is missing", |v| v["metadata"]["sdc_id"] = Value::Null),
+        ("metadata.sdc_id is `77`, expected the id of a track", |v| v["metadata"]["sdc_id"] = json!("77")),
+        ("id is ``, expected the name of the scenario", |v| v["id"] = json!("")),
+        ("id is a list of 0, expected an id", |v| v["id"] = json!([])),
+        ("length is -1, expected the number of frames", |v| v["length"] = json!(-1)),
+        ("metadata.current_time_index is 91, expected a frame with ten before it, 10 to 90", |v| {
+            v["metadata"]["current_time_index"] = json!(91);
+        }),
+        ("metadata.current_time_index is 9, expected", |v| v["metadata"]["current_time_index"] = json!(9)),
+        ("metadata.sample_rate is 0.5, expected 0.1", |v| v["metadata"]["sample_rate"] = json!(0.5)),
+        ("metadata.ts is an array of shape (90, 1), expected one time for each of 91 frames", |v| {
+            v["metadata"]["ts"] = numbers(90, |f| f as f64 * 0.1);
+        }),
+        ("tracks is a list of 0, expected a dictionary", |v| v["tracks"] = json!([])),
+        ("`tracks[\"7\"].state.position` is missing", |v| {
+            v["tracks"]["7"]["state"].as_object_mut().unwrap().remove("position");
+        }),
+        (
+            "tracks[\"9\"].state.heading is an array of shape (90, 1), expected an angle for each of 91 frames",
+            |v| {
+                v["tracks"]["9"]["state"]["heading"] = numbers(90, |_| 0.0);
+            },
+        ),
+        ("tracks[\"9\"].state.position[4] is NaN, expected a finite number where `valid` is true", |v| {
+            v["tracks"]["9"]["state"]["position"]["__array__"][4][1] = Value::Null;
+        }),
+        ("agents[1].track[10] is absent", |v| {
+            v["tracks"]["8"]["state"]["valid"]["__array__"][10] = json!([0.0])
+        }),
+        ("agents[0].length is NaN, expected a size", |v| {
+            v["tracks"]["7"]["state"]["length"] = numbers(91, |_| f64::NAN);
+        }),
+        ("`map_features[\"100\"].type` is missing", |v| v["map_features"]["100"]["type"] = Value::Null),
+        ("map_features[\"104\"].polyline[1] is (NaN, -6), expected a finite point", |v| {
+            v["map_features"]["104"]["polyline"]["__array__"][1][0] = Value::Null;
+        }),
+        ("map_features[\"104\"].polyline is an array of shape (2, 1), expected points", |v| {
+            v["map_features"]["104"]["polyline"] = numbers(2, |_| 0.0);
+        }),
+        ("map_features[\"100\"].exit_lanes[0] is a dictionary of 0, expected an id", |v| {
+            v["map_features"]["100"]["exit_lanes"] = json!([{}]);
+        }),
+        ("map_features[\"100\"].speed_limit_mph is `fast`, expected a number", |v| {
+            v["map_features"]["100"]["speed_limit_mph"] = json!("fast");
+        }),
+        ("dynamic_map_states[\"100\"].state.object_state[0] is `blue`, expected `LANE_STATE_`", |v| {
+            v["dynamic_map_states"]["100"]["state"]["object_state"][0] = json!("blue");
+        }),
+        ("object_state is a list of 1, expected a state for each of 91 frames", |v| {
+            v["dynamic_map_states"]["100"]["state"]["object_state"] = json!([null]);
+        }),
+        ("stop_point is an array of shape (1, 1), expected a point", |v| {
+            v["dynamic_map_states"]["100"]["stop_point"] = numbers(1, |_| 0.0);
+        }),
+    ];
+    for (expected, change) in cases {
+        let error = read(*change).unwrap_err();
+        assert!(error.contains(expected), "expected {expected}: {error}");
+        assert!(error.starts_with("record 0: "), "{error}");
+    }
+}
+
+#[test]
+fn damaged_and_hostile_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &made(91));
+    let sound = fs::read(&path).unwrap();
+    assert_eq!(good(&path).len(), 1);
+    let mut lengths: Vec<usize> = (0..sound.len()).step_by(sound.len() / 40).collect();
+    lengths.push(sound.len() - 1);
+    for length in lengths {
+        fs::write(&path, &sound[..length]).unwrap();
+        assert!(refusal(&path).contains("f.pkl"), "cut to {length}");
+    }
+    for (k, at) in (0..sound.len()).step_by(sound.len() / 400).enumerate() {
+        let mut bad = sound.clone();
+        bad[at] ^= [0x01, 0x80, 0xff][k % 3];
+        fs::write(&path, &bad).unwrap();
+        digests(&path)
+            .iter()
+            .flat_map(|r| r.as_ref().err())
+            .for_each(|e| assert!(e.to_string().contains("f.pkl")));
+    }
+    let trace = folder.path().join("trace");
+    let mut hostile = b"\x80\x04}(X\x06\0\0\0lengthKZX\x07\0\0\0versioncos\nsystem\n".to_vec();
+    let command = format!("touch {}", trace.display());
+    hostile.push(b'X');
+    hostile.extend((command.len() as u32).to_le_bytes());
+    hostile.extend(command.as_bytes());
+    hostile.extend(b"\x85Ru.");
+    fs::write(&path, hostile).unwrap();
+    let error = refusal(&path);
+    assert!(error.contains("it names `os.system`, which is not run"), "{error}");
+    assert!(!trace.exists());
+}
+
+#[test]
+fn files_are_told_by_content() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), &made(91));
+    // What lies beside scenarios, and pickles of others.
+    fs::write(folder.path().join("dataset_summary.pkl"), b"\x80\x04}.").unwrap();
+    fs::write(folder.path().join("other.pkl"), b"\x80\x04}.").unwrap();
+    fs::write(folder.path().join("hand.json"), super::HAND_WRITTEN).unwrap();
+    let found = find_inputs(folder.path()).unwrap();
+    let formats: Vec<&str> = found.iter().map(|i| i.format.id()).collect();
+    assert_eq!(formats, ["scenarionet", "json"]);
+    let passed = survey(folder.path()).unwrap().passed_over;
+    assert_eq!(passed, [folder.path().join("other.pkl")]);
+}
+
+#[test]
+fn real_files() {
+    let Some(folder) = crate::shared("data/scenarionet") else { return };
+    let scenarios = good(&folder);
+    assert_eq!(scenarios.len(), 8);
+    for s in &scenarios {
+        // Who moves goes where it heads.
+        let mut seen = 0;
+        for (a, agent) in s.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
+            assert!(agent.length > agent.width, "{}: {agent:?}", s.id);
+            for state in s.logged(a).iter().flatten().filter(|s| s.speed() > 5.0) {
+                assert!(state.forward_speed() > 0.9 * state.speed(), "{}: {}", s.id, agent.id);
+                seen += 1;
+            }
+        }
+        let still = s.start.now(0).speed() < 1.0;
+        assert!(seen > 20 || still, "{}: {seen}", s.id);
+        assert!(s.start.map.lanes.iter().any(|l| !l.successors.is_empty()), "{}", s.id);
+        let nuscenes = s.id.starts_with("scene-");
+        assert_eq!(s.start.map.drivable_area.is_some(), nuscenes, "{}", s.id);
+        assert_eq!(s.timestamps.len(), 91);
+    }
+}
+
+#[test]
+fn the_same_scenarios_agree_with_the_waymo_records() {
+    let pairs = [("2a1e44d405a6833f", "00002"), ("womd_106", "00003"), ("womd_333", "00000")];
+    for (file, shard) in pairs {
+        let Some(ours) = crate::shared(&format!("data/scenarionet/{file}.pkl")) else { return };
+        let record = format!("data/womd/train/womd-train-{shard}-of-00011.tfrecord.zst");
+        let Some(record) = crate::shared(&record) else { return };
+        let ours = good(&ours).remove(0);
+        let theirs = open(&record).unwrap().map(|s| s.unwrap()).find(|s| s.id == ours.id).unwrap();
+        agree(&ours, &theirs);
+    }
+}
+
+fn agree(ours: &Scenario, theirs: &Scenario) {
+    let near = |a: f64, b: f64| (a - b).abs() < 0.01;
+    let id = &ours.id;
+    assert!(near(ours.origin.x, theirs.origin.x) && near(ours.origin.y, theirs.origin.y), "{id}");
+    assert_eq!(ours.start.agents.len(), theirs.start.agents.len(), "{id}");
+    for (a, x) in ours.start.agents.iter().enumerate() {
+        let b = theirs.start.agents.iter().position(|y| y.id == x.id).unwrap();
+        let y = &theirs.start.agents[b];
+        assert_eq!(x.kind, y.kind);
+        assert!(near(x.length, y.length) && near(x.width, y.width), "{id}: {x:?} {y:?}");
+        for (f, pair) in ours.logged(a).into_iter().zip(theirs.logged(b)).enumerate() {
+            match pair {
+                (None, None) => {}
+                (Some(p), Some(q)) => {
+                    let turned = (p.heading - q.heading).sin().abs();
+                    assert!(near(p.x, q.x) && near(p.y, q.y) && turned < 1e-4, "{id}: {}: frame {f}", x.id);
+                    assert!(near(p.vx, q.vx) && near(p.vy, q.vy), "{id}: {}: frame {f}", x.id);
+                }
+                _ => panic!("{id}: {}: present in one of both at frame {f}", x.id),
+            }
+        }
+    }
+    let (m, n) = (&ours.start.map, &theirs.start.map);
+    assert_eq!(m.lanes.len(), n.lanes.len(), "{id}");
+    let names = |map: &reactsim::scene::RoadMap, all: &[usize]| {
+        let mut ids: Vec<String> = all.iter().map(|&l| map.lanes[l].id.clone()).collect();
+        ids.sort();
+        ids
+    };
+    for lane in &m.lanes {
+        let other = n.lanes.iter().find(|l| l.id == lane.id).unwrap();
+        assert_eq!((lane.class, lane.kind), (other.class, other.kind), "{id}: {}", lane.id);
+        assert_eq!(names(m, &lane.successors), names(n, &other.successors), "{id}: {}", lane.id);
+        assert_eq!(names(m, &lane.predecessors), names(n, &other.predecessors), "{id}: {}", lane.id);
+        assert_eq!(
+            (lane.left.len(), lane.right.len()),
+            (other.left.len(), other.right.len()),
+            "{id}: {}",
+            lane.id
+        );
+        let (p, q) = (lane.baseline.points(), other.baseline.points());
+        assert_eq!(p.len(), q.len(), "{id}: {}", lane.id);
+        assert!(p.iter().zip(q).all(|(p, q)| near(p.x, q.x) && near(p.y, q.y)), "{id}: {}", lane.id);
+    }
+    assert_eq!(
+        (m.road_edges.len(), m.road_lines.len(), m.crosswalks.len(), m.driveways.len(), m.speed_bumps.len()),
+        (n.road_edges.len(), n.road_lines.len(), n.crosswalks.len(), n.driveways.len(), n.speed_bumps.len()),
+        "{id}"
+    );
+    assert_eq!(m.stop_lines.len(), n.stop_lines.len(), "{id}");
+    assert_eq!(ours.start.lights.len(), theirs.start.lights.len(), "{id}");
+    for (i, light) in ours.start.lights.iter().enumerate() {
+        let name = &m.lanes[light.lane].id;
+        let j = theirs.start.lights.iter().position(|l| n.lanes[l.lane].id == *name).unwrap();
+        assert_eq!(ours.light_states(i), theirs.light_states(j), "{id}: {name}");
+    }
+}
