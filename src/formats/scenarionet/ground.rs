@@ -37,10 +37,10 @@ fn nest(rings: Vec<Vec<Vec2>>) -> Vec<Polygon> {
         })
         .collect();
     let mut polygons: Vec<(usize, Polygon)> = Vec::new();
-    for (i, ring) in rings.iter().enumerate().filter(|(i, _)| around[*i].len() % 2 == 0) {
+    for (i, ring) in rings.iter().enumerate().filter(|(i, _)| around[*i].len().is_multiple_of(2)) {
         polygons.push((i, Polygon { exterior: ring.clone(), holes: Vec::new() }));
     }
-    for (i, ring) in rings.into_iter().enumerate().filter(|(i, _)| around[*i].len() % 2 == 1) {
+    for (i, ring) in rings.into_iter().enumerate().filter(|(i, _)| !around[*i].len().is_multiple_of(2)) {
         // The innermost ring around it lies in as many others as it does itself, less one.
         let outer = around[i].iter().copied().find(|o| around[*o].len() + 1 == around[i].len());
         if let Some((_, polygon)) = outer.and_then(|o| polygons.iter_mut().find(|(p, _)| *p == o)) {
