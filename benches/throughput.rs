@@ -68,7 +68,7 @@ fn main() -> Result<()> {
 fn convert(inputs: &[Input], out: &Path) -> Result<usize> {
     let (mut writer, mut count) = (Writer::create(out)?, 0);
     for input in inputs {
-        for scenario in input.format.open(&input.path)? {
+        for scenario in input.open()? {
             writer.write(&scenario?)?;
             count += 1;
         }
@@ -321,7 +321,7 @@ fn machine() -> f64 {
 fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     let input = formats::find_inputs(native)?.remove(0);
     let file = FileRecord::of(&input.path, input.format.id())?;
-    let open = Box::new(move || input.format.open_undecoded(&input.path));
+    let open = Box::new(move || input.open_undecoded());
     let plan = Plan {
         sources: vec![Source { file, open }],
         simulators: PlannedSimulator::by_ids(&["log-replay".to_owned(), "idm".to_owned()])?,

@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
-use super::{ExitStatus, find_inputs, say};
+use super::{ExitStatus, find_inputs_at, say};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -19,6 +19,10 @@ pub(super) struct ConvertArgs {
     /// The native Parquet file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
+    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
+    #[arg(long, value_name = "N")]
+    current_frame: Option<usize>,
     /// Rollouts (`run --keep-rollouts`) that take the place of what was logged after the current frame; scenarios without one are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
     futures: Option<PathBuf>,
@@ -29,7 +33,7 @@ pub(super) struct ConvertArgs {
 
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // All inputs are found before the first is read, and before the output is touched.
-    let inputs = find_inputs(&args.inputs)?;
+    let inputs = find_inputs_at(&args.inputs, args.current_frame)?;
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }
@@ -51,7 +55,7 @@ fn stream(
     let mut writer = Writer::create(out)?;
     let (mut good, mut bad, mut ids) = (0, 0, BTreeSet::new());
     for input in inputs {
-        let scenarios = match input.format.open(&input.path) {
+        let scenarios = match input.open() {
             Ok(scenarios) => scenarios,
             Err(error) => {
                 say(format_args!("warning: {error}"));

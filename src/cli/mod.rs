@@ -222,6 +222,13 @@ fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
     Ok(inputs)
 }
 
+/// As [`find_inputs`], to be read with this current frame where one is given.
+fn find_inputs_at(paths: &[PathBuf], current_frame: Option<usize>) -> anyhow::Result<Vec<Input>> {
+    let mut inputs = find_inputs(paths)?;
+    inputs.iter_mut().for_each(|input| input.current_frame = current_frame);
+    Ok(inputs)
+}
+
 /// The variants of the metrics that were asked for.
 fn metric_options(asked: &[String]) -> anyhow::Result<Options> {
     let mut options = Options::default();

@@ -10,7 +10,8 @@ use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
 use crate::evaluation::{
-    Failure, FileRecord, Place, Provenance, Recorded, SettingsRecord, program_commit, program_version,
+    Failure, FileRecord, Place, Provenance, Recorded, Registrar, SettingsRecord, program_commit,
+    program_version,
 };
 use crate::formats;
 use crate::formats::document::Document;
@@ -86,9 +87,10 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         files.push(file);
     }
     let mut recorded = Recorded::new(records, options);
+    let mut registrar = Registrar::default();
     for (i, scenarios) in inputs.iter().enumerate() {
-        let (input, file) = (paths.len() + i, FileRecord::of(&scenarios.path, scenarios.format.id())?);
-        for (record, scenario) in scenarios.format.open(&scenarios.path)?.enumerate() {
+        let (input, file) = (paths.len() + i, registrar.record(scenarios)?);
+        for (record, scenario) in scenarios.open()?.enumerate() {
             match scenario {
                 Ok(scenario) => {
                     for failure in recorded.score(Place { input, record }, &file.name, &scenario) {

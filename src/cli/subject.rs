@@ -7,9 +7,9 @@ use std::thread;
 use anyhow::bail;
 use clap::Args;
 
-use super::{find_inputs, metric_options, shipped};
+use super::{find_inputs_at, metric_options, shipped};
 use crate::evaluation::{
-    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator,
+    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator, Registrar,
     RunSettings, Source,
 };
 use crate::formats::{self, FormatError, PendingScenarios};
@@ -45,6 +45,10 @@ pub(super) struct Subject {
     /// Only the first N scenarios of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
+    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
+    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
+    #[arg(long, value_name = "N")]
+    current_frame: Option<usize>,
     /// A variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
@@ -110,7 +114,7 @@ impl Subject {
             (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(read_deviations(path)?),
             (None, _) => None,
         };
-        let sources = sources(&self.scenarios, self.limit)?;
+        let sources = self.sources()?;
         let av = match (&self.av, protocol) {
             (Some(av), _) => av.clone(),
             (None, Protocol::Realism) => AvChoice::Log,
@@ -128,23 +132,26 @@ impl Subject {
         let settings = RunSettings { rollout, av, rollouts, options, limit };
         Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
     }
-}
 
-/// The files of scenarios, each found and recognised; the shipped benchmark where none is named.
-fn sources(paths: &[PathBuf], limit: Option<NonZeroUsize>) -> anyhow::Result<Vec<Source>> {
-    let most = limit.map_or(usize::MAX, NonZeroUsize::get);
-    if paths.is_empty() {
-        return Ok(vec![shipped::benchmark(most)]);
+    /// The files of scenarios, each found and recognised; the shipped benchmark where none is named.
+    fn sources(&self) -> anyhow::Result<Vec<Source>> {
+        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
+        if self.scenarios.is_empty() {
+            if self.current_frame.is_some() {
+                bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
+            }
+            return Ok(vec![shipped::benchmark(most)]);
+        }
+        let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
+        for input in find_inputs_at(&self.scenarios, self.current_frame)? {
+            let file = registrar.record(&input)?;
+            let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
+                Ok(Box::new(input.open_undecoded()?.take(most)))
+            });
+            sources.push(Source { file, open });
+        }
+        Ok(sources)
     }
-    let mut sources = Vec::new();
-    for input in find_inputs(paths)? {
-        let file = FileRecord::of(&input.path, input.format.id())?;
-        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
-            Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
-        });
-        sources.push(Source { file, open });
-    }
-    Ok(sources)
 }
 
 fn read_deviations(path: &Path) -> anyhow::Result<Deviations> {

@@ -25,6 +25,7 @@ mod av;
 mod comparison;
 pub mod document;
 mod error;
+mod file_record;
 mod folder;
 mod judge;
 mod plan;
@@ -45,13 +46,14 @@ pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
+pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use folder::{
     EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
     read_tally,
 };
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use provenance::{
-    FileRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, program_version,
+    Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, program_version,
 };
 pub use recorded::Recorded;
 pub use rollouts::{ForeignRollout, recorded_tracks};

@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::av::AvChoice;
-use super::provenance::{
-    FileRecord, Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version,
-};
+use super::file_record::FileRecord;
+use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
 use super::simulators::PlannedSimulator;
 use super::source::Source;
 use super::tally::Tally;

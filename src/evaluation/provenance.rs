@@ -1,13 +1,10 @@
 //! Where numbers come from: program, settings, inputs, models.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::EvaluationError;
+use super::file_record::FileRecord;
 use crate::models::WeightsFile;
 
 /// Everything that decides the numbers of a run. Two runs with equal provenance have equal results.
@@ -90,51 +87,6 @@ impl WeightsRecord {
     /// The record of a file.
     pub fn of(file: &WeightsFile) -> Self {
         Self { name: file.name.clone(), bytes: file.bytes.len() as u64, sha256: file.digest.clone() }
-    }
-}
-
-/// A file of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FileRecord {
-    /// Name without its folder, so that a moved folder is no other input.
-    pub name: String,
-    /// Id of its format.
-    pub format: String,
-    /// Size.
-    pub bytes: u64,
-    /// BLAKE3 digest of its content.
-    pub blake3: String,
-}
-
-impl FileRecord {
-    /// Reads a file to its end for size and digest.
-    ///
-    /// # Errors
-    /// [`EvaluationError::Read`] names the file.
-    pub fn of(path: &Path, format: &str) -> Result<Self, EvaluationError> {
-        let read = |source| EvaluationError::Read { path: path.to_owned(), source };
-        let mut file = File::open(path).map_err(read)?;
-        let mut hasher = blake3::Hasher::new();
-        let mut buffer = vec![0; 1 << 18];
-        let mut bytes = 0;
-        loop {
-            let n = file.read(&mut buffer).map_err(read)?;
-            if n == 0 {
-                break;
-            }
-            bytes += n as u64;
-            hasher.update(&buffer[..n]);
-        }
-        let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
-        let blake3 = hasher.finalize().to_hex().to_string();
-        Ok(Self { name: name.into_owned(), format: format.to_owned(), bytes, blake3 })
-    }
-
-    /// The record of a file whose content is part of the program.
-    pub fn of_content(name: &str, format: &str, content: &[u8]) -> Self {
-        let blake3 = blake3::hash(content).to_hex().to_string();
-        Self { name: name.to_owned(), format: format.to_owned(), bytes: content.len() as u64, blake3 }
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use super::EvaluationError;
-use super::provenance::FileRecord;
+use super::file_record::FileRecord;
 use super::source::{Opener, Source};
 use crate::formats::native::ByNumber;
 use crate::formats::{Input, PendingScenarios};
@@ -20,7 +20,7 @@ enum Book {
     /// A native file: any scenario at once.
     Native(ByNumber),
     /// Any other: read from its beginning. The position is kept, so that going through it in order reads it once.
-    Stream { open: Opener, position: Mutex<(usize, Option<PendingScenarios>)> },
+    Stream { open: Opener, position: Mutex<(usize, Option<PendingScenarios>)>, input: Option<Input> },
 }
 
 impl Shelf {
@@ -34,14 +34,15 @@ impl Shelf {
             self.books.insert(file.blake3, Book::Native(ByNumber::open(&input.path)?));
             return Ok(());
         }
-        let input = input.clone();
-        self.add(Source { file, open: Box::new(move || input.format.open_undecoded(&input.path)) });
+        let (reader, input) = (input.clone(), Some(input.clone()));
+        let open = Box::new(move || reader.open_undecoded());
+        self.books.insert(file.blake3, Book::Stream { open, position: Mutex::default(), input });
         Ok(())
     }
 
     /// Adds what is read in order.
     pub fn add(&mut self, source: Source) {
-        let book = Book::Stream { open: source.open, position: Mutex::default() };
+        let book = Book::Stream { open: source.open, position: Mutex::default(), input: None };
         self.books.insert(source.file.blake3, book);
     }
 
@@ -64,7 +65,12 @@ impl Shelf {
         let found = match book {
             Book::Native(scenarios) if record < scenarios.len() => Some(scenarios.read(record)?),
             Book::Native(_) => None,
-            Book::Stream { open, position } => {
+            // Whoever adds a file need not know how a run read it.
+            Book::Stream { input: Some(input), .. } if file.current_frame.is_some() && record == 0 => {
+                let input = Input { current_frame: file.current_frame, ..input.clone() };
+                input.open()?.next().transpose()?
+            }
+            Book::Stream { open, position, .. } => {
                 let mut position = position.lock().unwrap_or_else(PoisonError::into_inner);
                 let (next, scenarios) = &mut *position;
                 if scenarios.is_none() || *next > record {

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-use super::provenance::FileRecord;
+use super::file_record::FileRecord;
 use super::row::Place;
 use crate::formats::{FormatError, PendingScenarios, Undecoded};
 

@@ -53,19 +53,58 @@ pub trait ScenarioFormat: Sync {
         let scenarios = self.open(path)?;
         Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
     }
+    /// Reads the scenario of a file that holds one, with another of its frames (counted from 0) as the current one. Most formats do not leave
+    /// that open.
+    ///
+    /// # Errors
+    /// As [`ScenarioFormat::open`], and where the format says what the current frame is.
+    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
+        let expected = format!("left out: scenarios of the format {} say which frame it is", self.id());
+        Err(FormatError::file(path, Cause::value("the current frame", current_frame, expected)))
+    }
+    /// Other files that the scenarios of a file are read from, such as maps, in a fixed order. What can not be told is left out: opening
+    /// the file will say why.
+    fn companions(&self, _path: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
 }
 
 /// All formats.
 pub const FORMATS: &[&dyn ScenarioFormat] =
     &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
 
-/// A file and its format.
+/// A file, its format, and how it is read.
 #[derive(Clone)]
 pub struct Input {
     /// The file.
     pub path: PathBuf,
     /// Its format.
     pub format: &'static dyn ScenarioFormat,
+    /// Which frame (counted from 0) becomes the current one, where it is not the one that the format says: [`ScenarioFormat::read_at`].
+    pub current_frame: Option<usize>,
+}
+
+impl Input {
+    /// Opens the file.
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file can not be read at all, or not in this way.
+    pub fn open(&self) -> Result<Scenarios, FormatError> {
+        let Some(frame) = self.current_frame else { return self.format.open(&self.path) };
+        let scenario = self.format.read_at(&self.path, frame)?;
+        Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+
+    /// Opens the file for reading by several threads: [`ScenarioFormat::open_undecoded`].
+    ///
+    /// # Errors
+    /// As [`Input::open`]; where a current frame is asked for, decoding tells them.
+    pub fn open_undecoded(&self) -> Result<PendingScenarios, FormatError> {
+        let Some(frame) = self.current_frame else { return self.format.open_undecoded(&self.path) };
+        let Self { path, format, .. } = self.clone();
+        let decode: Undecoded = Box::new(move || format.read_at(&path, frame));
+        Ok(Box::new(std::iter::once(Ok(decode))))
+    }
 }
 
 /// What lies at a path.
@@ -87,7 +126,7 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     let (mut inputs, mut passed_over) = (Vec::new(), Vec::new());
     for path in files_at(path)? {
         if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
-            inputs.push(Input { path, format });
+            inputs.push(Input { path, format, current_frame: None });
         } else if [".json", ".parquet", ".pkl"].iter().any(|ending| named(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {
@@ -135,11 +174,18 @@ fn files_at(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
 /// # Errors
 /// As [`find_inputs`]; for a single file also when it can not be opened.
 pub fn open(path: &Path) -> Result<Scenarios, FormatError> {
-    let inputs = find_inputs(path)?;
+    open_all(find_inputs(path)?)
+}
+
+/// Reads all scenarios of these files, one after the other. One that can not be read is reported once, and the next one is read.
+///
+/// # Errors
+/// [`FormatError`] when there is one file only and it can not be opened.
+pub fn open_all(inputs: Vec<Input>) -> Result<Scenarios, FormatError> {
     if let [only] = inputs.as_slice() {
-        return only.format.open(&only.path);
+        return only.open();
     }
-    Ok(Box::new(inputs.into_iter().flat_map(|input| match input.format.open(&input.path) {
+    Ok(Box::new(inputs.into_iter().flat_map(|input| match input.open() {
         Ok(scenarios) => scenarios,
         Err(error) => Box::new(std::iter::once(Err(error))),
     })))

@@ -5,23 +5,23 @@
 
 pub(crate) mod error;
 mod format;
+mod argoverse2;
 mod gpudrive;
 mod json;
 mod nuplan;
+mod scenarionet;
 mod states;
 pub(crate) mod table;
 mod womd;
 
-pub mod argoverse2;
 pub mod deviations;
 pub mod document;
 pub mod native;
 pub mod rollouts;
-pub mod scenarionet;
 
 pub use error::{Cause, FormatError};
 pub use format::{
     FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, Undecoded, decoded, find_inputs,
-    is_parquet, open, survey,
+    is_parquet, open, open_all, survey,
 };
 pub use json::parse as parse_json;

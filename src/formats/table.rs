@@ -1,6 +1,8 @@
 //! Parquet files of this program: written under another name until they are complete, with a checksum per row group.
 
 mod columns;
+mod compact;
+mod pages;
 mod reader;
 mod writer;
 

@@ -3,13 +3,15 @@
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use gif::{ColorOutput, DecodeOptions, Repeat};
 use reactsim::formats;
 use reactsim::report::animation::{Animation, Panel};
 use reactsim::report::birdseye::{Mark, MarkKind};
 use reactsim::scene::{CURRENT, Frame, Scenario};
+
+use crate::program::program;
 
 /// Pixels above and below a panel.
 const AROUND: usize = 46;
@@ -53,7 +55,7 @@ fn mini(name: &str) -> Scenario {
 }
 
 fn inspect(arguments: &[&str]) -> Output {
-    let program = Command::new(assert_cmd::cargo::cargo_bin!("reactsim"));
+    let program = program();
     { program }.arg("inspect").args(arguments).output().unwrap()
 }
 

@@ -10,14 +10,7 @@ use std::time::{Duration, Instant};
 use reactsim::models::{Card, MODELS};
 
 use crate::generated::{deviating, scenario, write};
-
-fn program() -> Command {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
-}
-
-fn reactsim(arguments: &[&str]) -> Output {
-    program().args(arguments).output().unwrap()
-}
+use crate::program::{program, reactsim};
 
 fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()

@@ -2,15 +2,12 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+use crate::program::reactsim;
 
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
 /// What is printed by a command that ends with this code.
 fn said(arguments: &[&str], code: i32) -> (String, String) {

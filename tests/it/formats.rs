@@ -18,7 +18,7 @@ mod tables;
 use std::fs;
 use std::path::Path;
 
-use reactsim::formats::{FormatError, find_inputs, native, open};
+use reactsim::formats::{FormatError, Input, find_inputs, native, open};
 use reactsim::scene::Scenario;
 
 use self::proto::Proto;
@@ -35,6 +35,22 @@ pub(crate) fn digests(path: &Path) -> Vec<Result<String, FormatError>> {
 
 pub(crate) fn good(path: &Path) -> Vec<Scenario> {
     open(path).unwrap().map(|s| s.unwrap()).collect()
+}
+
+/// The scenario of a file with this current frame.
+pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
+    let input = find_inputs(path).unwrap().remove(0);
+    let input = Input { current_frame: Some(current_frame), ..input };
+    let undecoded: Vec<_> = input.open_undecoded().unwrap().collect();
+    assert_eq!(undecoded.len(), 1);
+    let read = input.open().and_then(|mut scenarios| scenarios.next().unwrap());
+    let also = undecoded.into_iter().next().unwrap().and_then(|decode| decode());
+    assert_eq!(
+        also.ok().map(|s| s.digest()),
+        read.as_ref().ok().map(Scenario::digest),
+        "on other threads too"
+    );
+    read
 }
 
 /// The only message that a file gives.

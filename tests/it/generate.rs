@@ -3,16 +3,14 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use reactsim::curation::{in_proportion, store};
 use reactsim::formats;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::rollout::{Purpose, stream};
 
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
+use crate::program::{program, reactsim};
 
 fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap()
@@ -195,7 +193,7 @@ fn interrupted_it_leaves_what_is_finished() {
         let entries = fs::read_dir(home.path()).unwrap();
         entries.filter_map(|e| e.ok()?.metadata().ok()).any(|m| m.len() >= wanted)
     };
-    let child = Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+    let child = program()
         .args(["generate", "--preset", "train", "--count", "1000000", "--jobs", "1", "--out", path(&out)])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -83,6 +83,8 @@ pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
             format: "generated".into(),
             bytes: 0,
             blake3: String::new(),
+            current_frame: None,
+            companions: Vec::new(),
         },
         open: Box::new(move || {
             let scenarios = scenarios.clone();

@@ -23,6 +23,7 @@ mod model_weights;
 mod networks;
 mod ntp_reactive;
 mod page;
+mod program;
 mod protocol;
 mod pufferdrive;
 mod qp;

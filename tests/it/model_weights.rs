@@ -3,16 +3,14 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use burn::tensor::Device;
 use reactsim::models::nn::{Initializer, save};
 use reactsim::models::pufferdrive::network::Network;
 use reactsim::models::{MODELS, WeightsFile, find};
 
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
+use crate::program::reactsim;
 
 fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()

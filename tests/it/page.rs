@@ -5,20 +5,16 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use serde_json::{Value, json};
 
 use crate::chromium::{Browser, Served, chromium};
+use crate::program::reactsim;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const MODELS: &str = "log-replay,constant-velocity,stop,idm";
 /// Longest answer to anything that is done to the list, milliseconds.
 const PROMPT: f64 = 100.0;
-
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
 
 /// What a command says on stderr that ends with this code.
 fn said(arguments: &[&str], code: i32) -> String {

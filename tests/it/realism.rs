@@ -7,6 +7,7 @@ use reactsim::report::{realism_charts, realism_tables};
 use reactsim::scene::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenario, ScenarioParts};
 
 use crate::generated;
+use crate::program::program;
 
 /// A straight road of two lanes with an AV at 6 m/s, 22.5 m of gap ahead and 4.5 m behind, and a neighbour at 7 m/s.
 fn parts() -> ScenarioParts {
@@ -211,7 +212,7 @@ fn the_program_compares_files() {
     generated::write(&a, (0..10).map(|i| generated::deviating(i, false)));
     generated::write(&b, (10..14).map(|i| generated::deviating(i, false)));
     let reactsim = |arguments: &[&std::ffi::OsStr]| {
-        let mut program = std::process::Command::new(assert_cmd::cargo::cargo_bin!("reactsim"));
+        let mut program = program();
         program.args(["generate", "compare"]).args(arguments).output().unwrap()
     };
     let done =
@@ -247,7 +248,7 @@ fn turning_wide_is_no_change() {
 fn halves_of_the_recordings_are_alike() {
     let Some(folder) = crate::shared("data/womd/train") else { return };
     let records = find_inputs(&folder).unwrap().into_iter();
-    let records = records.flat_map(|i| i.format.open_undecoded(&i.path).unwrap());
+    let records = records.flat_map(|i| i.open_undecoded().unwrap());
     let set = Measured::of(records.map(|r| move || r.and_then(|decode| decode())), 2, |e| panic!("{e}"));
     for quantity in Quantity::ALL.into_iter().filter(|q| q.decides()) {
         let of = |k: usize| set.halves[k].of(quantity).counts();

@@ -15,12 +15,9 @@ use reactsim::rollout::Settings;
 use serde_json::Value;
 
 use crate::generated::{deviating, scenario, source, write};
+use crate::program::program;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
-
-fn program() -> Command {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
-}
 
 fn of(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

@@ -2,18 +2,16 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use reactsim::formats;
 use reactsim::formats::rollouts;
 use reactsim::scene::CURRENT;
 use serde_json::Value;
 
-const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+use crate::program::reactsim;
 
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
+const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
 
 fn done(arguments: &[&str]) -> Output {
     let output = reactsim(arguments);

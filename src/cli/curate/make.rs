@@ -17,7 +17,7 @@ use crate::curation::store::Writer;
 use crate::curation::{
     CurationProvenance, CurationSettings, FilterSettings, InputFile, Preselection, SOURCES,
 };
-use crate::evaluation::{FileRecord, program_commit, program_version};
+use crate::evaluation::{Registrar, program_commit, program_version};
 use crate::formats::{FormatError, PendingScenarios};
 use crate::report::curation_tables;
 
@@ -114,11 +114,12 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     }
     let mut writer = Writer::create(out)?;
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
-    let mut inputs = Vec::new();
+    let (mut inputs, mut registrar) = (Vec::new(), Registrar::default());
     for input in found {
-        let FileRecord { name, blake3: digest, .. } = FileRecord::of(&input.path, input.format.id())?;
+        let record = registrar.record(&input)?;
+        let (digest, name) = (record.digest(), record.name);
         let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
-            Ok(Box::new(input.format.open_undecoded(&input.path)?.take(most)))
+            Ok(Box::new(input.open_undecoded()?.take(most)))
         });
         inputs.push(Input { file: InputFile { name, digest }, open });
     }

@@ -97,7 +97,7 @@ fn measured(
         args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
     let mut done = 0;
     let records = inputs.into_iter().flat_map(|input| -> PendingScenarios {
-        match input.format.open_undecoded(&input.path) {
+        match input.open_undecoded() {
             Ok(records) => Box::new(records.take(most)),
             Err(error) => Box::new(std::iter::once(Err(error))),
         }

@@ -54,7 +54,7 @@ impl ClosedLoop {
     fn read(path: &PathBuf, most: usize, rollouts: u32) -> anyhow::Result<Self> {
         let mut scenarios = Vec::new();
         for input in find_inputs(std::slice::from_ref(path))? {
-            for scenario in input.format.open(&input.path)? {
+            for scenario in input.open()? {
                 if scenarios.len() < most {
                     scenarios.push(scenario?);
                 }

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 
 use crate::cli::{find_inputs, say};
-use crate::evaluation::FileRecord;
+use crate::evaluation::Registrar;
 use crate::formats::native::{ByNumber, Writer};
 use crate::formats::{FormatError, Input};
 use crate::scene::Scenario;
@@ -77,8 +77,8 @@ fn open(input: &Input, cache: &Path) -> anyhow::Result<ByNumber> {
     if input.format.id() == "native" {
         return Ok(ByNumber::open(&input.path)?);
     }
-    let record = FileRecord::of(&input.path, input.format.id())?;
-    let converted = cache.join(format!("{}.parquet", &record.blake3[..32]));
+    let digest = Registrar::default().record(input)?.digest();
+    let converted = cache.join(format!("{}.parquet", &digest[..32]));
     if !converted.exists() {
         fs::create_dir_all(cache).with_context(|| format!("could not write {}", cache.display()))?;
         convert(input, &converted)?;
@@ -91,7 +91,7 @@ fn convert(input: &Input, out: &Path) -> anyhow::Result<()> {
     let mut writer = Writer::create(out)?;
     let mut ids = BTreeSet::new();
     let warn = |error: &FormatError| say(format_args!("warning: passed over: {error}"));
-    let mut records = input.format.open_undecoded(&input.path)?;
+    let mut records = input.open_undecoded()?;
     loop {
         let chunk: Vec<_> = records.by_ref().take(CHUNK).collect();
         if chunk.is_empty() {

@@ -35,7 +35,7 @@ impl<'a> Reader<'a> {
     pub(super) fn each(&mut self, most: usize, mut show: impl FnMut(&Scenario)) -> usize {
         let (mut shown, limit) = (0, self.limit.map_or(usize::MAX, NonZeroUsize::get));
         for input in self.inputs {
-            let scenarios = match input.format.open(&input.path) {
+            let scenarios = match input.open() {
                 Ok(scenarios) => scenarios,
                 Err(error) => {
                     self.fail(&error.to_string());

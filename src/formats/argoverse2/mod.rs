@@ -14,7 +14,7 @@ use super::table::TableReader;
 use crate::scene::{HISTORY, Scenario};
 
 /// What of the 110 frames is the current one, unless another is asked for: the last of the 50 that forecasters are shown.
-pub const CURRENT_FRAME: usize = 49;
+const CURRENT_FRAME: usize = 49;
 /// Longest map that is read: usual ones have some hundred kilobytes.
 const LONGEST_MAP: u64 = 1 << 26;
 /// How maps are named; the id of the scenario stands between.
@@ -43,23 +43,29 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path, CURRENT_FRAME)?;
+        let scenario = self.read_at(path, CURRENT_FRAME)?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || read(&path, CURRENT_FRAME));
+        let decode: Undecoded = Box::new(move || Argoverse2.read_at(&path, CURRENT_FRAME));
         Ok(Box::new(std::iter::once(Ok(decode))))
+    }
+
+    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
+        read(path, current_frame)
+    }
+
+    fn companions(&self, path: &Path) -> Vec<PathBuf> {
+        let map = Tracks::scenario_id(path).and_then(|id| map_beside(path, &id).ok());
+        map.into_iter().collect()
     }
 }
 
-/// Reads a scenario of which the frame `current` (from 10 on, counted from 0) is the current one; [`CURRENT_FRAME`] is usual. The ten frames
-/// before it are the history. What lacks of the 80 frames after it is counted in the scenario's repairs.
-///
-/// # Errors
-/// [`FormatError`] names the file, the column or key, and the row.
-pub fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
+/// Reads a scenario of which the frame `current` (from 10 on, counted from 0) is the current one. The ten frames before it are the history.
+/// What lacks of the 80 frames after it is counted in the scenario's repairs.
+fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
     if current + 1 < HISTORY {
         let cause = Cause::value("the current frame", current, "at least 10, so that there is a history");
         return Err(FormatError::file(path, cause));

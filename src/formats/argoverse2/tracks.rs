@@ -74,6 +74,15 @@ impl Tracks {
         Ok(tracks)
     }
 
+    /// The id of the scenario in a table, where it can be read: that of its first row.
+    pub(super) fn scenario_id(path: &Path) -> Option<String> {
+        let mut table = TableReader::open(path).ok()?;
+        table.only(&["scenario_id"]);
+        let batch = table.next_batch()?.ok()?;
+        let ids = View::need(&batch, "scenario_id", Leaf::Text, 0).ok()?;
+        (batch.num_rows() > 0).then(|| ids.text(0).map(str::to_owned)).flatten()
+    }
+
     fn add(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
         if self.rows + batch.num_rows() > MOST_ROWS {
             return Err(Cause::value("the number of rows", "more than a million", "one scenario"));

@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::layers;
 use super::map::Map;
+use super::sqlite::Database;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::read_whole;
 
@@ -37,6 +38,34 @@ pub(super) fn folder_for(log: &Path) -> Result<PathBuf, FormatError> {
         );
         FormatError::file(log, Cause::schema("the folder of the maps", "missing", expected))
     })
+}
+
+/// The name of the map that a log names.
+///
+/// # Errors
+/// [`Cause`] names the table, the column and the row.
+pub(super) fn name_in(log: &Database) -> Result<String, Cause> {
+    let mut only = None;
+    log.each("log", &["token", "map_version"], |row| {
+        let name = row.text(1)?;
+        let name = name.strip_suffix(".gpkg").unwrap_or(&name).to_owned();
+        if name.is_empty() || only.as_ref().is_some_and(|other| *other != name) {
+            return Err(row.wrong(1, "the name of one map"));
+        }
+        only = Some(name);
+        Ok(())
+    })?;
+    only.ok_or_else(|| Cause::schema("table `log`", "empty", "one row with the name of the map"))
+}
+
+/// Where the map of a log lies, in this folder of maps or that which belongs to the log.
+///
+/// # Errors
+/// [`FormatError`] when the log, or the list of maps, can not be read or does not name it.
+pub(super) fn beside(log: &Path, folder: Option<&Path>) -> Result<PathBuf, FormatError> {
+    let folder = folder.map_or_else(|| folder_for(log), |folder| Ok(folder.to_owned()))?;
+    let name = name_in(&Database::open(log)?).map_err(|cause| FormatError::file(log, cause))?;
+    path_of(&folder, &name)
 }
 
 /// The map of a name, read once while it is in use and kept for the next log.

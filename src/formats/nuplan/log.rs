@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::library;
 use super::sqlite::{Cells, Database};
 use super::token::Token;
 use crate::formats::error::{Cause, FormatError};
@@ -144,18 +145,7 @@ impl Log {
     }
 
     fn fill(&mut self, database: &Database) -> Result<(), Cause> {
-        database.each("log", &["token", "map_version"], |row| {
-            let name = row.text(1)?;
-            let name = name.strip_suffix(".gpkg").unwrap_or(&name).to_owned();
-            if name.is_empty() || !(self.map_name.is_empty() || self.map_name == name) {
-                return Err(row.wrong(1, "the name of one map"));
-            }
-            self.map_name = name;
-            Ok(())
-        })?;
-        if self.map_name.is_empty() {
-            return Err(Cause::schema("table `log`", "empty", "one row with the name of the map"));
-        }
+        self.map_name = library::name_in(database)?;
         let poses = self.sweeps(database)?;
         let of_token: BTreeMap<Token, usize> =
             self.frames.iter().enumerate().map(|(i, f)| (f.token, i)).collect();

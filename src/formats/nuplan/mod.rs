@@ -54,6 +54,15 @@ impl ScenarioFormat for NuPlan {
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         Ok(Box::new(Reader::open(path)?))
     }
+
+    fn companions(&self, path: &Path) -> Vec<PathBuf> {
+        let Ok(Reader { single, logs, maps: stated, .. }) = Reader::open(path) else { return Vec::new() };
+        let logs: Vec<PathBuf> = logs.collect();
+        let maps: BTreeSet<PathBuf> =
+            logs.iter().filter_map(|log| library::beside(log, stated.as_deref()).ok()).collect();
+        let logs = if single { Vec::new() } else { logs };
+        logs.into_iter().chain(maps).collect()
+    }
 }
 
 struct Reader {

@@ -61,14 +61,15 @@ impl ScenarioFormat for ScenarioNet {
         let decode: Undecoded = Box::new(move || read(&path, None));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
+
+    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
+        read(path, Some(current_frame))
+    }
 }
 
 /// Reads a scenario of which the frame `current` (from 10 on, counted from 0) is the current one; none asks for the frame that the file calls
 /// so, and frame 10 where it calls none. What lacks of the 80 frames after it is counted in the scenario's repairs.
-///
-/// # Errors
-/// [`FormatError`] names the file, the key and the row.
-pub fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
+fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
     let file = read_whole(path, LONGEST, "one scenario")?;
     let pickle = Pickle::read(&file)
         .map_err(|e| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {e}"))).at(0))?;

@@ -16,13 +16,15 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::{ChunkReader, Length};
 
-use super::{KIND, LARGEST_GROUP, SAID, SUMS, VERSION};
+use super::{KIND, LARGEST_GROUP, SAID, SUMS, VERSION, pages};
 use crate::formats::error::{Cause, FormatError};
 
 /// Rows that are decoded at a time.
 const BATCH: usize = 64;
 /// Longest footer that is believed.
 const LONGEST_FOOTER: u64 = 1 << 28;
+/// Most bytes that the longest pages of all columns may have together: as many are in memory at a time.
+const MOST_IN_MEMORY: u64 = 1 << 30;
 
 /// The row groups of a Parquet file.
 pub(crate) struct TableReader {
@@ -160,8 +162,9 @@ impl TableReader {
         }
         let data = load(&mut *self.file, group)?;
         let metadata = self.metadata.clone();
+        let mask = mask(&metadata, columns);
+        data.check(&metadata, index, &mask)?;
         let batch = guarded(|| {
-            let mask = mask(&metadata, columns);
             let mut batches = ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
                 .with_row_groups(vec![index])
                 .with_projection(mask)
@@ -202,8 +205,9 @@ impl TableReader {
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
             let (metadata, index) = (self.metadata.clone(), self.next);
+            let mask = mask(&metadata, self.columns);
+            data.check(&metadata, index, &mask)?;
             self.batches = Some(guarded(|| {
-                let mask = mask(&metadata, self.columns);
                 ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
                     .with_row_groups(vec![index])
                     .with_projection(mask)
@@ -344,6 +348,30 @@ struct Part {
 }
 
 impl Part {
+    /// Whether the pages of these columns can be decompressed within bounds.
+    fn check(
+        &self,
+        metadata: &ArrowReaderMetadata,
+        index: usize,
+        mask: &ProjectionMask,
+    ) -> Result<(), Cause> {
+        let mut total = 0_u64;
+        for (leaf, column) in metadata.metadata().row_group(index).columns().iter().enumerate() {
+            if !mask.leaf_included(leaf) {
+                continue;
+            }
+            let (start, length) = column.byte_range();
+            let chunk = self.slice(start, length as usize).map_err(|e| Cause::Undecodable(e.to_string()))?;
+            total += pages::check(&chunk, &column.column_path().string(), column.compression())?;
+            if total > MOST_IN_MEMORY {
+                let (found, most) =
+                    (format!("more than {} MiB", MOST_IN_MEMORY >> 20), "smaller pages: write the file anew");
+                return Err(Cause::value("the decompressed pages of a row group", found, most));
+            }
+        }
+        Ok(())
+    }
+
     fn slice(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
         let begin = start.checked_sub(self.start).and_then(|b| usize::try_from(b).ok());
         let range = begin.and_then(|b| Some(b..b.checked_add(length)?));

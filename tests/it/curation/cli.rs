@@ -10,10 +10,7 @@ use reactsim::scene::Scenario;
 use super::hand::{scenario, write};
 use crate::formats::proto::{self, Proto};
 use crate::generated::{deviating, parts, write as write_scenarios};
-
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
+use crate::program::{program, reactsim};
 
 fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
@@ -243,7 +240,7 @@ fn interrupted_it_keeps_what_is_finished() {
     let home = tempfile::tempdir().unwrap();
     let (input, out) = (home.path().join("s.parquet"), home.path().join("c.parquet"));
     write_scenarios(&input, (0..4000).map(|i| deviating(i, false)));
-    let mut child = Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+    let mut child = program()
         .args(["curate", text(&input), "--out", text(&out), "--jobs", "1", "--min-vehicles", "0"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

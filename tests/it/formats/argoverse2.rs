@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
-use reactsim::formats::{argoverse2, find_inputs, open, survey};
+use reactsim::evaluation::Registrar;
+use reactsim::formats::{Input, find_inputs, open, survey};
 use reactsim::geometry::Polygon;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, digests, good, refusal};
+use super::{Case, digests, good, read_at, refusal};
+use crate::program::reactsim;
 
 /// A row: track, class, time step, x, y, heading.
 type Row = (Option<&'static str>, &'static str, i64, f64, f64, Option<f64>);
@@ -150,16 +152,78 @@ fn fields_mean_what_they_say() {
 }
 
 #[test]
+fn maps_and_current_frames_count_in_the_record_of_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &rows(110), &map());
+    let input = find_inputs(&path).unwrap().remove(0);
+    let at = Input { current_frame: Some(29), ..input.clone() };
+    let record = |input: &Input| Registrar::default().record(input).unwrap();
+    let usual = record(&input);
+    assert_eq!(usual.companions[0].name, "log_map_archive_made-1.json");
+    assert_eq!((record(&at).current_frame, record(&at).blake3), (Some(29), usual.blake3.clone()));
+    assert_ne!(record(&at).digest(), usual.digest());
+    let mut other = map();
+    other["drivable_areas"] = json!({});
+    write(folder.path(), &rows(110), &other);
+    assert_eq!(record(&input).blake3, usual.blake3);
+    assert_ne!(record(&input).digest(), usual.digest());
+    // Without a map reading it will say so; the record does not.
+    fs::remove_file(folder.path().join("log_map_archive_made-1.json")).unwrap();
+    assert!(record(&input).companions.is_empty());
+    assert_eq!(record(&input).digest(), usual.blake3);
+}
+
+#[test]
+fn runs_and_pages_remember_the_current_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &rows(110), &map());
+    let out = folder.path().join("run");
+    let call = |arguments: &[&str]| {
+        let (path, out) = (path.to_str().unwrap(), out.to_str().unwrap());
+        let place = |a: &str| a.replace("PATH", path).replace("OUT", out);
+        let arguments: Vec<String> = arguments.iter().map(|a| place(a)).collect();
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let output = reactsim(&arguments);
+        let told = String::from_utf8(output.stderr).unwrap();
+        (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap() + &told)
+    };
+    let short = call(&["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT"]);
+    assert_eq!(short.0, 2, "{}", short.1);
+    assert!(short.1.contains("absent at step 61"), "{}", short.1);
+    fs::remove_dir_all(&out).unwrap();
+    let run = ["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT", "--keep-rollouts"];
+    let done = call(&[&run[..], &["--current-frame", "29"]].concat());
+    assert_eq!(done.0, 0, "{}", done.1);
+    let other = call(&[&run[..], &["--resume", "--current-frame", "28"]].concat());
+    assert!(other.0 == 2 && other.1.contains("current_frame"), "{}", other.1);
+    let page = folder.path().join("page.html");
+    let shown =
+        call(&["report", "OUT", "--format", "html", "--scenarios", "PATH", "--out", page.to_str().unwrap()]);
+    assert_eq!(shown.0, 0, "{}", shown.1);
+    assert!(!shown.1.contains("nothing of them can be drawn"), "{}", shown.1);
+    let told = call(&["inspect", "PATH", "--current-frame", "29"]);
+    assert!(told.0 == 0 && told.1.contains("made-1"), "{}", told.1);
+    let native = folder.path().join("made.parquet");
+    let (native, at) = (native.to_str().unwrap(), ["--current-frame", "29"]);
+    assert_eq!(call(&[&["convert", "PATH", "--out", native][..], &at].concat()).0, 0);
+    assert_eq!(good(Path::new(native))[0].digest(), read_at(&path, 29).unwrap().digest());
+    // Others say themselves which frame it is.
+    let fixed = call(&["inspect", native, "--current-frame", "29"]);
+    assert_eq!(fixed.0, 2, "{}", fixed.1);
+    assert!(fixed.1.contains("the current frame is 29, expected left out: scenarios of the format native"));
+}
+
+#[test]
 fn another_frame_can_be_the_current_one() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &rows(110), &map());
-    let s = argoverse2::read(&path, 29).unwrap();
+    let s = read_at(&path, 29).unwrap();
     assert!(s.log_future.tracks[0].iter().all(Option::is_some));
     assert!(!s.repairs.contains_key("frames at the end that are not recorded"));
     assert_eq!((s.origin.x, s.start.agents.len()), (529.0, 1), "the bus is not there yet");
-    let early = argoverse2::read(&path, 9).unwrap_err().to_string();
+    let early = read_at(&path, 9).unwrap_err().to_string();
     assert!(early.contains("the current frame is 9, expected at least 10"), "{early}");
-    let late = argoverse2::read(&path, 110).unwrap_err().to_string();
+    let late = read_at(&path, 110).unwrap_err().to_string();
     assert!(late.contains("the track `AV` is absent at time step 110"), "{late}");
     // The test split has the first 50 frames only.
     let s = read(&rows(50), &map()).unwrap();

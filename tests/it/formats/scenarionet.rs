@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::formats::{find_inputs, open, scenarionet, survey};
+use reactsim::formats::{find_inputs, open, survey};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, digests, good, refusal};
+use super::{Case, digests, good, read_at, refusal};
 
 /// Rows of numbers that become a numpy array.
 fn array(rows: Vec<Vec<f64>>) -> Value {
@@ -203,8 +203,8 @@ fn recordings_of_other_lengths() {
     // Another frame than the file says.
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &made(198));
-    assert_eq!(scenarionet::read(&path, Some(100)).unwrap().origin.x, 1110.0);
-    let error = scenarionet::read(&path, Some(9)).unwrap_err().to_string();
+    assert_eq!(read_at(&path, 100).unwrap().origin.x, 1110.0);
+    let error = read_at(&path, 9).unwrap_err().to_string();
     assert!(
         error.contains("the current frame is 9, expected a frame with ten before it, 10 to 197"),
         "{error}"

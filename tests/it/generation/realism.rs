@@ -78,6 +78,6 @@ fn the_recorded_figures_are_those_of_the_recordings() {
 
 fn tally(folder: &std::path::Path) -> Tally {
     let records = find_inputs(folder).unwrap().into_iter();
-    let records = records.flat_map(|i| i.format.open_undecoded(&i.path).unwrap());
+    let records = records.flat_map(|i| i.open_undecoded().unwrap());
     Measured::of(records.map(|r| move || r.and_then(|decode| decode())), 2, |e| panic!("{e}")).whole()
 }

@@ -1,16 +1,13 @@
 //! `reactsim train vocabulary`.
 
 use std::fs;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use reactsim::formats::native::Writer;
 use reactsim::models::ntp::tokens::{Class, MapVocabulary, Vocabulary};
 
 use super::building::scenarios;
-
-fn reactsim(arguments: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("reactsim")).args(arguments).output().unwrap()
-}
+use crate::program::reactsim;
 
 #[test]
 fn vocabularies_are_built_by_command() {

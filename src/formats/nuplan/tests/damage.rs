@@ -259,3 +259,18 @@ fn detection_is_by_content() {
     assert!(formats::find_inputs(&made.map).is_err(), "a map alone is no log");
     assert_eq!(formats::find_inputs(made.list.parent().unwrap().parent().unwrap()).unwrap().len(), 1);
 }
+
+#[test]
+fn what_else_is_read_is_told() {
+    let made = Made::new();
+    let companions = |path: &Path| formats::find_inputs(path).unwrap()[0].format.companions(path);
+    assert_eq!(companions(&made.log), [made.map.canonicalize().unwrap()]);
+    let selection = made.log.with_file_name("selection.json");
+    let content = r#"{"format": "reactsim-nuplan-v1", "logs": ["made.db"]}"#;
+    fs::write(&selection, content).unwrap();
+    let found: Vec<_> = companions(&selection).iter().map(|p| p.canonicalize().unwrap()).collect();
+    assert_eq!(found, [made.log.canonicalize().unwrap(), made.map.canonicalize().unwrap()]);
+    // What lacks is told when the log is read.
+    fs::remove_file(&made.list).unwrap();
+    assert_eq!(companions(&made.log), Vec::<std::path::PathBuf>::new());
+}

@@ -1,0 +1,129 @@
+//! Files by what they hold.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::EvaluationError;
+use crate::formats::Input;
+
+/// A file of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileRecord {
+    /// Name without its folder, so that a moved folder is no other input.
+    pub name: String,
+    /// Id of its format.
+    pub format: String,
+    /// Size.
+    pub bytes: u64,
+    /// BLAKE3 digest of its content.
+    pub blake3: String,
+    /// The current frame that was asked for; left out where it is the one that the format says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub current_frame: Option<usize>,
+    /// What else its scenarios are read from, such as maps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub companions: Vec<CompanionRecord>,
+}
+
+/// A file that scenarios of another file are read from too.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompanionRecord {
+    /// Name without its folder.
+    pub name: String,
+    /// Size.
+    pub bytes: u64,
+    /// BLAKE3 digest of its content.
+    pub blake3: String,
+}
+
+impl FileRecord {
+    /// Reads a file to its end for size and digest.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file.
+    pub fn of(path: &Path, format: &str) -> Result<Self, EvaluationError> {
+        let CompanionRecord { name, bytes, blake3 } = CompanionRecord::of(path)?;
+        let format = format.to_owned();
+        Ok(Self { name, format, bytes, blake3, current_frame: None, companions: Vec::new() })
+    }
+
+    /// The record of a file whose content is part of the program.
+    pub fn of_content(name: &str, format: &str, content: &[u8]) -> Self {
+        Self {
+            name: name.to_owned(),
+            format: format.to_owned(),
+            bytes: content.len() as u64,
+            blake3: blake3::hash(content).to_hex().to_string(),
+            current_frame: None,
+            companions: Vec::new(),
+        }
+    }
+
+    /// Digest of all that decides which scenarios are read: that of the content where nothing else does.
+    pub fn digest(&self) -> String {
+        if self.current_frame.is_none() && self.companions.is_empty() {
+            return self.blake3.clone();
+        }
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.blake3.as_bytes());
+        hasher.update(format!(" {:?}", self.current_frame).as_bytes());
+        for companion in &self.companions {
+            hasher.update(companion.blake3.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+impl CompanionRecord {
+    fn of(path: &Path) -> Result<Self, EvaluationError> {
+        let read = |source| EvaluationError::Read { path: path.to_owned(), source };
+        let mut file = File::open(path).map_err(read)?;
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = vec![0; 1 << 18];
+        let mut bytes = 0;
+        loop {
+            let n = file.read(&mut buffer).map_err(read)?;
+            if n == 0 {
+                break;
+            }
+            bytes += n as u64;
+            hasher.update(&buffer[..n]);
+        }
+        let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
+        Ok(Self { name: name.into_owned(), bytes, blake3: hasher.finalize().to_hex().to_string() })
+    }
+}
+
+/// Makes the records of inputs. Files that several of them share, such as maps, are read once.
+#[derive(Default)]
+pub struct Registrar {
+    companions: BTreeMap<PathBuf, CompanionRecord>,
+}
+
+impl Registrar {
+    /// The record of an input with all that it is read from.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file that can not be read. A companion that is missing is none: reading the scenarios will say
+    /// what lacks.
+    pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
+        let mut record = FileRecord::of(&input.path, input.format.id())?;
+        record.current_frame = input.current_frame;
+        for path in input.format.companions(&input.path) {
+            if let Some(known) = self.companions.get(&path) {
+                record.companions.push(known.clone());
+            } else if path.is_file() {
+                let companion = CompanionRecord::of(&path)?;
+                self.companions.insert(path, companion.clone());
+                record.companions.push(companion);
+            }
+        }
+        Ok(record)
+    }
+}

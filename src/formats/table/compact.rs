@@ -1,0 +1,145 @@
+//! The compact protocol of Apache Thrift, as much of it as headers of Parquet pages need.
+
+/// Most structures within one another.
+const DEEPEST: u32 = 16;
+
+/// Data that are read from their beginning. `None` everywhere stands for data that are of another form.
+pub(super) struct Compact<'a> {
+    data: &'a [u8],
+}
+
+impl<'a> Compact<'a> {
+    pub(super) fn new(data: &'a [u8]) -> Self {
+        Self { data }
+    }
+
+    /// What was not read yet.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.data
+    }
+
+    /// Id and kind of the next field of a structure, whose last field had the id `last`; `Some(None)` at its end.
+    pub(super) fn field(&mut self, last: &mut i64) -> Option<Option<(i64, u8)>> {
+        let head = self.byte()?;
+        if head == 0 {
+            return Some(None);
+        }
+        let step = i64::from(head >> 4);
+        *last = if step == 0 { self.whole()? } else { last.checked_add(step)? };
+        Some(Some((*last, head & 15)))
+    }
+
+    /// A whole number.
+    pub(super) fn whole(&mut self) -> Option<i64> {
+        let number = self.unsigned()?;
+        Some((number >> 1) as i64 ^ -((number & 1) as i64))
+    }
+
+    /// The value of a field of this kind that is a truth value: kinds hold it.
+    pub(super) fn flag(kind: u8) -> Option<bool> {
+        match kind {
+            1 => Some(true),
+            2 => Some(false),
+            _ => None,
+        }
+    }
+
+    /// Passes over the value of a field.
+    pub(super) fn skip(&mut self, kind: u8) -> Option<()> {
+        self.skip_at(kind, DEEPEST)
+    }
+
+    fn skip_at(&mut self, kind: u8, deep: u32) -> Option<()> {
+        let deep = deep.checked_sub(1)?;
+        match kind {
+            1 | 2 => {}
+            3 => _ = self.byte()?,
+            4..=6 => _ = self.unsigned()?,
+            7 => self.pass(8)?,
+            8 => {
+                let length = self.unsigned()?;
+                self.pass(length)?;
+            }
+            9 | 10 => {
+                let head = self.byte()?;
+                let count = if head >> 4 == 15 { self.unsigned()? } else { u64::from(head >> 4) };
+                for _ in 0..count {
+                    self.skip_element(head & 15, deep)?;
+                }
+            }
+            12 => {
+                let mut last = 0;
+                while let Some((_, kind)) = self.field(&mut last)? {
+                    self.skip_at(kind, deep)?;
+                }
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Elements of lists have their truth values in a byte of their own.
+    fn skip_element(&mut self, kind: u8, deep: u32) -> Option<()> {
+        if matches!(kind, 1 | 2) { self.pass(1) } else { self.skip_at(kind, deep) }
+    }
+
+    fn byte(&mut self) -> Option<u8> {
+        let (first, rest) = self.data.split_first()?;
+        self.data = rest;
+        Some(*first)
+    }
+
+    fn pass(&mut self, bytes: u64) -> Option<()> {
+        self.data = self.data.get(usize::try_from(bytes).ok()?..)?;
+        Some(())
+    }
+
+    fn unsigned(&mut self) -> Option<u64> {
+        let mut number = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.byte()?;
+            number |= u64::from(byte & 127) << shift;
+            if byte & 128 == 0 {
+                return Some(number);
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_read_and_passed_over() {
+        // {1: -3, 4: true, 5: {1: "ab"}, 6: [1, 2], 40: 300}, then another byte.
+        let data = [0x15, 5, 0x31, 0x1c, 0x18, 2, b'a', b'b', 0, 0x19, 0x25, 2, 4, 0x05, 80, 0xd8, 4, 0, 9];
+        let mut reader = Compact::new(&data);
+        let mut last = 0;
+        assert_eq!(reader.field(&mut last), Some(Some((1, 5))));
+        assert_eq!(reader.whole(), Some(-3));
+        assert_eq!(reader.field(&mut last), Some(Some((4, 1))));
+        assert_eq!(Compact::flag(1), Some(true));
+        for expected in [(5, 12), (6, 9)] {
+            let found = reader.field(&mut last).flatten().unwrap();
+            assert_eq!(found, expected);
+            reader.skip(found.1).unwrap();
+        }
+        assert_eq!(reader.field(&mut last), Some(Some((40, 5))));
+        assert_eq!(reader.whole(), Some(300));
+        assert_eq!(reader.field(&mut last), Some(None));
+        assert_eq!(reader.rest(), [9]);
+    }
+
+    #[test]
+    fn what_has_no_end_is_refused() {
+        assert_eq!(Compact::new(&[0x1c; 4096]).skip(12), None, "deep");
+        assert_eq!(Compact::new(&[0xf5, 0xff, 0xff, 0xff, 0xff, 15]).skip(9), None, "long list");
+        assert_eq!(Compact::new(&[255; 20]).whole(), None, "long number");
+        assert_eq!(Compact::new(&[200, 1, 7]).skip(8), None, "long text");
+        assert_eq!(Compact::new(&[]).field(&mut 0), None);
+        // A list of a billion truth values in no bytes.
+        assert_eq!(Compact::new(&[0xf1, 0x80, 0x94, 0xeb, 0xdc, 3]).skip(9), None);
+    }
+}

@@ -1,0 +1,13 @@
+//! The program as its user calls it.
+
+use std::process::{Command, Output};
+
+/// The program that was built with these tests.
+pub(crate) fn program() -> Command {
+    Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
+}
+
+/// What it answers to these arguments.
+pub(crate) fn reactsim(arguments: &[&str]) -> Output {
+    program().args(arguments).output().unwrap()
+}
