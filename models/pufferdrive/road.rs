@@ -4,6 +4,7 @@ use reactsim::geometry::{Bounds, Grid, Vec2};
 use reactsim::scene::RoadMap;
 
 use super::network::ROAD;
+use crate::models::ntp::tokens::edge_rings;
 
 /// Rows for pieces of the road.
 pub(super) const ROWS: usize = 200;
@@ -56,11 +57,8 @@ impl Pieces {
         }
         // Maps that have no edges have drivable ground.
         if map.road_edges.is_empty() {
-            for area in map.drivable_area.iter().flatten() {
-                for ring in std::iter::once(&area.exterior).chain(&area.holes) {
-                    let closed: Vec<Vec2> = ring.iter().chain(ring.first()).copied().collect();
-                    cut(&closed, EDGE, &mut pieces);
-                }
+            for (ring, _) in edge_rings(map) {
+                cut(&ring, EDGE, &mut pieces);
             }
         }
         let bounds: Vec<Bounds> = pieces.iter().map(|p| Bounds::around(p.middle, 0.0)).collect();

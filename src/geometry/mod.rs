@@ -1,4 +1,4 @@
-//! Plane geometry: angles, oriented boxes, polylines, polygons, oriented edges and a spatial index.
+//! Plane geometry: angles, oriented boxes, polylines, polygons and their union, oriented edges and a spatial index.
 //!
 //! Knows numbers only; never agents, lanes or scenarios. Metres, radians counter-clockwise, right-handed frames.
 
@@ -9,6 +9,7 @@ pub mod math;
 mod obb;
 mod polygon;
 mod polyline;
+mod union;
 
 pub use angle::{direction, heading_of, into_frame, left, signed_angle_between, wrap};
 pub use edges::{NearestEdge, OrientedEdges};
@@ -16,6 +17,7 @@ pub use grid::{Bounds, Grid};
 pub use obb::{OrientedBox, rounded_distance};
 pub use polygon::{Polygon, point_in_ring, ring_distance};
 pub use polyline::{Polyline, PolylineError, Projection};
+pub use union::{GRID, on_grid, ring_area, union, union_of};
 
 /// A point or a vector in the plane, in metres (or metres per second for velocities).
 pub type Vec2 = nalgebra::Vector2<f64>;

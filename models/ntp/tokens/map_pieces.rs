@@ -1,6 +1,6 @@
 //! The map as our own network sees it: pieces of lines, each as eleven points.
 
-use reactsim::geometry::{Bounds, Polygon, Polyline, Vec2, ring_distance};
+use reactsim::geometry::{Bounds, Polygon, Polyline, Vec2, union_of};
 use reactsim::scene::{LaneClass, LaneKind, RoadEdgeKind, RoadMap, StopKind};
 
 /// Points of a piece.
@@ -90,7 +90,10 @@ pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
         cutter.cut_points(&edge.points, kind, None);
     }
     if map.road_edges.is_empty() {
-        cutter.cut_drivable_area(map);
+        for (ring, is_hole) in edge_rings(map) {
+            let kind = if is_hole { PieceKind::EdgeMedian } else { PieceKind::EdgeBoundary };
+            cutter.cut_points(&ring, kind, None);
+        }
     }
     for line in &map.stop_lines {
         let kind = match line.kind {
@@ -106,14 +109,16 @@ pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
     cutter.pieces
 }
 
-/// The rings of the drivable area, closed, with the area on their left, and whether they cut something out of it.
+/// The rings around the drivable area, closed, with the area on their left, and whether they cut something out of it. Where its polygons
+/// overlap or touch there is none.
 pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
     let area = map.drivable_area.as_deref().unwrap_or_default();
+    let merged = union_of(area).unwrap_or_else(|| area.to_vec());
     let rings = |p: &Polygon| {
         let holes = p.holes.iter().map(|hole| (oriented(hole, false), true));
         std::iter::once((oriented(&p.exterior, true), false)).chain(holes).collect::<Vec<_>>()
     };
-    area.iter().flat_map(rings).collect()
+    merged.iter().flat_map(rings).collect()
 }
 
 /// A ring that ends where it begins.
@@ -173,26 +178,4 @@ impl Cutter {
             from = to;
         }
     }
-
-    /// Pieces along the edge of the drivable area, without those that lie inside another one of its polygons.
-    fn cut_drivable_area(&mut self, map: &RoadMap) {
-        let first = self.pieces.len();
-        for (ring, is_hole) in edge_rings(map) {
-            let kind = if is_hole { PieceKind::EdgeMedian } else { PieceKind::EdgeBoundary };
-            self.cut_points(&ring, kind, None);
-        }
-        let area = map.drivable_area.as_deref().unwrap_or_default();
-        let bounds: Vec<Bounds> = area.iter().map(Polygon::bounds).collect();
-        let inside = |p: Vec2| {
-            area.iter().zip(&bounds).any(|(polygon, b)| b.contains(p) && strictly_inside(polygon, p))
-        };
-        let rest = self.pieces.split_off(first);
-        self.pieces.extend(rest.into_iter().filter(|p| !inside(p.points[PIECE_POINTS / 2])));
-    }
-}
-
-/// Whether a point lies inside a polygon, and not nearly on its edge.
-fn strictly_inside(polygon: &Polygon, p: Vec2) -> bool {
-    let mut rings = std::iter::once(&polygon.exterior).chain(&polygon.holes);
-    polygon.contains(p) && rings.all(|ring| ring_distance(p, ring) > 1e-3)
 }

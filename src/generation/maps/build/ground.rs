@@ -1,76 +1,8 @@
 //! The drivable ground: the union of surfaces, and the road edges around it.
 
-use i_overlay::core::fill_rule::FillRule;
-use i_overlay::core::overlay::{Overlay, ShapeType};
-use i_overlay::core::overlay_rule::OverlayRule;
-use i_overlay::i_float::int::point::IntPoint;
-
+pub use crate::geometry::{GRID, on_grid, ring_area as area, union};
 use crate::geometry::{Polygon, Vec2, point_segment};
 use crate::scene::{RoadEdge, RoadEdgeKind};
-
-/// Points of maps are multiples of this, metres: finer than any survey, and files stay small.
-pub const GRID: f64 = 1.0 / 1024.0;
-
-/// The point moved to the grid.
-pub fn on_grid(p: Vec2) -> Vec2 {
-    Vec2::new((p.x / GRID).round() * GRID, (p.y / GRID).round() * GRID)
-}
-
-/// Holes and islets smaller than this are slivers between surfaces, square metres.
-const SLIVER: f64 = 2.0;
-
-/// The union of rings, any orientation, less the union of `cut`. Exteriors run counter-clockwise, holes clockwise; all points lie on the grid,
-/// and the arithmetic is whole numbers, so the result is the same everywhere.
-pub fn union(rings: &[Vec<Vec2>], cut: &[Vec<Vec2>]) -> Vec<Polygon> {
-    let mut overlay: Overlay<i32> = Overlay::new(rings.iter().chain(cut).map(Vec::len).sum());
-    let mut contour = Vec::new();
-    for (list, kind) in [(rings, ShapeType::Subject), (cut, ShapeType::Clip)] {
-        for ring in list {
-            contour.clear();
-            contour.extend(
-                ring.iter().map(|p| IntPoint::new((p.x / GRID).round() as i32, (p.y / GRID).round() as i32)),
-            );
-            // Nonzero winding adds up over rings, so all must turn the same way.
-            if area(ring) < 0.0 {
-                contour.reverse();
-            }
-            overlay.add_contour(&contour, kind);
-        }
-    }
-    let back = |c: &[IntPoint<i32>]| -> Vec<Vec2> {
-        c.iter().map(|p| Vec2::new(f64::from(p.x) * GRID, f64::from(p.y) * GRID)).collect()
-    };
-    let rule = if cut.is_empty() { OverlayRule::Subject } else { OverlayRule::Difference };
-    let shapes = overlay.overlay(rule, FillRule::NonZero);
-    let mut polygons = Vec::with_capacity(shapes.len());
-    for shape in &shapes {
-        let mut contours = shape.iter().map(|c| back(c)).filter(|c| area(c).abs() >= SLIVER);
-        let Some(mut exterior) = contours.next() else { continue };
-        let mut holes: Vec<Vec<Vec2>> = contours.collect();
-        if area(&exterior) < 0.0 {
-            exterior.reverse();
-        }
-        for hole in &mut holes {
-            if area(hole) > 0.0 {
-                hole.reverse();
-            }
-        }
-        polygons.push(Polygon { exterior, holes });
-    }
-    polygons
-}
-
-/// The area of a ring, square metres, positive counter-clockwise.
-pub fn area(ring: &[Vec2]) -> f64 {
-    let Some(mut a) = ring.last().copied() else { return 0.0 };
-    // Relative to a point of the ring, so that far rings lose no digits.
-    let (o, mut sum) = (a, 0.0);
-    for &b in ring {
-        sum += (a - o).perp(&(b - o));
-        a = b;
-    }
-    0.5 * sum
-}
 
 /// The rings of polygons as road edges: the drivable side lies on the left. Where a stretch of a ring lies on a gate, an end of a road
 /// at the border of the map, there is no edge.
