@@ -252,6 +252,14 @@ mod tests {
     }
 
     #[test]
+    fn large_items_do_not_stand_in_every_cell() {
+        let whole = Bounds { min: Vec2::new(-1e5, -1e5), max: Vec2::new(1e5, 1e5) };
+        let grid = Grid::new(&[whole; 3000], 6.0);
+        assert!(grid.items.len() <= 4_000_000, "{}", grid.items.len());
+        assert_eq!(grid.at(Vec2::new(99_999.0, 0.0)).len(), 3000);
+    }
+
+    #[test]
     fn an_empty_grid_answers() {
         let grid = Grid::new(&[], 4.0);
         assert!(grid.at(Vec2::zeros()).is_empty());
