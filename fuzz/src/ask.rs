@@ -75,7 +75,12 @@ fn shown(error: &FormatError) {
     let text = error.to_string();
     assert!(!text.is_empty(), "an empty message");
     assert!(!text.chars().any(char::is_control), "control characters in {text:?}");
-    assert!(text.len() < LONGEST_MESSAGE, "a message of {} bytes: {}", text.len(), &text[..text.floor_char_boundary(400)]);
+    assert!(
+        text.len() < LONGEST_MESSAGE,
+        "a message of {} bytes: {}",
+        text.len(),
+        &text[..text.floor_char_boundary(400)]
+    );
 }
 
 fn finite(what: &str, points: &[Vec2]) {
@@ -100,7 +105,9 @@ fn holds(scenario: &Scenario) {
     assert!(scenario.timestamps.iter().all(|t| t.is_finite()));
     assert_eq!(start.agents.len(), start.history.len());
     for (i, agent) in start.agents.iter().enumerate() {
-        assert!(agent.length > 0.0 && agent.width > 0.0 && agent.length.is_finite() && agent.width.is_finite());
+        assert!(
+            agent.length > 0.0 && agent.width > 0.0 && agent.length.is_finite() && agent.width.is_finite()
+        );
         track(&agent.id, &start.history[i]);
         track(&agent.id, &scenario.log_future.tracks[i]);
         assert_eq!(start.history[i].len() + scenario.log_future.tracks[i].len(), FRAMES);
@@ -141,7 +148,14 @@ fn map(scenario: &Scenario) {
         }
         assert!(lane.speed_limit.is_none_or(|v| v.is_finite() && v > 0.0));
         let beside = lane.left.iter().chain(&lane.right).map(|n| n.lane);
-        assert!(lane.successors.iter().chain(&lane.predecessors).copied().chain(beside).all(|l| l < map.lanes.len()));
+        assert!(
+            lane.successors
+                .iter()
+                .chain(&lane.predecessors)
+                .copied()
+                .chain(beside)
+                .all(|l| l < map.lanes.len())
+        );
     }
     map.road_edges.iter().for_each(|e| finite("an edge", &e.points));
     map.road_lines.iter().for_each(|l| finite("a line", &l.points));

@@ -13,7 +13,9 @@ const MOST: usize = 8;
 pub fn apply(data: &[u8], files: [&mut PathBuf; 2]) {
     let open = |path: &mut PathBuf| {
         let connection = Connection::open(path).expect("a good database");
-        connection.execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF").expect("a good database");
+        connection
+            .execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF")
+            .expect("a good database");
         connection
     };
     let databases = files.map(open);
@@ -51,7 +53,9 @@ fn edit(bytes: &mut Unstructured<'_>, databases: &[Connection; 2]) -> Result<()>
             // A part of what was there, with other bytes in it.
             let cut = bytes.int_in_range(0..=60)?;
             let other = Value::Blob(bytes.arbitrary::<[u8; 4]>()?.to_vec());
-            let sql = format!("UPDATE {table} SET {column} = CAST(substr({column}, 1, {cut}) || ?1 || substr({column}, {cut} + 5) AS BLOB) WHERE {row}");
+            let sql = format!(
+                "UPDATE {table} SET {column} = CAST(substr({column}, 1, {cut}) || ?1 || substr({column}, {cut} + 5) AS BLOB) WHERE {row}"
+            );
             (sql, vec![other])
         }
         6 => (format!("DELETE FROM {table} WHERE {row}"), vec![]),
@@ -68,9 +72,21 @@ fn edit(bytes: &mut Unstructured<'_>, databases: &[Connection; 2]) -> Result<()>
 }
 
 fn value(bytes: &mut Unstructured<'_>) -> Result<Value> {
-    const WHOLE: [i64; 12] = [0, 1, -1, 2, 3, i64::MAX, i64::MIN, 32_631, 4326, 50_000, 9_007_199_254_740_993, 1_000_000_000];
-    const REAL: [f64; 10] = [0.0, -0.0, 1e-300, 1e300, f64::INFINITY, f64::NEG_INFINITY, 9e15, 0.5, -1e9, 500_000.0];
-    const TEXT: [&str; 9] = ["", " ", "1, 2", "epsg:32631", "EPSG: 32660", "../x", "\u{1}\n\u{7f}\u{9b}", "9223372036854775808", "MergedPointCloud"];
+    const WHOLE: [i64; 12] =
+        [0, 1, -1, 2, 3, i64::MAX, i64::MIN, 32_631, 4326, 50_000, 9_007_199_254_740_993, 1_000_000_000];
+    const REAL: [f64; 10] =
+        [0.0, -0.0, 1e-300, 1e300, f64::INFINITY, f64::NEG_INFINITY, 9e15, 0.5, -1e9, 500_000.0];
+    const TEXT: [&str; 9] = [
+        "",
+        " ",
+        "1, 2",
+        "epsg:32631",
+        "EPSG: 32660",
+        "../x",
+        "\u{1}\n\u{7f}\u{9b}",
+        "9223372036854775808",
+        "MergedPointCloud",
+    ];
     Ok(match bytes.int_in_range(0..=7)? {
         0 => Value::Null,
         1 => Value::Integer(*bytes.choose(&WHOLE)?),

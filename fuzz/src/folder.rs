@@ -17,7 +17,9 @@ pub fn folder() -> &'static Path {
         for entry in fs::read_dir(&above).into_iter().flatten().flatten() {
             let name = entry.file_name();
             let process = name.to_str().and_then(|n| n.strip_prefix(NAME));
-            if process.is_some_and(|p| Path::new("/proc/self").exists() && !Path::new("/proc").join(p).exists()) {
+            if process
+                .is_some_and(|p| Path::new("/proc/self").exists() && !Path::new("/proc").join(p).exists())
+            {
                 // One that another process removes at the same time is gone as well.
                 fs::remove_dir_all(entry.path()).ok();
             }

@@ -23,6 +23,8 @@ const MOST_TURNED: f64 = 6300.0;
 const LONGEST_NAME: usize = 1000;
 /// Most comparisons of links when lanes without extent are taken out: real maps have a few of them.
 const MOST_JOINED: usize = 50_000_000;
+/// Most segments of lanes that are looked at to find where stop lines cross them.
+const MOST_PROJECTED: usize = 200_000_000;
 /// By how much the median step of the timestamps may miss 0.1 s, as a share of it.
 const STEP_TOLERANCE: f64 = 0.1;
 
@@ -76,6 +78,7 @@ impl Scenario {
         }
 
         let mut stop_lines = Vec::new();
+        let mut left_to_project = MOST_PROJECTED;
         for (i, line) in parts.map.stop_lines.into_iter().enumerate() {
             let Some(&lane) = names.get(line.lane.as_str()) else {
                 builder.repaired("stop lines on missing lanes");
@@ -83,6 +86,11 @@ impl Scenario {
             };
             let at = builder.point(&format!("map.stop_lines[{i}].at"), line.at)?;
             let baseline = &lanes[lane].baseline;
+            left_to_project = left_to_project.checked_sub(baseline.segments()).ok_or_else(|| {
+                let found =
+                    format!("one too many on lanes of many points, the last one of {}", baseline.segments());
+                builder.error(format!("map.stop_lines[{i}]"), found, "a few stop lines on each lane")
+            })?;
             let s = baseline.project(at).s;
             let half = match lanes[lane].area {
                 LaneArea::Corridor { half_width } => half_width,

@@ -16,10 +16,12 @@ fn main() -> std::io::Result<()> {
     for name in ["crossing.json", "merge.json", "platoon.json"] {
         json.push(fs::read(mini.join(name))?);
     }
-    let selection = |keys: &str| format!(r#"{{"format": "reactsim-nuplan-v1", "logs": ["logs"]{keys}}}"#).into_bytes();
+    let selection =
+        |keys: &str| format!(r#"{{"format": "reactsim-nuplan-v1", "logs": ["logs"]{keys}}}"#).into_bytes();
     let list = [selection("").as_slice(), &[0], made::LIST.as_bytes()].concat();
     // Told by bytes: a database, a table, a column, rows, what is done. Any bytes tell something.
-    let edits = (0..20_u8).map(|i| (0..64_u8).map(|k| k.wrapping_mul(i.wrapping_mul(37) | 1).wrapping_add(i)).collect());
+    let edits = (0..20_u8)
+        .map(|i| (0..64_u8).map(|k| k.wrapping_mul(i.wrapping_mul(37) | 1).wrapping_add(i)).collect());
     let all: Vec<(&str, Vec<Vec<u8>>)> = vec![
         ("womd", vec![womd, few]),
         ("womd_raw", vec![zstd::encode_all(&framed[..], 1)?, gzip.finish()?, framed]),

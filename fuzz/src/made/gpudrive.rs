@@ -34,7 +34,10 @@ fn scenario(objects: Value) -> Value {
 
 /// A GPUDrive file.
 pub fn new() -> Vec<u8> {
-    let mut made = scenario(json!([object(Some(7), "vehicle", 1000.0, 3, 0.1), object(Some(8), "pedestrian", 1010.0, 0, 0.1)]));
+    let mut made = scenario(json!([
+        object(Some(7), "vehicle", 1000.0, 3, 0.1),
+        object(Some(8), "pedestrian", 1010.0, 0, 0.1)
+    ]));
     made["scenario_id"] = json!("made");
     made["metadata"] = json!({"sdc_track_index": 1, "objects_of_interest": [7], "tracks_to_predict": [{"track_index": 0, "difficulty": 0}]});
     made.to_string().into_bytes()
@@ -42,5 +45,7 @@ pub fn new() -> Vec<u8> {
 
 /// A Nocturne file: degrees, no ids.
 pub fn old() -> Vec<u8> {
-    scenario(json!([object(None, "cyclist", 1000.0, 3, 90.0), object(None, "vehicle", 1010.0, 0, 90.0)])).to_string().into_bytes()
+    scenario(json!([object(None, "cyclist", 1000.0, 3, 90.0), object(None, "vehicle", 1010.0, 0, 90.0)]))
+        .to_string()
+        .into_bytes()
 }

@@ -19,7 +19,12 @@ pub use scenarionet::made as scenarionet;
 
 /// A Waymo message, and another one with less in it.
 pub fn womd() -> [Vec<u8>; 2] {
-    let few = proto::Proto { tracks: vec![(8, 1, 5000.0, 0.0, 5.0, 0..91)], lights: vec![], sdc: 0, ..Default::default() };
+    let few = proto::Proto {
+        tracks: vec![(8, 1, 5000.0, 0.0, 5.0, 0..91)],
+        lights: vec![],
+        sdc: 0,
+        ..Default::default()
+    };
     [proto::Proto::default().encode(), few.encode()]
 }
 

@@ -4,7 +4,11 @@ use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
+use parquet::arrow::ArrowWriter;
 
 use super::proto::{self, Proto};
 use super::{HAND_WRITTEN, digests};
@@ -153,6 +157,43 @@ fn few_words_that_mean_much() {
     let many = HAND_WRITTEN.replacen("\"agents\": [", &format!("\"agents\": [{}", agent.repeat(10_001)), 1);
     let said = told("f.json", many.as_bytes());
     assert!(said.contains("the number of `agents` is 10004, expected at most 10000"), "{said}");
+}
+
+#[test]
+fn many_stop_lines_on_a_long_lane() {
+    let points: Vec<String> = (0..20_000).map(|i| format!("[{i}, 0]")).collect();
+    let text = with_lanes(&format!(r#"{{"id": "1", "points": [{}]}}"#, points.join(",")));
+    let lines = vec![r#"{"kind": "yield", "lane": "1", "at": [0, 0]}"#; 20_000].join(",");
+    let text = text.replacen("\"stop_lines\": [", &format!("\"stop_lines\": [{lines},"), 1);
+    let said = told("f.json", text.as_bytes());
+    assert!(said.contains("map.stop_lines[10000] is one too many on lanes of many points"), "{said}");
+}
+
+#[test]
+fn a_table_of_many_tracks() {
+    let n = 10_001;
+    let numbers = |v: f64| Arc::new(Float64Array::from(vec![v; n])) as ArrayRef;
+    let texts =
+        |of: &dyn Fn(usize) -> String| Arc::new(StringArray::from_iter_values((0..n).map(of))) as ArrayRef;
+    let batch = RecordBatch::try_from_iter([
+        ("track_id", texts(&|i| i.to_string())),
+        ("object_type", texts(&|_| "vehicle".into())),
+        ("timestep", Arc::new(Int64Array::from(vec![49; n])) as ArrayRef),
+        ("position_x", numbers(0.0)),
+        ("position_y", numbers(0.0)),
+        ("heading", numbers(0.0)),
+        ("scenario_id", texts(&|_| "made".into())),
+    ])
+    .unwrap();
+    let mut file = Vec::new();
+    let mut writer = ArrowWriter::try_new(&mut file, batch.schema(), None).unwrap();
+    writer.write(&batch).unwrap();
+    writer.close().unwrap();
+    let said = told("f.parquet", &file);
+    assert!(
+        said.contains("`track_id` in row 10000 is `10000`, one more, expected one of at most 10000 tracks"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -21,7 +21,10 @@ fn small(path: &Path, sql: &str) -> Vec<u8> {
 
 /// A log with one scenario.
 pub fn log() -> Vec<u8> {
-    small(&tests::made().log, "DELETE FROM lidar_box WHERE rowid > 90; DELETE FROM traffic_light_status WHERE rowid > 40")
+    small(
+        &tests::made().log,
+        "DELETE FROM lidar_box WHERE rowid > 90; DELETE FROM traffic_light_status WHERE rowid > 40",
+    )
 }
 
 /// Its map.

@@ -65,6 +65,24 @@ fn a_cell_that_is_longer_than_any_outline() {
 }
 
 #[test]
+fn lists_and_windows_of_many() {
+    let made = Made::new()
+        .map("UPDATE stop_polygons SET lane_connector_fids = replace(hex(zeroblob(20000)), '00', '3,')");
+    let said = soon(&made);
+    assert!(
+        said.contains("`stop_polygons.lane_connector_fids` of row 7") && said.contains("at most 1000 fids"),
+        "{said}"
+    );
+    let made = Made::new().log(
+        "WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < 10000) \
+         INSERT INTO track SELECT CAST(printf('u%07d', i) AS BLOB), (SELECT min(token) FROM category) FROM n; \
+         INSERT INTO lidar_box SELECT token, x'7000000000000014', token, 1, 1, 1, 1, 0, 0, 0 FROM track WHERE token > x'75'",
+    );
+    let said = soon(&made);
+    assert!(said.contains("a box of one of at most 10000 objects in 91 frames"), "{said}");
+}
+
+#[test]
 fn noise_behind_a_sound_header() {
     let made = Made::new();
     let mut file = fs::read(&made.log).unwrap();
