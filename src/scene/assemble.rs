@@ -39,7 +39,7 @@ impl Scenario {
     /// or farther than 100 km from the AV, negative sizes, ids that are repeated, empty, or no names.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut builder = Builder { id: parts.id.clone(), shift: Vec2::zeros(), repairs: BTreeMap::new() };
-        builder.name("id".into(), &parts.id)?;
+        builder.name(|| "id".into(), &parts.id)?;
         builder.check_time(&parts.timestamps)?;
         builder.check_agents(&parts)?;
         let av_now = match parts.agents[parts.av].track[CURRENT] {
@@ -224,13 +224,13 @@ impl Builder {
     }
 
     /// Names are shown to people, and are those of files.
-    fn name(&self, field: String, name: &str) -> Result<(), SceneError> {
+    fn name(&self, field: impl Fn() -> String, name: &str) -> Result<(), SceneError> {
         if !name.is_empty() && name.len() <= LONGEST_NAME && !name.contains(char::is_control) {
             return Ok(());
         }
         let begin: String = name.chars().take(60).collect();
         let found = format!("`{}` ({} bytes)", begin.escape_debug(), name.len());
-        Err(self.error(field, found, "a name of 1 to 1000 bytes without control characters"))
+        Err(self.error(field(), found, "a name of 1 to 1000 bytes without control characters"))
     }
 
     fn check_time(&self, timestamps: &[f64]) -> Result<(), SceneError> {
@@ -278,7 +278,7 @@ impl Builder {
                     return Err(self.error(field, size, "a size of at least 0 and less than 1000 m"));
                 }
             }
-            self.name(format!("agents[{i}].id"), &agent.id)?;
+            self.name(|| format!("agents[{i}].id"), &agent.id)?;
             if !seen.insert(agent.id.as_str()) {
                 return Err(self.error(
                     format!("agents[{i}].id"),
@@ -352,7 +352,7 @@ impl Builder {
     fn lanes(&mut self, mut parts: Vec<LaneParts>) -> Result<Vec<Lane>, SceneError> {
         let mut seen = BTreeSet::new();
         for (i, lane) in parts.iter().enumerate() {
-            self.name(format!("map.lanes[{i}].id"), &lane.id)?;
+            self.name(|| format!("map.lanes[{i}].id"), &lane.id)?;
             if !seen.insert(lane.id.clone()) {
                 return Err(self.error(
                     format!("map.lanes[{i}].id"),
@@ -441,14 +441,18 @@ impl Builder {
             let gone = lanes.remove(i);
             self.repaired("lanes without extent");
             for lane in lanes.iter_mut() {
-                let after = join(&mut lane.successors, &gone.id, &gone.successors, &lane.id);
-                let before = join(&mut lane.predecessors, &gone.id, &gone.predecessors, &lane.id);
-                let compared = 1 + after + before + lane.left.len() + lane.right.len();
+                let compared = 1
+                    + comparisons(&lane.successors, &gone.id, &gone.successors)
+                    + comparisons(&lane.predecessors, &gone.id, &gone.predecessors)
+                    + lane.left.len()
+                    + lane.right.len();
                 let Some(less) = left.checked_sub(compared) else {
                     let found = "too many lanes without extent, or links through them".to_owned();
                     return Err(self.error("map.lanes".into(), found, "lanes of two points or more"));
                 };
                 left = less;
+                join(&mut lane.successors, &gone.id, &gone.successors, &lane.id);
+                join(&mut lane.predecessors, &gone.id, &gone.predecessors, &lane.id);
                 lane.left.retain(|n| n.lane != gone.id);
                 lane.right.retain(|n| n.lane != gone.id);
             }
@@ -457,11 +461,18 @@ impl Builder {
     }
 }
 
-/// Replaces the link `gone` by `instead`, without repeats and without a link to `own` itself. Returns how many comparisons that
-/// takes at most.
-fn join(links: &mut Vec<String>, gone: &str, instead: &[String], own: &str) -> usize {
+/// How many comparisons [`join`] takes, about.
+fn comparisons(links: &[String], gone: &str, instead: &[String]) -> usize {
     if !links.iter().any(|l| l == gone) {
         return links.len();
+    }
+    (instead.len() + 1).saturating_mul(links.len() + instead.len()).min(usize::MAX / 4)
+}
+
+/// Replaces the link `gone` by `instead`, without repeats and without a link to `own` itself.
+fn join(links: &mut Vec<String>, gone: &str, instead: &[String], own: &str) {
+    if !links.iter().any(|l| l == gone) {
+        return;
     }
     links.retain(|l| l != gone);
     for link in instead {
@@ -469,7 +480,6 @@ fn join(links: &mut Vec<String>, gone: &str, instead: &[String], own: &str) -> u
             links.push(link.clone());
         }
     }
-    (instead.len() + 1).saturating_mul(links.len() + 1)
 }
 
 /// The path of a state, made only when its position will be refused (this runs for every recorded state).

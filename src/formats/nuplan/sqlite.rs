@@ -18,7 +18,7 @@ const MAGIC: &[u8] = b"SQLite format 3\0";
 const HEADER: usize = 100;
 /// How many steps of SQLite's machine are between two questions of whether it should go on.
 const STEPS: i32 = 10_000;
-/// Most steps for each byte of a file, and for the whole of a short one: what is sound takes one step or two for each byte.
+/// Most steps for each byte of a file, and for the whole of a short one: what is sound takes less than one for each byte.
 const MOST_STEPS: (u64, u64) = (16, 10_000_000);
 /// The longest text or blob that is read: the outline of a whole city is shorter.
 const LONGEST: i32 = 64 << 20;

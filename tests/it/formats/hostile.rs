@@ -203,6 +203,15 @@ fn lanes_without_extent_in_long_chains() {
         .collect();
     let said = told("f.json", with_lanes(&lanes.join(",")).as_bytes());
     assert!(said.contains("map.lanes is too many lanes without extent"), "{said}");
+    // Two lists only, but long ones.
+    let to = |name: &str| (0..50_000).map(|i| format!("\"{name}{i}\"")).collect::<Vec<_>>().join(",");
+    let two = format!(
+        r#"{{"id": "1", "points": [[0, 0], [1, 0]], "successors": ["2", {}]}}, {{"id": "2", "points": [], "successors": [{}]}}"#,
+        to("a"),
+        to("b")
+    );
+    let said = told("f.json", with_lanes(&two).as_bytes());
+    assert!(said.contains("or links through them"), "{said}");
     // Many lanes that lead to one another are read.
     let lanes: Vec<String> = (0..20_000)
         .map(|i| {
