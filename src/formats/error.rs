@@ -1,6 +1,6 @@
 //! What can be wrong with a file.
 
-use std::fmt;
+use std::fmt::{self, Write};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -156,19 +156,66 @@ impl FormatError {
 
 impl fmt::Display for FormatError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.path.display())?;
+        let mut line = Line { to: f, left: LONGEST_MESSAGE };
+        write!(line, "{}", self.path.display())?;
         if let Some(record) = self.record {
-            write!(f, ": record {record}")?;
+            write!(line, ": record {record}")?;
         }
         if let Some(scenario) = &self.scenario {
-            write!(f, ": scenario `{scenario}`")?;
+            write!(line, ": scenario `{scenario}`")?;
         }
-        write!(f, ": {}", self.cause)
+        write!(line, ": {}", self.cause)
+    }
+}
+
+/// Most characters of a message: what a file holds is quoted, and may be as long as the file.
+const LONGEST_MESSAGE: usize = 4000;
+
+/// Text of a file as part of a line that is shown: what would steer a terminal is spelled out, what is too long is cut.
+struct Line<'a, 'b> {
+    to: &'a mut fmt::Formatter<'b>,
+    left: usize,
+}
+
+impl Write for Line<'_, '_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for c in text.chars().take(self.left) {
+            // Besides control characters the breaks of lines and the directions of writing.
+            if c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}') {
+                write!(self.to, "{}", c.escape_unicode())?;
+            } else {
+                self.to.write_char(c)?;
+            }
+            self.left -= 1;
+            if self.left == 0 {
+                self.to.write_str(" …")?;
+            }
+        }
+        Ok(())
     }
 }
 
 impl std::error::Error for FormatError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         std::error::Error::source(self.cause.as_ref())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_one_line_that_steers_nothing() {
+        let cause = Cause::value("`a\n`", "\u{1b}[2J\u{202e}ö`", "a \"name\"");
+        let error = FormatError::record(Path::new("a\tb"), 3, Some("\u{9b}31m".into()), cause);
+        assert_eq!(
+            error.to_string(),
+            "a\\u{9}b: record 3: scenario `\\u{9b}31m`: `a\\u{a}` is \\u{1b}[2J\\u{202e}ö`, expected a \"name\""
+        );
+        let long = FormatError::file(Path::new("a"), Cause::Undecodable("ä".repeat(1_000_000)));
+        assert!(
+            long.to_string().ends_with("ää …") && long.to_string().chars().count() == LONGEST_MESSAGE + 2
+        );
     }
 }

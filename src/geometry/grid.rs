@@ -76,6 +76,8 @@ fn floor(v: f64) -> i64 {
 
 /// More cells than this are never made: the cells grow instead.
 const MAX_CELLS: f64 = 65_536.0;
+/// Nor more entries than this, or sixteen for each item.
+const MAX_ENTRIES: f64 = 4e6;
 
 impl Grid {
     /// Indexes `bounds` (item `i` is `bounds[i]`) in cells of about `cell` metres. Empty bounds are left out.
@@ -95,6 +97,15 @@ impl Grid {
         let extent = whole.max - whole.min;
         let mut cell = cell;
         while (extent.x / cell + 1.0).floor() * (extent.y / cell + 1.0).floor() > MAX_CELLS {
+            cell *= 1.5;
+        }
+        // Large items in small cells would stand in very many.
+        let most = MAX_ENTRIES.max(16.0 * bounds.len() as f64);
+        let entries = |cell: f64| -> f64 {
+            let sides = bounds.iter().map(|b| b.max - b.min).filter(|side| side.x >= 0.0);
+            sides.map(|side| (side.x / cell + 2.0) * (side.y / cell + 2.0)).sum()
+        };
+        while cell < extent.x.max(extent.y) && entries(cell) > most {
             cell *= 1.5;
         }
         // As `column` counts, so that the last bounds end in the last cell.
@@ -238,6 +249,14 @@ mod tests {
             let start = start.index(points.len()) as u32;
             prop_assert_eq!(grid.nearest(q, Some(start), d2), Some(scan));
         }
+    }
+
+    #[test]
+    fn large_items_do_not_stand_in_every_cell() {
+        let whole = Bounds { min: Vec2::new(-1e5, -1e5), max: Vec2::new(1e5, 1e5) };
+        let grid = Grid::new(&[whole; 3000], 6.0);
+        assert!(grid.items.len() <= 4_000_000, "{}", grid.items.len());
+        assert_eq!(grid.at(Vec2::new(99_999.0, 0.0)).len(), 3000);
     }
 
     #[test]

@@ -19,6 +19,12 @@ const LARGEST: f64 = 1000.0;
 const FASTEST: f64 = 1000.0;
 /// Headings from this magnitude on are taken for damage, radians: about a thousand circles.
 const MOST_TURNED: f64 = 6300.0;
+/// Longest name of a scenario, an agent or a lane, in bytes.
+const LONGEST_NAME: usize = 1000;
+/// Most comparisons of links when lanes without extent are taken out: real maps have a few of them.
+const MOST_JOINED: usize = 50_000_000;
+/// Most segments of lanes that are looked at to find where stop lines cross them.
+const MOST_PROJECTED: usize = 200_000_000;
 /// By how much the median step of the timestamps may miss 0.1 s, as a share of it.
 const STEP_TOLERANCE: f64 = 0.1;
 
@@ -30,9 +36,10 @@ impl Scenario {
     ///
     /// # Errors
     /// [`SceneError`] names the field and the value: wrong number of frames or rate, no AV, coordinates that are not finite
-    /// or farther than 100 km from the AV, negative sizes, repeated ids.
+    /// or farther than 100 km from the AV, negative sizes, ids that are repeated, empty, or no names.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut builder = Builder { id: parts.id.clone(), shift: Vec2::zeros(), repairs: BTreeMap::new() };
+        builder.name(|| "id".into(), &parts.id)?;
         builder.check_time(&parts.timestamps)?;
         builder.check_agents(&parts)?;
         let av_now = match parts.agents[parts.av].track[CURRENT] {
@@ -71,6 +78,7 @@ impl Scenario {
         }
 
         let mut stop_lines = Vec::new();
+        let mut left_to_project = MOST_PROJECTED;
         for (i, line) in parts.map.stop_lines.into_iter().enumerate() {
             let Some(&lane) = names.get(line.lane.as_str()) else {
                 builder.repaired("stop lines on missing lanes");
@@ -78,6 +86,11 @@ impl Scenario {
             };
             let at = builder.point(&format!("map.stop_lines[{i}].at"), line.at)?;
             let baseline = &lanes[lane].baseline;
+            left_to_project = left_to_project.checked_sub(baseline.segments()).ok_or_else(|| {
+                let found =
+                    format!("one too many on lanes of many points, the last one of {}", baseline.segments());
+                builder.error(format!("map.stop_lines[{i}]"), found, "a few stop lines on each lane")
+            })?;
             let s = baseline.project(at).s;
             let half = match lanes[lane].area {
                 LaneArea::Corridor { half_width } => half_width,
@@ -210,6 +223,16 @@ impl Builder {
         *self.repairs.entry(what.to_owned()).or_default() += 1;
     }
 
+    /// Names are shown to people, and are those of files.
+    fn name(&self, field: impl Fn() -> String, name: &str) -> Result<(), SceneError> {
+        if !name.is_empty() && name.len() <= LONGEST_NAME && !name.contains(char::is_control) {
+            return Ok(());
+        }
+        let begin: String = name.chars().take(60).collect();
+        let found = format!("`{}` ({} bytes)", begin.escape_debug(), name.len());
+        Err(self.error(field(), found, "a name of 1 to 1000 bytes without control characters"))
+    }
+
     fn check_time(&self, timestamps: &[f64]) -> Result<(), SceneError> {
         if timestamps.is_empty() {
             return Ok(());
@@ -255,6 +278,7 @@ impl Builder {
                     return Err(self.error(field, size, "a size of at least 0 and less than 1000 m"));
                 }
             }
+            self.name(|| format!("agents[{i}].id"), &agent.id)?;
             if !seen.insert(agent.id.as_str()) {
                 return Err(self.error(
                     format!("agents[{i}].id"),
@@ -328,6 +352,7 @@ impl Builder {
     fn lanes(&mut self, mut parts: Vec<LaneParts>) -> Result<Vec<Lane>, SceneError> {
         let mut seen = BTreeSet::new();
         for (i, lane) in parts.iter().enumerate() {
+            self.name(|| format!("map.lanes[{i}].id"), &lane.id)?;
             if !seen.insert(lane.id.clone()) {
                 return Err(self.error(
                     format!("map.lanes[{i}].id"),
@@ -343,7 +368,7 @@ impl Builder {
                 baselines.insert(lane.id.clone(), line);
             }
         }
-        self.splice(&mut parts, |id| baselines.contains_key(id));
+        self.splice(&mut parts, |id| baselines.contains_key(id))?;
         let index: BTreeMap<String, usize> =
             parts.iter().enumerate().map(|(i, l)| (l.id.clone(), i)).collect();
         let mut lanes = Vec::with_capacity(parts.len());
@@ -410,18 +435,38 @@ impl Builder {
     }
 
     /// Takes lanes without extent out and joins what they linked, so that the graph stays connected through them.
-    fn splice(&mut self, lanes: &mut Vec<LaneParts>, keep: impl Fn(&str) -> bool) {
+    fn splice(&mut self, lanes: &mut Vec<LaneParts>, keep: impl Fn(&str) -> bool) -> Result<(), SceneError> {
+        let mut left = MOST_JOINED;
         while let Some(i) = lanes.iter().position(|l| !keep(&l.id)) {
             let gone = lanes.remove(i);
             self.repaired("lanes without extent");
             for lane in lanes.iter_mut() {
+                let compared = 1
+                    + comparisons(&lane.successors, &gone.id, &gone.successors)
+                    + comparisons(&lane.predecessors, &gone.id, &gone.predecessors)
+                    + lane.left.len()
+                    + lane.right.len();
+                let Some(less) = left.checked_sub(compared) else {
+                    let found = "too many lanes without extent, or links through them".to_owned();
+                    return Err(self.error("map.lanes".into(), found, "lanes of two points or more"));
+                };
+                left = less;
                 join(&mut lane.successors, &gone.id, &gone.successors, &lane.id);
                 join(&mut lane.predecessors, &gone.id, &gone.predecessors, &lane.id);
                 lane.left.retain(|n| n.lane != gone.id);
                 lane.right.retain(|n| n.lane != gone.id);
             }
         }
+        Ok(())
     }
+}
+
+/// How many comparisons [`join`] takes, about.
+fn comparisons(links: &[String], gone: &str, instead: &[String]) -> usize {
+    if !links.iter().any(|l| l == gone) {
+        return links.len();
+    }
+    (instead.len() + 1).saturating_mul(links.len() + instead.len()).min(usize::MAX / 4)
 }
 
 /// Replaces the link `gone` by `instead`, without repeats and without a link to `own` itself.

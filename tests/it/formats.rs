@@ -10,6 +10,7 @@ mod argoverse2;
 mod by_number;
 mod damage;
 mod gpudrive;
+mod hostile;
 mod odd;
 pub(crate) mod proto;
 mod scenarionet;

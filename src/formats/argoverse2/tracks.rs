@@ -28,6 +28,8 @@ const COLUMNS: &[&str] = &[
 ];
 /// Most rows of a scenario: 110 time steps of nine thousand tracks.
 const MOST_ROWS: usize = 1_000_000;
+/// Most tracks of a scenario: usual ones have some hundred, and each has 91 frames however few rows it has.
+const MOST_TRACKS: usize = 10_000;
 /// Most time steps: those of a scenario are 110.
 const MOST_STEPS: u32 = 10_000;
 /// Nanoseconds in a second.
@@ -133,6 +135,10 @@ impl Tracks {
             let id = text(&ids)?;
             let track = match self.index.get(&id) {
                 Some(&i) => i,
+                None if self.tracks.len() >= MOST_TRACKS => {
+                    let expected = format!("one of at most {MOST_TRACKS} tracks of one scenario");
+                    return Err(wrong(&ids, row, format!("`{id}`, one more"), expected));
+                }
                 None => {
                     let category = categories.as_ref().and_then(|c| c.whole(cell)).unwrap_or(0);
                     let states = BTreeMap::new();

@@ -9,6 +9,8 @@ use crate::scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, HISTORY};
 const SPACING: f64 = 1.0;
 /// Longest path, metres: a longer one is a slip of the pen.
 const LONGEST_PATH: f64 = 100_000.0;
+/// Most points of all paths of a scenario.
+pub(super) const MOST_POINTS: usize = 1_000_000;
 
 /// A point that moves along a curve.
 #[derive(Clone, Copy)]
@@ -145,8 +147,8 @@ pub(super) fn steps(field: &str, seconds: f64) -> Result<usize, Cause> {
     Err(Cause::value(field, seconds, "a positive multiple of 0.1 s"))
 }
 
-/// The points of a path.
-pub(super) fn line(field: &str, path: &RawPath) -> Result<Vec<Vec2>, Cause> {
+/// The points of a path, of which there may be `left` more: few words can mean a long path.
+pub(super) fn line(field: &str, path: &RawPath, left: &mut usize) -> Result<Vec<Vec2>, Cause> {
     let [x, y] = path.at;
     finite(field, &[("at", x), ("at", y), ("heading", path.heading)])?;
     let mut mover = Mover { at: Vec2::new(x, y), heading: path.heading, speed: 0.0 };
@@ -159,6 +161,10 @@ pub(super) fn line(field: &str, path: &RawPath) -> Result<Vec<Vec2>, Cause> {
         }
         let start = mover;
         let count = (length / SPACING).ceil().max(1.0) as usize;
+        *left = left.checked_sub(count).ok_or_else(|| {
+            let expected = "paths of 1000 km together at most";
+            Cause::value(format!("{field}.length"), format!("{length}, beside those before it"), expected)
+        })?;
         for k in 1..=count {
             mover = start;
             mover.roll(length * (k as f64 / count as f64), curvature);

@@ -1,5 +1,7 @@
 //! From a hand-written scenario to the parts of a scenario.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::motion;
 use super::raw::{
     FORMAT, RawAgent, RawDeviation, RawLane, RawLight, RawMap, RawNeighbor, RawPath, RawScenario, RawTrack,
@@ -11,6 +13,9 @@ use crate::scene::{
     LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts,
     NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
+
+/// Most agents of a scenario: each has 91 states, however short its motion is told.
+const MOST_AGENTS: usize = 10_000;
 
 /// The parts of a file.
 pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
@@ -28,14 +33,19 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
             .position(|a| a.id == *id)
             .ok_or_else(|| Cause::value("av", format!("`{id}`"), "the id of an agent"))?,
     };
+    if raw.agents.len() > MOST_AGENTS {
+        let expected = format!("at most {MOST_AGENTS} in one scenario");
+        return Err(Cause::value("the number of `agents`", raw.agents.len(), expected));
+    }
     let mut agents = Vec::with_capacity(raw.agents.len());
     for (i, agent) in raw.agents.iter().enumerate() {
         agents.push(logged(&format!("agents[{i}]"), agent)?);
     }
+    let known: BTreeSet<&str> = raw.agents.iter().map(|a| a.id.as_str()).collect();
     for (field, ids) in
         [("tracks_to_predict", &raw.tracks_to_predict), ("objects_of_interest", &raw.objects_of_interest)]
     {
-        if let Some(id) = ids.iter().find(|id| !raw.agents.iter().any(|a| a.id == **id)) {
+        if let Some(id) = ids.iter().find(|id| !known.contains(id.as_str())) {
             return Err(Cause::value(field, format!("`{id}`"), "ids of agents"));
         }
     }
@@ -148,10 +158,15 @@ fn points(raw: &[[f64; 2]]) -> Vec<Vec2> {
     raw.iter().copied().map(point).collect()
 }
 
-fn line(field: &str, given: &Option<Vec<[f64; 2]>>, path: &Option<RawPath>) -> Result<Vec<Vec2>, Cause> {
+fn line(
+    field: &str,
+    given: &Option<Vec<[f64; 2]>>,
+    path: &Option<RawPath>,
+    left: &mut usize,
+) -> Result<Vec<Vec2>, Cause> {
     match (given, path) {
         (Some(given), None) => Ok(points(given)),
-        (None, Some(path)) => motion::line(&format!("{field}.path"), path),
+        (None, Some(path)) => motion::line(&format!("{field}.path"), path, left),
         (given, _) => Err(either(field, "points", "path", given.is_some())),
     }
 }
@@ -173,19 +188,20 @@ fn map(raw: RawMap) -> Result<MapParts, Cause> {
         }),
         ..MapParts::default()
     };
-    map.lanes = lanes(&raw.lanes)?;
+    let mut left = motion::MOST_POINTS;
+    map.lanes = lanes(&raw.lanes, &mut left)?;
     for (i, edge) in raw.road_edges.iter().enumerate() {
         let field = format!("map.road_edges[{i}]");
         let kinds = "boundary, median or unknown";
         let kind = named(format!("{field}.kind"), &edge.kind, RoadEdgeKind::from_name, kinds)?;
-        map.road_edges.push(RoadEdge { kind, points: line(&field, &edge.points, &edge.path)? });
+        map.road_edges.push(RoadEdge { kind, points: line(&field, &edge.points, &edge.path, &mut left)? });
     }
     for (i, painted) in raw.road_lines.iter().enumerate() {
         let field = format!("map.road_lines[{i}]");
         if painted.paint > 8 {
             return Err(Cause::value(format!("{field}.paint"), painted.paint, "0 to 8"));
         }
-        let points = line(&field, &painted.points, &painted.path)?;
+        let points = line(&field, &painted.points, &painted.path, &mut left)?;
         map.road_lines.push(RoadLine { paint: painted.paint, points });
     }
     for (i, stop) in raw.stop_lines.into_iter().enumerate() {
@@ -196,14 +212,22 @@ fn map(raw: RawMap) -> Result<MapParts, Cause> {
     Ok(map)
 }
 
-fn lanes(raw: &[RawLane]) -> Result<Vec<LaneParts>, Cause> {
+fn lanes(raw: &[RawLane], left: &mut usize) -> Result<Vec<LaneParts>, Cause> {
     let mut baselines = Vec::with_capacity(raw.len());
     for (i, lane) in raw.iter().enumerate() {
-        baselines.push(line(&format!("map.lanes[{i}]"), &lane.points, &lane.path)?);
+        baselines.push(line(&format!("map.lanes[{i}]"), &lane.points, &lane.path, left)?);
     }
     let last = |i: usize| u32::try_from(baselines[i].len().saturating_sub(1)).unwrap_or(u32::MAX);
+    // Of lanes with one id the first; such a scenario is refused later.
+    let (mut index, mut before) = (BTreeMap::new(), BTreeMap::<&str, Vec<String>>::new());
+    for (i, lane) in raw.iter().enumerate() {
+        index.entry(lane.id.as_str()).or_insert(i);
+        for successor in lane.successors.iter().collect::<BTreeSet<_>>() {
+            before.entry(successor).or_default().push(lane.id.clone());
+        }
+    }
     let neighbors = |own: usize, all: &[RawNeighbor]| -> Vec<NeighborParts> {
-        let end = |n: &RawNeighbor| raw.iter().position(|l| l.id == n.lane).map_or(0, last);
+        let end = |n: &RawNeighbor| index.get(n.lane.as_str()).copied().map_or(0, last);
         all.iter()
             .map(|n| NeighborParts {
                 lane: n.lane.clone(),
@@ -218,8 +242,7 @@ fn lanes(raw: &[RawLane]) -> Result<Vec<LaneParts>, Cause> {
     for (i, lane) in raw.iter().enumerate() {
         let field = format!("map.lanes[{i}]");
         let classes = "surface_street, freeway, bike or undefined";
-        let before =
-            || raw.iter().filter(|l| l.successors.contains(&lane.id)).map(|l| l.id.clone()).collect();
+        let stated = || before.get(lane.id.as_str()).cloned().unwrap_or_default();
         lanes.push(LaneParts {
             id: lane.id.clone(),
             kind: named(format!("{field}.kind"), &lane.kind, LaneKind::from_name, "lane or connector")?,
@@ -232,7 +255,7 @@ fn lanes(raw: &[RawLane]) -> Result<Vec<LaneParts>, Cause> {
                 (Some(_), Some(_)) => return Err(either(&field, "polygon", "half_width", true)),
             },
             successors: lane.successors.clone(),
-            predecessors: lane.predecessors.clone().unwrap_or_else(before),
+            predecessors: lane.predecessors.clone().unwrap_or_else(stated),
             left: neighbors(i, &lane.left),
             right: neighbors(i, &lane.right),
         });

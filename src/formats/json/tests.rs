@@ -54,7 +54,7 @@ fn draws_quarter_circles() {
     let radius = 20.0;
     let arc = super::raw::RawArc { length: radius * std::f64::consts::FRAC_PI_2, curvature: 1.0 / radius };
     let path = RawPath { at: [0.0, 0.0], heading: 0.0, pieces: vec![arc] };
-    let points = motion::line("p", &path).unwrap();
+    let points = motion::line("p", &path, &mut 1000).unwrap();
     let end = points[points.len() - 1];
     assert!((end - Vec2::new(20.0, 20.0)).norm() < 1e-9);
     assert!(points.iter().all(|p| ((p - Vec2::new(0.0, 20.0)).norm() - radius).abs() < 1e-9));

@@ -12,6 +12,8 @@ use crate::geometry::{Bounds, Polygon, Vec2};
 
 /// The layers whose polygons together are the drivable area (as the devkit's `DRIVABLE_AREA`).
 const DRIVABLE: [&str; 4] = ["road_segments", "intersections", "generic_drivable_areas", "carpark_areas"];
+/// Most fids of a list: usual ones have some.
+const MOST_FIDS: usize = 1000;
 /// EPSG code of longitude and latitude on WGS 84.
 const DEGREES: i64 = 4326;
 
@@ -274,6 +276,9 @@ fn link(lanes: &mut BTreeMap<i64, MapLane>) {
 /// A list of fids in a text, such as `12, 34`.
 fn fids(row: &Cells<'_>, column: usize) -> Result<Vec<i64>, Cause> {
     let text = row.text(column)?;
+    if text.len() > 21 * MOST_FIDS {
+        return Err(row.wrong(column, format!("at most {MOST_FIDS} fids")));
+    }
     let parts = text.split(',').map(str::trim).filter(|part| !part.is_empty());
     parts.map(|part| part.parse().map_err(|_| row.wrong(column, "fids with commas between"))).collect()
 }

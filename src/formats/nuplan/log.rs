@@ -1,6 +1,6 @@
 //! A log of nuPlan (`.db`), read as a whole: real ones hold some hundred thousand boxes, and an index to read a part is not promised.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::library;
@@ -166,10 +166,10 @@ impl Log {
 
     /// The rows of the clock with their poses; returns the poses.
     fn sweeps(&mut self, database: &Database) -> Result<BTreeMap<Token, Ego>, Cause> {
-        let mut clocks = Vec::new();
+        let mut clocks = BTreeSet::new();
         database.each("lidar", &["token", "channel"], |row| {
             if row.text(1)? == CLOCK {
-                clocks.push(row.must_token(0)?);
+                clocks.insert(row.must_token(0)?);
             }
             Ok(())
         })?;
@@ -303,8 +303,9 @@ impl Log {
         let mut scenes: Vec<(&str, &Token)> = self.scenes.iter().map(|(t, s)| (s.name.as_str(), t)).collect();
         scenes.sort();
         let inner = scenes.get(2..scenes.len().saturating_sub(2)).unwrap_or_default();
+        let inner: BTreeSet<&Token> = inner.iter().map(|(_, token)| *token).collect();
         let frames = self.frames.iter().enumerate();
-        frames.filter(|(_, f)| inner.iter().any(|(_, t)| **t == f.scene)).map(|(i, _)| i).collect()
+        frames.filter(|(_, f)| inner.contains(&f.scene)).map(|(i, _)| i).collect()
     }
 }
 

@@ -112,9 +112,11 @@ impl Stop {
 
     fn touches(&self, line: &[Vec2]) -> bool {
         self.polygons.iter().any(|polygon| {
-            let ring = &polygon.exterior;
-            let crosses = |w: &[Vec2]| ring.windows(2).any(|e| segments_meet(w[0], w[1], e[0], e[1]));
-            line.iter().any(|p| polygon.contains(*p)) || line.windows(2).any(crosses)
+            let (ring, bounds) = (&polygon.exterior, polygon.bounds());
+            let near = |w: &[Vec2]| Bounds::of([w[0], w[1]]).intersects(&bounds);
+            let crosses =
+                |w: &[Vec2]| near(w) && ring.windows(2).any(|e| segments_meet(w[0], w[1], e[0], e[1]));
+            line.iter().any(|p| bounds.contains(*p) && polygon.contains(*p)) || line.windows(2).any(crosses)
         })
     }
 

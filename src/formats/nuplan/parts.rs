@@ -20,6 +20,8 @@ pub(super) const AV: &str = "ego";
 const AV_SIZE: (f64, f64) = (5.176, 2.297);
 /// From the rear axle of the AV to the centre of its box, metres.
 const AXLE_TO_CENTER: f64 = 1.461;
+/// Most objects of a scenario: usual ones have some hundred, and each has 91 frames however often it was seen.
+const MOST_OBJECTS: usize = 10_000;
 /// How much of the map is taken around all that was recorded, metres: agents may leave their logs.
 const MARGIN: f64 = 50.0;
 /// The map ends so far from the AV's way, metres.
@@ -99,6 +101,14 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
             let wrong = |i: usize| format!("`lidar_box.{}` of row {}", BOX_VALUES[i], object.token);
             if let Some(i) = object.values[..5].iter().position(|v| !v.is_finite()) {
                 return Err(Cause::value(wrong(i), object.values[i], "a finite number"));
+            }
+            if seen.len() >= MOST_OBJECTS && !seen.contains_key(&object.track) {
+                let expected = format!("a box of one of at most {MOST_OBJECTS} objects in 91 frames");
+                return Err(Cause::value(
+                    format!("the row {} of `lidar_box`", object.token),
+                    "one more",
+                    expected,
+                ));
             }
             let [x, y, heading, length, width, vx, vy] = object.values;
             let moves = log.tracks.get(&object.track).is_some_and(|c| c.kind() != AgentKind::Other);

@@ -16,6 +16,10 @@ use crate::formats::error::{Cause, FormatError};
 const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Length of the header of a SQLite file.
 const HEADER: usize = 100;
+/// How many steps of SQLite's machine are between two questions of whether it should go on.
+const STEPS: i32 = 10_000;
+/// Most steps for each byte of a file, and for the whole of a short one: what is sound takes less than one for each byte.
+const MOST_STEPS: (u64, u64) = (16, 10_000_000);
 /// The longest text or blob that is read: the outline of a whole city is shorter.
 const LONGEST: i32 = 64 << 20;
 
@@ -50,7 +54,7 @@ impl Database {
         }
         let flags =
             OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let connection = Connection::open_with_flags(address(path).map_err(refuse)?, flags)
+        let mut connection = Connection::open_with_flags(address(path).map_err(refuse)?, flags)
             .map_err(|e| refuse(refusal("the database", &e)))?;
         connection
             .set_limit(Limit::SQLITE_LIMIT_LENGTH, LONGEST)
@@ -58,6 +62,13 @@ impl Database {
                 connection.execute_batch("PRAGMA trusted_schema = OFF; PRAGMA cell_size_check = ON")
             })
             .map_err(|e| refuse(refusal("the database", &e)))?;
+        // Damaged pages can lead to one another, also while SQLite looks for the tables.
+        let mut left = (length.saturating_mul(MOST_STEPS.0).max(MOST_STEPS.1)) / STEPS as u64;
+        let stop = move || {
+            left = left.saturating_sub(1);
+            left == 0
+        };
+        connection.progress_handler(STEPS, Some(stop)).map_err(|e| refuse(refusal("the database", &e)))?;
         Ok(Self { connection, length })
     }
 
@@ -71,7 +82,7 @@ impl Database {
     fn columns(&self, table: &str) -> Result<Vec<String>, Cause> {
         let ask = || -> rusqlite::Result<Vec<String>> {
             let stored = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = ?1 \
-                          AND sql NOT LIKE 'create virtual%'";
+                          AND sql LIKE 'create table %'";
             if self.connection.query_row(stored, [table], |row| row.get::<_, i64>(0))? == 0 {
                 return Ok(Vec::new());
             }
@@ -200,6 +211,10 @@ fn refusal(what: &str, error: &rusqlite::Error) -> Cause {
         Some(ErrorCode::DatabaseCorrupt | ErrorCode::SystemIoFailure) => {
             ("damaged", "a sound SQLite database; fetch the file again")
         }
+        Some(ErrorCode::OperationInterrupted) => (
+            "damaged: its pages lead to one another without end",
+            "a sound SQLite database; fetch the file again",
+        ),
         Some(ErrorCode::TooBig) => ("longer than 64 MiB in one cell", "shorter cells; fetch the file again"),
         _ => return Cause::Undecodable(format!("{what}: {error}")),
     };

@@ -1,5 +1,6 @@
 mod damage;
 mod expected;
+mod hostile;
 mod made;
 mod small;
 

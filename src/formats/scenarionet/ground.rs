@@ -6,6 +6,8 @@ use crate::geometry::{Polygon, Vec2, point_in_ring};
 pub(super) const KEY: &str = "boundary_";
 /// Most rings: those of a piece of a city are some dozen.
 const MOST_RINGS: usize = 500;
+/// Most points of all rings, for each of them as often as there are rings.
+const MOST_COMPARED: usize = 100_000_000;
 /// Points of a ring that are asked whether they lie in another.
 const MOST_ASKED: usize = 8;
 
@@ -21,7 +23,9 @@ pub(super) fn ground(lines: &[&[Vec2]]) -> Option<Vec<Polygon>> {
             rings.push(std::mem::take(&mut ring));
         }
     }
-    if !ring.is_empty() || rings.is_empty() || rings.len() > MOST_RINGS {
+    let points: usize = rings.iter().map(Vec::len).sum();
+    let many = rings.len() > MOST_RINGS || points.saturating_mul(rings.len()) > MOST_COMPARED;
+    if !ring.is_empty() || rings.is_empty() || many {
         return None;
     }
     Some(nest(rings))

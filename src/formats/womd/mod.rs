@@ -3,6 +3,7 @@
 mod message;
 mod parts;
 mod record;
+mod size;
 
 use std::path::{Path, PathBuf};
 
@@ -73,6 +74,7 @@ impl Iterator for Reader {
 }
 
 fn read_one(path: &Path, record: u64, payload: &[u8]) -> Result<Scenario, FormatError> {
+    size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
     let proto = Proto::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();

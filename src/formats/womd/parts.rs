@@ -1,5 +1,7 @@
 //! From a Waymo message to the parts of a scenario.
 
+use std::collections::BTreeMap;
+
 use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
@@ -171,11 +173,11 @@ fn lights(frames: &[DynamicMapState], map: &MapParts) -> Result<Vec<LightParts>,
         let found = format!("{} entries", frames.len());
         return Err(Cause::value("dynamic_map_states", found, "91 entries or none"));
     }
-    let mut order: Vec<i64> = Vec::new();
+    let (mut order, mut places) = (Vec::new(), BTreeMap::new());
     let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
     for (f, frame) in frames.iter().enumerate() {
         for seen in &frame.lane_states {
-            let i = order.iter().position(|lane| *lane == seen.lane).unwrap_or_else(|| {
+            let i = *places.entry(seen.lane).or_insert_with(|| {
                 order.push(seen.lane);
                 lights.push((None, vec![None; FRAMES]));
                 order.len() - 1
@@ -185,9 +187,14 @@ fn lights(frames: &[DynamicMapState], map: &MapParts) -> Result<Vec<LightParts>,
             *stop = stop.or_else(|| seen.stop_point.as_ref().map(point));
         }
     }
+    // Of lanes with one id the first; such a scenario is refused later.
+    let mut starts = BTreeMap::new();
+    for lane in &map.lanes {
+        starts.entry(lane.id.as_str()).or_insert_with(|| lane.points.first().copied());
+    }
     let stand = |(lane, (stop, states)): (i64, (Option<Vec2>, Vec<Option<LightState>>))| {
         let lane = lane.to_string();
-        let start = || map.lanes.iter().find(|l| l.id == lane)?.points.first().copied();
+        let start = || starts.get(lane.as_str()).copied().flatten();
         LightParts { stop_point: stop.or_else(start).unwrap_or_default(), states, lane }
     };
     Ok(order.into_iter().zip(lights).map(stand).collect())

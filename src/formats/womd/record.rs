@@ -9,8 +9,8 @@ use flate2::read::MultiGzDecoder;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::{GZIP, ZSTD, head};
 
-/// Longest record that is believed: a scenario is a few megabytes.
-const LONGEST: u64 = 1 << 30;
+/// Longest record that is believed: a scenario is a few megabytes, and compressed files can claim much more than they hold.
+const LONGEST: u64 = 1 << 27;
 /// Window that zstd files of long records are written with.
 const WINDOW_LOG: u32 = 27;
 /// Bytes that are read from a file at a time.
@@ -77,7 +77,11 @@ impl Records {
         header.copy_from_slice(&self.payload);
         let length = length(&header)?;
         if length > LONGEST {
-            return Err(Cause::value("the length of the record", length, "at most 1 GiB"));
+            return Err(Cause::value(
+                "the length of the record",
+                length,
+                "at most 128 MiB; fetch the file again",
+            ));
         }
         self.fill("the record", length + 4)?;
         let stated = self.payload.split_off(length as usize);

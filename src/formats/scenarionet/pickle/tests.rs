@@ -229,6 +229,17 @@ fn loops_end() {
     let pickle_of_many = Pickle::read(&file).unwrap();
     let error = pickle_of_many.root().grid().err().unwrap().to_string();
     assert!(error.contains("at most four million points and entries"), "{error}");
+    // One long name of many: each becomes a text of its own.
+    let mut names = [b"X\0\x01\0\0".as_slice(), &b"n".repeat(256), b"\x940]("].concat();
+    names.extend(b"h\x00".repeat(50_000));
+    names.push(b'e');
+    let file = pickle(&names);
+    let pickle_of_names = Pickle::read(&file).unwrap();
+    let root = pickle_of_names.root();
+    let take = || root.items()?.iter().map(|item| item.name()).collect::<Result<Vec<_>, _>>();
+    assert_eq!(take().unwrap().len(), 50_000);
+    let error = (0..4).find_map(|_| take().err()).unwrap().to_string();
+    assert!(error.contains("at most four million points and entries"), "{error}");
 }
 
 #[test]

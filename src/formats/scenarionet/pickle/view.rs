@@ -185,13 +185,16 @@ impl<'a> View<'a> {
     /// An id: a text, or a whole number.
     pub(in crate::formats::scenarionet) fn name(&self) -> Result<String, Cause> {
         if let Node::Int(i) = self.node() {
+            self.taken(1)?;
             return Ok(i.to_string());
         }
         let short = |t: &&str| t.len() <= LONGEST_NAME;
-        let found = self.as_text().filter(short).map(str::to_owned);
-        found.ok_or_else(|| {
+        let found = self.as_text().filter(short).ok_or_else(|| {
             self.wrong(format!("an id: a text of at most {LONGEST_NAME} bytes or a whole number"))
-        })
+        })?;
+        // Many entries may be one value of the file, and each becomes a text of its own.
+        self.taken(1 + found.len() / 16)?;
+        Ok(found.to_owned())
     }
 
     /// A number.

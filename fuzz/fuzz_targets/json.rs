@@ -1,0 +1,9 @@
+#![no_main]
+//! Hand-written scenarios.
+
+use libfuzzer_sys::fuzz_target;
+use reactsim_fuzz::{ask, file};
+
+fuzz_target!(|data: &[u8]| {
+    ask(&file("f.json", data), "json");
+});
