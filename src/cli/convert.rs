@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
-use super::{ExitStatus, find_inputs_at, say};
+use super::{ExitStatus, count, find_inputs_at, say};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -42,7 +42,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
         _ => None,
     };
     let (good, bad) = stream(&inputs, &args.out, futures.as_mut())?;
-    say(format_args!("converted {good} scenarios, {bad} failed"));
+    say(format_args!("converted {}, {bad} failed", count(good, "scenario")));
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 

@@ -127,7 +127,7 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     for path in files_at(path)? {
         if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
             inputs.push(Input { path, format, current_frame: None });
-        } else if [".json", ".parquet", ".pkl"].iter().any(|ending| named(&path, ending))
+        } else if LIKE_SCENARIOS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {
             passed_over.push(path);
@@ -147,6 +147,14 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
             Cause::Unrecognised { found, known }
         },
     ))
+}
+
+/// How files are named that may be meant as scenarios.
+const LIKE_SCENARIOS: &[&str] = &[".json", ".parquet", ".pkl", ".db"];
+
+/// Whether a file is named so with the ending of a compressed one.
+fn zipped(path: &Path, ending: &str) -> bool {
+    [".gz", ".zst"].iter().any(|zip| named(path, &format!("{ending}{zip}")))
 }
 
 /// The scenario files of a [`survey`].
@@ -259,9 +267,10 @@ fn kind_of(path: &Path) -> std::io::Result<&'static str> {
     Ok(match &head[..] {
         [] => "empty",
         h if h.starts_with(PARQUET) => "a Parquet file of another kind",
-        h if h.starts_with(GZIP) => "a gzip file without TFRecords",
-        h if h.starts_with(ZSTD) => "a zstd file without TFRecords",
+        h if h.starts_with(GZIP) => "a gzip file without TFRecords (decompress it first)",
+        h if h.starts_with(ZSTD) => "a zstd file without TFRecords (decompress it first)",
         [0x80, 0x02..=0x05, ..] => "a Python pickle",
+        _ if NuPlan.accompanies(path) => "a map of nuPlan (name the logs, `.db`, that were recorded there)",
         _ if Argoverse2.accompanies(path) => "an Argoverse 2 map (name the scenario_*.parquet beside it)",
         _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
         _ if text.starts_with(b"<") => "an XML file",

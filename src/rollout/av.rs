@@ -24,7 +24,8 @@ pub trait AvPolicy: Send {
 pub enum AvError {
     /// The logged AV is absent at a step.
     #[error(
-        "the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`"
+        "the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`, or an \
+         earlier current frame where the recording has one"
     )]
     Absent {
         /// Step 1 to 80.

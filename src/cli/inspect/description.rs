@@ -51,7 +51,11 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
         ),
         (
             "drivable area",
-            map.drivable_area.as_ref().map_or("by road edges".into(), |a| format!("{} polygons", a.len())),
+            match &map.drivable_area {
+                Some(area) => format!("{} polygon{}", area.len(), if area.len() == 1 { "" } else { "s" }),
+                None if map.road_edges.is_empty() => "none".to_owned(),
+                None => "by road edges".to_owned(),
+            },
         ),
         ("lights", format!("{}, {seen} of them observed", start.lights.len())),
         ("AV", travel(scenario)),
@@ -87,8 +91,6 @@ fn travel(scenario: &Scenario) -> String {
     let gaps = if steps < FUTURE { format!(", present at {steps} of {FUTURE} steps") } else { String::new() };
     let speed =
         if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
-    format!(
-        "`{}`, {:.2} m x {:.2} m, {speed}, drives {metres:.1} m{gaps}",
-        agent.id, agent.length, agent.width
-    )
+    let drives = if steps == 0 { String::new() } else { format!(", drives {metres:.1} m") };
+    format!("`{}`, {:.2} m x {:.2} m, {speed}{drives}{gaps}", agent.id, agent.length, agent.width)
 }

@@ -14,7 +14,7 @@ use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::read_whole;
 
 /// The file that names the maps and their versions.
-const LIST: &str = "nuplan-maps-v1.0.json";
+pub(super) const LIST: &str = "nuplan-maps-v1.0.json";
 /// How many maps are kept: nuPlan has four.
 const KEPT: usize = 4;
 

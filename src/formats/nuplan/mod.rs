@@ -47,6 +47,10 @@ impl ScenarioFormat for NuPlan {
         named(path, ".db") || selection::is_selection(path) || (sqlite::is_sqlite(path) && log())
     }
 
+    fn accompanies(&self, path: &Path) -> bool {
+        named(path, library::LIST) || named(path, ".gpkg")
+    }
+
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
         Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
     }
@@ -76,6 +80,8 @@ struct Reader {
     record: u64,
     /// Tokens that no log had yet.
     missing: BTreeSet<Token>,
+    /// Tags of the logs, where windows are chosen by tags.
+    tags: BTreeSet<String>,
     failed: bool,
 }
 
@@ -100,6 +106,7 @@ impl Reader {
             now: None,
             record: 0,
             missing,
+            tags: BTreeSet::new(),
             failed: false,
         })
     }
@@ -108,6 +115,9 @@ impl Reader {
     fn load(&mut self, path: &Path) -> Result<(), FormatError> {
         let log = Log::read(path)?;
         let anchors = self.choice.anchors(&log);
+        if matches!(self.choice.among, Among::Tagged(_)) {
+            self.tags.extend(log.tags.values().flatten().map(|(tag, _)| tag.clone()));
+        }
         if anchors.is_empty() {
             return Ok(());
         }
@@ -147,6 +157,21 @@ impl Reader {
             return None;
         }
         self.failed = true;
+        if let Among::Tagged(asked) = &self.choice.among
+            && !asked.iter().any(|tag| self.tags.contains(tag))
+        {
+            let known: Vec<String> = self.tags.iter().map(|tag| format!("`{tag}`")).collect();
+            let known = if known.is_empty() {
+                "another choice: the logs have no tags".into()
+            } else {
+                known.join(", ")
+            };
+            let asked = asked.iter().map(|tag| format!("`{tag}`")).collect::<Vec<_>>().join(", ");
+            return Some(FormatError::file(
+                &self.path,
+                Cause::value("tags", asked, format!("one of those in the logs: {known}")),
+            ));
+        }
         let expected = "a current frame with 20 rows of the 20 Hz clock before it and 160 after it, by tag, or in a \
                         scene with two scenes before it and two after it";
         Some(FormatError::file(&self.path, Cause::value("the choice of windows", "empty", expected)))

@@ -1,9 +1,11 @@
 //! Which windows of which logs become scenarios.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::library::LIST;
 use super::log::Log;
 use super::token::Token;
 use super::window;
@@ -12,6 +14,8 @@ use crate::formats::format::{head, named, read_whole};
 
 /// What a selection calls itself.
 pub(super) const FORMAT: &str = "reactsim-nuplan-v1";
+/// How selections of any version begin to call themselves.
+const ANY_VERSION: &str = "\"reactsim-nuplan-";
 /// Seconds between windows where nothing else is said: they do not overlap.
 const EVERY: f64 = 10.0;
 /// Longest selection that is read: a million tokens.
@@ -101,7 +105,7 @@ pub(super) struct Selection {
 pub(super) fn is_selection(path: &Path) -> bool {
     head(path, 4096).is_ok_and(|head| {
         head.trim_ascii_start().starts_with(b"{")
-            && head.windows(FORMAT.len()).any(|w| w == FORMAT.as_bytes())
+            && head.windows(ANY_VERSION.len()).any(|w| w == ANY_VERSION.as_bytes())
     })
 }
 
@@ -121,7 +125,34 @@ impl Selection {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut logs = Vec::new();
         for log in &raw.logs {
-            logs.extend(logs_at(&folder.join(log))?);
+            logs.extend(logs_at(&folder.join(log)).map_err(|cause| {
+                let found = format!("`{}`, which {cause}", log.display());
+                refuse(Cause::value(
+                    "logs",
+                    found,
+                    "`.db` files, or folders that hold some, relative to this file",
+                ))
+            })?);
+        }
+        let mut named = BTreeSet::new();
+        logs.retain(|log: &PathBuf| named.insert(log.clone()));
+        if let Some(maps) = &raw.maps
+            && !folder.join(maps).join(LIST).is_file()
+        {
+            let found = format!("`{}`", maps.display());
+            return Err(refuse(Cause::value(
+                "maps",
+                found,
+                format!("a folder with `{LIST}`, relative to this file"),
+            )));
+        }
+        if raw.tokens.as_ref().is_some_and(Vec::is_empty) || raw.tags.as_ref().is_some_and(Vec::is_empty) {
+            let key = if raw.tags.is_some() { "tags" } else { "tokens" };
+            return Err(refuse(Cause::value(
+                key,
+                "empty",
+                "at least one, or no such key for a window every ten seconds",
+            )));
         }
         if logs.is_empty() {
             return Err(refuse(Cause::value(
@@ -162,8 +193,8 @@ impl Selection {
 }
 
 /// The log at a path, or those of a folder by name.
-fn logs_at(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
-    let refuse = |e| FormatError::file(path, Cause::read(e));
+fn logs_at(path: &Path) -> Result<Vec<PathBuf>, Cause> {
+    let refuse = Cause::read;
     if !std::fs::metadata(path).map_err(refuse)?.is_dir() {
         return Ok(vec![path.to_owned()]);
     }
