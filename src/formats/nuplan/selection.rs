@@ -126,7 +126,7 @@ impl Selection {
         let mut logs = Vec::new();
         for log in &raw.logs {
             logs.extend(logs_at(&folder.join(log)).map_err(|cause| {
-                let found = format!("`{}`, which {cause}", log.display());
+                let found = format!("`{}` ({cause})", log.display());
                 refuse(Cause::value(
                     "logs",
                     found,

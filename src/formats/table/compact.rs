@@ -3,6 +3,9 @@
 /// Most structures within one another.
 const DEEPEST: u32 = 16;
 
+/// The kind of structures.
+pub(super) const STRUCTURE: u8 = 12;
+
 /// Data that are read from their beginning. `None` everywhere stands for data that are of another form.
 pub(super) struct Compact<'a> {
     data: &'a [u8],
@@ -26,6 +29,8 @@ impl<'a> Compact<'a> {
         }
         let step = i64::from(head >> 4);
         *last = if step == 0 { self.whole()? } else { last.checked_add(step)? };
+        // The library keeps sixteen bits of an id, so that a greater one could stand for another field there.
+        i16::try_from(*last).ok()?;
         Some(Some((*last, head & 15)))
     }
 
@@ -67,7 +72,7 @@ impl<'a> Compact<'a> {
                     self.skip_element(head & 15, deep)?;
                 }
             }
-            12 => {
+            STRUCTURE => {
                 let mut last = 0;
                 while let Some((_, kind)) = self.field(&mut last)? {
                     self.skip_at(kind, deep)?;
@@ -78,9 +83,10 @@ impl<'a> Compact<'a> {
         Some(())
     }
 
-    /// Elements of lists have their truth values in a byte of their own.
+    /// Truth values in lists have a byte of their own, but the library takes none when it passes over them: a few bytes keep it busy for
+    /// hours, and what it finds behind them is something else than here. What Parquet writes to be passed over holds no such lists.
     fn skip_element(&mut self, kind: u8, deep: u32) -> Option<()> {
-        if matches!(kind, 1 | 2) { self.pass(1) } else { self.skip_at(kind, deep) }
+        if matches!(kind, 1 | 2) { None } else { self.skip_at(kind, deep) }
     }
 
     fn byte(&mut self) -> Option<u8> {
@@ -139,6 +145,8 @@ mod tests {
         assert_eq!(Compact::new(&[255; 20]).whole(), None, "long number");
         assert_eq!(Compact::new(&[200, 1, 7]).skip(8), None, "long text");
         assert_eq!(Compact::new(&[]).field(&mut 0), None);
+        assert_eq!(Compact::new(&[0x05, 0x84, 0x80, 8, 0]).field(&mut 0), None, "the id 65538");
+        assert_eq!(Compact::new(&[0x51, 1, 1, 1, 1, 1]).skip(9), None, "truth values");
         // A list of a billion truth values in no bytes.
         assert_eq!(Compact::new(&[0xf1, 0x80, 0x94, 0xeb, 0xdc, 3]).skip(9), None);
     }

@@ -19,7 +19,10 @@ const LZ4: u64 = 255;
 /// Longest block of zstd.
 const ZSTD_BLOCK: u64 = 128 << 10;
 
-/// Checks all pages of a column's part of a row group; returns how long the longest becomes.
+/// Bytes of a value in memory: one that is null, or as those before it, takes none in the file.
+const VALUE: u64 = 8;
+
+/// Checks all pages of a column's part of a row group; returns how much memory they take: the longest of them, or all values.
 ///
 /// # Errors
 /// [`Cause`] where a header can not be read, or says more than any honest file holds.
@@ -57,7 +60,7 @@ pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<u6
             return Err(Cause::value(what, values, most));
         }
     }
-    Ok(longest)
+    Ok(longest.max(values * VALUE))
 }
 
 /// What the header of a page says.
@@ -268,6 +271,11 @@ mod tests {
         assert!(values.starts_with("the number of values of column `heading`"), "{values}");
         let codec = told(&page(9, 9, &[0; 4]), "BROTLI(1)".parse().unwrap());
         assert!(codec.contains("compression of column `heading` is BROTLI"), "{codec}");
+    }
+
+    #[test]
+    fn values_count_that_take_no_bytes() {
+        assert_eq!(check(&page(9, 1 << 26, &[]), "x", Compression::UNCOMPRESSED).unwrap(), 1 << 29);
     }
 
     #[test]

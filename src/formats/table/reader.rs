@@ -16,6 +16,7 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::{ChunkReader, Length};
 
+use super::compact::{Compact, STRUCTURE};
 use super::{KIND, LARGEST_GROUP, SAID, SUMS, VERSION, pages};
 use crate::formats::error::{Cause, FormatError};
 
@@ -267,6 +268,9 @@ fn footer(file: &mut dyn Input) -> Result<(ParquetMetaData, u64), Cause> {
     let mut data = Vec::new();
     file.seek(SeekFrom::End(-8 - bytes as i64)).map_err(Cause::read)?;
     Read::take(file, bytes).read_to_end(&mut data).map_err(Cause::read)?;
+    // The library believes how long a list says it is, in what it passes over.
+    let sound = Compact::new(&data).skip(STRUCTURE);
+    sound.ok_or_else(|| Cause::Undecodable("the Parquet footer is damaged; fetch the file again".into()))?;
     let metadata = guarded(|| ParquetMetaDataReader::decode_metadata(&data))?;
     Ok((metadata, length - 8 - bytes))
 }
@@ -364,8 +368,10 @@ impl Part {
             let chunk = self.slice(start, length as usize).map_err(|e| Cause::Undecodable(e.to_string()))?;
             total += pages::check(&chunk, &column.column_path().string(), column.compression())?;
             if total > MOST_IN_MEMORY {
-                let (found, most) =
-                    (format!("more than {} MiB", MOST_IN_MEMORY >> 20), "smaller pages: write the file anew");
+                let (found, most) = (
+                    format!("more than {} MiB", MOST_IN_MEMORY >> 20),
+                    "smaller row groups: write the file anew",
+                );
                 return Err(Cause::value("the decompressed pages of a row group", found, most));
             }
         }

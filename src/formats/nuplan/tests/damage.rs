@@ -68,13 +68,18 @@ fn windows_are_chosen_by_tag_time_and_token() {
     said(r#", "tokens": ["00000000000000aa"]"#, "tokens is `00000000000000aa`, expected the token of a row");
     said(r#", "tokens": ["7000000000000013"]"#, "is 19 rows before and 201 after it, expected at least 20");
     said(r#", "tokens": ["14"]"#, "tokens is `14`, expected 16 hexadecimal digits");
-    said(r#", "tokens": [], "tags": []"#, "one of the two");
-    said(r#", "tags": ["none"]"#, "the choice of windows is empty");
+    said(r#", "tokens": ["7000000000000013"], "tags": ["inner"]"#, "one of the two");
+    said(r#", "tokens": []"#, "tokens is empty");
+    said(r#", "tags": ["none"]"#, "tags is `none`, expected one of those in the logs: `");
     said(r#", "every_seconds": -1"#, "every_seconds is -1");
     said(r#", "evry": 1"#, "unknown field `evry`");
-    said(r#", "maps": "nowhere""#, "nowhere");
+    said(r#", "maps": "nowhere""#, "maps is `nowhere`, expected a folder with `nuplan-maps-v1.0.json`");
     fs::write(&pick, r#"{"format": "reactsim-nuplan-v1", "logs": []}"#).unwrap();
     assert!(refusal(&pick).contains("logs is without any log"));
+    fs::write(&pick, r#"{"format": "reactsim-nuplan-v1", "logs": ["nowhere.db"]}"#).unwrap();
+    assert!(refusal(&pick).contains("logs is `nowhere.db` (could not read"));
+    fs::write(&pick, r#"{"format": "reactsim-nuplan-v2", "logs": []}"#).unwrap();
+    assert!(refusal(&pick).contains("format is `reactsim-nuplan-v2`, expected `reactsim-nuplan-v1`"));
 }
 
 #[test]
