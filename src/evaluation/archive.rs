@@ -82,11 +82,6 @@ impl Archive {
         Ok(Self { folder: folder.to_owned(), summary, tally, events, rollouts })
     }
 
-    /// Its folder.
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// Its result.
     pub fn summary(&self) -> &Summary {
         &self.summary

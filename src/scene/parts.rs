@@ -119,6 +119,13 @@ pub struct LightParts {
     pub states: Vec<Option<LightState>>,
 }
 
+impl LightParts {
+    /// The stop line of the controlled lane.
+    pub fn stop_line(&self) -> StopLineParts {
+        StopLineParts { kind: StopKind::Light, lane: self.lane.clone(), at: self.stop_point }
+    }
+}
+
 /// A deviated AV trajectory for the steps 1 to 80.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviationParts {

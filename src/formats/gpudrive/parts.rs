@@ -8,8 +8,7 @@ use super::roads;
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::{
-    Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts, StopKind,
-    StopLineParts,
+    Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts,
 };
 
 /// What stands in frames that are not valid.
@@ -59,11 +58,7 @@ pub(super) fn parts(raw: RawScenario) -> Result<Read, Cause> {
         lights.extend(self::light(lane, &light)?);
     }
     let (mut map, left_out) = roads::map(raw.roads)?;
-    map.stop_lines.extend(lights.iter().map(|light| StopLineParts {
-        kind: StopKind::Light,
-        lane: light.lane.clone(),
-        at: light.stop_point,
-    }));
+    map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
         id,
         source: "gpudrive".into(),

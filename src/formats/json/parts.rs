@@ -58,8 +58,7 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
     let mut lights = Vec::with_capacity(raw.lights.len());
     for (i, light) in raw.lights.iter().enumerate() {
         let light = self::light(&format!("lights[{i}]"), light)?;
-        let line = StopLineParts { kind: StopKind::Light, lane: light.lane.clone(), at: light.stop_point };
-        map.stop_lines.push(line);
+        map.stop_lines.push(light.stop_line());
         lights.push(light);
     }
     Ok(ScenarioParts {

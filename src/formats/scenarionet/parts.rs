@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::pickle::View;
 use super::{lights, map, tracks};
 use crate::formats::error::Cause;
-use crate::scene::{CURRENT, DT, FRAMES, ScenarioParts, StopKind, StopLineParts};
+use crate::scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
 
 /// What a file holds.
 pub(super) struct Read {
@@ -69,11 +69,7 @@ pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<R
         None => Vec::new(),
         Some(states) => lights::lights(&states, window, &map)?,
     };
-    map.stop_lines.extend(lights.iter().map(|light| StopLineParts {
-        kind: StopKind::Light,
-        lane: light.lane.clone(),
-        at: light.stop_point,
-    }));
+    map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
         id,
         source: "scenarionet".into(),

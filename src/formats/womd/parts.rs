@@ -35,11 +35,7 @@ pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
     }
     let mut map = map(proto.map_features);
     let lights = lights(&proto.dynamic_map_states, &map)?;
-    map.stop_lines.extend(lights.iter().map(|light| StopLineParts {
-        kind: StopKind::Light,
-        lane: light.lane.clone(),
-        at: light.stop_point,
-    }));
+    map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     Ok(ScenarioParts {
         id: proto.scenario_id,
         source: "womd".into(),
