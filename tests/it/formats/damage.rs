@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::proto::{self, Proto};
-use super::{digests, good, write_native};
+use super::{digests, good, refusal, write_native};
 
 /// Reads a file with every `stride`-th byte changed, and cut at every `stride`-th byte.
 fn hurt(path: &Path, stride: usize, exact: bool) {
@@ -48,6 +48,20 @@ fn hurt(path: &Path, stride: usize, exact: bool) {
     if exact {
         assert!(digests(path).iter().any(Result::is_err), "garbage behind the end");
     }
+}
+
+/// A file of which every part is needed: refused by name wherever it is cut, and named in what is said of it where a byte is changed.
+pub(crate) fn cut_or_changed(path: &Path) {
+    let sound = fs::read(path).unwrap();
+    let lengths = (0..sound.len()).step_by(sound.len() / 40).chain([sound.len() - 1]);
+    for length in lengths {
+        fs::write(path, &sound[..length]).unwrap();
+        let said = refusal(path);
+        assert!(said.contains(&path.display().to_string()), "cut to {length}: {said}");
+    }
+    fs::write(path, &sound).unwrap();
+    hurt(path, sound.len() / 400, false);
+    fs::write(path, &sound).unwrap();
 }
 
 #[test]
