@@ -118,6 +118,8 @@ fn cut(points: &[Vec2], kind: usize, pieces: &mut Vec<Piece>) {
 
 #[cfg(test)]
 mod tests {
+    use reactsim::geometry::{Polygon, left};
+
     use super::*;
 
     #[test]
@@ -133,5 +135,32 @@ mod tests {
             pieces.iter().map(|p| p.middle).collect::<Vec<_>>(),
             [Vec2::new(5.0, 0.0), Vec2::new(10.0, 2.5)]
         );
+    }
+
+    #[test]
+    fn drivable_areas_have_edges_around_all_of_them_only() {
+        // Two surfaces of one road that overlap, both drawn clockwise.
+        let surface = |from: f64, to: f64| Polygon {
+            exterior: vec![
+                Vec2::new(from, 0.0),
+                Vec2::new(from, 8.0),
+                Vec2::new(to, 8.0),
+                Vec2::new(to, 0.0),
+            ],
+            holes: Vec::new(),
+        };
+        let area = Some(vec![surface(0.0, 30.0), surface(20.0, 50.0)]);
+        let pieces = Pieces::of(&RoadMap { drivable_area: area, ..RoadMap::default() }).pieces;
+        assert!(!pieces.is_empty());
+        for piece in &pieces {
+            let inward = piece.middle + left(piece.direction);
+            assert!(
+                piece.kind == EDGE && (0.0..=8.0).contains(&inward.y) && (0.0..=50.0).contains(&inward.x)
+            );
+            let across = piece.direction.y.abs() > 0.5;
+            assert!(!across || piece.middle.x == 0.0 || piece.middle.x == 50.0, "a wall at {}", piece.middle);
+        }
+        let length: f64 = pieces.iter().map(|p| 2.0 * p.half).sum();
+        assert!((length - 116.0).abs() < 1e-9, "{length}");
     }
 }
