@@ -18,7 +18,6 @@ const DEFLATE: u64 = 1032;
 const LZ4: u64 = 255;
 /// Longest block of zstd.
 const ZSTD_BLOCK: u64 = 128 << 10;
-
 /// Bytes of a value in memory: one that is null, or as those before it, takes none in the file.
 const VALUE: u64 = 8;
 
@@ -32,10 +31,9 @@ pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<u6
     while !rest.is_empty() {
         let mut reader = Compact::new(rest);
         let page = header(&mut reader).ok_or_else(|| damaged("the header of a Parquet page"))?;
-        let content = reader.rest();
-        let content =
-            content.get(..page.compressed).ok_or_else(|| damaged("the length of a Parquet page"))?;
-        rest = &reader.rest()[page.compressed..];
+        let parts = reader.rest().split_at_checked(page.compressed);
+        let (content, after) = parts.ok_or_else(|| damaged("the length of a Parquet page"))?;
+        rest = after;
         let plain = page.plain.min(content.len());
         let real = match &content[plain..] {
             data if page.is_compressed => expanded(data, codec).map_err(|refused| match refused {
