@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
-use super::{ExitStatus, count, find_inputs_at, say};
+use super::{ExitStatus, Reading, count, say};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -19,10 +19,8 @@ pub(super) struct ConvertArgs {
     /// The native Parquet file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
-    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
-    #[arg(long, value_name = "N")]
-    current_frame: Option<usize>,
+    #[command(flatten)]
+    reading: Reading,
     /// Rollouts (`run --keep-rollouts`) that take the place of what was logged after the current frame; scenarios without one are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
     futures: Option<PathBuf>,
@@ -33,7 +31,7 @@ pub(super) struct ConvertArgs {
 
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // All inputs are found before the first is read, and before the output is touched.
-    let inputs = find_inputs_at(&args.inputs, args.current_frame)?;
+    let inputs = args.reading.find_inputs(&args.inputs)?;
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }

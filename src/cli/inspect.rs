@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::{ExitStatus, find_inputs_at, say, write_result};
+use super::{ExitStatus, Reading, say, write_result};
 use crate::formats;
 use crate::scene::Scenario;
 
@@ -23,10 +23,8 @@ pub(super) struct InspectArgs {
     /// Id of the scenario [default: the first one]
     #[arg(long)]
     id: Option<String>,
-    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
-    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
-    #[arg(long, value_name = "N")]
-    current_frame: Option<usize>,
+    #[command(flatten)]
+    reading: Reading,
     /// Draw a rollout of this run folder (made with --keep-rollouts)
     #[arg(long, value_name = "RUN", requires_all = ["simulator", "picture"])]
     rollout: Option<PathBuf>,
@@ -87,7 +85,7 @@ pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
 
 /// The scenario with the wanted id, or the first one.
 fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
-    let inputs = find_inputs_at(std::slice::from_ref(&args.scenario), args.current_frame)?;
+    let inputs = args.reading.find_inputs(std::slice::from_ref(&args.scenario))?;
     let mut scenarios = formats::open_all(inputs)?;
     let Some(id) = &args.id else {
         let first = scenarios.next().ok_or_else(|| anyhow!("{} is empty", args.scenario.display()))??;

@@ -27,7 +27,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow};
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 use crate::evaluation::EvaluationError;
 use crate::formats::{self, Input};
@@ -222,11 +222,22 @@ fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
     Ok(inputs)
 }
 
-/// As [`find_inputs`], to be read with this current frame where one is given.
-fn find_inputs_at(paths: &[PathBuf], current_frame: Option<usize>) -> anyhow::Result<Vec<Input>> {
-    let mut inputs = find_inputs(paths)?;
-    inputs.iter_mut().for_each(|input| input.current_frame = current_frame);
-    Ok(inputs)
+/// How files of scenarios are read, where they leave a choice.
+#[derive(Debug, Args)]
+struct Reading {
+    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
+    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
+    #[arg(long, value_name = "N")]
+    current_frame: Option<usize>,
+}
+
+impl Reading {
+    /// As [`find_inputs`], to be read in this way.
+    fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
+        let mut inputs = find_inputs(paths)?;
+        inputs.iter_mut().for_each(|input| input.current_frame = self.current_frame);
+        Ok(inputs)
+    }
 }
 
 /// The variants of the metrics that were asked for.

@@ -7,7 +7,7 @@ use std::thread;
 use anyhow::bail;
 use clap::Args;
 
-use super::{find_inputs_at, metric_options, shipped};
+use super::{Reading, metric_options, shipped};
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator, Registrar,
     RunSettings, Source,
@@ -45,10 +45,8 @@ pub(super) struct Subject {
     /// Only the first N scenarios of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
-    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
-    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
-    #[arg(long, value_name = "N")]
-    current_frame: Option<usize>,
+    #[command(flatten)]
+    reading: Reading,
     /// A variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
@@ -137,13 +135,13 @@ impl Subject {
     fn sources(&self) -> anyhow::Result<Vec<Source>> {
         let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
         if self.scenarios.is_empty() {
-            if self.current_frame.is_some() {
+            if self.reading.current_frame.is_some() {
                 bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
             }
             return Ok(vec![shipped::benchmark(most)]);
         }
         let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
-        for input in find_inputs_at(&self.scenarios, self.current_frame)? {
+        for input in self.reading.find_inputs(&self.scenarios)? {
             let file = registrar.record(&input)?;
             let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
                 Ok(Box::new(input.open_undecoded()?.take(most)))

@@ -54,6 +54,31 @@ pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, For
     read
 }
 
+/// Two readings of one recording: the same agents, in any order, and the same logs to 1 cm.
+pub(crate) fn logs_agree(ours: &Scenario, theirs: &Scenario) {
+    let near = |a: f64, b: f64| (a - b).abs() < 0.01;
+    let id = &ours.id;
+    assert!(near(ours.origin.x, theirs.origin.x) && near(ours.origin.y, theirs.origin.y), "{id}");
+    assert_eq!(ours.start.agents.len(), theirs.start.agents.len(), "{id}");
+    for (a, x) in ours.start.agents.iter().enumerate() {
+        let b = theirs.start.agents.iter().position(|y| y.id == x.id).unwrap();
+        let y = &theirs.start.agents[b];
+        assert_eq!(x.kind, y.kind);
+        assert!(near(x.length, y.length) && near(x.width, y.width), "{id}: {x:?} {y:?}");
+        for (f, pair) in ours.logged(a).into_iter().zip(theirs.logged(b)).enumerate() {
+            match pair {
+                (None, None) => {}
+                (Some(p), Some(q)) => {
+                    let turned = (p.heading - q.heading).sin().abs();
+                    assert!(near(p.x, q.x) && near(p.y, q.y) && turned < 1e-4, "{id}: {}: frame {f}", x.id);
+                    assert!(near(p.vx, q.vx) && near(p.vy, q.vy), "{id}: {}: frame {f}", x.id);
+                }
+                _ => panic!("{id}: {}: present in one of both at frame {f}", x.id),
+            }
+        }
+    }
+}
+
 /// The only message that a file gives.
 pub(crate) fn refusal(path: &Path) -> String {
     let mut all = digests(path);

@@ -1,6 +1,6 @@
 //! The map as our own network sees it: pieces of lines, each as eleven points.
 
-use reactsim::geometry::{Bounds, Polygon, Polyline, Vec2, union_of};
+use reactsim::geometry::{Bounds, Polygon, Polyline, Vec2, ring_area, union_of};
 use reactsim::scene::{LaneClass, LaneKind, RoadEdgeKind, RoadMap, StopKind};
 
 /// Points of a piece.
@@ -135,8 +135,7 @@ pub(crate) fn closed(ring: &[Vec2]) -> Vec<Vec2> {
 /// A closed ring that runs counter-clockwise, or clockwise.
 fn oriented(ring: &[Vec2], counter_clockwise: bool) -> Vec<Vec2> {
     let mut ring = closed(ring);
-    let twice_area: f64 = ring.windows(2).map(|w| (w[0] - ring[0]).perp(&(w[1] - ring[0]))).sum();
-    if (twice_area > 0.0) != counter_clockwise {
+    if (ring_area(&ring) > 0.0) != counter_clockwise {
         ring.reverse();
     }
     ring

@@ -49,12 +49,12 @@ impl Data {
         }
         let mut data =
             Self { files: Vec::new(), places: Vec::new(), parts: Vec::new(), digest: String::new() };
-        let mut hasher = blake3::Hasher::new();
+        let (mut hasher, mut registrar) = (blake3::Hasher::new(), Registrar::default());
         for (inputs, times) in inputs {
             hasher.update(&times.to_le_bytes());
             let first = data.places.len();
             for input in inputs {
-                let file = open(&input, cache)?;
+                let file = open(&input, cache, &mut registrar)?;
                 for number in 0..file.len() {
                     data.places.push((data.files.len(), number));
                     hasher.update(file.id(number).as_bytes());
@@ -73,11 +73,11 @@ impl Data {
 }
 
 /// A native file as it is; another one by way of the cache.
-fn open(input: &Input, cache: &Path) -> anyhow::Result<ByNumber> {
+fn open(input: &Input, cache: &Path, registrar: &mut Registrar) -> anyhow::Result<ByNumber> {
     if input.format.id() == "native" {
         return Ok(ByNumber::open(&input.path)?);
     }
-    let digest = Registrar::default().record(input)?.digest();
+    let digest = registrar.record(input)?.digest();
     let converted = cache.join(format!("{}.parquet", &digest[..32]));
     if !converted.exists() {
         fs::create_dir_all(cache).with_context(|| format!("could not write {}", cache.display()))?;

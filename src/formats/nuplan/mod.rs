@@ -160,17 +160,17 @@ impl Reader {
         if let Among::Tagged(asked) = &self.choice.among
             && !asked.iter().any(|tag| self.tags.contains(tag))
         {
-            let known: Vec<String> = self.tags.iter().map(|tag| format!("`{tag}`")).collect();
-            let known = if known.is_empty() {
-                "another choice: the logs have no tags".into()
+            let quoted = |tags: Vec<&str>| format!("`{}`", tags.join("`, `"));
+            let expected = if self.tags.is_empty() {
+                "another choice: the logs have no tags".to_owned()
             } else {
-                known.join(", ")
+                format!(
+                    "one of those in the logs: {}",
+                    quoted(self.tags.iter().map(String::as_str).collect())
+                )
             };
-            let asked = asked.iter().map(|tag| format!("`{tag}`")).collect::<Vec<_>>().join(", ");
-            return Some(FormatError::file(
-                &self.path,
-                Cause::value("tags", asked, format!("one of those in the logs: {known}")),
-            ));
+            let cause = Cause::value("tags", quoted(asked.iter().map(String::as_str).collect()), expected);
+            return Some(FormatError::file(&self.path, cause));
         }
         let expected = "a current frame with 20 rows of the 20 Hz clock before it and 160 after it, by tag, or in a \
                         scene with two scenes before it and two after it";

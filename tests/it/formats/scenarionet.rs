@@ -8,7 +8,7 @@ use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, damage, good, read_at, refusal};
+use super::{Case, damage, good, logs_agree, read_at, refusal};
 
 /// Rows of numbers that become a numpy array.
 fn array(rows: Vec<Vec<f64>>) -> Value {
@@ -428,27 +428,9 @@ fn the_same_scenarios_agree_with_the_waymo_records() {
 }
 
 fn agree(ours: &Scenario, theirs: &Scenario) {
+    logs_agree(ours, theirs);
     let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     let id = &ours.id;
-    assert!(near(ours.origin.x, theirs.origin.x) && near(ours.origin.y, theirs.origin.y), "{id}");
-    assert_eq!(ours.start.agents.len(), theirs.start.agents.len(), "{id}");
-    for (a, x) in ours.start.agents.iter().enumerate() {
-        let b = theirs.start.agents.iter().position(|y| y.id == x.id).unwrap();
-        let y = &theirs.start.agents[b];
-        assert_eq!(x.kind, y.kind);
-        assert!(near(x.length, y.length) && near(x.width, y.width), "{id}: {x:?} {y:?}");
-        for (f, pair) in ours.logged(a).into_iter().zip(theirs.logged(b)).enumerate() {
-            match pair {
-                (None, None) => {}
-                (Some(p), Some(q)) => {
-                    let turned = (p.heading - q.heading).sin().abs();
-                    assert!(near(p.x, q.x) && near(p.y, q.y) && turned < 1e-4, "{id}: {}: frame {f}", x.id);
-                    assert!(near(p.vx, q.vx) && near(p.vy, q.vy), "{id}: {}: frame {f}", x.id);
-                }
-                _ => panic!("{id}: {}: present in one of both at frame {f}", x.id),
-            }
-        }
-    }
     let (m, n) = (&ours.start.map, &theirs.start.map);
     assert_eq!(m.lanes.len(), n.lanes.len(), "{id}");
     let names = |map: &reactsim::scene::RoadMap, all: &[usize]| {
