@@ -173,8 +173,11 @@ impl State {
         }
         record.candidates.retain(|c| c.chosen);
         let chosen = record.chosen()?;
-        let track = chosen.candidate.track.iter().skip(1).copied().collect();
-        scenario.deviation = Some(DeviatedTrack { category: Some(chosen.taxonomy.category), track });
+        scenario.deviation = Some(DeviatedTrack {
+            category: Some(chosen.taxonomy.category),
+            track: chosen.candidate.track.iter().skip(1).copied().collect(),
+            certificate: chosen.certificate.clone(),
+        });
         // The record goes with the scenario as it is written.
         record.scenario_digest = scenario.digest();
         record.scene = None;

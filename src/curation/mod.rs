@@ -5,7 +5,6 @@ pub mod apply;
 mod avoidance;
 pub mod benchmark;
 mod candidate;
-mod certificate;
 mod choice;
 pub mod driver;
 mod filter;
@@ -25,7 +24,6 @@ mod taxonomy;
 
 pub use avoidance::{AvoidanceSettings, Unavoidable, certify, certify_case};
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
-pub use certificate::{Certificate, Response};
 pub use choice::{Chooser, score};
 pub use filter::{Bench, CandidateFilter, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;
@@ -38,3 +36,5 @@ pub use record::{
 };
 pub use rules::Rules;
 pub use taxonomy::{Conflict, classify};
+
+pub use crate::scene::{Certificate, Response};

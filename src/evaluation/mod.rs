@@ -51,7 +51,7 @@ pub use folder::{
     EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
     read_tally,
 };
-pub use plan::{Deviations, NoAv, Plan, RunSettings};
+pub use plan::{Deviations, KnownDeviation, NoAv, Plan, RunSettings};
 pub use provenance::{
     Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, program_version,
 };

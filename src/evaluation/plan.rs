@@ -11,7 +11,7 @@ use super::tally::Tally;
 use crate::formats::deviations::DeviationRecord;
 use crate::metrics::Options;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
-use crate::scene::{AgentState, Deviation, Scenario};
+use crate::scene::{AgentState, Certificate, DeviatedTrack, Deviation, Scenario};
 
 /// What decides the numbers of a run, besides scenarios and simulators.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +49,15 @@ pub struct Plan {
     pub settings: RunSettings,
     /// Whether the run folder keeps the rollouts.
     pub keep_rollouts: bool,
+}
+
+/// What is known of a deviated AV besides its trajectory; nothing of an AV that is no deviated one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KnownDeviation {
+    /// Dominant source of the deviation.
+    pub category: Option<Deviation>,
+    /// How every agent that it disturbs can avoid it.
+    pub certificate: Option<Certificate>,
 }
 
 /// Why a scenario has no AV.
@@ -123,7 +132,7 @@ impl Plan {
     }
 
     /// The deviated trajectory of a scenario in its frame, where there is one.
-    fn deviated(&self, scenario: &Scenario) -> Result<(Option<Deviation>, Vec<AgentState>), NoAv> {
+    fn deviated(&self, scenario: &Scenario) -> Result<DeviatedTrack, NoAv> {
         if let Some(deviations) = &self.deviations {
             let record = deviations.tracks.get(&scenario.id).ok_or(NoAv::Missing)?;
             if let Some(wanted) = &record.scenario_digest {
@@ -132,30 +141,36 @@ impl Plan {
                     return Err(NoAv::OtherScenario { wanted: wanted.clone(), found });
                 }
             }
-            return Ok((record.category, record.track_in(scenario.origin)));
+            return Ok(DeviatedTrack {
+                category: record.category,
+                track: record.track_in(scenario.origin),
+                certificate: record.certificate_in(scenario.origin),
+            });
         }
-        let own = scenario.deviation.as_ref().ok_or(NoAv::Missing)?;
-        Ok((own.category, own.track.clone()))
+        scenario.deviation.clone().ok_or(NoAv::Missing)
     }
 
-    /// The AV of a scenario and the category of its deviation, where known.
+    /// The AV of a scenario and what is known of its deviation from the log.
     ///
     /// # Errors
     /// [`NoAv`] where the scenario has none, or one that no AV can drive.
-    pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, Option<Deviation>), NoAv> {
+    pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, KnownDeviation), NoAv> {
         if self.settings.rollout.protocol == Protocol::Realism {
             if self.deviations.is_some() {
                 self.deviated(scenario)?;
             }
-            return Ok((Box::new(MovedBySimulator), None));
+            return Ok((Box::new(MovedBySimulator), KnownDeviation::default()));
         }
         Ok(match &self.settings.av {
             AvChoice::Deviated | AvChoice::File(_) => {
-                let (category, track) = self.deviated(scenario)?;
-                (Box::new(DeviatedAv::new(&scenario.start.now(0), track)?), category)
+                let DeviatedTrack { category, track, certificate } = self.deviated(scenario)?;
+                let known = KnownDeviation { category, certificate };
+                (Box::new(DeviatedAv::new(&scenario.start.now(0), track)?), known)
             }
-            AvChoice::Log => (Box::new(LogAv::new(scenario)?), None),
-            AvChoice::Scripted(script) => (Box::new(ScriptedAv::new(scenario, *script)?), None),
+            AvChoice::Log => (Box::new(LogAv::new(scenario)?), KnownDeviation::default()),
+            AvChoice::Scripted(script) => {
+                (Box::new(ScriptedAv::new(scenario, *script)?), KnownDeviation::default())
+            }
         })
     }
 }

@@ -34,6 +34,9 @@ pub struct Row {
     pub rollout: Option<u32>,
     /// Category of the deviation, where known.
     pub category: Option<String>,
+    /// How difficult it is to avoid the deviated AV, where known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub difficulty: Option<String>,
     /// How lanes were assigned for the driving direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction_tracking: Option<String>,
@@ -58,6 +61,7 @@ impl Row {
             simulator: simulator.to_owned(),
             rollout: None,
             category: None,
+            difficulty: None,
             direction_tracking: None,
             metrics: BTreeMap::new(),
             deviation: BTreeMap::new(),

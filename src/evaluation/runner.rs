@@ -7,14 +7,14 @@ use std::thread;
 
 use super::folder::{RunFolder, SUMMARY, line};
 use super::judge::judge;
-use super::plan::Plan;
+use super::plan::{KnownDeviation, Plan};
 use super::row::{EventLine, Failure, Place, Row};
 use super::source::{Item, Supply};
 use super::summary::Summary;
 use super::tally::Tally;
 use super::{EvaluationError, rollouts};
 use crate::rollout::{Request, Rollout, roll_out};
-use crate::scene::{Deviation, Scenario};
+use crate::scene::{Certificate, Scenario};
 
 /// More threads than this are never started: they would only wait for each other.
 const MOST_JOBS: usize = 512;
@@ -182,7 +182,7 @@ struct Ready {
     place: Place,
     scenario: Scenario,
     digest: String,
-    category: Option<Deviation>,
+    deviation: KnownDeviation,
 }
 
 impl Runner<'_> {
@@ -237,9 +237,9 @@ impl Runner<'_> {
             seen.insert(scenario.id.clone());
         }
         match self.plan.av(&scenario) {
-            Ok((_, category)) => {
+            Ok((_, deviation)) => {
                 let digest = scenario.digest();
-                Ok(Some(Ready { place: item.place, digest, category, scenario }))
+                Ok(Some(Ready { place: item.place, digest, deviation, scenario }))
             }
             Err(error) if self.plan.passes_over(&error) => Ok(None),
             Err(error) => {
@@ -303,8 +303,10 @@ impl Runner<'_> {
     }
 
     fn rows(&self, ready: &Ready, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+        let difficulty = ready.deviation.certificate.as_ref().and_then(Certificate::difficulty);
         let about = Row {
-            category: ready.category.map(|c| c.name().to_owned()),
+            category: ready.deviation.category.map(|c| c.name().to_owned()),
+            difficulty: difficulty.map(|d| d.name().to_owned()),
             ..Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
         };
         let judged = judge(&ready.scenario, rollouts, self.plan.settings.options);

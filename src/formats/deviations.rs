@@ -8,12 +8,13 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 use serde::Deserialize;
 
+use super::certificates::{self, READ};
 use super::error::{Cause, FormatError};
 use super::format::{is_parquet, read_whole};
 use super::states::{self, States};
 use super::table::{Leaf, TableReader, View};
 use crate::geometry::Vec2;
-use crate::scene::{AgentState, Deviation, FUTURE, Frame};
+use crate::scene::{AgentState, Certificate, Deviation, FUTURE, Frame};
 
 /// The value of `format` in JSON, and of `reactsim.format` in Parquet where the file states one.
 const JSON: &str = "reactsim-deviations-v1";
@@ -32,6 +33,20 @@ const COLUMNS: &[&str] = &[
     "heading",
     "vx",
     "vy",
+    READ[0],
+    READ[1],
+    READ[2],
+    READ[3],
+    READ[4],
+    READ[5],
+    READ[6],
+    READ[7],
+    READ[8],
+    READ[9],
+    READ[10],
+    READ[11],
+    READ[12],
+    READ[13],
 ];
 /// Longest JSON file that is read.
 const LONGEST: u64 = 1 << 30;
@@ -47,12 +62,22 @@ pub struct DeviationRecord {
     pub origin: Option<Vec2>,
     /// States at the steps 1 to 80, without gaps.
     pub track: Vec<AgentState>,
+    /// Responses of the agents that it disturbs, relative to the same origin; files of curations have them.
+    pub certificate: Option<Certificate>,
 }
 
 impl DeviationRecord {
     /// The states in the frame of a scenario with this origin.
     pub fn track_in(&self, origin: Vec2) -> Vec<AgentState> {
         self.track.iter().map(|s| states::moved(*s, self.origin, origin)).collect()
+    }
+
+    /// The certificate in the frame of a scenario with this origin.
+    pub fn certificate_in(&self, origin: Vec2) -> Option<Certificate> {
+        let mut certificate = self.certificate.clone()?;
+        let states = certificate.responses.iter_mut().flat_map(|r| &mut r.track);
+        states.for_each(|s| *s = states::moved(*s, self.origin, origin));
+        Some(certificate)
     }
 }
 
@@ -87,6 +112,7 @@ impl Records<'_> {
         scenario_digest: Option<&str>,
         origin: Option<Vec2>,
         frames: Result<Vec<Frame>, Cause>,
+        certificate: Option<Certificate>,
     ) -> Result<(), FormatError> {
         let record = self.next;
         self.next += 1;
@@ -109,7 +135,13 @@ impl Records<'_> {
                 Err(refuse(Cause::value("scenario_id", format!("`{scenario}` again"), "one trajectory each")))
             }
             Entry::Vacant(place) => {
-                place.insert(DeviationRecord { category, scenario_digest: digest, origin, track });
+                place.insert(DeviationRecord {
+                    category,
+                    scenario_digest: digest,
+                    origin,
+                    track,
+                    certificate,
+                });
                 Ok(())
             }
         }
@@ -143,6 +175,7 @@ impl Records<'_> {
         let columns = States::find(batch, 1).map_err(file)?;
         let x = View::find(batch, "origin_x", Leaf::Number, 0).map_err(file)?;
         let y = View::find(batch, "origin_y", Leaf::Number, 0).map_err(file)?;
+        let mut certificates = certificates::decode(batch).map_err(file)?;
         let mut passed_over = 0;
         for row in 0..batch.num_rows() {
             if chosen.as_ref().is_some_and(|c| c.flag(row) != Some(true)) {
@@ -159,7 +192,7 @@ impl Records<'_> {
             // What a row says of itself goes before what the file says, which other programs lose when they write it anew.
             let own = |c: &Option<View>| c.as_ref().and_then(|c| c.number(row));
             let origin = own(&x).zip(own(&y)).map(|(x, y)| Vec2::new(x, y)).or(origin);
-            self.add(id, category, digest, origin, frames)?;
+            self.add(id, category, digest, origin, frames, certificates[row].take())?;
         }
         Ok(passed_over)
     }
@@ -182,6 +215,7 @@ impl Records<'_> {
                 one.scenario_digest.as_deref(),
                 origin,
                 frames,
+                None,
             )?;
         }
         Ok(())

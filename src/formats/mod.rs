@@ -3,6 +3,7 @@
 //! Reading is streaming: one scenario (of native files: one row group) is in memory at a time. Errors name file, record,
 //! scenario, field and value; one bad record does not end a file, and one bad file does not end a folder.
 
+pub(crate) mod certificates;
 pub(crate) mod error;
 mod format;
 mod argoverse2;

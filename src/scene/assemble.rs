@@ -5,9 +5,9 @@ use std::sync::OnceLock;
 
 use super::parts::{LaneParts, NeighborParts, ScenarioParts};
 use super::{
-    AgentKind, AgentState, CURRENT, Crosswalk, DT, DeviatedTrack, FRAMES, FUTURE, Frame, HISTORY,
-    LANE_HALF_WIDTH, Lane, LaneArea, LaneNeighbor, LogFuture, LoggedAgent, MAX_AGENTS, RoadEdge, RoadLine,
-    RoadMap, Scenario, SceneError, Start, StopLine, Surface, TrafficLight,
+    AgentKind, AgentState, CURRENT, Certificate, Crosswalk, DT, DeviatedTrack, FRAMES, FUTURE, Frame,
+    HISTORY, LANE_HALF_WIDTH, Lane, LaneArea, LaneNeighbor, LogFuture, LoggedAgent, MAX_AGENTS, RoadEdge,
+    RoadLine, RoadMap, Scenario, SceneError, Start, StopLine, Surface, TrafficLight,
 };
 use crate::geometry::{Polygon, Polyline, Vec2, left};
 
@@ -139,7 +139,14 @@ impl Scenario {
                     let value = format!("{} states in {} frames", track.len(), deviation.track.len());
                     return Err(builder.error("deviation.track".into(), value, "80 states without gaps"));
                 }
-                Some(DeviatedTrack { category: deviation.category, track })
+                if let Some(certificate) = &mut deviation.certificate {
+                    builder.certificate(certificate, &agents)?;
+                }
+                Some(DeviatedTrack {
+                    category: deviation.category,
+                    track,
+                    certificate: deviation.certificate,
+                })
             }
         };
 
@@ -345,6 +352,27 @@ impl Builder {
                     return Err(self.error(format!("{field}[{f}].{name}"), v, expected));
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Checks the responses of a certificate and moves them into the scenario frame.
+    fn certificate(&self, certificate: &mut Certificate, agents: &[LoggedAgent]) -> Result<(), SceneError> {
+        let mut seen = BTreeSet::new();
+        for (i, response) in certificate.responses.iter_mut().enumerate() {
+            let field = format!("deviation.responses[{i}]");
+            if !agents.iter().any(|a| a.agent.id == response.agent) || !seen.insert(response.agent.clone()) {
+                let found = format!("`{}`", response.agent);
+                return Err(self.error(format!("{field}.agent"), found, "the id of an agent, each once"));
+            }
+            if response.track.len() != FUTURE + 1 || response.reaction_step > FUTURE {
+                let found =
+                    format!("{} states, reaction at {}", response.track.len(), response.reaction_step);
+                return Err(self.error(field, found, "81 states and a reaction step of at most 80"));
+            }
+            let mut track: Vec<Frame> = response.track.iter().copied().map(Some).collect();
+            self.shift_track(&mut track, &field)?;
+            response.track = track.into_iter().flatten().collect();
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! A digest of everything that a scenario holds, for provenance and against damage.
 
-use super::{Frame, LaneArea, Scenario};
+use super::{Certificate, Frame, LaneArea, Scenario};
 use crate::geometry::{Polygon, Vec2};
 
 impl Scenario {
@@ -36,6 +36,10 @@ impl Scenario {
         if let Some(deviation) = &self.deviation {
             sink.text(deviation.category.map_or("", |c| c.name()));
             sink.list(&deviation.track, |s, state| s.frame(&Some(*state)));
+            // Scenarios without a certificate have the digests that they had before there were any.
+            if let Some(certificate) = &deviation.certificate {
+                sink.certificate(certificate);
+            }
         }
         sink.list(&self.repairs.iter().collect::<Vec<_>>(), |s, (what, n)| {
             s.text(what);
@@ -136,6 +140,20 @@ impl Sink {
         self.byte(agent.kind as u8);
         self.number(agent.length);
         self.number(agent.width);
+    }
+
+    fn certificate(&mut self, certificate: &Certificate) {
+        self.text("certificate");
+        self.list(&certificate.responses, |s, r| {
+            s.text(&r.agent);
+            s.text(r.leader.as_deref().unwrap_or(""));
+            s.count(r.reaction_step);
+            let effort = r.effort.map_or([f64::NAN; 2], |e| [e.required_deceleration, e.time_to_react]);
+            [r.nudge, r.peak_deceleration, r.clearance, effort[0], effort[1]]
+                .into_iter()
+                .for_each(|v| s.number(v));
+            s.list(&r.track, |s, state| s.frame(&Some(*state)));
+        });
     }
 
     fn frame(&mut self, frame: &Frame) {

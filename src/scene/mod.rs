@@ -2,6 +2,7 @@
 
 mod agent;
 mod assemble;
+mod certificate;
 mod digest;
 mod error;
 mod lights;
@@ -12,6 +13,9 @@ mod scenario;
 mod time;
 
 pub use agent::{Agent, AgentKind, AgentState, Frame, LoggedAgent};
+pub use certificate::{
+    Certificate, Difficulty, EASY_DECELERATION, Effort, HARD_DECELERATION, HARD_TIME_TO_REACT, Response,
+};
 pub use error::SceneError;
 pub use lights::{LightState, TrafficLight};
 pub use map::{

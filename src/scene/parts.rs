@@ -4,7 +4,7 @@ use super::{
     Crosswalk, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, RoadEdge, RoadLine, StopKind, Surface,
 };
 use crate::geometry::{Polygon, Vec2};
-use crate::scene::{Deviation, Frame};
+use crate::scene::{Certificate, Deviation, Frame};
 
 /// A scenario as a format reads it. [`super::Scenario::assemble`] checks it and makes the domain type.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -133,4 +133,6 @@ pub struct DeviationParts {
     pub category: Option<Deviation>,
     /// 80 states.
     pub track: Vec<Frame>,
+    /// Responses of the agents that the deviation disturbs, where they are known; in the same frame as `track`.
+    pub certificate: Option<Certificate>,
 }

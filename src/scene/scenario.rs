@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use super::{
-    Agent, AgentState, CURRENT, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Road, RoadMap,
-    TrafficLight,
+    Agent, AgentState, CURRENT, Certificate, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Road,
+    RoadMap, TrafficLight,
 };
 use crate::geometry::{OrientedBox, Vec2};
 
@@ -49,6 +49,8 @@ pub struct DeviatedTrack {
     pub category: Option<Deviation>,
     /// 80 states.
     pub track: Vec<AgentState>,
+    /// How every agent that the deviation disturbs can avoid it, where that is known.
+    pub certificate: Option<Certificate>,
 }
 
 /// A recorded scene, split at the current frame. The split is the privacy boundary: simulators are given [`Start`] only.

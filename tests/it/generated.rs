@@ -70,7 +70,11 @@ pub(crate) fn parts(i: usize, deviated: bool) -> ScenarioParts {
             road_edges: vec![road(-1.75, true), road(5.25, false)],
             ..MapParts::default()
         },
-        deviation: deviated.then(|| DeviationParts { category: Some(Deviation::ALL[i % 3]), track: braking }),
+        deviation: deviated.then(|| DeviationParts {
+            category: Some(Deviation::ALL[i % 3]),
+            track: braking,
+            certificate: None,
+        }),
         ..ScenarioParts::default()
     }
 }

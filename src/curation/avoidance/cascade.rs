@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::respond::respond;
 use super::traffic::{Traffic, reaction_step};
-use super::{AvoidanceSettings, Unavoidable, check};
+use super::{AvoidanceSettings, Unavoidable, check, effort};
 use crate::curation::{CANDIDATE_STATES, Certificate};
 use crate::metrics::{Case, pair_counts};
 use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
@@ -87,6 +87,7 @@ fn resolve(
         }
     }
     check::settled(&traffic, &order, reaction)?;
+    effort::measure(&mut traffic, &conflicts, settings);
     Ok(Certificate { responses: traffic.planned.into_values().map(|p| p.response).collect() })
 }
 
@@ -131,7 +132,7 @@ impl<'c, 'a> Cascade<'c, 'a> {
             if self.traffic.planned.len() == self.settings.max_agents {
                 return Err((agent, Unavoidable::TooMany { limit: self.settings.max_agents }));
             }
-            let planned = respond(self.traffic, agent, reaction, self.settings).map_err(|reason| {
+            let mut planned = respond(self.traffic, agent, reaction, self.settings).map_err(|reason| {
                 let why = match leader {
                     None => reason,
                     Some(leader) => Unavoidable::Follower {
@@ -142,6 +143,7 @@ impl<'c, 'a> Cascade<'c, 'a> {
                 };
                 (agent, why)
             })?;
+            planned.response.leader = leader.map(id);
             self.traffic.planned.insert(agent, planned);
             self.disturbed_by(agent);
         }

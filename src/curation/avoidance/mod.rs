@@ -9,6 +9,7 @@ mod blocked;
 mod cascade;
 mod check;
 mod driver;
+mod effort;
 mod front;
 mod own_path;
 mod pace;

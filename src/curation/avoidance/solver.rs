@@ -255,10 +255,12 @@ impl<'t> Solver<'t> {
         let peak = profile.v.windows(2).fold(0.0_f64, |a, w| a.max((w[0] - w[1]) / DT));
         let response = Response {
             agent: who.id.clone(),
+            leader: None,
             reaction_step: first,
             nudge: path.nudge,
             peak_deceleration: peak,
             clearance,
+            effort: None,
             track,
         };
         let (scenario, agent) = (self.traffic.scenario, self.driver.agent);

@@ -1,5 +1,6 @@
 //! The columns of the file.
 
+use crate::formats::certificates;
 use crate::formats::table::{Column, Leaf};
 
 /// All columns, in the order of the file.
@@ -8,10 +9,9 @@ pub(super) fn columns() -> Vec<Column> {
     let maybe_text = |name| Column::new(name, Leaf::Text, 0, true);
     let number = |name| Column::new(name, Leaf::Number, 0, false);
     let numbers = |name| Column::new(name, Leaf::Number, 1, false);
-    let tracks = |name| Column::new(name, Leaf::Number, 2, false);
     let whole = |name| Column::new(name, Leaf::Whole, 0, false);
     let flag = |name| Column::new(name, Leaf::Flag, 0, false);
-    vec![
+    let mut all = vec![
         text("scenario_id"),
         text("scenario_digest"),
         number("origin_x"),
@@ -49,19 +49,10 @@ pub(super) fn columns() -> Vec<Column> {
         maybe_text("reviewer"),
         maybe_text("reviewed_at"),
         maybe_text("decision"),
-        flag("has_certificate"),
-        Column::new("response_agent", Leaf::Text, 1, false),
-        Column::new("response_reaction_step", Leaf::Whole, 1, false),
-        numbers("response_nudge"),
-        numbers("response_peak_deceleration"),
-        numbers("response_clearance"),
-        tracks("response_x"),
-        tracks("response_y"),
-        tracks("response_heading"),
-        tracks("response_vx"),
-        tracks("response_vy"),
-        maybe_text("scene"),
-    ]
+    ];
+    all.extend(certificates::columns());
+    all.push(maybe_text("scene"));
+    all
 }
 
 /// Columns that the index of a file needs: those that are small.
@@ -83,6 +74,3 @@ pub(super) const LIGHT: &[&str] = &[
 
 /// The values of a state, in the order of the columns that hold them.
 pub(super) const STATE: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
-/// The same of a response.
-pub(super) const RESPONSE: [&str; 5] =
-    ["response_x", "response_y", "response_heading", "response_vx", "response_vy"];

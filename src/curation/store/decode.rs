@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use arrow_array::RecordBatch;
 
-use super::columns::{RESPONSE, STATE};
+use super::columns::STATE;
 use crate::curation::{
-    CANDIDATE_STATES, Candidate, CandidateRecord, Certificate, Decision, Figure, Offsets, Pressure, Response,
-    ReviewMark, ScenarioRecord, Taxonomy,
+    Candidate, CandidateRecord, Decision, Figure, Offsets, Pressure, ReviewMark, ScenarioRecord, Taxonomy,
 };
+use crate::formats::certificates::{self, null, parallel, states, states_views};
 use crate::formats::error::Cause;
 use crate::formats::table::{Leaf, View};
 use crate::geometry::Vec2;
@@ -104,7 +104,7 @@ impl<'a> Rows<'a> {
 
     /// The states of every row.
     fn tracks(&self) -> Result<Vec<Vec<AgentState>>, Cause> {
-        let views = views(self.batch, STATE, 1)?;
+        let views = states_views(self.batch, STATE, 1)?;
         let list = |row| states(&views, |view| view.range(0, row));
         (0..self.batch.num_rows()).map(list).collect()
     }
@@ -123,44 +123,6 @@ impl<'a> Rows<'a> {
             (0..ranges[0].len()).map(figure).collect()
         };
         (0..self.batch.num_rows()).map(of).collect()
-    }
-
-    fn certificates(&self) -> Result<Vec<Option<Certificate>>, Cause> {
-        let has = self.flags("has_certificate")?;
-        let agents = View::need(self.batch, "response_agent", Leaf::Text, 1)?;
-        let steps = View::need(self.batch, "response_reaction_step", Leaf::Whole, 1)?;
-        let numbers = |name| View::need(self.batch, name, Leaf::Number, 1);
-        let (nudges, peaks) = (numbers("response_nudge")?, numbers("response_peak_deceleration")?);
-        let clearances = numbers("response_clearance")?;
-        let tracks = views(self.batch, RESPONSE, 2)?;
-        let mut columns: Vec<&View> = vec![&agents, &steps, &nudges, &peaks, &clearances];
-        columns.extend(&tracks);
-        let of = |(row, has): (usize, bool)| {
-            let ranges = parallel(row, &columns)?;
-            let response = |k: usize| {
-                let at = |column: usize| ranges[column].start + k;
-                let number = |view: &View, column| view.number(at(column)).ok_or_else(|| null(view.name()));
-                Ok(Response {
-                    agent: agents.text(at(0)).ok_or_else(|| null(agents.name()))?.to_owned(),
-                    reaction_step: steps.whole(at(1)).ok_or_else(|| null(steps.name()))? as usize,
-                    nudge: number(&nudges, 2)?,
-                    peak_deceleration: number(&peaks, 3)?,
-                    clearance: number(&clearances, 4)?,
-                    // Tracks lie in parallel, which was checked: their lists begin at the same place.
-                    track: states(&tracks, |view| view.range(1, at(5)))?,
-                })
-            };
-            let responses: Vec<Response> =
-                (0..ranges[0].len()).map(response).collect::<Result<_, Cause>>()?;
-            match (has, responses.is_empty()) {
-                (true, _) => Ok(Some(Certificate { responses })),
-                (false, true) => Ok(None),
-                (false, false) => {
-                    Err(Cause::value("`has_certificate`", "false", "true where there are responses"))
-                }
-            }
-        };
-        has.into_iter().enumerate().map(of).collect()
     }
 
     /// All records of the row group.
@@ -200,7 +162,7 @@ impl<'a> Rows<'a> {
         let aside = self.numbers("endpoint_lateral")?;
         let (ade, speed) = (self.numbers("ade")?, self.numbers("mean_speed_difference")?);
         let mut reviews = self.reviews()?.into_iter();
-        let mut certificates = self.certificates()?.into_iter();
+        let mut certificates = certificates::decode(self.batch)?.into_iter();
         let record = |row: usize| {
             Ok(CandidateRecord {
                 candidate: Candidate {
@@ -246,52 +208,9 @@ fn next<T>(cells: &mut impl Iterator<Item = T>) -> Result<T, Cause> {
     cells.next().ok_or_else(|| Cause::Undecodable("columns are of different lengths".into()))
 }
 
-fn null(column: &str) -> Cause {
-    Cause::value(format!("`{column}`"), "null", "a value")
-}
-
 fn category(column: &str, name: &str) -> Result<Deviation, Cause> {
     let wrong = || Cause::value(column, format!("`{name}`"), "longitudinal, lateral or directional");
     Deviation::from_name(name).ok_or_else(wrong)
-}
-
-fn views(batch: &RecordBatch, names: [&'static str; 5], depth: usize) -> Result<Vec<View>, Cause> {
-    names.into_iter().map(|name| View::need(batch, name, Leaf::Number, depth)).collect()
-}
-
-/// The lists of one row in several columns, which must be of one length.
-fn parallel(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
-    let ranges: Vec<Range<usize>> = views.iter().map(|v| v.range(0, row)).collect();
-    for (view, range) in views.iter().zip(&ranges) {
-        if range.len() != ranges[0].len() {
-            let field = format!("`{}`", view.name());
-            let expected = format!("{} values, as many as `{}`", ranges[0].len(), views[0].name());
-            return Err(Cause::value(field, format!("{} values", range.len()), expected));
-        }
-    }
-    Ok(ranges)
-}
-
-/// 81 states from one list of each column. Velocities may be unknown; positions and headings may not.
-fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<AgentState>, Cause> {
-    let ranges: Vec<Range<usize>> = views.iter().map(&list).collect();
-    for (view, range) in views.iter().zip(&ranges) {
-        if range.len() != CANDIDATE_STATES {
-            let (field, found) = (format!("`{}`", view.name()), format!("{} states", range.len()));
-            return Err(Cause::value(field, found, format!("{CANDIDATE_STATES} states")));
-        }
-    }
-    let state = |step: usize| {
-        let value = |k: usize| {
-            let v = views[k].number(ranges[k].start + step).unwrap_or(f64::NAN);
-            if v.is_finite() || (k > 2 && v.is_nan()) {
-                return Ok(v);
-            }
-            Err(Cause::value(format!("`{}` at step {step}", views[k].name()), v, "a finite number"))
-        };
-        Ok(AgentState { x: value(0)?, y: value(1)?, heading: value(2)?, vx: value(3)?, vy: value(4)? })
-    };
-    (0..CANDIDATE_STATES).map(state).collect()
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Records into columns.
 
-use super::columns::{RESPONSE, STATE};
-use crate::curation::{CandidateRecord, Certificate, Figure, Response, ScenarioRecord};
+use super::columns::STATE;
+use crate::curation::{CandidateRecord, Figure, ScenarioRecord};
+use crate::formats::certificates::{self, STATE_VALUES};
 use crate::formats::table::{TableWriter, Value};
-use crate::scene::AgentState;
 
 /// Adds the cells of one candidate. The scene stands in the first row of its scenario only.
 pub(super) fn candidate(t: &mut TableWriter, of: &ScenarioRecord, record: &CandidateRecord, first: bool) {
@@ -23,7 +23,7 @@ pub(super) fn candidate(t: &mut TableWriter, of: &ScenarioRecord, record: &Candi
     t.column("cue_lateral_offset").push(Value::Number(taxonomy.lateral_offset));
     t.column("cue_longitudinal_offset").push(Value::Number(taxonomy.longitudinal_offset));
     t.column("cue_conflict_step").push(taxonomy.conflict_step.map_or(Value::Null, Value::Whole));
-    for (name, value) in STATE.into_iter().zip(VALUES) {
+    for (name, value) in STATE.into_iter().zip(STATE_VALUES) {
         t.column(name).list(candidate.track.iter().map(|s| Value::Number(value(s))));
     }
     figures(t, &record.figures);
@@ -41,29 +41,12 @@ pub(super) fn candidate(t: &mut TableWriter, of: &ScenarioRecord, record: &Candi
     t.column("reviewer").push(Value::from(review.as_ref().map(|r| r.reviewer.as_str())));
     t.column("reviewed_at").push(Value::from(review.as_ref().map(|r| r.at.as_str())));
     t.column("decision").push(Value::from(review.as_ref().map(|r| r.decision.name())));
-    certificate(t, record.certificate.as_ref());
+    certificates::encode(t, record.certificate.as_ref());
     t.column("scene").push(Value::from(of.scene.as_deref().filter(|_| first)));
 }
-
-/// The values of a state, in the order of [`STATE`].
-const VALUES: [fn(&AgentState) -> f64; 5] = [|s| s.x, |s| s.y, |s| s.heading, |s| s.vx, |s| s.vy];
 
 fn figures(t: &mut TableWriter, figures: &[Figure]) {
     t.column("filter").list(figures.iter().map(|f| Value::Text(&f.filter)));
     t.column("figure").list(figures.iter().map(|f| Value::from(f.value)));
     t.column("passed").list(figures.iter().map(|f| f.passed.map_or(Value::Null, Value::Flag)));
-}
-
-fn certificate(t: &mut TableWriter, certificate: Option<&Certificate>) {
-    let responses: &[Response] = certificate.map_or(&[], |c| &c.responses);
-    t.column("has_certificate").push(Value::Flag(certificate.is_some()));
-    t.column("response_agent").list(responses.iter().map(|r| Value::Text(&r.agent)));
-    t.column("response_reaction_step").list(responses.iter().map(|r| Value::Whole(r.reaction_step as u32)));
-    t.column("response_nudge").list(responses.iter().map(|r| Value::Number(r.nudge)));
-    t.column("response_peak_deceleration").list(responses.iter().map(|r| Value::Number(r.peak_deceleration)));
-    t.column("response_clearance").list(responses.iter().map(|r| Value::Number(r.clearance)));
-    for (name, value) in RESPONSE.into_iter().zip(VALUES) {
-        let track = |r: &Response| r.track.iter().map(|s| Value::Number(value(s))).collect::<Vec<_>>();
-        t.column(name).lists(responses.iter().map(track));
-    }
 }

@@ -146,7 +146,7 @@ fn deviated(raw: RawDeviation, now: Frame) -> Result<DeviationParts, Cause> {
         }
         (track, _) => return Err(either("deviation", "track", "pieces", track.is_some())),
     };
-    Ok(DeviationParts { category, track })
+    Ok(DeviationParts { category, track, certificate: None })
 }
 
 fn point([x, y]: [f64; 2]) -> Vec2 {

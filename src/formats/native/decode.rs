@@ -8,18 +8,20 @@ use arrow_array::RecordBatch;
 
 use super::encode::{COLUMNS, LEFT, RIGHT};
 use super::wrong;
+use crate::formats::certificates;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::table::View;
 use crate::geometry::{Polygon, Vec2};
 use crate::scene::{
-    Agent, AgentKind, AgentState, Crosswalk, Deviation, DeviationParts, Frame, LaneArea, LaneClass, LaneKind,
-    LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
-    RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
+    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, LaneArea,
+    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge,
+    RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
 };
 
 /// Rows of a file in memory.
 pub(super) struct Rows {
     views: Vec<View>,
+    certificates: Vec<Option<Certificate>>,
     len: usize,
 }
 
@@ -30,7 +32,7 @@ impl Rows {
         for &(name, leaf, depth, _) in COLUMNS {
             views.push(View::need(batch, name, leaf, depth)?);
         }
-        Ok(Self { views, len: batch.num_rows() })
+        Ok(Self { views, certificates: certificates::decode(batch)?, len: batch.num_rows() })
     }
 
     pub(super) fn len(&self) -> usize {
@@ -355,7 +357,8 @@ impl Rows {
                 wrong("deviation_category", format!("`{name}`"), "longitudinal, lateral or directional")
             })?),
         };
-        Ok(Some(DeviationParts { category, track: track(views, views.map(|v| v.range(0, row)))? }))
+        let track = track(views, views.map(|v| v.range(0, row)))?;
+        Ok(Some(DeviationParts { category, track, certificate: self.certificates[row].clone() }))
     }
 }
 

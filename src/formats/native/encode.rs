@@ -1,5 +1,6 @@
 //! From scenarios to columns.
 
+use crate::formats::certificates;
 use crate::formats::table::{Column, Leaf, TableWriter, Value};
 use crate::geometry::Vec2;
 use crate::scene::{Agent, Frame, Lane, LaneArea, LaneNeighbor, Scenario};
@@ -84,7 +85,8 @@ pub(super) const COLUMNS: &[(&str, Leaf, usize, bool)] = &[
 
 /// Empty columns.
 pub(super) fn columns() -> Vec<Column> {
-    COLUMNS.iter().map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable)).collect()
+    let own = COLUMNS.iter().map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
+    own.chain(certificates::columns()).collect()
 }
 
 /// Adds a scenario as one row.
@@ -105,6 +107,7 @@ pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario) {
     surroundings(t, scenario);
     lights(t, scenario);
     deviation(t, scenario);
+    certificates::encode(t, scenario.deviation.as_ref().and_then(|d| d.certificate.as_ref()));
 }
 
 fn texts<'a>(t: &mut TableWriter, column: &str, texts: impl Iterator<Item = &'a str>) {

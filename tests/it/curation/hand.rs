@@ -22,6 +22,8 @@ pub(super) fn candidate(number: u32) -> CandidateRecord {
     let rejected = number % 3 == 2;
     let response = |agent: &str| Response {
         agent: agent.into(),
+        leader: None,
+        effort: None,
         reaction_step: 8,
         nudge: -0.25,
         peak_deceleration: 3.5,

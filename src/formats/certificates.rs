@@ -1,0 +1,210 @@
+//! Columns that hold the certificates of deviated AVs: the same in files of scenarios and in files of deviations.
+
+use std::ops::Range;
+
+use arrow_array::RecordBatch;
+
+use super::error::Cause;
+use super::table::{Column, Leaf, TableWriter, Value, View};
+use crate::scene::{AgentState, Certificate, Effort, FUTURE, Response};
+
+/// States of a response: the steps 0 to 80.
+const STATES: usize = FUTURE + 1;
+/// The values of a response's states.
+const RESPONSE: [&str; 5] = ["response_x", "response_y", "response_heading", "response_vx", "response_vy"];
+/// The values of a state, in the order of the columns that hold them.
+pub(crate) const STATE_VALUES: [fn(&AgentState) -> f64; 5] =
+    [|s| s.x, |s| s.y, |s| s.heading, |s| s.vx, |s| s.vy];
+
+/// Names of the columns that are read again; the others of [`columns`] are derived from them.
+pub(crate) const READ: [&str; 14] = [
+    "has_certificate",
+    "response_agent",
+    "response_leader",
+    "response_reaction_step",
+    "response_nudge",
+    "response_peak_deceleration",
+    "response_clearance",
+    "response_required_deceleration",
+    "response_time_to_react",
+    RESPONSE[0],
+    RESPONSE[1],
+    RESPONSE[2],
+    RESPONSE[3],
+    RESPONSE[4],
+];
+
+/// All columns, in the order of the files.
+pub(crate) fn columns() -> Vec<Column> {
+    let number = |name, nullable| Column::new(name, Leaf::Number, 1, nullable);
+    let mut all = vec![
+        Column::new("has_certificate", Leaf::Flag, 0, false),
+        Column::new("difficulty", Leaf::Text, 0, true),
+        Column::new("required_deceleration", Leaf::Number, 0, true),
+        Column::new("time_to_react", Leaf::Number, 0, true),
+        Column::new("needs_swerve", Leaf::Flag, 0, true),
+        Column::new("response_agent", Leaf::Text, 1, false),
+        Column::new("response_leader", Leaf::Text, 1, true),
+        Column::new("response_reaction_step", Leaf::Whole, 1, false),
+        number("response_nudge", false),
+        number("response_peak_deceleration", false),
+        number("response_clearance", false),
+        number("response_required_deceleration", true),
+        number("response_time_to_react", true),
+    ];
+    all.extend(RESPONSE.map(|name| Column::new(name, Leaf::Number, 2, false)));
+    all
+}
+
+/// Adds the cells of one row.
+pub(crate) fn encode(t: &mut TableWriter, certificate: Option<&Certificate>) {
+    let responses: &[Response] = certificate.map_or(&[], |c| &c.responses);
+    t.column("has_certificate").push(Value::Flag(certificate.is_some()));
+    let difficulty = certificate.and_then(Certificate::difficulty);
+    t.column("difficulty").push(Value::from(difficulty.map(|d| d.name())));
+    let deceleration = certificate.and_then(Certificate::required_deceleration);
+    t.column("required_deceleration").push(Value::from(deceleration));
+    t.column("time_to_react").push(Value::from(certificate.and_then(Certificate::time_to_react)));
+    t.column("needs_swerve").push(certificate.map_or(Value::Null, |c| Value::Flag(c.needs_swerve())));
+    t.column("response_agent").list(responses.iter().map(|r| Value::Text(&r.agent)));
+    t.column("response_leader").list(responses.iter().map(|r| Value::from(r.leader.as_deref())));
+    t.column("response_reaction_step").list(responses.iter().map(|r| Value::Whole(r.reaction_step as u32)));
+    t.column("response_nudge").list(responses.iter().map(|r| Value::Number(r.nudge)));
+    t.column("response_peak_deceleration").list(responses.iter().map(|r| Value::Number(r.peak_deceleration)));
+    t.column("response_clearance").list(responses.iter().map(|r| Value::Number(r.clearance)));
+    let effort = |value: fn(Effort) -> f64| responses.iter().map(move |r| Value::from(r.effort.map(value)));
+    t.column("response_required_deceleration").list(effort(|e| e.required_deceleration));
+    t.column("response_time_to_react").list(effort(|e| e.time_to_react));
+    for (name, value) in RESPONSE.into_iter().zip(STATE_VALUES) {
+        let track = |r: &Response| r.track.iter().map(|s| Value::Number(value(s))).collect::<Vec<_>>();
+        t.column(name).lists(responses.iter().map(track));
+    }
+}
+
+/// The certificate of every row; `None` in all of them for files without these columns. Files that were written before efforts were
+/// measured have none.
+pub(crate) fn decode(batch: &RecordBatch) -> Result<Vec<Option<Certificate>>, Cause> {
+    let rows = batch.num_rows();
+    let Some(has) = View::find(batch, READ[0], Leaf::Flag, 0)? else { return Ok(vec![None; rows]) };
+    let responses = Responses::find(batch)?;
+    let of = |row| {
+        let has = has.flag(row).ok_or_else(|| null(has.name()))?;
+        let responses = responses.row(row)?;
+        match (has, responses.is_empty()) {
+            (true, _) => Ok(Some(Certificate { responses })),
+            (false, true) => Ok(None),
+            (false, false) => {
+                Err(Cause::value("`has_certificate`", "false", "true where there are responses"))
+            }
+        }
+    };
+    (0..rows).map(of).collect()
+}
+
+/// The columns of the responses.
+struct Responses {
+    agents: View,
+    steps: View,
+    numbers: [View; 3],
+    leaders: Option<View>,
+    efforts: Option<[View; 2]>,
+    states: Vec<View>,
+}
+
+impl Responses {
+    fn find(batch: &RecordBatch) -> Result<Self, Cause> {
+        let number = |name| View::need(batch, name, Leaf::Number, 1);
+        let required = View::find(batch, READ[7], Leaf::Number, 1)?;
+        let times = View::find(batch, READ[8], Leaf::Number, 1)?;
+        Ok(Self {
+            agents: View::need(batch, READ[1], Leaf::Text, 1)?,
+            leaders: View::find(batch, READ[2], Leaf::Text, 1)?,
+            steps: View::need(batch, READ[3], Leaf::Whole, 1)?,
+            numbers: [number(READ[4])?, number(READ[5])?, number(READ[6])?],
+            efforts: required.zip(times).map(|(a, b)| [a, b]),
+            states: states_views(batch, RESPONSE, 2)?,
+        })
+    }
+
+    fn row(&self, row: usize) -> Result<Vec<Response>, Cause> {
+        let mut views: Vec<&View> = vec![&self.agents, &self.steps];
+        views.extend(&self.numbers);
+        views.extend(&self.states);
+        views.extend(&self.leaders);
+        views.extend(self.efforts.iter().flatten());
+        let ranges = parallel(row, &views)?;
+        let first = |view: &View| view.range(0, row).start;
+        let response = |k: usize| {
+            let number = |view: &View| view.number(first(view) + k).ok_or_else(|| null(view.name()));
+            let [nudges, peaks, clearances] = &self.numbers;
+            let effort = self.efforts.as_ref().and_then(|[required, times]| {
+                Some(Effort {
+                    required_deceleration: required.number(first(required) + k)?,
+                    time_to_react: times.number(first(times) + k)?,
+                })
+            });
+            let agent = self.agents.text(first(&self.agents) + k).ok_or_else(|| null(self.agents.name()))?;
+            let leader = self.leaders.as_ref().and_then(|v| v.text(first(v) + k));
+            let step = self.steps.whole(first(&self.steps) + k).ok_or_else(|| null(self.steps.name()))?;
+            Ok(Response {
+                agent: agent.to_owned(),
+                leader: leader.map(str::to_owned),
+                reaction_step: step as usize,
+                nudge: number(nudges)?,
+                peak_deceleration: number(peaks)?,
+                clearance: number(clearances)?,
+                effort,
+                track: states(&self.states, |view| view.range(1, first(view) + k))?,
+            })
+        };
+        (0..ranges[0].len()).map(response).collect()
+    }
+}
+
+pub(crate) fn null(column: &str) -> Cause {
+    Cause::value(format!("`{column}`"), "null", "a value")
+}
+
+/// The columns of states, as lists nested so deep.
+pub(crate) fn states_views(
+    batch: &RecordBatch,
+    names: [&'static str; 5],
+    depth: usize,
+) -> Result<Vec<View>, Cause> {
+    names.into_iter().map(|name| View::need(batch, name, Leaf::Number, depth)).collect()
+}
+
+/// The lists of one row in several columns, which must be of one length.
+pub(crate) fn parallel(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
+    let ranges: Vec<Range<usize>> = views.iter().map(|v| v.range(0, row)).collect();
+    for (view, range) in views.iter().zip(&ranges) {
+        if range.len() != ranges[0].len() {
+            let field = format!("`{}`", view.name());
+            let expected = format!("{} values, as many as `{}`", ranges[0].len(), views[0].name());
+            return Err(Cause::value(field, format!("{} values", range.len()), expected));
+        }
+    }
+    Ok(ranges)
+}
+
+/// 81 states from one list of each column. Velocities may be unknown; positions and headings may not.
+pub(crate) fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<AgentState>, Cause> {
+    let ranges: Vec<Range<usize>> = views.iter().map(&list).collect();
+    for (view, range) in views.iter().zip(&ranges) {
+        if range.len() != STATES {
+            let (field, found) = (format!("`{}`", view.name()), format!("{} states", range.len()));
+            return Err(Cause::value(field, found, format!("{STATES} states")));
+        }
+    }
+    let state = |step: usize| {
+        let value = |k: usize| {
+            let v = views[k].number(ranges[k].start + step).unwrap_or(f64::NAN);
+            if v.is_finite() || (k > 2 && v.is_nan()) {
+                return Ok(v);
+            }
+            Err(Cause::value(format!("`{}` at step {step}", views[k].name()), v, "a finite number"))
+        };
+        Ok(AgentState { x: value(0)?, y: value(1)?, heading: value(2)?, vx: value(3)?, vy: value(4)? })
+    };
+    (0..STATES).map(state).collect()
+}
