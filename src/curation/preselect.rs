@@ -1,6 +1,6 @@
 //! Step 1: scenarios in which the AV has vehicles around it.
 
-use crate::geometry::Vec2;
+use crate::geometry::{OrientedBox, Vec2, time_to_impact};
 use crate::scene::{AgentKind, CURRENT, FUTURE, Scenario};
 
 /// Which scenarios are worth proposing candidates for.
@@ -10,7 +10,7 @@ pub struct Preselection {
     pub min_vehicles: u32,
     /// Near is up to this distance between the centres, metres.
     pub radius: f64,
-    /// The smallest time to collision between the AV and a vehicle in the log is below this, seconds.
+    /// The smallest time to collision between the AV and a vehicle in the log is below this, seconds (swept boxes at constant velocities).
     pub max_ttc: f64,
 }
 
@@ -41,8 +41,8 @@ impl Preselection {
         if near.len() < self.min_vehicles as usize {
             return Some(FEW_VEHICLES);
         }
-        let closest = near.iter().map(|&i| smallest_ttc(scenario, i)).fold(f64::INFINITY, f64::min);
-        (!(closest < self.max_ttc)).then_some(NO_APPROACH)
+        let meets = near.iter().any(|&i| would_meet(scenario, i, self.max_ttc));
+        (!meets).then_some(NO_APPROACH)
     }
 }
 
@@ -54,40 +54,34 @@ fn comes_within(scenario: &Scenario, agent: usize, radius: f64) -> bool {
     })
 }
 
-/// The smallest time to collision of a vehicle with the logged AV over the steps 0 to 80, seconds: each step both are taken to go on
-/// with their velocities, as circles of half of the mean of length and width; infinite where they never meet.
+/// Whether a vehicle and the logged AV would meet within `most` seconds if both kept their velocities from one of the steps 0 to 80 on
+/// (sharp boxes that do not turn).
 ///
 /// A planar rule, because a crossing vehicle is an interaction too; the front-object rule of the metrics would not see it.
-fn smallest_ttc(scenario: &Scenario, agent: usize) -> f64 {
-    let size = |i: usize| {
-        let a = &scenario.start.agents[i];
-        0.25 * (a.length + a.width)
+fn would_meet(scenario: &Scenario, agent: usize, most: f64) -> bool {
+    let agents = &scenario.start.agents;
+    let body = |i: usize, frame: usize| {
+        let footprint = scenario.logged_at(i, frame)?.footprint(&agents[i]);
+        Some((footprint, scenario.logged_velocity(i, frame)?))
     };
-    let reach = size(0) + size(agent);
-    let velocity = |i: usize, step: usize| scenario.logged_velocity(i, CURRENT + step);
-    let mut smallest = f64::INFINITY;
-    for step in 0..=FUTURE {
-        if let (Some(av), Some(other)) =
-            (scenario.logged_at(0, CURRENT + step), scenario.logged_at(agent, CURRENT + step))
-            && let (Some(va), Some(vb)) = (velocity(0, step), velocity(agent, step))
-        {
-            smallest = smallest.min(time_to_meet(other.position() - av.position(), vb - va, reach));
-        }
-    }
-    smallest
+    (CURRENT..=CURRENT + FUTURE).any(|frame| {
+        let (Some((av, av_velocity)), Some((other, velocity))) = (body(0, frame), body(agent, frame)) else {
+            return false;
+        };
+        can_meet(&av, &other, velocity - av_velocity, most)
+            && time_to_impact((&av, av_velocity), (&other, velocity), most).is_some_and(|t| t < most)
+    })
 }
 
-/// When two circles whose radii sum to `reach` meet at constant velocities, seconds: `d` is the way from one to the other, `v` their
-/// relative velocity. Two that do not close never meet, however close they are.
-fn time_to_meet(d: Vec2, v: Vec2, reach: f64) -> f64 {
+/// Whether the circles around two boxes meet within `most` seconds at the relative velocity `v` of the second one: quicker to tell, and
+/// true wherever the boxes meet. Boxes that do not approach each other never meet, however close they are.
+fn can_meet(a: &OrientedBox, b: &OrientedBox, v: Vec2, most: f64) -> bool {
+    let (d, reach) = (b.center - a.center, a.radius() + b.radius());
     let (gap, closing, speed2) = (d.norm_squared() - reach * reach, -d.dot(&v), v.norm_squared());
     // Who stands still relative to the other one does not close, whatever the noise of the recorder says.
     if closing <= 0.0 || speed2 < STILL * STILL {
-        return f64::INFINITY;
-    }
-    if gap <= 0.0 {
-        return 0.0;
+        return false;
     }
     let root = closing * closing - speed2 * gap;
-    if root < 0.0 { f64::INFINITY } else { (closing - root.sqrt()) / speed2 }
+    gap <= 0.0 || root >= 0.0 && closing - root.sqrt() <= most * speed2
 }

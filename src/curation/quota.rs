@@ -1,13 +1,17 @@
-//! What a benchmark must hold: so many scenarios of each category, and of every group of scenarios some, but of none too many.
+//! What a benchmark must hold: so many scenarios of each category and of each difficulty, and some of every group of scenarios, but not too many of any.
 
 use std::collections::BTreeMap;
 
 use super::{Chooser, ScenarioRecord};
-use crate::scene::Deviation;
+use crate::scene::{Deviation, Difficulty};
 
 /// How many scenarios of each category the benchmark of the paper has (ReactSim-Bench, "Data Analysis").
 pub const PROPORTIONS: [(Deviation, u64); 3] =
-    [(Deviation::Longitudinal, 937), (Deviation::Lateral, 799), (Deviation::Directional, 900)];
+    [(Deviation::Longitudinal, 937), (Deviation::Directional, 799), (Deviation::Lateral, 900)];
+
+/// Shares of the difficulties in a benchmark: as many easy as medium ones, and no fewer hard ones, rounded up.
+pub const DIFFICULTIES: [(Difficulty, u64); 3] =
+    [(Difficulty::Hard, 1), (Difficulty::Medium, 1), (Difficulty::Easy, 1)];
 
 /// A group has at most so many times the share that it had if all had the same.
 const MOST_OF_ONE: u64 = 2;
@@ -18,6 +22,8 @@ const MOST_OF_ONE: u64 = 2;
 pub struct Quota {
     /// How many are still to be taken, by category.
     open: BTreeMap<Deviation, u64>,
+    /// How many are still to be taken, by difficulty.
+    open_difficulties: BTreeMap<Difficulty, u64>,
     /// How many were taken, by group; those that must be there from the beginning.
     groups: BTreeMap<String, u64>,
     /// Most of one group.
@@ -28,11 +34,12 @@ pub struct Quota {
 impl Quota {
     /// A benchmark of so many scenarios, in the paper's proportions, in which each of the groups is there.
     pub fn new(wanted: u64, groups: &[String]) -> Self {
-        let open = in_proportion(wanted);
-        let shares = open.iter().map(|(c, n)| (*c, *n as f64 / wanted.max(1) as f64)).collect();
+        let open = in_proportion(wanted, &PROPORTIONS);
+        let open_difficulties = in_proportion(wanted, &DIFFICULTIES);
+        let chooser = Chooser::with_shares(shares(&open), shares(&open_difficulties));
         let groups: BTreeMap<String, u64> = groups.iter().map(|g| (g.clone(), 0)).collect();
         let most = (MOST_OF_ONE * wanted).div_ceil(groups.len().max(1) as u64);
-        Self { open, groups, most, chooser: Chooser::with_shares(shares) }
+        Self { open, open_difficulties, groups, most, chooser }
     }
 
     /// How many are still to be taken.
@@ -48,18 +55,22 @@ impl Quota {
         taken >= self.most || self.left() <= missing
     }
 
-    /// Marks the candidate that is taken, where one is: of the survivors with a certificate whose category is not full the one that the
+    /// Marks the candidate that is taken, where one is: of the survivors whose category and difficulty are not full the one that the
     /// [`Chooser`] takes.
     pub fn take(&mut self, group: &str, record: &mut ScenarioRecord) -> bool {
         if self.refuses(group) {
             return false;
         }
-        let open = &self.open;
+        let (open, difficulties) = (&self.open, &self.open_difficulties);
         let is_wanted = |c: &super::CandidateRecord| {
-            c.certificate.is_some() && open.get(&c.taxonomy.category).is_some_and(|n| *n > 0)
+            open.get(&c.taxonomy.category).is_some_and(|n| *n > 0)
+                && c.difficulty().is_some_and(|d| difficulties.get(&d).is_some_and(|n| *n > 0))
         };
-        let Some(category) = self.chooser.choose_among(record, is_wanted) else { return false };
-        self.open.entry(category).and_modify(|n| *n -= 1);
+        let Some(chosen) = self.chooser.choose_among(record, is_wanted) else { return false };
+        self.open.entry(chosen.taxonomy.category).and_modify(|n| *n -= 1);
+        if let Some(difficulty) = chosen.difficulty() {
+            self.open_difficulties.entry(difficulty).and_modify(|n| *n -= 1);
+        }
         *self.groups.entry(group.to_owned()).or_default() += 1;
         true
     }
@@ -67,18 +78,27 @@ impl Quota {
     /// What is not full, in words; empty where nothing is lacking.
     pub fn lacking(&self) -> String {
         let categories = self.open.iter().filter(|(_, n)| **n > 0).map(|(c, n)| format!("{n} {}", c.name()));
+        let left = self.open_difficulties.iter().filter(|(_, n)| **n > 0);
+        let difficulties = left.map(|(d, n)| format!("{n} {}", d.name()));
         let groups = self.groups.iter().filter(|(_, n)| **n == 0).map(|(g, _)| format!("any of `{g}`"));
-        categories.chain(groups).collect::<Vec<_>>().join(", ")
+        categories.chain(difficulties).chain(groups).collect::<Vec<_>>().join(", ")
     }
 }
 
-/// The paper's proportions of a whole, rounded so that the parts sum up to it: the largest remainders are rounded up.
-pub fn in_proportion(wanted: u64) -> BTreeMap<Deviation, u64> {
-    let total: u64 = PROPORTIONS.iter().map(|(_, n)| n).sum();
+/// The share of each of the kinds that are wanted.
+fn shares<K: Ord + Copy>(wanted: &BTreeMap<K, u64>) -> BTreeMap<K, f64> {
+    let total = wanted.values().sum::<u64>().max(1) as f64;
+    wanted.iter().map(|(k, n)| (*k, *n as f64 / total)).collect()
+}
+
+/// Parts of a whole in these proportions, rounded so that the parts sum up to it: the largest remainders are rounded up, of equal ones
+/// the first.
+pub fn in_proportion<K: Ord + Copy>(wanted: u64, proportions: &[(K, u64)]) -> BTreeMap<K, u64> {
+    let total: u64 = proportions.iter().map(|(_, n)| n).sum();
     let share = |n: u64| u128::from(wanted) * u128::from(n);
-    let mut parts: Vec<(Deviation, u64, u128)> = PROPORTIONS
+    let mut parts: Vec<(K, u64, u128)> = proportions
         .iter()
-        .map(|&(c, n)| (c, (share(n) / u128::from(total)) as u64, share(n) % u128::from(total)))
+        .map(|&(k, n)| (k, (share(n) / u128::from(total)) as u64, share(n) % u128::from(total)))
         .collect();
     parts.sort_by_key(|&(_, _, rest)| std::cmp::Reverse(rest));
     let mut left = wanted - parts.iter().map(|p| p.1).sum::<u64>();
@@ -86,5 +106,5 @@ pub fn in_proportion(wanted: u64) -> BTreeMap<Deviation, u64> {
         let more = left.min(1);
         (*n, left) = (*n + more, left - more);
     }
-    parts.into_iter().map(|(c, n, _)| (c, n)).collect()
+    parts.into_iter().map(|(k, n, _)| (k, n)).collect()
 }

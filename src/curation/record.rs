@@ -2,7 +2,7 @@
 
 use super::{Candidate, Certificate};
 use crate::geometry::Vec2;
-use crate::scene::Deviation;
+use crate::scene::{Deviation, Difficulty};
 
 /// What became of one scenario that passed step 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +53,13 @@ pub struct CandidateRecord {
     pub review: Option<ReviewMark>,
     /// How the agents can avoid the conflict, where they can and it was asked.
     pub certificate: Option<Certificate>,
+}
+
+impl CandidateRecord {
+    /// How difficult it is to avoid; `None` where it has no certificate, or one whose effort was not measured.
+    pub fn difficulty(&self) -> Option<Difficulty> {
+        self.certificate.as_ref().and_then(Certificate::difficulty)
+    }
 }
 
 /// What a candidate does to the vehicles around it while these replay their log (metrics `aav-collision`, `aav-overlap`, `aav-ttc`).

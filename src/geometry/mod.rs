@@ -9,14 +9,19 @@ pub mod math;
 mod obb;
 mod polygon;
 mod polyline;
+mod ring_index;
+mod sweep;
 mod union;
 
 pub use angle::{direction, heading_of, into_frame, left, signed_angle_between, wrap};
 pub use edges::{NearestEdge, OrientedEdges};
 pub use grid::{Bounds, Grid};
 pub use obb::{OrientedBox, rounded_distance};
+
 pub use polygon::{Polygon, point_in_ring, ring_distance};
 pub use polyline::{Polyline, PolylineError, Projection};
+pub use ring_index::PolygonIndex;
+pub use sweep::time_to_impact;
 pub use union::{GRID, on_grid, ring_area, union, union_of};
 
 /// A point or a vector in the plane, in metres (or metres per second for velocities).

@@ -29,20 +29,20 @@ pub fn point_in_ring(p: Vec2, ring: &[Vec2]) -> Option<bool> {
     let mut inside = false;
     let mut a = *ring.last()?;
     for &b in ring {
-        if (a.y > p.y) != (b.y > p.y) {
-            let side = (b - a).perp(&(p - a));
-            if side == 0.0 {
-                return None;
-            }
-            if (side > 0.0) == (b.y > a.y) {
-                inside = !inside;
-            }
-        } else if a.y == p.y && b.y == p.y && a.x.min(b.x) <= p.x && p.x <= a.x.max(b.x) || b == p {
-            return None;
-        }
+        inside ^= crosses(p, a, b)?;
         a = b;
     }
     Some(inside)
+}
+
+/// Whether a ray from `p` in the direction of x crosses the edge from `a` to `b`; `None` where `p` lies on the edge.
+pub(super) fn crosses(p: Vec2, a: Vec2, b: Vec2) -> Option<bool> {
+    if (a.y > p.y) != (b.y > p.y) {
+        let side = (b - a).perp(&(p - a));
+        return if side == 0.0 { None } else { Some((side > 0.0) == (b.y > a.y)) };
+    }
+    let on_edge = a.y == p.y && b.y == p.y && a.x.min(b.x) <= p.x && p.x <= a.x.max(b.x);
+    if on_edge || b == p { None } else { Some(false) }
 }
 
 /// Distance from `p` to the boundary of a ring, metres; infinite for an empty ring.

@@ -2,7 +2,7 @@
 
 use super::{Lane, LaneArea, RoadMap};
 use crate::geometry::{
-    Bounds, Grid, NearestEdge, OrientedEdges, Projection, Vec2, point_in_ring, point_segment,
+    Bounds, Grid, NearestEdge, OrientedEdges, PolygonIndex, Projection, Vec2, point_in_ring, point_segment,
 };
 
 /// A lane found at or near a point, with the projection of the point onto its baseline.
@@ -23,6 +23,7 @@ pub struct MapIndex {
     polygon_grid: Grid,
     edges: OrientedEdges,
     area_grid: Grid,
+    areas: Vec<PolygonIndex>,
     intersection_grid: Grid,
 }
 
@@ -69,6 +70,7 @@ impl MapIndex {
             polygon_lanes,
             polygon_grid: Grid::new(&polygon_bounds, CELL),
             edges: OrientedEdges::new(map.road_edges.iter().map(|e| e.points.as_slice())),
+            areas: area.clone().map(PolygonIndex::new).collect(),
             area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL),
             intersection_grid: Grid::new(
                 &crossings.map(|r| Bounds::of(r.iter().copied())).collect::<Vec<_>>(),
@@ -202,8 +204,9 @@ impl<'a> Road<'a> {
     /// Whether `p` lies on drivable ground: strictly inside a polygon or, in maps without polygons, left of the nearest edge.
     /// `start` carries the nearest edge from one point of a track to the next. `None` where the map does not tell.
     pub fn drivable(&self, p: Vec2, start: &mut Option<u32>) -> Option<bool> {
-        if let Some(area) = &self.map.drivable_area {
-            return Some(self.index.area_grid.at(p).iter().any(|&i| area[i as usize].contains(p)));
+        if self.map.drivable_area.is_some() {
+            let areas = &self.index.areas;
+            return Some(self.index.area_grid.at(p).iter().any(|&i| areas[i as usize].contains(p)));
         }
         let nearest = self.nearest_edge(p, *start)?;
         *start = Some(nearest.segment);

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use reactsim::curation::{in_proportion, store};
+use reactsim::curation::{PROPORTIONS, in_proportion, store};
 use reactsim::formats;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::rollout::{Purpose, stream};
@@ -172,7 +172,7 @@ fn a_small_benchmark_is_what_was_asked_for() {
         assert!(chosen.chosen && chosen.certificate.is_some());
         assert_eq!(chosen.candidate.track[1..], deviation.track);
     }
-    assert_eq!(categories, in_proportion(6));
+    assert_eq!(categories, in_proportion(6, &PROPORTIONS));
     let of = |id: &str| scenarios.iter().filter(|s| s.source == format!("generated/{id}")).count();
     assert!(of(maps[0]) > 0 && of(maps[0]) + of(maps[1]) == 6, "{} of {}", of(maps[0]), maps[0]);
 

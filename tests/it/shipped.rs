@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use reactsim::curation::{in_proportion, store};
+use reactsim::curation::{PROPORTIONS, in_proportion, store};
 use reactsim::formats;
 use reactsim::generation::VERSION;
 use reactsim::generation::maps::MAP_TYPES;
@@ -96,7 +96,7 @@ fn the_benchmark_has_categories_and_map_types_as_it_must() {
         assert!(chosen.chosen && chosen.rejected_by.is_none() && chosen.certificate.is_some());
         assert_eq!(chosen.candidate.track[1..], deviation.track);
     }
-    assert_eq!(categories, in_proportion(scenarios.len() as u64));
+    assert_eq!(categories, in_proportion(scenarios.len() as u64, &PROPORTIONS));
     let types: BTreeSet<String> = MAP_TYPES.iter().map(|m| format!("generated/{}", m.id)).collect();
     assert_eq!(sources.keys().cloned().collect::<BTreeSet<_>>(), types);
     let most = (2 * scenarios.len() as u64).div_ceil(types.len() as u64);

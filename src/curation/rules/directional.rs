@@ -5,14 +5,14 @@ use rand::RngExt;
 use super::routes::{Branch, Meeting};
 use super::survey::Survey;
 use super::{Draft, between};
-use crate::dynamics::speeds;
+use crate::dynamics::{AxlePath, speeds};
 use crate::rollout::Stream;
 use crate::scene::{AgentState, DT, FUTURE};
 
 /// Slowest and fastest cruising, m/s.
 const CRUISE: (f64, f64) = (2.5, 16.0);
 /// How long before somebody comes onto the way the AV wants to be there, seconds.
-const BEFORE: (f64, f64) = (-0.3, 1.2);
+pub(super) const BEFORE: (f64, f64) = (-0.3, 1.2);
 /// Where it stops who hesitates, against where others come onto the way, metres; and how hard it brakes, m/s².
 const BESIDE: (f64, f64) = (-2.0, 2.0);
 const CALM: f64 = 2.5;
@@ -20,13 +20,13 @@ const CALM: f64 = 2.5;
 const HALVINGS: usize = 7;
 
 /// When and how hard the AV sets off or speeds up.
-struct Manner {
+pub(super) struct Manner {
     /// m/s².
-    gain: f64,
+    pub(super) gain: f64,
     /// Seconds during which it goes on as in the log.
-    wait: f64,
+    pub(super) wait: f64,
     /// Where it stops as one who hesitates, metres of the way, if anywhere.
-    halt: Option<f64>,
+    pub(super) halt: Option<f64>,
 }
 
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
@@ -53,7 +53,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
             manner.halt = Some(s + between(stream, BESIDE.0, BESIDE.1));
             free
         } else {
-            meet(survey, branch, &manner, s, time - between(stream, BEFORE.0, BEFORE.1), most)
+            meet(survey, &branch.path, &manner, s, time - between(stream, BEFORE.0, BEFORE.1), most)
         }
     } else {
         free
@@ -67,8 +67,15 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
 }
 
 /// The cruising speed, up to `most`, with which the AV comes to `s` metres of the way at `time`, or nearly.
-fn meet(survey: &Survey<'_>, branch: &Branch, manner: &Manner, s: f64, time: f64, most: f64) -> f64 {
-    let allowed = branch.path.allowed_speeds();
+pub(super) fn meet(
+    survey: &Survey<'_>,
+    path: &AxlePath,
+    manner: &Manner,
+    s: f64,
+    time: f64,
+    most: f64,
+) -> f64 {
+    let allowed = path.allowed_speeds();
     // Nearly: what the way allows is taken, but not how the speed gets there.
     let arrival = |cruise: f64| {
         let mut way = 0.0;
@@ -87,7 +94,7 @@ fn meet(survey: &Survey<'_>, branch: &Branch, manner: &Manner, s: f64, time: f64
 }
 
 /// The speeds that are wanted at the steps, m/s.
-fn wanted(survey: &Survey<'_>, manner: &Manner, cruise: f64) -> Vec<f64> {
+pub(super) fn wanted(survey: &Survey<'_>, manner: &Manner, cruise: f64) -> Vec<f64> {
     let (log, speed) = (survey.drive.speeds(), survey.speed());
     let at = |k: usize| if (k as f64) * DT < manner.wait { log[k].min(speed) } else { cruise };
     let mut wanted: Vec<f64> = (1..=FUTURE).map(at).collect();

@@ -3,7 +3,7 @@
 use rand::RngExt;
 
 use super::survey::Survey;
-use super::{Draft, between};
+use super::{Draft, between, gaps};
 use crate::dynamics::speeds;
 use crate::geometry::smooth_step;
 use crate::rollout::Stream;
@@ -16,14 +16,22 @@ const BEND: f64 = 0.1;
 /// Lateral acceleration that it may take, m/s².
 const ASIDE: f64 = 1.8;
 
+/// Share of the lateral draws that cut in ahead of somebody, where there is a lane beside.
+const CUTS_IN: f64 = 0.45;
 /// How much sooner or later a merge is, metres.
 const SOONER: (f64, f64) = (8.0, 35.0);
 /// Way over which the AV sets out from where it is, metres.
 const SET_OUT: f64 = 12.0;
 
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
+    if !survey.moves() || survey.speed() < 0.5 && stream.random_bool(0.5) {
+        return gaps::pull_out(survey, stream);
+    }
+    if !survey.beside.is_empty() && stream.random_bool(CUTS_IN) {
+        return gaps::cut_in(survey, stream);
+    }
     let log = survey.drive.speeds();
-    let factor = if stream.random_bool(0.4) { 1.0 } else { between(stream, 0.55, 1.25) };
+    let factor = if stream.random_bool(0.4) { 1.0 } else { between(stream, 0.55, 1.6) };
     let mut desired = speeds::retime(log, factor);
     desired.iter_mut().for_each(|v| *v = v.min(survey.limit));
     let travel = desired.iter().sum::<f64>() * DT;

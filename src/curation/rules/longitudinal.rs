@@ -1,5 +1,9 @@
 //! The logged way at another speed.
 
+use rand::RngExt;
+
+use super::directional::{BEFORE, Manner, meet, wanted};
+use super::routes::Meeting;
 use super::survey::Survey;
 use super::{Draft, between, pick};
 use crate::dynamics::speeds;
@@ -16,6 +20,10 @@ const KINDS: &[(f64, Kind)] = &[
     (1.0, Kind::LateBraking),
     (1.0, Kind::Creep),
     (1.5, Kind::Dip),
+    (2.0, Kind::HardStop),
+    (1.0, Kind::Accelerate),
+    (1.0, Kind::GoThrough),
+    (4.0, Kind::GoFirst),
 ];
 
 /// A speed profile.
@@ -29,6 +37,14 @@ pub(super) enum Kind {
     LateBraking,
     Creep,
     Dip,
+    /// As hard as it can, with somebody close behind.
+    HardStop,
+    /// Above the speed of the log from some moment on.
+    Accelerate,
+    /// Where the log brakes (before a light, a crossing, a queue) it does not.
+    GoThrough,
+    /// Where somebody comes onto the logged way before the AV of the log, it comes first.
+    GoFirst,
 }
 
 /// A speed profile for a stream: without it the one that presses somebody most easily, a stop, would be proposed nearly always.
@@ -147,6 +163,40 @@ fn profile(
             let wanted = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
             let speeds = unforeseen(&wanted, 1.5, loss);
             Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
+        }
+        Kind::HardStop => {
+            let (after, loss) = (between(stream, 0.0, 4.5), between(stream, 4.3, 5.6));
+            if !survey.is_followed_closely(after) {
+                return Err("nobody close behind the AV".into());
+            }
+            let wanted = |t: f64| if t < after { logged(t) } else { 0.0 };
+            Ok((format!("hard stop: {loss:.1} m/s² after {after:.1} s"), unforeseen(&wanted, 1.5, loss)))
+        }
+        Kind::Accelerate => {
+            let (after, gain) = (between(stream, 0.0, 3.5), between(stream, 1.2, 3.0));
+            let more = between(stream, 2.0, 8.0);
+            let wanted = |t: f64| if t < after { logged(t) } else { (logged(after) + more).min(limit) };
+            let speeds = unforeseen(&wanted, gain, 4.0);
+            Ok((format!("accelerate: {gain:.1} m/s² after {after:.1} s"), speeds))
+        }
+        Kind::GoThrough => {
+            let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
+            let Some(brakes) = brakes else { return Err("the AV does not brake".into()) };
+            let (from, speed) = (brakes as f64 * DT, log[brakes] * between(stream, 0.9, 1.2));
+            let wanted = |t: f64| if t < from { logged(t) } else { logged(t).max(speed.min(limit)) };
+            Ok(("go through: does not brake".to_owned(), unforeseen(&wanted, 2.5, 4.0)))
+        }
+        Kind::GoFirst => {
+            let crossings = survey.taken_first();
+            if crossings.is_empty() {
+                return Err("nobody goes before the AV".into());
+            }
+            let Meeting { s, time } = crossings[stream.random_range(0..crossings.len())];
+            let wait = if now < 1.0 { between(stream, 0.0, time.min(3.0)) } else { 0.0 };
+            let manner = Manner { gain: between(stream, 1.5, 3.0), wait, halt: None };
+            let arrival = time - between(stream, BEFORE.0, BEFORE.1);
+            let cruise = meet(survey, &survey.logged, &manner, s, arrival, limit.max(4.0));
+            Ok((format!("go first: up to {cruise:.1} m/s"), wanted(survey, &manner, cruise)))
         }
         Kind::Dip => {
             if top < 3.0 {

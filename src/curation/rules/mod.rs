@@ -5,6 +5,7 @@
 //! first of all. So the proposals are those of a driver who gets in the way, not of one who drives alone, and the filters still judge.
 
 mod directional;
+mod gaps;
 mod lateral;
 mod longitudinal;
 mod routes;
@@ -68,7 +69,7 @@ fn families(survey: &Survey<'_>) -> Vec<Deviation> {
     use Deviation::{Directional, Lateral, Longitudinal};
     let room = |family: &Deviation| match family {
         Longitudinal => true,
-        Lateral => survey.moves(),
+        Lateral => survey.moves() || survey.stands_aside(),
         Directional => !survey.branches.is_empty(),
     };
     [Longitudinal, Lateral, Directional, Directional, Lateral].into_iter().filter(room).collect()

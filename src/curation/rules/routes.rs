@@ -176,7 +176,7 @@ fn bend_speeds(guide: &Polyline) -> Vec<f64> {
 }
 
 /// Where and when vehicles come onto a way: the first time that each is closer to it than `CLOSE`, while it moves.
-fn meetings(scenario: &Scenario, path: &AxlePath) -> Vec<Meeting> {
+pub(super) fn meetings(scenario: &Scenario, path: &AxlePath) -> Vec<Meeting> {
     let poses: Vec<(Vec2, f64)> =
         (0..path.poses()).step_by(10).map(|i| path.pose(i)).map(|(pose, s)| (pose.position, s)).collect();
     let bounds = Bounds::of(poses.iter().map(|p| p.0)).inflated(CLOSE);

@@ -1,13 +1,13 @@
 //! What all draws of one scenario share: the logged drive, what the others do, where else the AV could go.
 
-use super::routes::{self, Branch};
+use super::routes::{self, Branch, Meeting};
 use crate::curation::ground::{Ground, lateral_acceleration};
 use crate::curation::replay::LogReplay;
 use crate::curation::signals::Signals;
 use crate::dynamics::{AxlePath, follow_smoothly};
-use crate::geometry::{Polyline, Vec2, wrap};
+use crate::geometry::{Polyline, Vec2, direction, wrap};
 use crate::rollout::{AvError, LoggedDrive};
-use crate::scene::{AgentState, CURRENT, DT, Road, Scenario};
+use crate::scene::{Agent, AgentKind, AgentState, CURRENT, DT, FUTURE, Road, Scenario};
 
 /// Corners may leave the drivable ground by this, metres: a little less than the filter allows.
 const OFF_ROAD: f64 = 0.25;
@@ -40,6 +40,10 @@ pub(super) struct Survey<'a> {
     pub(super) merge: Option<Vec<f64>>,
     /// Speed limits along the logged way, one per `Limits::STEP` metres.
     limits: Limits,
+    /// Where and when others come onto the logged way under log replay.
+    meetings: Vec<Meeting>,
+    /// The logged motion of the other vehicles along the logged way.
+    pub(super) neighbors: Vec<Neighbor>,
     /// Curvature of the rear axle's path now, 1/m.
     curvature: f64,
     ground: Ground<'a>,
@@ -66,6 +70,7 @@ impl<'a> Survey<'a> {
         } else {
             (routes::branches(scenario, &line, curvature, reach), routes::beside(&road, &line))
         };
+        let meetings = routes::meetings(scenario, &logged);
         Ok(Self {
             scenario,
             acceleration: acceleration_now(scenario),
@@ -73,6 +78,8 @@ impl<'a> Survey<'a> {
             limits,
             replay: LogReplay::new(scenario),
             logged,
+            meetings,
+            neighbors: neighbors(scenario, &line),
             line,
             branches,
             beside,
@@ -87,6 +94,27 @@ impl<'a> Survey<'a> {
     /// Whether the logged AV drives at all.
     pub(super) fn moves(&self) -> bool {
         self.drive.speeds().iter().sum::<f64>() * DT > STANDS
+    }
+
+    /// Whether an AV that stands has others passing beside it, into whose way it could pull out.
+    pub(super) fn stands_aside(&self) -> bool {
+        let passes = |n: &Neighbor| n.places.iter().flatten().any(|p| p.speed > 2.0 && p.offset.abs() > 1.5);
+        !self.drive.reverses() && self.neighbors.iter().any(passes)
+    }
+
+    /// Where and when others come onto the logged way while the AV of the log is still before that place.
+    pub(super) fn taken_first(&self) -> Vec<Meeting> {
+        let states = self.drive.states();
+        let before = |m: &Meeting| {
+            let step = ((m.time / DT) as usize).min(FUTURE);
+            self.line.project(states[step].position()).s + self.half_length() < m.s
+        };
+        self.meetings.iter().copied().filter(before).collect()
+    }
+
+    /// Half of the length of the AV, metres.
+    pub(super) fn half_length(&self) -> f64 {
+        0.5 * self.scenario.start.agents[0].length
     }
 
     /// Speed now, m/s.
@@ -109,6 +137,16 @@ impl<'a> Survey<'a> {
         path.limit_lateral(LATERAL);
         path.limit_speed(|s| self.limits.at(s));
         path
+    }
+
+    /// Whether a vehicle follows the AV of the log within two seconds, or 8 m, after so many seconds.
+    pub(super) fn is_followed_closely(&self, after: f64) -> bool {
+        let step = (after / DT) as usize;
+        let own = self.line.project(self.drive.states()[step].position()).s;
+        self.neighbors.iter().filter_map(|n| Some((n.half_length, n.at(step)?))).any(|(half_length, p)| {
+            let gap = own - self.half_length() - p.s - half_length;
+            p.offset.abs() < 1.5 && p.speed > 1.0 && gap > 0.0 && gap < (2.0 * p.speed).max(8.0)
+        })
     }
 
     /// How far a state lies beside the logged way, metres.
@@ -134,6 +172,53 @@ impl<'a> Survey<'a> {
     pub(super) fn runs_red(&self, future: &[AgentState]) -> bool {
         self.signals.run(&self.now(), future).is_some()
     }
+}
+
+/// Another vehicle beside the logged way, at every fourth step.
+pub(super) struct Neighbor {
+    /// Half of its length, metres.
+    pub(super) half_length: f64,
+    places: Vec<Option<Place>>,
+}
+
+/// Where a vehicle is relative to the logged way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Distance along the way from the AV's current position, metres.
+    pub(super) s: f64,
+    /// Distance beside the way, metres, left positive.
+    pub(super) offset: f64,
+    /// Speed along the way, m/s.
+    pub(super) speed: f64,
+}
+
+impl Neighbor {
+    /// Steps between two places.
+    const EVERY: usize = 4;
+
+    /// The place at a step, where the vehicle is there and beside the way.
+    pub(super) fn at(&self, step: usize) -> Option<Place> {
+        self.places.get(step / Self::EVERY).copied().flatten()
+    }
+}
+
+/// The vehicles that drive beside the logged way (not farther than two lanes) at some step.
+fn neighbors(scenario: &Scenario, line: &Polyline) -> Vec<Neighbor> {
+    const FARTHEST: f64 = 8.0;
+    let agents = scenario.start.agents.iter().enumerate().skip(1);
+    let vehicles = agents.filter(|(_, a)| a.kind == AgentKind::Vehicle);
+    let of = |(i, agent): (usize, &Agent)| {
+        let place = |k: usize| {
+            let state = scenario.logged_at(i, CURRENT + Neighbor::EVERY * k)?;
+            let near = line.project(state.position());
+            let along = scenario.logged_velocity(i, CURRENT + Neighbor::EVERY * k)?;
+            let speed = along.dot(&direction(line.heading(near.segment)));
+            (near.distance < FARTHEST).then_some(Place { s: near.s, offset: near.offset, speed })
+        };
+        let places: Vec<Option<Place>> = (0..=FUTURE / Neighbor::EVERY).map(place).collect();
+        Neighbor { half_length: 0.5 * agent.length, places }
+    };
+    vehicles.map(of).filter(|n| n.places.iter().any(Option::is_some)).collect()
 }
 
 /// The curvature of the AV's way now by the logged headings around it, 1/m: over so long a time that it has moved a metre, 2 s at most; 0

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use reactsim::curation::benchmark::{BenchmarkError, Entry, Recipe};
 use reactsim::curation::driver::CurationObserver;
-use reactsim::curation::{CurationProvenance, CurationSettings, SOURCES, in_proportion, store};
+use reactsim::curation::{CurationProvenance, CurationSettings, PROPORTIONS, SOURCES, in_proportion, store};
 use reactsim::formats::{self, FormatError, native};
 use reactsim::generation::GenerationError;
 use reactsim::geometry::{Polygon, Vec2};
@@ -95,7 +95,7 @@ fn make(
 fn it_holds_what_it_must_whatever_the_threads() {
     let (entries, provenance) = make(20, &groups(), 1, usize::MAX);
     let provenance = provenance.unwrap();
-    for (category, wanted) in in_proportion(20) {
+    for (category, wanted) in in_proportion(20, &PROPORTIONS) {
         let of = |e: &&Entry| e.scenario.deviation.as_ref().unwrap().category == Some(category);
         assert_eq!(entries.iter().filter(of).count() as u64, wanted, "{}", category.name());
     }

@@ -1,17 +1,21 @@
 //! Which candidates a benchmark takes.
 
-use reactsim::curation::{Quota, ScenarioRecord, in_proportion};
-use reactsim::scene::Deviation;
+use reactsim::curation::{DIFFICULTIES, PROPORTIONS, Quota, ScenarioRecord, in_proportion};
+use reactsim::scene::{Deviation, Difficulty, Effort};
 
 use super::hand;
 
-/// A scenario with one survivor of each of these categories.
+/// A scenario with one survivor of each of these categories and every difficulty.
 fn record(categories: &[Deviation]) -> ScenarioRecord {
     let mut record = hand::scenario("a", 0);
-    for category in categories {
+    for (category, required) in categories.iter().flat_map(|c| [(c, 1.0), (c, 2.0), (c, 4.0)]) {
         let mut candidate = hand::candidate(1);
         candidate.chosen = false;
         candidate.taxonomy.category = *category;
+        for response in candidate.certificate.iter_mut().flat_map(|c| &mut c.responses) {
+            response.nudge = 0.0;
+            response.effort = Some(Effort { required_deceleration: required, time_to_react: 2.0 });
+        }
         record.candidates.push(candidate);
     }
     record
@@ -23,23 +27,34 @@ fn names(groups: &[&str]) -> Vec<String> {
 
 #[test]
 fn proportions_are_the_papers() {
-    let of = |n| in_proportion(n).into_values().collect::<Vec<_>>();
-    assert_eq!(of(2636), [937, 799, 900]);
-    assert_eq!(of(150), [53, 46, 51]);
+    let of = |n| in_proportion(n, &PROPORTIONS).into_values().collect::<Vec<_>>();
+    // Longitudinal, lateral, directional.
+    assert_eq!(of(2636), [937, 900, 799]);
+    assert_eq!(of(150), [53, 51, 46]);
     assert_eq!(of(1), [1, 0, 0]);
     for n in 0..500 {
         let parts = of(n);
         assert_eq!(parts.iter().sum::<u64>(), n);
-        for (part, share) in parts.iter().zip([937.0, 799.0, 900.0]) {
+        for (part, share) in parts.iter().zip([937.0, 900.0, 799.0]) {
             assert!((*part as f64 - n as f64 * share / 2636.0).abs() < 1.0, "{n}: {parts:?}");
         }
     }
 }
 
 #[test]
+fn at_least_a_third_is_hard() {
+    for n in 0..100 {
+        let parts = in_proportion(n, &DIFFICULTIES);
+        let [easy, medium, hard] = Difficulty::ALL.map(|d| parts[&d]);
+        assert_eq!(easy + medium + hard, n);
+        assert!(3 * hard >= n && hard >= medium && medium >= easy && hard - easy <= 1, "{n}: {parts:?}");
+    }
+}
+
+#[test]
 fn a_benchmark_is_filled_exactly() {
     let mut quota = Quota::new(30, &names(&["x", "y", "z"]));
-    let (mut categories, mut groups) = ([0; 3], [0; 3]);
+    let (mut categories, mut difficulties, mut groups) = ([0; 3], [0; 3], [0; 3]);
     for i in 0..1000 {
         if quota.left() == 0 {
             break;
@@ -50,10 +65,12 @@ fn a_benchmark_is_filled_exactly() {
         assert_eq!(taken, record.chosen().is_some());
         if let Some(chosen) = record.chosen() {
             categories[chosen.taxonomy.category as usize] += 1;
+            difficulties[chosen.difficulty().unwrap() as usize] += 1;
             groups[i % 3] += 1;
         }
     }
-    assert_eq!((quota.lacking(), categories), (String::new(), [11, 9, 10]));
+    assert_eq!((quota.lacking(), categories), (String::new(), [11, 10, 9]));
+    assert_eq!(difficulties, [10, 10, 10]);
     assert!(groups.iter().all(|n| (1..=20).contains(n)), "{groups:?}");
     assert!(!quota.take("x", &mut record(&Deviation::ALL)), "it is full");
 }
@@ -77,11 +94,16 @@ fn places_are_kept_for_groups_that_are_not_there_yet() {
 }
 
 #[test]
-fn what_has_no_certificate_or_was_rejected_is_not_taken() {
+fn candidates_without_certificate_or_difficulty_and_rejected_ones_are_not_taken() {
     let mut quota = Quota::new(3, &names(&["x"]));
     let mut weak = record(&[Deviation::Lateral, Deviation::Lateral]);
-    weak.candidates[0].certificate = None;
-    weak.candidates[1].rejected_by = Some("offroad".into());
+    for (i, candidate) in weak.candidates.iter_mut().enumerate() {
+        match i % 3 {
+            0 => candidate.certificate = None,
+            1 => candidate.rejected_by = Some("offroad".into()),
+            _ => candidate.certificate.iter_mut().for_each(|c| c.responses[0].effort = None),
+        }
+    }
     assert!(!quota.take("x", &mut weak));
     assert_eq!(quota.left(), 3);
 }

@@ -1,0 +1,99 @@
+//! Fast containment tests for rings of many points.
+
+use super::{Polygon, Vec2};
+
+/// Edges of a ring per slab, on average.
+const EDGES_PER_SLAB: usize = 4;
+
+/// The edges of a ring by horizontal slabs: a point is tested against the edges of its slab only. The answers are those of
+/// [`super::point_in_ring`] on the whole ring.
+#[derive(Clone, Debug)]
+struct RingIndex {
+    bottom: f64,
+    top: f64,
+    slabs_per_metre: f64,
+    /// Per slab the edges whose range of y meets it.
+    slabs: Vec<Vec<(Vec2, Vec2)>>,
+}
+
+impl RingIndex {
+    fn new(ring: &[Vec2]) -> Self {
+        let (bottom, top) =
+            ring.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p.y), b.max(p.y)));
+        let count = (ring.len() / EDGES_PER_SLAB).max(1);
+        let slabs_per_metre = if top > bottom { count as f64 / (top - bottom) } else { 0.0 };
+        let mut index = Self { bottom, top, slabs_per_metre, slabs: vec![Vec::new(); count] };
+        let mut a = ring.last().copied().unwrap_or_default();
+        for &b in ring {
+            let (first, last) = (index.slab(a.y.min(b.y)), index.slab(a.y.max(b.y)));
+            index.slabs[first..=last].iter_mut().for_each(|slab| slab.push((a, b)));
+            a = b;
+        }
+        index
+    }
+
+    /// The slab of a height between bottom and top.
+    fn slab(&self, y: f64) -> usize {
+        (((y - self.bottom) * self.slabs_per_metre) as usize).min(self.slabs.len() - 1)
+    }
+
+    /// Whether `p` lies inside the ring (even-odd rule); `None` on the boundary.
+    fn locate(&self, p: Vec2) -> Option<bool> {
+        if !(self.bottom <= p.y && p.y <= self.top) {
+            return Some(false);
+        }
+        let mut inside = false;
+        for &(a, b) in &self.slabs[self.slab(p.y)] {
+            inside ^= super::polygon::crosses(p, a, b)?;
+        }
+        Some(inside)
+    }
+}
+
+/// A polygon with an index of its rings.
+#[derive(Clone, Debug)]
+pub struct PolygonIndex {
+    exterior: RingIndex,
+    holes: Vec<RingIndex>,
+}
+
+impl PolygonIndex {
+    /// Builds the index of a polygon.
+    pub fn new(polygon: &Polygon) -> Self {
+        Self {
+            exterior: RingIndex::new(&polygon.exterior),
+            holes: polygon.holes.iter().map(|hole| RingIndex::new(hole)).collect(),
+        }
+    }
+
+    /// As [`Polygon::contains`].
+    pub fn contains(&self, p: Vec2) -> bool {
+        self.exterior.locate(p) == Some(true) && self.holes.iter().all(|hole| hole.locate(p) == Some(false))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn points(most: usize) -> impl Strategy<Value = Vec<Vec2>> {
+        // Whole numbers, so that points often lie on edges, on corners and at the same height.
+        prop::collection::vec((-6..6_i32, -6..6_i32), 0..most)
+            .prop_map(|all| all.into_iter().map(|(x, y)| Vec2::new(f64::from(x), f64::from(y))).collect())
+    }
+
+    proptest! {
+        #[test]
+        fn the_index_answers_as_the_ring(exterior in points(40), hole in points(12), asked in points(60)) {
+            let polygon = Polygon { exterior, holes: vec![hole] };
+            let index = PolygonIndex::new(&polygon);
+            for p in asked {
+                prop_assert_eq!(index.contains(p), polygon.contains(p), "{:?}", p);
+                let between = p + Vec2::new(0.5, 0.25);
+                prop_assert_eq!(index.contains(between), polygon.contains(between), "{:?}", between);
+            }
+        }
+    }
+}
