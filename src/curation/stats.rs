@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::{CandidateRecord, CurationProvenance, Funnel, Offsets, ScenarioRecord, store};
 use crate::formats::FormatError;
-use crate::scene::Deviation;
+use crate::scene::{Deviation, Difficulty};
 
 pub use distribution::{Bins, Distribution};
 
@@ -41,6 +41,8 @@ pub struct Statistics {
     pub overall: Part,
     /// Chosen candidates by category; all categories are there.
     pub categories: BTreeMap<&'static str, Part>,
+    /// Chosen candidates by difficulty; all difficulties are there. Those whose difficulty was not measured are in none.
+    pub difficulties: BTreeMap<&'static str, Part>,
     /// Bins of the histograms.
     pub bins: QuantityBins,
     /// The category that was found against what the source meant.
@@ -94,6 +96,10 @@ pub struct QuantityBins {
     pub endpoint_lateral: Bins,
     /// Of the peak deceleration of certificates, m/s².
     pub peak_deceleration: Bins,
+    /// Of the required deceleration, m/s².
+    pub required_deceleration: Bins,
+    /// Of the time to react, s.
+    pub time_to_react: Bins,
 }
 
 /// The category that was found against what the source meant, where it meant anything.
@@ -141,6 +147,10 @@ pub struct Certificates {
     pub nudged: usize,
     /// Hardest braking of each certificate, m/s².
     pub peak_deceleration: Distribution,
+    /// The least peak deceleration with which all agents can avoid each candidate, m/s².
+    pub required_deceleration: Distribution,
+    /// Time to react to each candidate, s.
+    pub time_to_react: Distribution,
 }
 
 /// Where a chosen candidate ends, relative to the log, in the AV's frame at step 0.
@@ -184,12 +194,15 @@ pub struct Collector {
     although_rejected: BTreeMap<String, usize>,
     certificates: Certificates,
     peaks: Vec<f64>,
+    required: Vec<f64>,
+    times: Vec<f64>,
     endpoints: Vec<Endpoint>,
 }
 
 /// What is kept of a chosen candidate.
 struct Kept {
     category: Deviation,
+    difficulty: Option<Difficulty>,
     offsets: Offsets,
     pressure: [bool; 3],
 }
@@ -212,6 +225,7 @@ impl Collector {
         let CandidateRecord { taxonomy, offsets, pressure, review, certificate, .. } = chosen;
         self.chosen.push(Kept {
             category: taxonomy.category,
+            difficulty: chosen.difficulty(),
             offsets: *offsets,
             pressure: [pressure.at_fault > 0, pressure.overlaps > 0, pressure.risky > 0],
         });
@@ -226,6 +240,8 @@ impl Collector {
             self.certificates.responses += certificate.responses.len();
             self.certificates.nudged += certificate.responses.iter().filter(|r| r.nudge != 0.0).count();
             self.peaks.push(certificate.peak_deceleration());
+            self.required.extend(certificate.required_deceleration());
+            self.times.extend(certificate.time_to_react());
         }
         let known = |v: f64| Some(v).filter(|v| v.is_finite());
         self.endpoints.push(Endpoint {
@@ -245,12 +261,15 @@ impl Collector {
             endpoint_longitudinal: Bins::of(&all(|k| k.offsets.endpoint_longitudinal)),
             endpoint_lateral: Bins::of(&all(|k| k.offsets.endpoint_lateral)),
             peak_deceleration: Bins::of(&self.peaks),
+            required_deceleration: Bins::of(&self.required),
+            time_to_react: Bins::of(&self.times),
         };
-        let part = |category: Option<Deviation>| {
-            let kept: Vec<&Kept> =
-                self.chosen.iter().filter(|k| category.is_none_or(|c| c == k.category)).collect();
+        let part = |is_in: &dyn Fn(&Kept) -> bool| {
+            let kept: Vec<&Kept> = self.chosen.iter().filter(|k| is_in(k)).collect();
             Part::of(&kept, self.chosen.len(), &bins)
         };
+        let of_category = |c: Deviation| (c.name(), part(&|k| k.category == c));
+        let of_difficulty = |d: Difficulty| (d.name(), part(&|k| k.difficulty == Some(d)));
         Statistics {
             funnel: provenance.funnel.clone(),
             interrupted: provenance.interrupted,
@@ -259,14 +278,17 @@ impl Collector {
             scenarios: self.scenarios,
             with_survivor: self.with_survivor,
             chosen: self.chosen.len(),
-            overall: part(None),
-            categories: Deviation::ALL.into_iter().map(|c| (c.name(), part(Some(c)))).collect(),
+            overall: part(&|_| true),
+            categories: Deviation::ALL.into_iter().map(of_category).collect(),
+            difficulties: Difficulty::ALL.into_iter().map(of_difficulty).collect(),
             agreement: Agreement {
                 candidates: self.agreement.candidates.finish(),
                 chosen: self.agreement.chosen.finish(),
             },
             certificates: Certificates {
                 peak_deceleration: Distribution::of(&self.peaks, &bins.peak_deceleration),
+                required_deceleration: Distribution::of(&self.required, &bins.required_deceleration),
+                time_to_react: Distribution::of(&self.times, &bins.time_to_react),
                 ..self.certificates
             },
             reviewed: self.reviewed,

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use super::markdown::{capital, escape, write_aligned};
 use crate::curation::stats::{Confusion, Distribution, Part, Statistics};
 use crate::curation::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH};
-use crate::scene::Deviation;
+use crate::scene::{Deviation, Difficulty};
 
 /// Writes how many scenarios and candidates were left after each step, and the counts of the categories.
 ///
@@ -18,6 +18,13 @@ pub fn write_overview(out: &mut dyn Write, statistics: &Statistics) -> io::Resul
     for (name, part) in parts(statistics) {
         rows.push(vec![name, part.count.to_string(), percent(part.share)]);
     }
+    write_aligned(out, &rows, 1)?;
+    let mut rows = vec![texts(&["Difficulty", "Chosen", "Share (%)"])];
+    for (name, part) in Difficulty::ALL.iter().filter_map(|d| statistics.difficulties.get_key_value(d.name()))
+    {
+        rows.push(vec![capital(name), part.count.to_string(), percent(part.share)]);
+    }
+    writeln!(out)?;
     write_aligned(out, &rows, 1)
 }
 
@@ -148,6 +155,9 @@ fn distributions(statistics: &Statistics) -> Vec<Vec<String>> {
     }
     let peak = &statistics.certificates.peak_deceleration;
     rows.push(distribution("Hardest braking of certificates (m/s²)", "All".into(), peak));
+    let required = &statistics.certificates.required_deceleration;
+    rows.push(distribution("Required deceleration (m/s²)", "All".into(), required));
+    rows.push(distribution("Time to react (s)", "All".into(), &statistics.certificates.time_to_react));
     rows
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Opinions, ReviewLine, candidate_digest};
 use crate::curation::store::ScenarioEntry;
 use crate::curation::{CandidateRecord, Certificate, ScenarioRecord};
-use crate::scene::AgentState;
+use crate::scene::{AgentState, Difficulty};
 
 /// The list of all scenarios. Filters are named once; candidates are flat numbers: number, category, the filter that rejected it
 /// (-1 for survivors), 1 where it was chosen.
@@ -101,6 +101,10 @@ struct CandidateDetail<'a> {
     lateral_offset: Option<f64>,
     longitudinal_offset: Option<f64>,
     conflict_step: Option<u32>,
+    difficulty: Option<&'static str>,
+    required_deceleration: Option<f64>,
+    time_to_react: Option<f64>,
+    needs_swerve: Option<bool>,
     figures: Vec<FigureDetail<'a>>,
     rejected_by: Option<&'a str>,
     reason: &'a str,
@@ -190,6 +194,10 @@ fn candidate(c: &CandidateRecord) -> CandidateDetail<'_> {
         lateral_offset: finite(taxonomy.lateral_offset),
         longitudinal_offset: finite(taxonomy.longitudinal_offset),
         conflict_step: taxonomy.conflict_step,
+        difficulty: c.difficulty().map(Difficulty::name),
+        required_deceleration: c.certificate.as_ref().and_then(Certificate::required_deceleration),
+        time_to_react: c.certificate.as_ref().and_then(Certificate::time_to_react),
+        needs_swerve: c.certificate.as_ref().map(Certificate::needs_swerve),
         figures: figures.collect(),
         rejected_by: c.rejected_by.as_deref(),
         reason: &c.reason,

@@ -8,7 +8,9 @@ use reactsim::curation::{AvoidanceSettings, Certificate, Response, Unavoidable, 
 use reactsim::geometry::{Polygon, Vec2, direction};
 use reactsim::metrics::{Case, Options};
 use reactsim::rollout::ScriptedAv;
-use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, FUTURE, Frame, LoggedAgent, MapParts, Scenario};
+use reactsim::scene::{
+    AgentKind, AgentState, CURRENT, DT, Difficulty, FUTURE, Frame, LoggedAgent, MapParts, Scenario,
+};
 
 use self::recheck::recheck;
 use crate::scenes::{agent, car, lane, later, line, real, scene, state, straight};
@@ -66,6 +68,52 @@ fn a_follower_brakes_behind_an_av_that_stops() {
     assert_eq!(certificate.peak_deceleration(), own.peak_deceleration);
     assert!(own.clearance >= 0.2, "{}", own.clearance);
     assert!(own.track[FUTURE].speed() < 3.0, "{}", own.track[FUTURE].speed());
+}
+
+#[test]
+fn the_effort_of_a_follower_is_that_of_the_closed_form() {
+    // The AV brakes at 3 m/s² from 10 m/s and stands after 3.3 s; the follower is 15.5 m behind it (bumper to bumper).
+    let agents = vec![car("av", 20.0, 0.0, 0.0, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
+    let scenario = scene("effort", agents, straight());
+    let certificate = found(&scenario, &braking(&scenario, 3.0, 0.0));
+    let own = response(&certificate, "own");
+    let effort = own.effort.unwrap();
+    assert_eq!((own.leader.as_deref(), own.nudge), (None, 0.0));
+    assert!(effort.required_deceleration <= own.peak_deceleration, "{effort:?} {}", own.peak_deceleration);
+    // To stop before 20 + 16.7 - 4.5 - 0.2 m, of which 7 m are driven before it brakes: v²/2a with the jerk (10 m/s³) is 2 to 2.5 m/s².
+    assert!((2.0..2.6).contains(&effort.required_deceleration), "{effort:?}");
+    // With 6 m/s² it may wait longer than the 0.3 s that everybody is granted, but not until the AV stands.
+    assert!((0.8..2.5).contains(&effort.time_to_react), "{effort:?}");
+    // What was found to be enough is enough, and clearly less is not.
+    let bounded = |max_deceleration| {
+        let settings = AvoidanceSettings { max_deceleration, max_nudge: 0.0, ..AvoidanceSettings::default() };
+        certify(&scenario, &braking(&scenario, 3.0, 0.0), &settings)
+    };
+    assert!(bounded(effort.required_deceleration + 1e-9).is_ok());
+    assert!(bounded(effort.required_deceleration - 0.15).is_err());
+    let reacting = |reaction: f64| {
+        let settings = AvoidanceSettings {
+            reaction,
+            max_deceleration: 6.0,
+            max_nudge: 0.0,
+            ..AvoidanceSettings::default()
+        };
+        certify(&scenario, &braking(&scenario, 3.0, 0.0), &settings)
+    };
+    assert!(reacting(effort.time_to_react).is_ok());
+    assert!(reacting(effort.time_to_react + 0.2).is_err());
+}
+
+#[test]
+fn harder_conflicts_have_harder_grades() {
+    let grade = |gap: f64, rate: f64| {
+        let agents = vec![car("av", 4.5 + gap, 0.0, 0.0, 12.0), car("own", 0.0, 0.0, 0.0, 12.0)];
+        let scenario = scene("grade", agents, straight());
+        found(&scenario, &braking(&scenario, rate, 0.0)).difficulty().unwrap()
+    };
+    assert_eq!(grade(60.0, 2.0), Difficulty::Easy);
+    assert_eq!(grade(20.0, 2.0), Difficulty::Medium);
+    assert_eq!(grade(12.0, 4.0), Difficulty::Hard);
 }
 
 #[test]

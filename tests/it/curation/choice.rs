@@ -1,7 +1,7 @@
 //! The automatic choice: survivors only, categories in balance, not always the same maneuver.
 
 use reactsim::curation::{Chooser, ScenarioRecord};
-use reactsim::scene::Deviation;
+use reactsim::scene::{Deviation, Effort};
 
 use super::hand;
 
@@ -52,4 +52,39 @@ fn the_same_maneuver_wears_off() {
     let sequence: Vec<_> = (0..8).map(|_| chosen(&mut chooser, both()).unwrap()).collect();
     // In the long run the shares differ by as much as makes up for the scores: (4 - 2.5) / 4.
     assert_eq!(sequence, [0, 1, 0, 0, 1, 0, 0, 1]);
+}
+
+/// A survivor of this difficulty and mean-speed difference (m/s).
+fn graded(record: &mut ScenarioRecord, i: usize, required: f64, speed: f64) {
+    let candidate = &mut record.candidates[i];
+    candidate.offsets.mean_speed_difference = speed;
+    for response in candidate.certificate.iter_mut().flat_map(|c| &mut c.responses) {
+        response.nudge = 0.0;
+        response.effort = Some(Effort { required_deceleration: required, time_to_react: 2.0 });
+    }
+}
+
+#[test]
+fn difficulties_take_turns() {
+    let mut chooser = Chooser::new();
+    let all = || {
+        let mut record = scenario(&[(LONG, "a", 4.0), (LONG, "b", 3.0), (LONG, "c", 2.0)]);
+        (0..3).for_each(|i| graded(&mut record, i, [1.0, 2.0, 4.0][i], -1.0));
+        record
+    };
+    let sequence: Vec<_> = (0..6).map(|_| chosen(&mut chooser, all()).unwrap()).collect();
+    assert_eq!(sequence, [0, 1, 2, 0, 1, 2]);
+}
+
+#[test]
+fn avs_faster_than_their_log_are_wanted_as_much_as_slower_ones() {
+    let mut chooser = Chooser::new();
+    let both = || {
+        let mut record = scenario(&[(LONG, "stop", 4.0), (LONG, "faster", 2.0)]);
+        graded(&mut record, 0, 1.0, -3.0);
+        graded(&mut record, 1, 1.0, 3.0);
+        record
+    };
+    let faster = (0..20).filter(|_| chosen(&mut chooser, both()) == Some(1)).count();
+    assert!((9..=10).contains(&faster), "{faster}");
 }

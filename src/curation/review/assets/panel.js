@@ -85,6 +85,11 @@ function cues(c) {
   ];
   if (c.other_branch) rows.push(fact("way", "another branch"));
   if (c.conflict_step !== null) rows.push(fact("first conflict", `${number(c.conflict_step / 10)} s`));
+  if (c.difficulty) {
+    rows.push(fact("difficulty", c.difficulty), fact("braking needed", `${number(c.required_deceleration)} m/s²`));
+    if (c.time_to_react !== null) rows.push(fact("time to react", `${number(c.time_to_react)} s`));
+    if (c.needs_swerve) rows.push(fact("swerve", "needed"));
+  }
   rows.push(fact("ADE", `${number(c.ade)} m`), fact("Δ mean speed", `${signed(c.speed_difference)} m/s`));
   rows.push(fact("at fault", String(c.at_fault)), fact("overlaps", String(c.overlaps)), fact("risky", String(c.risky)));
   rows.push(fact("source", c.source));
