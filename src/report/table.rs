@@ -25,6 +25,8 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "ade" },
     Column { metric: "min-ade" },
     Column { metric: "progress" },
+    Column { metric: "over-reaction" },
+    Column { metric: "undisturbed-loss" },
     Column { metric: "kinematic-likelihood" },
 ];
 
@@ -45,6 +47,7 @@ impl Column {
         match self.kind().0 {
             Unit::Rate => Some("%"),
             Unit::Metres => Some("m"),
+            Unit::MetresPerSecondSquared => Some("m/s²"),
             Unit::Count | Unit::Plain => None,
         }
     }
@@ -59,7 +62,7 @@ impl Column {
     pub(super) fn number(&self, value: f64) -> String {
         match self.kind().0 {
             Unit::Rate => format!("{:.2}", 100.0 * value),
-            Unit::Metres => format!("{value:.2}"),
+            Unit::Metres | Unit::MetresPerSecondSquared => format!("{value:.2}"),
             Unit::Count | Unit::Plain => format!("{value:.3}"),
         }
     }

@@ -124,6 +124,7 @@ impl Gallery {
                         Unit::Count => "count",
                         Unit::Rate => "rate",
                         Unit::Metres => "m",
+                        Unit::MetresPerSecondSquared => "m/s²",
                         Unit::Plain => "",
                     },
                     lower_is_better: spec.lower_is_better,
