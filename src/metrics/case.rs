@@ -149,9 +149,9 @@ impl<'a> Case<'a> {
         self
     }
 
-    /// Adds the proof that the AV of this case can be avoided; the metrics of over-reaction compare with its responses.
-    pub fn with_certificate(mut self, certificate: &'a Certificate) -> Self {
-        self.certificate = Some(certificate);
+    /// Adds the proof, where there is one, that the AV of this case can be avoided; the metrics of over-reaction compare with its responses.
+    pub fn with_certificate(mut self, certificate: Option<&'a Certificate>) -> Self {
+        self.certificate = certificate;
         self.cache = Cache::default();
         self
     }

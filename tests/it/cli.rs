@@ -374,9 +374,9 @@ fn results_come_in_every_form() {
     let csv = String::from_utf8(report("csv")).unwrap();
     assert_eq!(
         csv.lines().next().unwrap(),
-        "run,simulator,oracle,kind,category,metric,mean,low,high,scenarios"
+        "run,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios"
     );
-    assert!(csv.contains("x_1,stop,false,difference,,ade,"));
+    assert!(csv.contains("x_1,stop,false,difference,,,ade,"));
     // Two runs in one table are told apart by their names.
     let two = reactsim(&["report", text(&out), text(&out)]);
     assert!(stdout(&two).contains("| Run "));

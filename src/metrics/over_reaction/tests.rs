@@ -81,11 +81,7 @@ impl World {
             recorded_history: None,
         });
         let case = Case::new(Road::new(&map, &index), objects.collect(), 0, Options::default());
-        let case = case.with_log(log.collect());
-        score_case(&match &self.certificate {
-            Some(certificate) => case.with_certificate(certificate),
-            None => case,
-        })
+        score_case(&case.with_log(log.collect()).with_certificate(self.certificate.as_ref()))
     }
 }
 
