@@ -18,9 +18,9 @@ impl Exporter for Markdown {
         "tables for people, in terminals and documents"
     }
 
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()> {
         let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
-        let columns = Column::used(&summaries);
+        let columns = Column::used(&summaries, also);
         let lines = table::lines(runs);
         write_table(out, &columns, &lines)?;
         for division in Division::ALL {

@@ -9,7 +9,7 @@ use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 
 use super::long::records;
-use super::{Exporter, Run};
+use super::{Column, Exporter, Run};
 
 /// The form.
 pub(super) struct Parquet;
@@ -23,7 +23,7 @@ impl Exporter for Parquet {
         "the lines of csv as a columnar file"
     }
 
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], _: &[Column], out: &mut dyn Write) -> io::Result<()> {
         let records = records(runs);
         let text = |of: &dyn Fn(&super::long::Record<'_>) -> String| -> ArrayRef {
             Arc::new(StringArray::from_iter_values(records.iter().map(of)))

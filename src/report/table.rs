@@ -32,6 +32,21 @@ pub const COLUMNS: &[Column] = &[
 ];
 
 impl Column {
+    /// The column of the metric with this id.
+    pub fn of(metric: &str) -> Option<Self> {
+        metrics::metric(metric).map(|m| Self { metric: m.spec().id })
+    }
+
+    /// These columns, and after them those of `also` that are not among them.
+    pub(super) fn with(mut columns: Vec<Self>, also: &[Self]) -> Vec<Self> {
+        for column in also {
+            if !columns.contains(column) {
+                columns.push(*column);
+            }
+        }
+        columns
+    }
+
     /// Head of the column.
     pub(super) fn title(&self) -> &'static str {
         metrics::metric(self.metric).map_or(self.metric, |m| m.spec().title)
@@ -68,8 +83,8 @@ impl Column {
         }
     }
 
-    /// The columns that at least one simulator has a number for.
-    pub(super) fn used(summaries: &[&Summary]) -> Vec<Self> {
+    /// The columns that at least one simulator has a number for, and those of `also`.
+    pub(super) fn used(summaries: &[&Summary], also: &[Self]) -> Vec<Self> {
         let any =
             |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
         let has = |c: &&Self| {
@@ -82,7 +97,7 @@ impl Column {
             let simulators = summaries.iter().flat_map(|s| s.simulators.values());
             simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())
         };
-        COLUMNS.iter().filter(has).copied().collect()
+        Self::with(COLUMNS.iter().filter(has).copied().collect(), also)
     }
 }
 

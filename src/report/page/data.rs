@@ -105,7 +105,7 @@ impl Gallery {
         for (form, name) in DOWNLOADS {
             let mut text = Vec::new();
             if let Some(exporter) = exporter(form) {
-                exporter.export(&runs, &mut text)?;
+                exporter.export(&runs, &[], &mut text)?;
             }
             downloads.push(Download { name, text: String::from_utf8_lossy(&text).into_owned() });
         }
@@ -131,7 +131,7 @@ impl Gallery {
                     source: spec.source,
                 })
                 .collect(),
-            columns: Column::used(&summaries).iter().map(|c| c.metric).collect(),
+            columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
             runs: self
                 .runs
                 .iter()
@@ -157,7 +157,7 @@ impl Gallery {
     fn study_data(&self) -> Result<Vec<StudyData<'_>>, PageError> {
         let numbers = self.studies.iter().map(|(name, results)| {
             let mut text = Vec::new();
-            study_tables::write_json(results, &mut text)?;
+            study_tables::write_json(results, &[], &mut text)?;
             let text = String::from_utf8_lossy(&text).trim().to_owned();
             Ok(StudyData { name, numbers: RawValue::from_string(text)? })
         });
