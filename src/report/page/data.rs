@@ -74,6 +74,7 @@ struct SubjectData<'a> {
 struct ScenarioData<'a> {
     id: Vec<&'a str>,
     category: Vec<Option<&'a str>>,
+    difficulty: Vec<Option<&'a str>>,
     /// Whether there is a scene.
     scene: Vec<u8>,
     /// Per run: what the deviated AV differs in from the logged one, by name of the statistic.
@@ -204,6 +205,7 @@ impl Gallery {
         ScenarioData {
             id: self.scenarios.iter().map(|s| s.id.as_str()).collect(),
             category: self.scenarios.iter().map(|s| s.category.as_deref()).collect(),
+            difficulty: self.scenarios.iter().map(|s| s.difficulty.as_deref()).collect(),
             scene: (0..self.scenarios.len()).map(|i| u8::from(scenes.contains(&i))).collect(),
             deviation: deviation.collect(),
             values: values.collect(),
