@@ -20,7 +20,7 @@ impl Metric for OverReaction {
 
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         for responder in responders(case)? {
-            let lost = (responder.reference - responder.driven).max(0.0);
+            let lost = responder.lost();
             if responder.under_reacts.is_none() && lost == 0.0 {
                 continue;
             }
@@ -40,7 +40,7 @@ impl Metric for OverReaction {
                 values,
             });
         }
-        mean(case, |r| (r.reference - r.driven).max(0.0))
+        mean(case, Responder::lost)
     }
 }
 
@@ -62,7 +62,7 @@ impl Metric for OverBraking {
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let last = case.future().len();
         for responder in responders(case)?.iter().filter(|r| r.under_reacts.is_none()) {
-            let excess = responder.peak - responder.reference_peak;
+            let excess = responder.over_braking();
             if excess > 0.0 {
                 events.push(Event {
                     metric: self.spec().id,
@@ -80,7 +80,7 @@ impl Metric for OverBraking {
                 });
             }
         }
-        mean(case, |r| (r.peak - r.reference_peak).max(0.0))
+        mean(case, Responder::over_braking)
     }
 }
 

@@ -22,6 +22,27 @@ pub(super) struct Responder {
     pub(super) under_reacts: Option<(usize, usize)>,
 }
 
+impl Responder {
+    /// Path length that the agent drives less than in its response, metres, at least 0.
+    pub(super) fn lost(&self) -> f64 {
+        excess(self.reference, self.driven)
+    }
+
+    /// Peak deceleration beyond that of the response, m/s², at least 0.
+    pub(super) fn over_braking(&self) -> f64 {
+        excess(self.peak, self.reference_peak)
+    }
+}
+
+/// Differences up to this are rounding, metres or m/s².
+const ROUNDING: f64 = 1e-6;
+
+/// How much a value exceeds another; 0 where it does not, or by no more than rounding.
+pub(super) fn excess(value: f64, other: f64) -> f64 {
+    let difference = value - other;
+    if difference > ROUNDING { difference } else { 0.0 }
+}
+
 /// The direct responders of a case, in the order of the certificate; `None` without a certificate.
 pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
     let all = case.cache.responders.get_or_init(|| {

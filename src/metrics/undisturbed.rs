@@ -1,6 +1,7 @@
 //! Path length that vehicles lose although nothing asks them to react (`docs/over-reaction.md`).
 
 use super::progress::free_path;
+use super::responders::excess;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 
 /// Mean over the vehicles without a response in the certificate, which drive in the log and keep clear of the AV there, of the path length
@@ -27,7 +28,7 @@ impl Metric for UndisturbedLoss {
         for i in case.vehicles().filter(|i| !responds(i)) {
             let Some(logged) = free_path(case, &log[i], i) else { continue };
             let driven = case.motion.path_length(i, case.current);
-            let lost = (logged - driven).max(0.0);
+            let lost = excess(logged, driven);
             sum += lost;
             n += 1;
             if lost > 0.0 {
