@@ -212,7 +212,7 @@ fn a_damaged_file_does_not_stop_the_others() {
     let output = reactsim(&["run", text(home.path()), "--models", "stop", "--format", "csv"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("b.parquet"), "{}", stderr(&output));
-    assert!(stdout(&output).contains("stop,false,mean,,aav-collision,"));
+    assert!(stdout(&output).contains("stop,false,mean,,,aav-collision,"));
 }
 
 /// Starts a run that lasts for seconds and waits until it has written rows.
