@@ -2,15 +2,17 @@
 
 use anyhow::Context;
 
+use super::also::Also;
 use super::{count, say};
 use crate::evaluation::{RunFolder, Summary, TABLE};
 use crate::report::{Run, exporter};
 
 /// Puts the table of a run into its folder, with what failed below it.
-pub(super) fn put_table(folder: &RunFolder, summary: &Summary) -> anyhow::Result<()> {
+pub(super) fn put_table(folder: &RunFolder, summary: &Summary, also: &Also) -> anyhow::Result<()> {
     let Some(markdown) = exporter("markdown") else { return Ok(()) };
     let mut text = Vec::new();
-    markdown.export(&[Run { name: "", summary }], &mut text).context("could not make the table")?;
+    let run = [Run { name: "", summary }];
+    markdown.export(&run, also.columns(), &mut text).context("could not make the table")?;
     let mut text = String::from_utf8_lossy(&text).into_owned();
     text.push_str(&outcomes(summary));
     text.push_str(&failures(summary));

@@ -52,6 +52,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                     Unit::Count => "count",
                     Unit::Rate => "rate",
                     Unit::Metres => "m",
+                    Unit::MetresPerSecondSquared => "m/s²",
                     Unit::Plain => "-",
                 };
                 let better = if spec.lower_is_better { "lower" } else { "higher" };

@@ -1,5 +1,6 @@
 //! The command line: arguments, progress, exit codes. One file per verb. The only room that prints.
 
+mod also;
 mod compare;
 mod convert;
 mod curate;

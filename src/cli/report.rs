@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
+use anyhow::bail;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
+use super::also::Also;
 use super::{ExitStatus, gallery, say, write_result};
 use crate::evaluation::{Summary, read_summary};
 use crate::report::{EXPORTERS, Run, exporter};
@@ -32,6 +34,8 @@ pub(super) struct ReportArgs {
     #[arg(long, default_value = "markdown",
           value_parser = PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()).chain([HTML])))]
     format: String,
+    #[command(flatten)]
+    also: Also,
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -64,12 +68,15 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
     let runs: Vec<Run<'_>> =
         members.iter().zip(&summaries).map(|(m, summary)| Run { name: &m.name, summary }).collect();
     if let Some(exporter) = exporter(&args.format) {
-        write_result(args.out.as_deref(), |out| exporter.export(&runs, out))?;
+        write_result(args.out.as_deref(), |out| exporter.export(&runs, args.also.columns(), out))?;
     }
     Ok(ExitStatus::Done)
 }
 
 fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
+    if !args.also.columns().is_empty() {
+        bail!("the page shows every metric on request: leave --also out");
+    }
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
     for lack in gallery.lacks() {
         say(format_args!("note: {lack}"));

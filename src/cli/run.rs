@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
+use super::also::Also;
 use super::finished::{outcomes, put_table, tell_left_out};
 use super::progress::Progress;
 use super::report::formats as table_formats;
@@ -53,6 +54,8 @@ pub(super) struct RunArgs {
     /// Form of the table on stdout
     #[arg(long, default_value = "markdown", value_parser = table_formats())]
     format: String,
+    #[command(flatten)]
+    also: Also,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -95,7 +98,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
 /// Prints the table and says how it went.
 fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyhow::Result<ExitStatus> {
     if let Some(folder) = folder {
-        put_table(folder, summary)?;
+        put_table(folder, summary, &args.also)?;
     }
     tell_left_out(summary);
     if summary.provenance.scenarios == 0 {
@@ -103,7 +106,7 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
     }
     if let Some(exporter) = exporter(&args.format) {
         write_result(None, |out| {
-            exporter.export(&[Run { name: "", summary }], out)?;
+            exporter.export(&[Run { name: "", summary }], args.also.columns(), out)?;
             let below = if args.format == "markdown" { outcomes(summary) } else { String::new() };
             out.write_all(below.as_bytes())
         })?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
+use super::also::Also;
 use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
@@ -32,6 +33,8 @@ pub(super) struct ScoreArgs {
     /// Form of the table (rollouts in Parquet)
     #[arg(long, default_value = "markdown", value_parser = table_formats())]
     format: String,
+    #[command(flatten)]
+    also: Also,
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -52,6 +55,9 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
 fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.scenarios.is_empty() {
         bail!("a rollout document holds its scenarios: leave --scenarios out");
+    }
+    if !args.also.columns().is_empty() {
+        bail!("a rollout document is scored without a table: leave --also out");
     }
     let read = || format!("could not read {}", path.display());
     let text = fs::read_to_string(path).with_context(read)?;
@@ -137,7 +143,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     if let Some(exporter) = exporter(&args.format) {
         let run = [Run { name: "", summary: &summary }];
-        write_result(args.out.as_deref(), |out| exporter.export(&run, out))?;
+        write_result(args.out.as_deref(), |out| exporter.export(&run, args.also.columns(), out))?;
     }
     Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::ExitStatus;
+use super::also::Also;
 use super::subject::{Subject, Work};
 
 const AFTER: &str = "\
@@ -57,6 +58,8 @@ struct Shared {
     /// Form of the table on stdout
     #[arg(long, default_value = "markdown", value_parser = ["markdown", "json"])]
     format: String,
+    #[command(flatten)]
+    also: Also,
 }
 
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::row::{Row, Value};
 use crate::metrics::{self, Case, DeviationStats, Event, METRICS, Options, Score};
 use crate::rollout::Rollout;
-use crate::scene::Scenario;
+use crate::scene::{Certificate, Scenario};
 
 /// Metrics that judge all rollouts of a scenario together.
 const TOGETHER: [&str; 2] = ["min-ade", "kinematic-likelihood"];
@@ -57,8 +57,13 @@ impl Judged {
     }
 }
 
-/// Judges the rollouts of one scenario and one simulator.
-pub(super) fn judge(scenario: &Scenario, rollouts: &[Rollout], options: Options) -> Judged {
+/// Judges the rollouts of one scenario and one simulator. `certificate`: how the AV of the rollouts can be avoided, where known.
+pub(super) fn judge(
+    scenario: &Scenario,
+    certificate: Option<&Certificate>,
+    rollouts: &[Rollout],
+    options: Options,
+) -> Judged {
     let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
     let all = metrics::score_rollouts(scenario, &tracks, options);
     let over_all = [
@@ -70,7 +75,8 @@ pub(super) fn judge(scenario: &Scenario, rollouts: &[Rollout], options: Options)
         ((*id).to_owned(), value)
     });
     let each = rollouts.iter().map(|rollout| {
-        let scores = metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), options));
+        let case = Case::of_rollout(scenario, rollout.tracks.clone(), options);
+        let scores = metrics::score_case(&case.with_certificate(certificate));
         let own = scores.values.iter().filter(|(spec, _)| !TOGETHER.contains(&spec.id));
         JudgedRollout {
             metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),

@@ -11,7 +11,7 @@ use super::tally::Tally;
 use crate::formats::deviations::DeviationRecord;
 use crate::metrics::Options;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
-use crate::scene::{AgentState, Certificate, DeviatedTrack, Deviation, Scenario};
+use crate::scene::{AgentState, Certificate, DeviatedTrack, Deviation, Difficulty, Scenario};
 
 /// What decides the numbers of a run, besides scenarios and simulators.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,6 +58,18 @@ pub struct KnownDeviation {
     pub category: Option<Deviation>,
     /// How every agent that it disturbs can avoid it.
     pub certificate: Option<Certificate>,
+}
+
+impl KnownDeviation {
+    /// What is known of a deviated trajectory.
+    pub fn of(deviated: &DeviatedTrack) -> Self {
+        Self { category: deviated.category, certificate: deviated.certificate.clone() }
+    }
+
+    /// How difficult it is for the agents to avoid the AV, where known.
+    pub fn difficulty(&self) -> Option<Difficulty> {
+        self.certificate.as_ref()?.difficulty()
+    }
 }
 
 /// Why a scenario has no AV.

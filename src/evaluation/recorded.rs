@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::judge::judge;
+use super::plan::KnownDeviation;
 use super::provenance::{Provenance, SimulatorRecord};
 use super::rollouts::recorded_tracks;
 use super::row::{Failure, Place, Row};
@@ -81,10 +82,11 @@ impl Recorded {
         records: &[RolloutRecord],
         rollouts: &[Rollout],
     ) {
-        let category = scenario.deviation.as_ref().and_then(|d| d.category).map(|c| c.name().to_owned());
-        let about = Row { category, ..Row::about(place, scenario, scenario.digest(), simulator) };
+        let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
+        let about = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
         let indices = records.iter().map(|r| r.rollout);
-        let rows = judge(scenario, rollouts, self.options).rows(about, indices, rollouts);
+        let judged = judge(scenario, deviation.certificate.as_ref(), rollouts, self.options);
+        let rows = judged.rows(about, indices, rollouts);
         let rows: Vec<Row> = rows.into_iter().map(|(row, _)| row).collect();
         self.tally.add(&rows);
     }

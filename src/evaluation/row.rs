@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::plan::KnownDeviation;
 use crate::metrics::{Event, Score};
 use crate::scene::Scenario;
 
@@ -66,6 +67,15 @@ impl Row {
             metrics: BTreeMap::new(),
             deviation: BTreeMap::new(),
             outcomes: BTreeMap::new(),
+        }
+    }
+
+    /// The same row with category and difficulty of the deviation.
+    pub(super) fn with_deviation(self, deviation: &KnownDeviation) -> Self {
+        Self {
+            category: deviation.category.map(|c| c.name().to_owned()),
+            difficulty: deviation.difficulty().map(|d| d.name().to_owned()),
+            ..self
         }
     }
 

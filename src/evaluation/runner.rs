@@ -14,7 +14,7 @@ use super::summary::Summary;
 use super::tally::Tally;
 use super::{EvaluationError, rollouts};
 use crate::rollout::{Request, Rollout, roll_out};
-use crate::scene::{Certificate, Scenario};
+use crate::scene::Scenario;
 
 /// More threads than this are never started: they would only wait for each other.
 const MOST_JOBS: usize = 512;
@@ -303,13 +303,10 @@ impl Runner<'_> {
     }
 
     fn rows(&self, ready: &Ready, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
-        let difficulty = ready.deviation.certificate.as_ref().and_then(Certificate::difficulty);
-        let about = Row {
-            category: ready.deviation.category.map(|c| c.name().to_owned()),
-            difficulty: difficulty.map(|d| d.name().to_owned()),
-            ..Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
-        };
-        let judged = judge(&ready.scenario, rollouts, self.plan.settings.options);
+        let about = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
+            .with_deviation(&ready.deviation);
+        let certificate = ready.deviation.certificate.as_ref();
+        let judged = judge(&ready.scenario, certificate, rollouts, self.plan.settings.options);
         let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
         for (row, counted) in judged.rows(about, 0.., rollouts) {
             let index = row.rollout.unwrap_or_default();

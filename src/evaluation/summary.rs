@@ -39,6 +39,9 @@ pub struct SimulatorSummary {
     pub metrics: BTreeMap<String, Estimate>,
     /// The same per category of deviation.
     pub by_category: BTreeMap<String, CategorySummary>,
+    /// The same per difficulty of the deviation; empty where none is known.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub by_difficulty: BTreeMap<String, CategorySummary>,
     /// Difference to log replay over the scenarios in which both are defined; empty where log replay did not run.
     pub paired_to_log_replay: BTreeMap<String, Estimate>,
     /// Reactive pressure: shares of the scenarios.
@@ -47,7 +50,7 @@ pub struct SimulatorSummary {
     pub outcomes: BTreeMap<String, u64>,
 }
 
-/// The result of one simulator in the scenarios of one category.
+/// The result of one simulator in the scenarios of one category or difficulty.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CategorySummary {
@@ -103,12 +106,6 @@ impl Summary {
         let simulators = provenance.simulators.iter().enumerate().map(|(i, simulator)| {
             let done: Vec<(&Entry, &Cell)> =
                 tally.entries.values().filter_map(|e| Some((e, e.cells[i].as_ref()?))).collect();
-            let mut by_category: BTreeMap<String, Vec<(&Entry, &Cell)>> = BTreeMap::new();
-            for (entry, cell) in &done {
-                if let Some(category) = &entry.category {
-                    by_category.entry(category.clone()).or_default().push((*entry, *cell));
-                }
-            }
             let mut outcomes = BTreeMap::new();
             for (name, n) in done.iter().flat_map(|(_, c)| &c.outcomes) {
                 *outcomes.entry(name.clone()).or_default() += n;
@@ -118,13 +115,8 @@ impl Summary {
                 failed: failed(failures, &simulator.id),
                 oracle: simulator.oracle,
                 metrics: estimates(&tally.metrics, &done, seed, |_, cell, m| cell.values[m]),
-                by_category: by_category
-                    .into_iter()
-                    .map(|(name, cells)| {
-                        let metrics = estimates(&tally.metrics, &cells, seed, |_, cell, m| cell.values[m]);
-                        (name, CategorySummary { scenarios: cells.len(), metrics })
-                    })
-                    .collect(),
+                by_category: parts(tally, &done, seed, |entry| entry.category.as_ref()),
+                by_difficulty: parts(tally, &done, seed, |entry| entry.difficulty.as_ref()),
                 paired_to_log_replay: match reference {
                     Some(r) if r != i => estimates(&tally.metrics, &done, seed, |entry, cell, m| {
                         Some(cell.values[m]? - entry.cells[r].as_ref()?.values[m]?)
@@ -188,6 +180,26 @@ impl Summary {
 /// Records that failed for a simulator.
 fn failed(failures: &[Failure], simulator: &str) -> usize {
     failures.iter().filter(|f| f.simulator.as_deref().is_none_or(|s| s == simulator)).count()
+}
+
+/// The result of one simulator per part of the scenarios; `part` names the part of a scenario, where it belongs to one.
+fn parts(
+    tally: &Tally,
+    done: &[(&Entry, &Cell)],
+    seed: u64,
+    part: impl Fn(&Entry) -> Option<&String>,
+) -> BTreeMap<String, CategorySummary> {
+    let mut cells: BTreeMap<&String, Vec<(&Entry, &Cell)>> = BTreeMap::new();
+    for (entry, cell) in done {
+        if let Some(name) = part(entry) {
+            cells.entry(name).or_default().push((entry, cell));
+        }
+    }
+    let summary = |cells: Vec<(&Entry, &Cell)>| CategorySummary {
+        scenarios: cells.len(),
+        metrics: estimates(&tally.metrics, &cells, seed, |_, cell, m| cell.values[m]),
+    };
+    cells.into_iter().map(|(name, cells)| (name.clone(), summary(cells))).collect()
 }
 
 /// One estimate per metric over the scenarios with a value.

@@ -26,6 +26,8 @@ pub struct Entry {
     pub digest: String,
     /// Category of the deviation, where known.
     pub category: Option<String>,
+    /// How difficult it is to avoid the deviated AV, where known.
+    pub difficulty: Option<String>,
     /// How lanes were assigned for the driving direction.
     pub direction_tracking: Option<String>,
     /// Deviated against logged AV.
@@ -70,6 +72,7 @@ impl Tally {
             scenario: first.scenario.clone(),
             digest: first.digest.clone(),
             category: first.category.clone(),
+            difficulty: first.difficulty.clone(),
             direction_tracking: None,
             deviation: BTreeMap::new(),
             cells: vec![None; count],

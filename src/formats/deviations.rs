@@ -175,9 +175,9 @@ impl Records<'_> {
         let columns = States::find(batch, 1).map_err(file)?;
         let x = View::find(batch, "origin_x", Leaf::Number, 0).map_err(file)?;
         let y = View::find(batch, "origin_y", Leaf::Number, 0).map_err(file)?;
-        let mut certificates = certificates::decode(batch).map_err(file)?;
+        let certificates = certificates::decode(batch).map_err(file)?;
         let mut passed_over = 0;
-        for row in 0..batch.num_rows() {
+        for (row, certificate) in certificates.into_iter().enumerate() {
             if chosen.as_ref().is_some_and(|c| c.flag(row) != Some(true)) {
                 (self.next, passed_over) = (self.next + 1, passed_over + 1);
                 continue;
@@ -192,7 +192,7 @@ impl Records<'_> {
             // What a row says of itself goes before what the file says, which other programs lose when they write it anew.
             let own = |c: &Option<View>| c.as_ref().and_then(|c| c.number(row));
             let origin = own(&x).zip(own(&y)).map(|(x, y)| Vec2::new(x, y)).or(origin);
-            self.add(id, category, digest, origin, frames, certificates[row].take())?;
+            self.add(id, category, digest, origin, frames, certificate)?;
         }
         Ok(passed_over)
     }

@@ -10,9 +10,12 @@ use super::kinematics::Infeasible;
 use super::likelihood::KinematicLikelihood;
 use super::motion::Motion;
 use super::offroad::Ground;
+use super::responders::Responder;
 use super::ttc::Approach;
 use super::{DirTracking, Options};
-use crate::scene::{Agent, AgentKind, CURRENT, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
+use crate::scene::{
+    Agent, AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario,
+};
 
 /// One agent with its judged track.
 #[derive(Clone, Debug)]
@@ -62,6 +65,8 @@ pub struct Case<'a> {
     pub log: Option<Vec<LoggedTrack<'a>>>,
     /// All rollouts of this scenario, each aligned with `objects`, future frames only; for the metrics over several rollouts.
     pub rollouts: Vec<Vec<&'a [Frame]>>,
+    /// How the agents can avoid the AV of this case; `None` where it is not known.
+    pub certificate: Option<&'a Certificate>,
     pub(super) motion: Motion,
     pub(super) cache: Cache,
 }
@@ -76,6 +81,7 @@ pub(super) struct Cache {
     pub(super) directions: OnceLock<Vec<WrongWay>>,
     pub(super) infeasible: OnceLock<Vec<Infeasible>>,
     pub(super) av_overlap: OnceLock<Vec<bool>>,
+    pub(super) responders: OnceLock<Option<Vec<Responder>>>,
     pub(super) displacement: OnceLock<Option<Displacement>>,
     pub(super) likelihood: OnceLock<Option<KinematicLikelihood>>,
 }
@@ -110,6 +116,7 @@ impl<'a> Case<'a> {
             current,
             log: None,
             rollouts: Vec::new(),
+            certificate: None,
             motion,
             cache: Cache::default(),
         }
@@ -138,6 +145,13 @@ impl<'a> Case<'a> {
             rollout.resize(self.objects.len(), &[]);
         }
         self.rollouts = rollouts;
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Adds the proof, where there is one, that the AV of this case can be avoided; the metrics of over-reaction compare with its responses.
+    pub fn with_certificate(mut self, certificate: Option<&'a Certificate>) -> Self {
+        self.certificate = certificate;
         self.cache = Cache::default();
         self
     }

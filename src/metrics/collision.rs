@@ -1,6 +1,7 @@
 //! Collisions of vehicles with the AV, and whose fault they are (ReactSim-Bench, "Metric Computation Details").
 
 use super::boxes::av_overlap;
+use super::log_clinging::log_distance;
 use super::options::FaultOrder;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::geometry::signed_angle_between;
@@ -128,6 +129,8 @@ impl Metric for AtFault {
             count += u64::from(contact.fault.at_fault());
             let k = case.motion.at(i, case.current + contact.step);
             let av = case.motion.at(case.av, case.current + contact.step);
+            let mut values = vec![("speed", case.motion.speed[k]), ("av_speed", case.motion.speed[av])];
+            values.extend(log_distance(case, i, contact).map(|d| ("log_distance", d)));
             events.push(Event {
                 metric: self.spec().id,
                 step: contact.step,
@@ -136,7 +139,7 @@ impl Metric for AtFault {
                 partner: Some(case.id(case.av)),
                 reason: Some(contact.fault.name()),
                 counted: contact.fault.at_fault(),
-                values: vec![("speed", case.motion.speed[k]), ("av_speed", case.motion.speed[av])],
+                values,
             });
         }
         Some(Score::Count(count))

@@ -10,14 +10,18 @@ mod direction;
 mod event;
 mod kinematics;
 mod likelihood;
+mod log_clinging;
 mod motion;
 mod offroad;
 mod options;
+mod over_reaction;
 mod progress;
+mod responders;
 mod score;
 mod scores;
 mod spec;
 mod ttc;
+mod undisturbed;
 
 pub use ade::Displacement;
 pub use agent_agent::{Overlaps, pair_counts};

@@ -104,6 +104,13 @@ impl Motion {
         Vec2::new(self.x[k], self.y[k])
     }
 
+    /// Path length of an object from a frame on, metres: the sum of its displacements between successive frames at which it is valid. It
+    /// drives nothing while it is absent, and nothing from where it vanishes to where it comes back.
+    pub(super) fn path_length(&self, object: usize, from: usize) -> f64 {
+        let driven = (from + 1..self.frames).filter(|&f| self.valid(object, f - 1) && self.valid(object, f));
+        driven.map(|f| (self.position(object, f) - self.position(object, f - 1)).norm()).sum()
+    }
+
     /// The sharp box of an object that is valid at the frame.
     pub(super) fn footprint(&self, object: usize, frame: usize) -> OrientedBox {
         let k = self.at(object, frame);

@@ -41,7 +41,7 @@ impl Metric for Progress {
 }
 
 /// Length of the logged path from now on, metres, if the vehicle drives there and keeps clear of the AV.
-fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) -> Option<f64> {
+pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) -> Option<f64> {
     let (mut path, mut farthest) = (0.0, 0.0_f64);
     let first = log.at(case.current)?.position();
     let mut last = first;

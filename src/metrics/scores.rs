@@ -7,9 +7,12 @@ use super::deviation::{self, DeviationStats};
 use super::direction::{self, WrongWay};
 use super::kinematics::{self, Infeasible};
 use super::likelihood::{self, KinematicLikelihood};
+use super::log_clinging;
 use super::offroad::{self, Ground};
+use super::over_reaction;
 use super::progress;
 use super::ttc::{self, Approach};
+use super::undisturbed;
 use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Score};
 use crate::scene::{Frame, HISTORY, Scenario};
 
@@ -27,6 +30,10 @@ pub const METRICS: &[&dyn Metric] = &[
     &ade::Ade,
     &ade::MinAde,
     &progress::Progress,
+    &over_reaction::OverReaction,
+    &over_reaction::OverBraking,
+    &undisturbed::UndisturbedLoss,
+    &log_clinging::LogClinging,
     &likelihood::Likelihood,
 ];
 

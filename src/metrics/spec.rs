@@ -35,6 +35,8 @@ pub enum Unit {
     Rate,
     /// Metres.
     Metres,
+    /// Metres per second squared.
+    MetresPerSecondSquared,
     /// A number without unit.
     Plain,
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 
 use super::long::records;
-use super::{Exporter, Run};
+use super::{Column, Exporter, Run};
 
 /// The form.
 pub(super) struct Csv;
@@ -15,21 +15,22 @@ impl Exporter for Csv {
     }
 
     fn title(&self) -> &'static str {
-        "one line per run, simulator, category and metric; rates are fractions"
+        "one line per run, simulator, category or difficulty, and metric; rates are fractions"
     }
 
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
-        writeln!(out, "run,simulator,oracle,kind,category,metric,mean,low,high,scenarios")?;
+    fn export(&self, runs: &[Run<'_>], _: &[Column], out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "run,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios")?;
         for r in records(runs) {
             let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
             writeln!(
                 out,
-                "{},{},{},{},{},{},{},{},{},{}",
+                "{},{},{},{},{},{},{},{},{},{},{}",
                 quote(r.run),
                 quote(r.simulator),
                 r.oracle,
                 r.kind,
                 quote(r.category.unwrap_or_default()),
+                quote(r.difficulty.unwrap_or_default()),
                 quote(r.metric),
                 number(r.estimate.mean),
                 number(r.estimate.low),

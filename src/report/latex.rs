@@ -18,9 +18,9 @@ impl Exporter for Latex {
         "the paper's main table; needs \\usepackage{booktabs}"
     }
 
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()> {
         let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
-        let columns = Column::used(&summaries);
+        let columns = Column::used(&summaries, also);
         let lines = table::lines(runs);
         let several = runs.len() > 1;
         writeln!(out, "\\begin{{table}}[t]")?;

@@ -1,4 +1,4 @@
-//! The long form: one line per run, simulator, category and metric.
+//! The long form: one line per run, simulator, category or difficulty, and metric.
 
 use super::Run;
 use crate::evaluation::Estimate;
@@ -10,8 +10,10 @@ pub(super) struct Record<'a> {
     pub(super) oracle: bool,
     /// `mean`, or `difference` to log replay.
     pub(super) kind: &'static str,
-    /// Category of deviation; `None` for all scenarios.
+    /// Category of deviation; `None` for all categories.
     pub(super) category: Option<&'a str>,
+    /// Difficulty of the deviation; `None` for all difficulties.
+    pub(super) difficulty: Option<&'a str>,
     pub(super) metric: &'a str,
     pub(super) estimate: Estimate,
 }
@@ -21,15 +23,23 @@ pub(super) fn records<'a>(runs: &'a [Run<'a>]) -> Vec<Record<'a>> {
     let mut out = Vec::new();
     for run in runs {
         for (simulator, _, summary) in run.summary.order() {
-            let parts = summary.by_category.iter().map(|(c, s)| ("mean", Some(c.as_str()), &s.metrics));
-            let all = [("mean", None, &summary.metrics), ("difference", None, &summary.paired_to_log_replay)];
-            for (kind, category, metrics) in all.into_iter().chain(parts) {
+            let all = [
+                ("mean", None, None, &summary.metrics),
+                ("difference", None, None, &summary.paired_to_log_replay),
+            ];
+            let categories = summary.by_category.iter();
+            let categories = categories.map(|(name, s)| ("mean", Some(name.as_str()), None, &s.metrics));
+            let difficulties = summary.by_difficulty.iter();
+            let difficulties = difficulties.map(|(name, s)| ("mean", None, Some(name.as_str()), &s.metrics));
+            for (kind, category, difficulty, metrics) in all.into_iter().chain(categories).chain(difficulties)
+            {
                 out.extend(metrics.iter().map(|(metric, estimate)| Record {
                     run: run.name,
                     simulator,
                     oracle: summary.oracle,
                     kind,
                     category,
+                    difficulty,
                     metric,
                     estimate: *estimate,
                 }));

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::table::{self, Column, Line};
+use super::table::{self, Column, Division, Line};
 use super::{Exporter, Run};
 use crate::evaluation::Estimate;
 
@@ -18,36 +18,19 @@ impl Exporter for Markdown {
         "tables for people, in terminals and documents"
     }
 
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()> {
         let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
-        let columns = Column::used(&summaries);
+        let columns = Column::used(&summaries, also);
         let lines = table::lines(runs);
         write_table(out, &columns, &lines)?;
-        for category in table::categories(runs) {
-            let several = runs.len() > 1;
-            let lines: Vec<Line<'_>> = runs
-                .iter()
-                .flat_map(|r| r.summary.order().map(move |o| (r.name, o)))
-                .filter_map(|(run, (_, title, s))| {
-                    let part = s.by_category.get(&category)?;
-                    Some(Line {
-                        run: several.then_some(run),
-                        title,
-                        oracle: s.oracle,
-                        scenarios: part.scenarios,
-                        failed: 0,
-                        metrics: &part.metrics,
-                    })
-                })
-                .collect();
-            let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
-            writeln!(
-                out,
-                "\n{} deviations ({}):\n",
-                capital(&escape(&category)),
-                table::count(n, "scenario")
-            )?;
-            write_table(out, &columns, &lines)?;
+        for division in Division::ALL {
+            for part in division.parts(runs) {
+                let lines = table::part_lines(runs, division, &part);
+                let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
+                let title = capital(&escape(&division.title(&part)));
+                writeln!(out, "\n{title} ({}):\n", table::count(n, "scenario"))?;
+                write_table(out, &columns, &lines)?;
+            }
         }
         writeln!(out)?;
         legend(out, lines.iter().any(|l| l.oracle))?;

@@ -41,11 +41,11 @@ pub trait Exporter: Sync {
     /// One line for people.
     fn title(&self) -> &'static str;
 
-    /// Writes the results of runs.
+    /// Writes the results of runs. `also`: columns that tables have besides the usual ones; forms that hold every metric do not need them.
     ///
     /// # Errors
     /// When `out` can not be written.
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()>;
+    fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()>;
 }
 
 /// All forms.

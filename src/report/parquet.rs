@@ -9,7 +9,7 @@ use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 
 use super::long::records;
-use super::{Exporter, Run};
+use super::{Column, Exporter, Run};
 
 /// The form.
 pub(super) struct Parquet;
@@ -23,7 +23,7 @@ impl Exporter for Parquet {
         "the lines of csv as a columnar file"
     }
 
-    fn export(&self, runs: &[Run<'_>], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], _: &[Column], out: &mut dyn Write) -> io::Result<()> {
         let records = records(runs);
         let text = |of: &dyn Fn(&super::long::Record<'_>) -> String| -> ArrayRef {
             Arc::new(StringArray::from_iter_values(records.iter().map(of)))
@@ -34,6 +34,7 @@ impl Exporter for Parquet {
         let oracle: ArrayRef =
             Arc::new(BooleanArray::from(records.iter().map(|r| r.oracle).collect::<Vec<_>>()));
         let category: ArrayRef = Arc::new(StringArray::from_iter(records.iter().map(|r| r.category)));
+        let difficulty: ArrayRef = Arc::new(StringArray::from_iter(records.iter().map(|r| r.difficulty)));
         let scenarios: ArrayRef =
             Arc::new(UInt64Array::from_iter_values(records.iter().map(|r| r.estimate.scenarios as u64)));
         let batch = RecordBatch::try_from_iter_with_nullable([
@@ -42,6 +43,7 @@ impl Exporter for Parquet {
             ("oracle", oracle, false),
             ("kind", text(&|r| r.kind.to_owned()), false),
             ("category", category, true),
+            ("difficulty", difficulty, true),
             ("metric", text(&|r| r.metric.to_owned()), false),
             ("mean", number(&|r| r.estimate.mean), true),
             ("low", number(&|r| r.estimate.low), true),

@@ -21,14 +21,15 @@ const REALISM: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinema
 const SEVEN: usize = 7;
 
 /// The columns of a member of a study.
-fn columns(kind: StudyKind, member: &Member) -> Vec<Column> {
+fn columns(kind: StudyKind, member: &Member, also: &[Column]) -> Vec<Column> {
     let of = |ids: &[&'static str]| ids.iter().map(|metric| Column { metric }).collect();
-    match kind {
+    let usual = match kind {
         StudyKind::Replan => of(REACTION),
         StudyKind::Realism if member.protocol.as_deref() == Some("realism") => of(REALISM),
         StudyKind::Realism => of(REACTION),
         StudyKind::Guards => COLUMNS[..SEVEN].to_vec(),
-    }
+    };
+    Column::with(usual, also)
 }
 
 /// The members of a study with their results.
@@ -36,15 +37,15 @@ fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> 
     results.study.members.iter().zip(&results.summaries)
 }
 
-/// Writes the tables of a study as Markdown.
+/// Writes the tables of a study as Markdown, with the columns `also` besides the usual ones.
 ///
 /// # Errors
 /// When `out` can not be written.
-pub fn write_markdown(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+pub fn write_markdown(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     match results.study.kind {
-        StudyKind::Replan => replan(results, out)?,
-        StudyKind::Realism => realism(results, out)?,
-        StudyKind::Guards => guards(results, out)?,
+        StudyKind::Replan => replan(results, also, out)?,
+        StudyKind::Realism => realism(results, also, out)?,
+        StudyKind::Guards => guards(results, also, out)?,
     }
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;
@@ -69,10 +70,10 @@ fn number(summary: &Summary, simulator: &str, column: &Column) -> String {
 }
 
 /// Per metric a table: simulators by intervals.
-fn replan(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+fn replan(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
-    for (i, metric) in REACTION.iter().enumerate() {
-        let column = Column { metric };
+    let Some((member, _)) = members(results).next() else { return Ok(()) };
+    for (i, column) in columns(results.study.kind, member, also).into_iter().enumerate() {
         let head = column.head();
         writeln!(out, "{}{head} by steps (of 0.1 s) between two plans:\n", if i > 0 { "\n" } else { "" })?;
         let steps = members(results).map(|(m, _)| m.replan_steps.unwrap_or_default().to_string());
@@ -87,19 +88,19 @@ fn replan(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// One table: simulators by metrics of both protocols.
-fn realism(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+fn realism(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
     let kind = results.study.kind;
     let mut head = vec!["Method".to_owned()];
     for (member, _) in members(results) {
         let protocol = super::markdown::capital(member.protocol.as_deref().unwrap_or_default());
-        head.extend(columns(kind, member).iter().map(|c| format!("{protocol}: {}", c.head())));
+        head.extend(columns(kind, member, also).iter().map(|c| format!("{protocol}: {}", c.head())));
     }
     let mut rows = vec![head];
     for (id, title, simulator) in first.order() {
         let mut row = vec![method(title, simulator.oracle)];
         for (member, summary) in members(results) {
-            row.extend(columns(kind, member).iter().map(|c| number(summary, id, c)));
+            row.extend(columns(kind, member, also).iter().map(|c| number(summary, id, c)));
         }
         rows.push(row);
     }
@@ -107,9 +108,9 @@ fn realism(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// Two tables: simulators in all their variants, and what these differ by from the simulators as they are.
-fn guards(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+fn guards(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
-    let columns = &COLUMNS[..SEVEN];
+    let columns = Column::with(COLUMNS[..SEVEN].to_vec(), also);
     let titles = ["Method", "Variant"].map(str::to_owned).into_iter();
     let head: Vec<String> = titles.chain(columns.iter().map(Column::head)).collect();
     let (mut values, mut differences) = (vec![head.clone()], vec![head]);
@@ -186,14 +187,14 @@ struct Worth {
     p: f64,
 }
 
-/// Writes the numbers of the tables as JSON, by member and simulator.
+/// Writes the numbers of the tables as JSON, by member and simulator, with the columns `also` besides the usual ones.
 ///
 /// # Errors
 /// When `out` can not be written.
-pub fn write_json(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+pub fn write_json(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let kind = results.study.kind;
     let members = members(results).enumerate().map(|(i, (member, summary))| {
-        let columns = columns(kind, member);
+        let columns = columns(kind, member, also);
         let simulators = summary.order().map(|(id, title, simulator)| {
             let found = difference(results, i, id).and_then(|d| d.comparison.as_ref());
             SimulatorNumbers {

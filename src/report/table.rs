@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{Estimate, SettingsRecord, Summary};
+use crate::evaluation::{CategorySummary, Estimate, SettingsRecord, SimulatorSummary, Summary};
 use crate::metrics::{self, Unit};
+use crate::scene::Difficulty;
 
 /// A column of the tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,10 +26,27 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "ade" },
     Column { metric: "min-ade" },
     Column { metric: "progress" },
+    Column { metric: "over-reaction" },
+    Column { metric: "undisturbed-loss" },
     Column { metric: "kinematic-likelihood" },
 ];
 
 impl Column {
+    /// The column of the metric with this id.
+    pub fn of(metric: &str) -> Option<Self> {
+        metrics::metric(metric).map(|m| Self { metric: m.spec().id })
+    }
+
+    /// These columns, and after them those of `also` that are not among them.
+    pub(super) fn with(mut columns: Vec<Self>, also: &[Self]) -> Vec<Self> {
+        for column in also {
+            if !columns.contains(column) {
+                columns.push(*column);
+            }
+        }
+        columns
+    }
+
     /// Head of the column.
     pub(super) fn title(&self) -> &'static str {
         metrics::metric(self.metric).map_or(self.metric, |m| m.spec().title)
@@ -45,6 +63,7 @@ impl Column {
         match self.kind().0 {
             Unit::Rate => Some("%"),
             Unit::Metres => Some("m"),
+            Unit::MetresPerSecondSquared => Some("m/s²"),
             Unit::Count | Unit::Plain => None,
         }
     }
@@ -59,13 +78,13 @@ impl Column {
     pub(super) fn number(&self, value: f64) -> String {
         match self.kind().0 {
             Unit::Rate => format!("{:.2}", 100.0 * value),
-            Unit::Metres => format!("{value:.2}"),
+            Unit::Metres | Unit::MetresPerSecondSquared => format!("{value:.2}"),
             Unit::Count | Unit::Plain => format!("{value:.3}"),
         }
     }
 
-    /// The columns that at least one simulator has a number for.
-    pub(super) fn used(summaries: &[&Summary]) -> Vec<Self> {
+    /// The columns that at least one simulator has a number for, and those of `also`.
+    pub(super) fn used(summaries: &[&Summary], also: &[Self]) -> Vec<Self> {
         let any =
             |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
         let has = |c: &&Self| {
@@ -78,7 +97,7 @@ impl Column {
             let simulators = summaries.iter().flat_map(|s| s.simulators.values());
             simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())
         };
-        COLUMNS.iter().filter(has).copied().collect()
+        Self::with(COLUMNS.iter().filter(has).copied().collect(), also)
     }
 }
 
@@ -109,16 +128,61 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
     runs.iter().flat_map(of).collect()
 }
 
-/// The categories of deviation that runs have, in the order of their names.
-pub(super) fn categories(runs: &[super::Run<'_>]) -> Vec<String> {
-    let mut names: Vec<String> = runs
-        .iter()
-        .flat_map(|r| r.summary.simulators.values())
-        .flat_map(|s| s.by_category.keys().cloned())
-        .collect();
-    names.sort();
-    names.dedup();
-    names
+/// A division of the scenarios that has tables of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Division {
+    /// By category of deviation.
+    Category,
+    /// By difficulty of the deviation.
+    Difficulty,
+}
+
+impl Division {
+    /// All divisions, in the order of their tables.
+    pub(super) const ALL: [Self; 2] = [Self::Category, Self::Difficulty];
+
+    /// The results of a simulator by part.
+    pub(super) fn of(self, simulator: &SimulatorSummary) -> &BTreeMap<String, CategorySummary> {
+        match self {
+            Self::Category => &simulator.by_category,
+            Self::Difficulty => &simulator.by_difficulty,
+        }
+    }
+
+    /// The parts that runs have: categories by name, difficulties from easy to hard.
+    pub(super) fn parts(self, runs: &[super::Run<'_>]) -> Vec<String> {
+        let simulators = runs.iter().flat_map(|r| r.summary.simulators.values());
+        let mut names: Vec<String> = simulators.flat_map(|s| self.of(s).keys().cloned()).collect();
+        names.sort_by_cached_key(|name| (Difficulty::from_name(name), name.clone()));
+        names.dedup();
+        names
+    }
+
+    /// What the scenarios of a part are called, such as `lateral deviations`.
+    pub(super) fn title(self, part: &str) -> String {
+        match self {
+            Self::Category => format!("{part} deviations"),
+            Self::Difficulty => format!("{part} conflicts"),
+        }
+    }
+}
+
+/// The lines of a table over one part of the scenarios of runs.
+pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, part: &str) -> Vec<Line<'a>> {
+    let several = runs.len() > 1;
+    let all = runs.iter().flat_map(|run| run.summary.order().map(move |simulator| (run, simulator)));
+    let lines = all.filter_map(|(run, (_, title, simulator))| {
+        let part = division.of(simulator).get(part)?;
+        Some(Line {
+            run: several.then_some(run.name),
+            title,
+            oracle: simulator.oracle,
+            scenarios: part.scenarios,
+            failed: 0,
+            metrics: &part.metrics,
+        })
+    });
+    lines.collect()
 }
 
 /// What was run, in one line.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use reactsim::models::{Card, MODELS};
 
-use crate::generated::{deviating, scenario, write};
+use crate::generated::{certified, deviating, scenario, write};
 use crate::program::{program, reactsim};
 
 fn stdout(output: &Output) -> String {
@@ -212,7 +212,7 @@ fn a_damaged_file_does_not_stop_the_others() {
     let output = reactsim(&["run", text(home.path()), "--models", "stop", "--format", "csv"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("b.parquet"), "{}", stderr(&output));
-    assert!(stdout(&output).contains("stop,false,mean,,aav-collision,"));
+    assert!(stdout(&output).contains("stop,false,mean,,,aav-collision,"));
 }
 
 /// Starts a run that lasts for seconds and waits until it has written rows.
@@ -374,12 +374,57 @@ fn results_come_in_every_form() {
     let csv = String::from_utf8(report("csv")).unwrap();
     assert_eq!(
         csv.lines().next().unwrap(),
-        "run,simulator,oracle,kind,category,metric,mean,low,high,scenarios"
+        "run,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios"
     );
-    assert!(csv.contains("x_1,stop,false,difference,,ade,"));
+    assert!(csv.contains("x_1,stop,false,difference,,,ade,"));
     // Two runs in one table are told apart by their names.
     let two = reactsim(&["report", text(&out), text(&out)]);
     assert!(stdout(&two).contains("| Run "));
+}
+
+#[test]
+fn tables_have_difficulties_and_further_metrics_on_request() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("x"));
+    write(&input, (0..3).map(certified));
+    let run = reactsim(&[
+        "run",
+        text(&input),
+        "--models",
+        "log-replay,stop",
+        "--out",
+        text(&out),
+        "--keep-rollouts",
+        "--also",
+        "log-clinging,progress",
+    ]);
+    assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));
+    let table = stdout(&run);
+    let at = |wanted: &str| table.find(wanted).unwrap_or_else(|| panic!("no `{wanted}` in {table}"));
+    assert!(at("\nDirectional deviations (1 scenario):") < at("\nEasy conflicts (1 scenario):"));
+    assert!(at("\nEasy conflicts") < at("\nMedium conflicts") && at("\nMedium") < at("\nHard conflicts"));
+    let head = table.lines().next().unwrap();
+    assert!(head.contains(" Way lost (m) ↓ ") && head.trim_end_matches([' ', '|']).ends_with("On log (%) ↓"));
+    // What the table has anyway is not repeated.
+    assert_eq!(head.matches("Progress").count(), 1);
+    assert_eq!(fs::read_to_string(out.join("summary.md")).unwrap(), table);
+    assert!(fs::read_to_string(out.join("summary.json")).unwrap().contains("\"log-clinging\""));
+
+    let report = |options: &[&str]| stdout(&reactsim(&[&["report", text(&out)], options].concat()));
+    assert!(!report(&[]).contains("On log"));
+    assert_eq!(report(&["--also", "log-clinging"]), table);
+    assert!(report(&["--format", "latex", "--also", "over-braking"]).contains("Over-br."));
+    assert!(report(&["--format", "csv"]).contains("x,stop,false,mean,,hard,undisturbed-loss,"));
+    let unknown = reactsim(&["report", text(&out), "--also", "log-cling"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("a similar value exists: 'log-clinging'"), "{}", stderr(&unknown));
+    let page = reactsim(&["report", text(&out), "--format", "html", "--also", "ade"]);
+    assert!(stderr(&page).contains("leave --also out"), "{}", stderr(&page));
+
+    let rollouts = out.join("rollouts.parquet");
+    let score = reactsim(&["score", text(&rollouts), "--scenarios", text(&input), "--also", "log-clinging"]);
+    let scored = stdout(&score);
+    assert!(scored.contains("\nHard conflicts (1 scenario):") && scored.contains("On log (%)"), "{scored}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use reactsim::evaluation::{
 use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
 
-use crate::generated::source;
+use crate::generated::{certified, source, source_of};
 
 struct Quiet;
 
@@ -203,5 +203,28 @@ fn numbers_are_what_the_rows_say() {
     assert!(stop.metrics["kinematic-likelihood"].mean.is_some());
     let text = fs::read_to_string(home.path().join(ROWS)).unwrap();
     assert_eq!(text.lines().count(), 9 * 3 * (2 + 1));
+    assert_eq!(serde_json::from_str::<Summary>(&summary.to_json()).unwrap(), summary);
+    // Without certificates nothing is known of difficulties and over-reaction.
+    assert!(!summary.to_json().contains("by_difficulty"));
+    assert_eq!(stop.metrics["over-reaction"].mean, None);
+}
+
+#[test]
+fn certificates_tell_difficulty_and_over_reaction() {
+    let home = tempfile::tempdir().unwrap();
+    let sources = vec![source_of("certified", (0..7).collect(), certified)];
+    let summary = run(&plan_of(sources, &["log-replay", "stop"], 1), home.path(), false, 1, 4);
+    let replay = &summary.simulators["log-replay"];
+    let sizes: Vec<(&str, usize)> =
+        replay.by_difficulty.iter().map(|(name, part)| (name.as_str(), part.scenarios)).collect();
+    assert_eq!(sizes, [("easy", 3), ("hard", 2), ("medium", 2)]);
+    // Its only responder drives into the AV.
+    assert_eq!(replay.metrics["over-reaction"].mean, None);
+    assert_eq!(replay.metrics["undisturbed-loss"].mean, Some(0.0));
+    assert_eq!(replay.metrics["log-clinging"].mean, Some(1.0));
+    let stop = &summary.simulators["stop"];
+    assert_eq!(stop.metrics["undisturbed-loss"].scenarios, 7);
+    assert!(stop.metrics["undisturbed-loss"].mean.unwrap() > 10.0);
+    assert_eq!(stop.by_difficulty["hard"].metrics["undisturbed-loss"].scenarios, 2);
     assert_eq!(serde_json::from_str::<Summary>(&summary.to_json()).unwrap(), summary);
 }

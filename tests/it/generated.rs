@@ -4,8 +4,9 @@ use reactsim::evaluation::{FileRecord, Source};
 use reactsim::formats::{decoded, native::Writer};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{
-    Agent, AgentKind, AgentState, Deviation, DeviationParts, FRAMES, FUTURE, Frame, HISTORY, LaneArea,
-    LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
+    Agent, AgentKind, AgentState, Certificate, Deviation, DeviationParts, Effort, FRAMES, FUTURE, Frame,
+    HISTORY, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, Response, RoadEdge,
+    RoadEdgeKind, Scenario, ScenarioParts,
 };
 
 /// A vehicle on the x axis: present in all frames, position and speed at the current frame given.
@@ -79,8 +80,43 @@ pub(crate) fn parts(i: usize, deviated: bool) -> ScenarioParts {
     }
 }
 
+/// Scenario `i` with a certificate: the follower brakes too, 0.3 s after the AV. Difficulties take turns: easy, medium, hard.
+pub(crate) fn certified(i: usize) -> Scenario {
+    let mut parts = parts(i, true);
+    let (follower, reaction, deceleration) = (&parts.agents[1].track, 3, 4.5);
+    let begin = follower[HISTORY - 1 + reaction].unwrap();
+    let state = |k: usize| {
+        let Some(t) = k.checked_sub(reaction) else { return follower[HISTORY - 1 + k].unwrap() };
+        let t = (t as f64 * 0.1).min(begin.vx / deceleration);
+        AgentState {
+            x: begin.x + begin.vx * t - 0.5 * deceleration * t * t,
+            vx: begin.vx - deceleration * t,
+            ..begin
+        }
+    };
+    let response = Response {
+        agent: "behind".to_owned(),
+        leader: None,
+        reaction_step: reaction,
+        nudge: 0.0,
+        peak_deceleration: deceleration,
+        clearance: 1.0,
+        effort: Some(Effort { required_deceleration: [1.0, 2.0, 4.0][i % 3], time_to_react: 2.0 }),
+        track: (0..=FUTURE).map(state).collect(),
+    };
+    if let Some(deviation) = &mut parts.deviation {
+        deviation.certificate = Some(Certificate { responses: vec![response] });
+    }
+    Scenario::assemble(parts).unwrap()
+}
+
 /// A source that makes its scenarios anew each time it is opened.
 pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
+    source_of(name, scenarios, scenario)
+}
+
+/// The same with scenarios of another rule.
+pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Scenario) -> Source {
     Source {
         file: FileRecord {
             name: name.to_owned(),
@@ -92,7 +128,7 @@ pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
         },
         open: Box::new(move || {
             let scenarios = scenarios.clone();
-            Ok(Box::new(scenarios.into_iter().map(|i| Ok(decoded(scenario(i))))))
+            Ok(Box::new(scenarios.into_iter().map(move |i| Ok(decoded(make(i))))))
         }),
     }
 }

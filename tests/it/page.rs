@@ -119,6 +119,9 @@ fn the_page_says_what_the_run_found() {
     );
     let expected = &summary["simulators"]["idm"]["by_category"]["longitudinal"]["metrics"]["aav-ttc"]["mean"];
     assert_eq!(mean.as_f64(), expected.as_f64());
+    page.evaluate("document.getElementById('all-metrics').click()");
+    let overlaps = "document.querySelectorAll('#main-table td[data-metric=\"aav-overlap\"]').length";
+    assert_eq!(page.evaluate(overlaps), json!(4));
 
     // The charts stand on the files of the run.
     let points = page.evaluate(

@@ -38,7 +38,7 @@ pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<
             ));
             return Ok(ExitStatus::Interrupted);
         };
-        put_table(&run, &summary)?;
+        put_table(&run, &summary, &shared.also)?;
         if i == 0 || summary.provenance.scenarios == 0 {
             tell_left_out(&summary);
         }
@@ -53,11 +53,11 @@ pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<
 /// Keeps and prints the table.
 fn finish(folder: &StudyFolder, shared: &Shared, failed: usize) -> anyhow::Result<ExitStatus> {
     let results = StudyResults::read(folder.path())?;
-    let mut text = Vec::new();
-    study_tables::write_markdown(&results, &mut text).context("could not make the table")?;
+    let (mut text, also) = (Vec::new(), shared.also.columns());
+    study_tables::write_markdown(&results, also, &mut text).context("could not make the table")?;
     folder.put(STUDY_TABLE, &String::from_utf8_lossy(&text))?;
     write_result(None, |out| match shared.format.as_str() {
-        "json" => study_tables::write_json(&results, out),
+        "json" => study_tables::write_json(&results, also, out),
         _ => out.write_all(&text),
     })?;
     if failed > 0 {

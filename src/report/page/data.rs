@@ -74,6 +74,7 @@ struct SubjectData<'a> {
 struct ScenarioData<'a> {
     id: Vec<&'a str>,
     category: Vec<Option<&'a str>>,
+    difficulty: Vec<Option<&'a str>>,
     /// Whether there is a scene.
     scene: Vec<u8>,
     /// Per run: what the deviated AV differs in from the logged one, by name of the statistic.
@@ -105,7 +106,7 @@ impl Gallery {
         for (form, name) in DOWNLOADS {
             let mut text = Vec::new();
             if let Some(exporter) = exporter(form) {
-                exporter.export(&runs, &mut text)?;
+                exporter.export(&runs, &[], &mut text)?;
             }
             downloads.push(Download { name, text: String::from_utf8_lossy(&text).into_owned() });
         }
@@ -124,13 +125,14 @@ impl Gallery {
                         Unit::Count => "count",
                         Unit::Rate => "rate",
                         Unit::Metres => "m",
+                        Unit::MetresPerSecondSquared => "m/s²",
                         Unit::Plain => "",
                     },
                     lower_is_better: spec.lower_is_better,
                     source: spec.source,
                 })
                 .collect(),
-            columns: Column::used(&summaries).iter().map(|c| c.metric).collect(),
+            columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
             runs: self
                 .runs
                 .iter()
@@ -156,7 +158,7 @@ impl Gallery {
     fn study_data(&self) -> Result<Vec<StudyData<'_>>, PageError> {
         let numbers = self.studies.iter().map(|(name, results)| {
             let mut text = Vec::new();
-            study_tables::write_json(results, &mut text)?;
+            study_tables::write_json(results, &[], &mut text)?;
             let text = String::from_utf8_lossy(&text).trim().to_owned();
             Ok(StudyData { name, numbers: RawValue::from_string(text)? })
         });
@@ -203,6 +205,7 @@ impl Gallery {
         ScenarioData {
             id: self.scenarios.iter().map(|s| s.id.as_str()).collect(),
             category: self.scenarios.iter().map(|s| s.category.as_deref()).collect(),
+            difficulty: self.scenarios.iter().map(|s| s.difficulty.as_deref()).collect(),
             scene: (0..self.scenarios.len()).map(|i| u8::from(scenes.contains(&i))).collect(),
             deviation: deviation.collect(),
             values: values.collect(),

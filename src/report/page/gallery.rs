@@ -51,6 +51,7 @@ pub(super) struct Joined {
     pub(super) id: String,
     pub(super) digest: String,
     pub(super) category: Option<String>,
+    pub(super) difficulty: Option<String>,
     /// Its place in each run.
     pub(super) places: Vec<Option<Place>>,
 }
@@ -92,6 +93,7 @@ impl Gallery {
                         id: entry.scenario.clone(),
                         digest: entry.digest.clone(),
                         category: None,
+                        difficulty: None,
                         places: vec![None; runs.len()],
                     });
                     scenarios.len() - 1
@@ -99,6 +101,9 @@ impl Gallery {
                 scenarios[at].places[number] = Some(*place);
                 if scenarios[at].category.is_none() {
                     scenarios[at].category.clone_from(&entry.category);
+                }
+                if scenarios[at].difficulty.is_none() {
+                    scenarios[at].difficulty.clone_from(&entry.difficulty);
                 }
             }
         }

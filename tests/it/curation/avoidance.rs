@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use reactsim::curation::{AvoidanceSettings, Certificate, Response, Unavoidable, certify, certify_case};
 use reactsim::geometry::{Polygon, Vec2, direction};
-use reactsim::metrics::{Case, Options};
+use reactsim::metrics::{Case, Options, score_case};
 use reactsim::rollout::ScriptedAv;
 use reactsim::scene::{
     AgentKind, AgentState, CURRENT, DT, Difficulty, FUTURE, Frame, LoggedAgent, MapParts, Scenario,
@@ -408,6 +408,26 @@ fn a_case_that_is_there_already_gives_the_same_certificate() {
     assert_eq!(certify_case(&scenario, &av, &case, &settings).unwrap(), found(&scenario, &av));
     let malformed = certify_case(&scenario, &av[1..], &case, &settings);
     assert_eq!(malformed, Err(Unavoidable::Malformed { found: 80 }));
+}
+
+#[test]
+fn driving_the_certificate_is_no_over_reaction() {
+    let (scenario, av) = crossing(45.0);
+    let certificate = found(&scenario, &av);
+    let mut tracks: Vec<Vec<Frame>> = (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
+    for response in &certificate.responses {
+        let agent = scenario.start.agents.iter().position(|a| a.id == response.agent).unwrap();
+        tracks[agent].truncate(CURRENT + 1);
+        // As the engine has it: velocities are position differences.
+        let unknown = |s: &AgentState| AgentState { vx: f64::NAN, vy: f64::NAN, ..*s };
+        tracks[agent].extend(response.track[1..].iter().map(|s| Some(unknown(s))));
+    }
+    tracks[0].truncate(CURRENT + 1);
+    tracks[0].extend(av[1..].iter().copied().map(Some));
+    let case = Case::of_rollout(&scenario, tracks, Options::default());
+    let scores = score_case(&case.with_certificate(Some(&certificate)));
+    assert_eq!(scores.value("over-reaction"), Some(0.0));
+    assert!(scores.value("over-braking").unwrap() < 0.1, "{:?}", scores.value("over-braking"));
 }
 
 #[test]

@@ -108,6 +108,28 @@ fn one_accident_is_counted_in_every_metric() {
     assert_eq!(scores.value("ade"), Some(0.0));
 }
 
+/// The vehicle that drives into the AV replays its log; once its log is elsewhere, it does not.
+#[test]
+fn collisions_on_the_log_are_told_from_others() {
+    let mut scene = accident();
+    let distance = |scene: &Scene| {
+        let scores = score_case(&scene.case(Options::default()));
+        let hit = scores.events.iter().find(|e| e.metric == "aav-collision" && e.counted).unwrap();
+        let found = hit.values.iter().find(|v| v.0 == "log_distance").map(|v| v.1);
+        (scores.score("log-clinging"), found)
+    };
+    assert_eq!(distance(&scene), (Some(Score::Rate { hits: 1, valid: 1 }), Some(0.0)));
+    // The contact is at step 46, frame 56; a metre is still on the log.
+    for (apart, hits) in [(1.0, 1), (1.5, 0)] {
+        let mut logged = straight(-40.0, 0.0, 10.0, 0.0)[56];
+        logged.iter_mut().for_each(|s| s.y += apart);
+        scene.log[1][56] = logged;
+        assert_eq!(distance(&scene), (Some(Score::Rate { hits, valid: 1 }), Some(apart)));
+    }
+    scene.log[1][56] = None;
+    assert_eq!(distance(&scene), (None, None));
+}
+
 /// Touching is no collision: a gap of 0 between boxes whose distance comes out exactly.
 #[test]
 fn touching_is_no_collision() {

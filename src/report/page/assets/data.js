@@ -32,3 +32,6 @@ export const counted = (subject, id, scenario) => scenarios.events[subject][plac
 /** The names of what ways of deviating there are, in their usual order. */
 export const categories = ["longitudinal", "lateral", "directional", ...new Set(scenarios.category.filter(Boolean))]
   .filter((c, i, all) => all.indexOf(c) === i && scenarios.category.includes(c));
+
+/** The grades of difficulty that there are, the easiest first. */
+export const difficulties = ["easy", "medium", "hard"].filter((d) => scenarios.difficulty.includes(d));

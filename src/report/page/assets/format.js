@@ -4,11 +4,11 @@
 export function number(metric, value) {
   if (value === null || value === undefined) return "–";
   if (metric.unit === "rate") return (100 * value).toFixed(2);
-  return value.toFixed(metric.unit === "m" ? 2 : 3);
+  return value.toFixed(["m", "m/s²"].includes(metric.unit) ? 2 : 3);
 }
 
 /** Title of a metric with its unit. */
-export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : metric.unit === "m" ? " (m)" : ""}`;
+export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : ["m", "m/s²"].includes(metric.unit) ? ` (${metric.unit})` : ""}`;
 
 /** Seconds after the current frame. */
 export const seconds = (frame) => `${((frame - 10) / 10).toFixed(1)} s`;

@@ -1,13 +1,13 @@
 // The list of scenarios. Only the rows that are seen are elements, so that thousands cost no more than a dozen.
 
-import { categories, counted, metric, scenarios, subjects, value } from "./data.js";
+import { categories, counted, difficulties, metric, scenarios, subjects, value } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 import { drawable } from "./scenes.js";
 
 const ROW = 26;
 /** Metrics that are of use for a single scenario. */
-const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress"];
+const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "log-clinging"];
 /** Subjects that have a column of their own. */
 const MOST = 12;
 
@@ -15,7 +15,7 @@ const fair = subjects.filter((s) => !s.oracle).map((s) => s.index);
 const collides = (s, i) => counted(s, "aav-collision", i) > 0;
 const ran = (s, i) => value(s, "aav-collision", i) !== null;
 
-/** What can be asked for, beside category and id. */
+/** What can be asked for, beside category, difficulty and id. */
 const CONDITIONS = [
   ["", "all", () => true],
   ["scene", "can be drawn", drawable],
@@ -27,7 +27,7 @@ const CONDITIONS = [
   ["against", "somebody drives against the lane", (i) => fair.some((s) => counted(s, "direction", i) > 0)],
 ];
 
-const state = { text: "", category: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
+const state = { text: "", category: "", difficulty: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
 let order = [];
 let cursor = 0;
 let open = null;
@@ -40,6 +40,7 @@ function sift() {
   for (let i = 0; i < scenarios.id.length; i++) {
     if (text && !scenarios.id[i].toLowerCase().includes(text)) continue;
     if (state.category && scenarios.category[i] !== state.category) continue;
+    if (state.difficulty && scenarios.difficulty[i] !== state.difficulty) continue;
     if (condition(i)) order.push(i);
   }
   if (state.by === "id") order.sort((a, b) => (scenarios.id[a] < scenarios.id[b] ? -1 : 1) * (state.down ? -1 : 1));
@@ -63,7 +64,7 @@ function row(at) {
   const m = metric(state.metric);
   const cells = columns.map((s) => {
     const v = value(s.index, state.metric, i);
-    const isBad = m.lower_is_better && v > 0 && m.unit !== "m";
+    const isBad = m.lower_is_better && v > 0 && !["m", "m/s²"].includes(m.unit);
     return el("span", { role: "gridcell", class: `number${isBad ? " bad" : ""}` }, v === null ? "–" : number(m, v));
   });
   return el("div", { role: "row", id: `row-${i}`, class: `row${at === cursor ? " cursor" : ""}${i === open ? " open" : ""}`, "aria-rowindex": at + 2, "aria-selected": String(i === open), style: `top:${at * ROW}px`, "data-scenario": i, onclick: () => go(at) },
@@ -160,6 +161,8 @@ export function list(call) {
     });
   };
   field("list-category", "category", [["", "all"], ...categories.map((c) => [c, c])]);
+  field("list-difficulty", "difficulty", [["", "all"], ...difficulties.map((d) => [d, d])]);
+  $("list-difficulty").parentElement.hidden = !difficulties.length;
   field("list-condition", "condition", CONDITIONS.map(([k, label]) => [k, label]));
   field("list-metric", "metric", SHOWN.filter((id) => metric(id)).map((id) => [id, titled(metric(id))]));
   $("list-text").addEventListener("input", () => {

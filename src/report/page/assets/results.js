@@ -1,6 +1,6 @@
-// The main table, the tables of categories, and what happens per scenario.
+// The main table, the tables of categories and difficulties, and what happens per scenario.
 
-import { categories, counted, data, metric, runs, scenarios, subjects } from "./data.js";
+import { categories, counted, data, difficulties, metric, metrics, runs, scenarios, subjects } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 
@@ -8,11 +8,26 @@ const several = runs.length > 1;
 /** Events that people ask for, in the order of the columns. */
 const HAPPENINGS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
 
-let part = "all";
+/** The parts of the scenarios that have a table: how many scenarios they have, and what the summary says of a subject there. */
+const PARTS = [
+  { name: "all", label: "all scenarios", size: scenarios.id.length, of: (summary) => summary },
+  ...categories.map((c) => ({ name: c, label: c, size: scenarios.category.filter((k) => k === c).length, of: (summary) => summary?.by_category[c] })),
+  ...difficulties.map((d) => ({ name: d, label: d, size: scenarios.difficulty.filter((k) => k === d).length, of: (summary) => summary?.by_difficulty?.[d] })),
+];
+
+let part = PARTS[0];
 let sorted = { by: null, down: false };
+/** Whether the table has every metric with a value, not only the usual columns. */
+let isWhole = false;
 
 /** What the summary says of a subject in the chosen part. */
-const estimates = (subject) => (part === "all" ? subject.summary : subject.summary?.by_category[part]);
+const estimates = (subject) => part.of(subject.summary);
+
+/** Metrics of the table. */
+function tableMetrics() {
+  const extra = metrics.map((m) => m.id).filter((id) => !data.columns.includes(id) && subjects.some((s) => (s.summary?.metrics[id]?.mean ?? null) !== null));
+  return [...data.columns, ...(isWhole ? extra : [])].map(metric);
+}
 
 /** The number that is best among those who do not know the future; as printed, so that equals are equal. */
 function best(rows, column) {
@@ -52,7 +67,7 @@ function head(label, key, numeric, about) {
 }
 
 function show() {
-  const columns = data.columns.map(metric);
+  const columns = tableMetrics();
   const rows = subjects.filter((s) => estimates(s));
   if (sorted.by !== null) {
     const key = (s) => (sorted.by === "name" ? s.name : sorted.by === "run" ? runs[s.run].name : estimates(s).metrics[sorted.by]?.mean ?? Infinity);
@@ -60,7 +75,7 @@ function show() {
     rows.sort((a, b) => sign * (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0));
   }
   const tops = columns.map((c) => best(rows, c));
-  const failed = part === "all" && rows.some((s) => s.summary.failed > 0);
+  const failed = part === PARTS[0] && rows.some((s) => s.summary.failed > 0);
   $("main-table").replaceChildren(
     el("thead", {}, el("tr", {},
       several ? head("Run", "run") : null,
@@ -73,9 +88,8 @@ function show() {
       ...columns.map((c, i) => cell(s, c, tops[i])),
       failed ? el("td", { class: "number" }, String(s.summary.failed)) : null))),
   );
-  for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part));
-  const n = part === "all" ? scenarios.id.length : scenarios.category.filter((c) => c === part).length;
-  $("main-about").textContent = `${count(n, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best of those that do not know the future. † is shown the log's future.`;
+  for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
+  $("main-about").textContent = `${count(part.size, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best of those that do not know the future. † is shown the log's future.`;
 }
 
 /** Events per scenario, and in how many scenarios there is one. */
@@ -103,14 +117,15 @@ const has = (subject, scenario) => scenarios.values[subject].some((column) => co
 
 /** Shows all tables. */
 export function results() {
-  const choose = (name) => () => {
-    part = name;
+  const choose = (chosen) => () => {
+    part = chosen;
     show();
   };
-  $("parts").replaceChildren(
-    el("button", { "data-part": "all", onclick: choose("all") }, "all scenarios"),
-    ...categories.map((c) => el("button", { "data-part": c, onclick: choose(c) }, c)),
-  );
+  $("parts").replaceChildren(...PARTS.map((p) => el("button", { "data-part": p.name, onclick: choose(p) }, p.label)));
+  $("all-metrics").onchange = () => {
+    isWhole = $("all-metrics").checked;
+    show();
+  };
   show();
   happenings();
 }

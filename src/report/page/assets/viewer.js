@@ -71,7 +71,7 @@ export async function show(i, { t = null, left = null, right = undefined } = {})
   propose();
   time = t === null ? NOW : Math.min(FRAMES - 1, Math.max(NOW, NOW + 10 * t));
   $("scene-id").textContent = scenarios.id[i];
-  $("scene-about").textContent = [scenarios.category[i] && `${scenarios.category[i]} deviation`, scene.source].filter(Boolean).join(" · ");
+  $("scene-about").textContent = [scenarios.category[i] && `${scenarios.category[i]} deviation`, scenarios.difficulty[i] && `${scenarios.difficulty[i]} conflict`, scene.source].filter(Boolean).join(" · ");
   refresh();
   resize();
   fit();

@@ -1,0 +1,45 @@
+//! Whether vehicles that collide with the AV do so because they replay their log.
+
+use super::collision::{Contact, contacts};
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+
+/// A vehicle is on its log up to this distance between its position and the logged one, metres.
+const ON_LOG: f64 = 1.0;
+
+/// Distance of a vehicle from its logged position at the step of a contact, metres; `None` without a log or where the logged state is absent.
+pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> Option<f64> {
+    let frame = case.current + contact.step;
+    let logged = case.log.as_ref()?[agent].at(frame)?;
+    let distance = (case.motion.position(agent, frame) - logged.position()).norm();
+    distance.is_finite().then_some(distance)
+}
+
+/// Share of the vehicles with an at-fault collision that are on their log at the step of contact.
+///
+/// It keeps no events of its own: those of `aav-collision` hold the distance (`log_distance`).
+#[derive(Debug)]
+pub(super) struct LogClinging;
+
+impl Metric for LogClinging {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "log-clinging",
+            title: "On log",
+            unit: Unit::Rate,
+            lower_is_better: true,
+            source: "reactsim: share of at-fault A-AV collisions within 1 m of the vehicle's logged position at that step",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
+        let at_fault = contacts(case)
+            .iter()
+            .enumerate()
+            .filter_map(|(i, c)| Some((i, c.filter(|c| c.fault.at_fault())?)));
+        let distances: Vec<f64> =
+            at_fault.filter_map(|(i, contact)| log_distance(case, i, &contact)).collect();
+        let hits = distances.iter().filter(|d| **d <= ON_LOG).count() as u64;
+        let valid = distances.len() as u64;
+        (valid > 0).then_some(Score::Rate { hits, valid })
+    }
+}

@@ -1,0 +1,98 @@
+//! Over-reaction: how much more the agents that must answer a deviated AV give up than they have to (`docs/over-reaction.md`).
+
+use super::responders::{Responder, responders};
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+
+/// Mean over the judged responders of the path length that they drive less than in the certificate.
+#[derive(Debug)]
+pub(super) struct OverReaction;
+
+impl Metric for OverReaction {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "over-reaction",
+            title: "Over-r.",
+            unit: Unit::Metres,
+            lower_is_better: true,
+            source: "reactsim, docs/over-reaction.md: path length lost against the certificate by agents that answer the AV",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        for responder in responders(case)? {
+            let lost = responder.lost();
+            if responder.under_reacts.is_none() && lost == 0.0 {
+                continue;
+            }
+            let last = case.future().len();
+            let (step, last_step) = responder.under_reacts.unwrap_or((last, last));
+            let mut values =
+                vec![("lost", lost), ("driven", responder.driven), ("reference", responder.reference)];
+            values.extend([("peak", responder.peak), ("reference_peak", responder.reference_peak)]);
+            events.push(Event {
+                metric: self.spec().id,
+                step,
+                last_step,
+                agent: case.id(responder.agent),
+                partner: Some(case.id(case.av)),
+                reason: responder.under_reacts.map(|_| "under_reacted"),
+                counted: responder.under_reacts.is_none(),
+                values,
+            });
+        }
+        mean(case, Responder::lost)
+    }
+}
+
+/// Mean over the judged responders of the deceleration that they use beyond that of the certificate.
+#[derive(Debug)]
+pub(super) struct OverBraking;
+
+impl Metric for OverBraking {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "over-braking",
+            title: "Over-br.",
+            unit: Unit::MetresPerSecondSquared,
+            lower_is_better: true,
+            source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of agents that answer the AV",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let last = case.future().len();
+        for responder in responders(case)?.iter().filter(|r| r.under_reacts.is_none()) {
+            let excess = responder.over_braking();
+            if excess > 0.0 {
+                events.push(Event {
+                    metric: self.spec().id,
+                    step: last,
+                    last_step: last,
+                    agent: case.id(responder.agent),
+                    partner: Some(case.id(case.av)),
+                    reason: None,
+                    counted: true,
+                    values: vec![
+                        ("excess", excess),
+                        ("peak", responder.peak),
+                        ("reference_peak", responder.reference_peak),
+                    ],
+                });
+            }
+        }
+        mean(case, Responder::over_braking)
+    }
+}
+
+/// The mean of a value over the judged responders; `None` without any.
+fn mean(case: &Case<'_>, value: impl Fn(&Responder) -> f64) -> Option<Score> {
+    let (mut sum, mut n) = (0.0, 0);
+    for responder in responders(case)?.iter().filter(|r| r.under_reacts.is_none()) {
+        sum += value(responder);
+        n += 1;
+    }
+    (n > 0).then_some(Score::Mean { sum, n })
+}
+
+#[cfg(test)]
+mod tests;

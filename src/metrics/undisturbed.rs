@@ -1,0 +1,49 @@
+//! Path length that vehicles lose although nothing asks them to react (`docs/over-reaction.md`).
+
+use super::progress::free_path;
+use super::responders::excess;
+use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+
+/// Mean over the vehicles without a response in the certificate, which drive in the log and keep clear of the AV there, of the path length
+/// that they drive less than in the log.
+#[derive(Debug)]
+pub(super) struct UndisturbedLoss;
+
+impl Metric for UndisturbedLoss {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "undisturbed-loss",
+            title: "Way lost",
+            unit: Unit::Metres,
+            lower_is_better: true,
+            source: "reactsim, docs/over-reaction.md: path length lost against the log by vehicles that need not answer the AV",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let (log, responses) = (case.log.as_ref()?, &case.certificate?.responses);
+        let (mut sum, mut n) = (0.0, 0);
+        let last = case.future().len();
+        let responds = |&i: &usize| responses.iter().any(|r| r.agent == case.objects[i].agent.id);
+        for i in case.vehicles().filter(|i| !responds(i)) {
+            let Some(logged) = free_path(case, &log[i], i) else { continue };
+            let driven = case.motion.path_length(i, case.current);
+            let lost = excess(logged, driven);
+            sum += lost;
+            n += 1;
+            if lost > 0.0 {
+                events.push(Event {
+                    metric: self.spec().id,
+                    step: last,
+                    last_step: last,
+                    agent: case.id(i),
+                    partner: None,
+                    reason: None,
+                    counted: true,
+                    values: vec![("lost", lost), ("driven", driven), ("reference", logged)],
+                });
+            }
+        }
+        (n > 0).then_some(Score::Mean { sum, n })
+    }
+}
