@@ -4,16 +4,14 @@ use std::collections::BTreeMap;
 
 use super::filters::comfort;
 use super::{CandidateRecord, ScenarioRecord};
-use crate::scene::{Deviation, Difficulty};
+use crate::scene::{Certificate, Deviation, Difficulty, EASY_TIME_TO_REACT};
 
 /// Weight of a vehicle that collides by its own fault under log replay.
 const AT_FAULT: f64 = 2.0;
 /// Weight of any contact.
 const CONTACT: f64 = 0.5;
-/// Weight of a reaction that is neither next to none nor an emergency: braking at `FIRM` (m/s²) counts 1, none and the hardest that agents
-/// are granted count 0.
-const REACTION: f64 = 1.5;
-const FIRM: f64 = 2.5;
+/// Weight of a short time to react: none counts 1, what makes a conflict easy counts 0. So hard ones are not just past the threshold.
+const URGENCY: f64 = 1.5;
 /// Weight of a conflict that leaves time to see how it goes on: 1 up to that step, 0 at the last.
 const TIME: (f64, f64) = (1.0, 50.0);
 /// Weight of a comfortable AV: as for its share of nuPlan's comfort bounds, 2 bounds give 0.
@@ -29,17 +27,18 @@ const PACE_BALANCE: f64 = 40.0;
 /// How much the share of the same maneuver among those chosen before weighs against a candidate: a set of stops would be a poor one.
 const VARIETY: f64 = 4.0;
 
-/// How good a survivor is: pressure that the log can not answer, early enough, that asks for a firm reaction and no emergency, by an AV
-/// that drives as one would, well away from the log. 0 to 6.
+/// How good a survivor is: pressure that the log cannot answer, early enough to see how it goes on, by an AV that drives as one would, well
+/// away from the log, that leaves agents little time to react. 0 to 6.5. How hard they must brake does not count here: difficulties are
+/// balanced over the set.
 pub fn score(record: &CandidateRecord) -> f64 {
     let pressure = &record.pressure;
-    let peak = record.certificate.as_ref().map_or(0.0, |c| c.peak_deceleration());
+    let time_to_react = record.certificate.as_ref().and_then(Certificate::time_to_react);
     let step = record.taxonomy.conflict_step.map_or(80.0, f64::from);
     let comfort = record.figures.iter().find(|f| f.filter == comfort::ID).and_then(|f| f.value);
     AT_FAULT * f64::from(pressure.at_fault.min(1))
         + SEVERAL * f64::from(u8::from(pressure.at_fault > 1))
         + CONTACT * f64::from(pressure.overlaps.min(1))
-        + REACTION * (1.0 - (peak - FIRM).abs() / FIRM).clamp(0.0, 1.0)
+        + URGENCY * time_to_react.map_or(0.0, |t| (1.0 - t / EASY_TIME_TO_REACT).clamp(0.0, 1.0))
         + TIME.0 * ((80.0 - step) / (80.0 - TIME.1)).clamp(0.0, 1.0)
         + COMFORT * comfort.map_or(0.0, |share| (1.0 - share / 2.0).clamp(0.0, 1.0))
         + DISTANCE.0 * (record.offsets.ade / DISTANCE.1).min(1.0)

@@ -57,6 +57,9 @@ pub enum Difficulty {
 /// Required deceleration below which a conflict may be easy, m/s²: comfortable braking (the comfortable deceleration of the
 /// intelligent driver model is about 1.5 m/s²).
 pub const EASY_DECELERATION: f64 = 1.5;
+/// Time to react from which a conflict may be easy, seconds: the perception-reaction time that road design grants drivers (AASHTO, "A
+/// Policy on Geometric Design of Highways and Streets").
+pub const EASY_TIME_TO_REACT: f64 = 2.5;
 /// Required deceleration from which a conflict is hard, m/s²: 3 m/s² is the usual bound of braking that is not an emergency (ISO
 /// 15622 lets adaptive cruise control take up to 3.5 m/s²).
 pub const HARD_DECELERATION: f64 = 3.0;
@@ -114,14 +117,14 @@ impl Certificate {
 
     /// The grade of the conflict; `None` where the effort of a response was not measured.
     ///
-    /// Hard: at least [`HARD_DECELERATION`], less than [`HARD_TIME_TO_REACT`], or a swerve. Easy: less than [`EASY_DECELERATION`]
-    /// and not hard. Medium: all others.
+    /// Hard: at least [`HARD_DECELERATION`], less than [`HARD_TIME_TO_REACT`], or a swerve. Easy: less than [`EASY_DECELERATION`],
+    /// at least [`EASY_TIME_TO_REACT`], and no swerve. Medium: all others.
     pub fn difficulty(&self) -> Option<Difficulty> {
         let deceleration = self.required_deceleration()?;
-        let is_late = self.time_to_react().is_some_and(|t| t < HARD_TIME_TO_REACT);
-        Some(if deceleration >= HARD_DECELERATION || is_late || self.needs_swerve() {
+        let time = self.time_to_react().unwrap_or(f64::INFINITY);
+        Some(if deceleration >= HARD_DECELERATION || time < HARD_TIME_TO_REACT || self.needs_swerve() {
             Difficulty::Hard
-        } else if deceleration < EASY_DECELERATION {
+        } else if deceleration < EASY_DECELERATION && time >= EASY_TIME_TO_REACT {
             Difficulty::Easy
         } else {
             Difficulty::Medium
@@ -154,8 +157,10 @@ mod tests {
     fn the_hardest_response_decides() {
         use Difficulty::{Easy, Hard, Medium};
         assert_eq!(grade(vec![]), Some(Easy));
-        assert_eq!(grade(vec![response(1.4, 1.0, 0.0)]), Some(Easy));
-        assert_eq!(grade(vec![response(1.5, 1.0, 0.0)]), Some(Medium));
+        assert_eq!(grade(vec![response(1.4, 2.5, 0.0)]), Some(Easy));
+        assert_eq!(grade(vec![response(1.5, 2.5, 0.0)]), Some(Medium));
+        assert_eq!(grade(vec![response(1.4, 2.4, 0.0)]), Some(Medium));
+        assert_eq!(grade(vec![response(1.4, 1.0, 0.0)]), Some(Medium));
         assert_eq!(grade(vec![response(1.4, 3.0, 0.0), response(2.9, 3.0, 0.0)]), Some(Medium));
         assert_eq!(grade(vec![response(3.0, 3.0, 0.0), response(0.0, 3.0, 0.0)]), Some(Hard));
         assert_eq!(grade(vec![response(0.5, 0.9, 0.0)]), Some(Hard));

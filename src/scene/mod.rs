@@ -14,7 +14,8 @@ mod time;
 
 pub use agent::{Agent, AgentKind, AgentState, Frame, LoggedAgent};
 pub use certificate::{
-    Certificate, Difficulty, EASY_DECELERATION, Effort, HARD_DECELERATION, HARD_TIME_TO_REACT, Response,
+    Certificate, Difficulty, EASY_DECELERATION, EASY_TIME_TO_REACT, Effort, HARD_DECELERATION,
+    HARD_TIME_TO_REACT, Response,
 };
 pub use error::SceneError;
 pub use lights::{LightState, TrafficLight};
