@@ -22,6 +22,7 @@
 
 mod archive;
 mod av;
+mod benchmarks;
 mod comparison;
 pub mod document;
 mod error;
@@ -44,6 +45,7 @@ mod tally;
 
 pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
+pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};

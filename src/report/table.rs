@@ -125,7 +125,9 @@ pub(super) fn categories(runs: &[super::Run<'_>]) -> Vec<String> {
 pub(super) fn provenance(run: &super::Run<'_>) -> String {
     let p = &run.summary.provenance;
     let s = &p.run.settings;
-    let mut parts = vec![count(p.scenarios, "scenario")];
+    let benchmark = p.run.benchmark.as_ref().map(|b| format!("{} {}", b.name, b.version));
+    let mut parts: Vec<String> = benchmark.into_iter().collect();
+    parts.push(count(p.scenarios, "scenario"));
     if !p.failures.is_empty() {
         parts.push(count(p.failures.len(), "failure"));
     }
