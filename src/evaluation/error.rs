@@ -84,6 +84,12 @@ pub enum EvaluationError {
         /// Its value now.
         new: String,
     },
+    /// A reference has no rows.
+    #[error("{path} holds aggregates only: rows of its scenarios are not published")]
+    AggregatesOnly {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Another run writes to the folder.
     #[error("another run is writing to {path}")]
     Busy {

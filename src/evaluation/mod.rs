@@ -32,6 +32,7 @@ mod judge;
 mod plan;
 mod provenance;
 mod recorded;
+pub mod reference;
 mod rollouts;
 mod row;
 mod runner;
@@ -50,8 +51,8 @@ pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use folder::{
-    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
-    read_tally,
+    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RunFolder, SUMMARY, TABLE, read_provenance,
+    read_rows, read_summary, read_tally,
 };
 pub use plan::{Deviations, KnownDeviation, NoAv, Plan, RunSettings};
 pub use provenance::{

@@ -133,20 +133,33 @@ impl Provenance {
 
     /// The first setting in which two runs differ, with its value in each.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let flat = |p: &Self| {
-            let mut out = BTreeMap::new();
-            if let Ok(value) = serde_json::to_value(p) {
-                flatten("", &value, &mut out);
-            }
-            out
-        };
-        let (mine, theirs) = (flat(self), flat(other));
-        let absent = || "absent".to_owned();
-        let key = mine.keys().chain(theirs.keys()).find(|k| mine.get(*k) != theirs.get(*k))?;
-        let name = key.trim_start_matches("settings.").to_owned();
-        let value = |of: &BTreeMap<String, String>| of.get(key).cloned().unwrap_or_else(absent);
-        Some((name, value(&mine), value(&theirs)))
+        let (name, mine, theirs) = differences(self, other).into_iter().next()?;
+        Some((name.trim_start_matches("settings.").to_owned(), mine, theirs))
     }
+
+    /// Whether the program was built from a known commit without changes.
+    pub fn is_clean(&self) -> bool {
+        self.commit != "unknown" && !self.commit.ends_with('+')
+    }
+}
+
+/// The leaves in which two values differ as JSON: path, and text in each.
+pub(super) fn differences<T: Serialize>(a: &T, b: &T) -> Vec<(String, String, String)> {
+    let (mine, theirs) = (leaves(a), leaves(b));
+    let absent = || "absent".to_owned();
+    let value = |of: &BTreeMap<String, String>, key: &str| of.get(key).cloned().unwrap_or_else(absent);
+    let only_theirs = theirs.keys().filter(|k| !mine.contains_key(*k));
+    let differing = mine.keys().chain(only_theirs).filter(|k| mine.get(*k) != theirs.get(*k));
+    differing.map(|k| (k.clone(), value(&mine, k), value(&theirs, k))).collect()
+}
+
+/// Every leaf of a value as JSON, by its path.
+pub(super) fn leaves<T: Serialize>(value: &T) -> BTreeMap<String, String> {
+    let mut out = BTreeMap::new();
+    if let Ok(value) = serde_json::to_value(value) {
+        flatten("", &value, &mut out);
+    }
+    out
 }
 
 /// Every leaf of a JSON value by its path.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{Estimate, SettingsRecord, Summary};
+use crate::evaluation::{Estimate, Provenance, SettingsRecord, Summary};
 use crate::metrics::{self, Unit};
 
 /// A column of the tables.
@@ -125,8 +125,7 @@ pub(super) fn categories(runs: &[super::Run<'_>]) -> Vec<String> {
 pub(super) fn provenance(run: &super::Run<'_>) -> String {
     let p = &run.summary.provenance;
     let s = &p.run.settings;
-    let benchmark = p.run.benchmark.as_ref().map(|b| format!("{} {}", b.name, b.version));
-    let mut parts: Vec<String> = benchmark.into_iter().collect();
+    let mut parts: Vec<String> = p.run.benchmark.iter().map(ToString::to_string).collect();
     parts.push(count(p.scenarios, "scenario"));
     if !p.failures.is_empty() {
         parts.push(count(p.failures.len(), "failure"));
@@ -161,19 +160,30 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
             parts.push(format!("{} with {}", simulator.id, details.join(" ")));
         }
     }
-    let commit = if p.run.commit == "unknown" { "" } else { &p.run.commit };
-    let plus = if commit.ends_with('+') { "+" } else { "" };
-    let short: String = commit.chars().take(9).collect();
-    let version = &p.run.version;
-    parts.push(match short.is_empty() {
-        true => format!("reactsim {version}"),
-        false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
-    });
+    parts.push(program(&p.run));
     parts.join(", ")
 }
 
+/// Version and commit of the program.
+fn program(run: &Provenance) -> String {
+    let commit = if run.commit == "unknown" { "" } else { &run.commit };
+    let plus = if commit.ends_with('+') { "+" } else { "" };
+    let short: String = commit.chars().take(9).collect();
+    let version = &run.version;
+    match short.is_empty() {
+        true => format!("reactsim {version}"),
+        false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
+    }
+}
+
+/// Benchmark and program of a run.
+pub(super) fn source(run: &Provenance) -> String {
+    let benchmark = run.benchmark.iter().map(ToString::to_string);
+    benchmark.chain([program(run)]).collect::<Vec<_>>().join(", ")
+}
+
 /// What the rollouts were made with.
-fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
+pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
     parts.push(format!("{} protocol", s.protocol));
     if s.protocol == "reactive" {
         parts.push(format!("AV {}", s.av));
