@@ -90,6 +90,12 @@ pub enum EvaluationError {
         /// The folder.
         path: PathBuf,
     },
+    /// A reference has no events and no rollouts.
+    #[error("{path} is a reference, which has no events: pages need the folder of its run")]
+    NoEvents {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Another run writes to the folder.
     #[error("another run is writing to {path}")]
     Busy {

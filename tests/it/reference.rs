@@ -120,6 +120,8 @@ fn a_reference_holds_all_rows_and_is_read_like_a_run() {
     assert!(report(&reference).contains(&shipped_benchmark().unwrap().record.to_string()));
     let (compared, _) = said(&["compare", text(&reference), text(run()), "--worse", "ade=0"], 0);
     assert!(compared.contains("stop: 150 scenarios"), "{compared}");
+    let page = ["report", text(&reference), "--format", "html"];
+    assert!(said(&page, 2).1.contains("is a reference, which has no events"));
     // It replaces nothing.
     let again = ["reference", "make", text(run()), "--name", "test", "--out", text(&reference)];
     assert!(said(&again, 2).1.contains("exists and is not empty"));

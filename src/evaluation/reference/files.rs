@@ -64,3 +64,17 @@ impl Files {
         Some(Self { place: format!("references/{name}"), content: content.collect() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::evaluation::reference::Reference;
+
+    #[test]
+    fn embedded_references_are_whole() {
+        for (name, _) in super::EMBEDDED {
+            let reference = Reference::embedded(name).unwrap().unwrap();
+            assert_eq!(reference.record.name, *name);
+        }
+        assert!(Reference::embedded("no such reference").is_none());
+    }
+}
