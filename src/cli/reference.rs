@@ -153,7 +153,9 @@ pub(super) fn find(asked: Option<&str>) -> anyhow::Result<Reference> {
     let in_checkout = Path::new(FOLDER).join(&name);
     let folder = if !is_path && in_checkout.is_dir() { in_checkout } else { PathBuf::from(&name) };
     if !folder.is_dir() {
-        bail!("there is no reference `{name}`: it is not part of the program, and there is no folder {FOLDER}/{name}");
+        bail!(
+            "there is no reference `{name}`: it is not part of the program, and there is no folder {FOLDER}/{name}"
+        );
     }
     Ok(Reference::open(&folder)?)
 }

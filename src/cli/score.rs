@@ -10,8 +10,8 @@ use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
 use crate::evaluation::{
-    BenchmarkRecord, Failure, FileRecord, Place, Provenance, Recorded, Registrar, SettingsRecord, program_commit,
-    program_version,
+    BenchmarkRecord, Failure, FileRecord, Place, Provenance, Recorded, Registrar, SettingsRecord,
+    program_commit, program_version,
 };
 use crate::formats;
 use crate::formats::document::Document;

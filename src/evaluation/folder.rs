@@ -279,11 +279,7 @@ pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
 }
 
 /// The rows of a folder by scenario and simulator, where a pair has all of them.
-fn whole_pairs(
-    folder: &Path,
-    inputs: usize,
-    tally: &Tally,
-) -> Result<Pairs, EvaluationError> {
+fn whole_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, EvaluationError> {
     let mut pairs = Pairs::new();
     for_rows(folder, |row| {
         // A row of an input that is not there was damaged.

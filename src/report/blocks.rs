@@ -102,7 +102,8 @@ pub fn blocks(text: &str) -> Result<Vec<Block>, BlockError> {
 
 fn parse(line: usize, mark: &str, at: usize) -> Result<Block, String> {
     let mut words = mark.split_whitespace();
-    let reference = words.next().ok_or("the mark names no reference: write `<!-- table references/NAME -->`")?;
+    let reference =
+        words.next().ok_or("the mark names no reference: write `<!-- table references/NAME -->`")?;
     let mut selection = Selection::default();
     for word in words {
         let (key, value) = word.split_once('=').ok_or_else(|| format!("`{word}` is not KEY=VALUE"))?;
@@ -188,7 +189,10 @@ mod tests {
         assert_eq!(found.len(), 2);
         assert_eq!((found[0].line, found[0].reference.as_str()), (2, "references/x"));
         assert_eq!(&text[found[0].place.clone()], "old\n");
-        assert_eq!(found[0].selection.columns.iter().map(|c| c.metric).collect::<Vec<_>>(), ["ade", "progress"]);
+        assert_eq!(
+            found[0].selection.columns.iter().map(|c| c.metric).collect::<Vec<_>>(),
+            ["ade", "progress"]
+        );
         assert_eq!(found[0].selection.part, Part::Difficulty("hard".into()));
         assert_eq!((found[1].line, &text[found[1].place.clone()]), (8, ""));
     }

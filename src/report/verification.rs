@@ -30,10 +30,19 @@ pub fn write(
     };
     let compared: usize = verification.simulators.iter().map(|s| s.compared).sum();
     let of = reference.record.benchmark.as_ref().map(|b| format!(", {b}")).unwrap_or_default();
-    writeln!(out, "\n{}{}: {} compared.", escape(&reference.record.name), escape(&of), count(compared, what))?;
+    writeln!(
+        out,
+        "\n{}{}: {} compared.",
+        escape(&reference.record.name),
+        escape(&of),
+        count(compared, what)
+    )?;
     if verification.left_out > 0 {
         let left = count(verification.left_out, what);
-        writeln!(out, "This was a quick check: {left} of networks were left out. Leave --quick out to compare them.")?;
+        writeln!(
+            out,
+            "This was a quick check: {left} of networks were left out. Leave --quick out to compare them."
+        )?;
     }
     if verification.simulators.iter().any(|s| !s.bit_for_bit) {
         writeln!(

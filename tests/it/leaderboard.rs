@@ -26,7 +26,8 @@ fn entries_stand_in_one_table_with_their_status() {
     let status = |entry: &str| lines.iter().find(|l| l[1] == entry).unwrap()[3].clone();
     assert_eq!(["reference", "theirs", "others"].map(status), ["reference", "verified", "unverified"]);
     // The fewest collisions with the AV come first.
-    let collisions: Vec<f64> = lines.iter().map(|l| l[4].split(' ').next().unwrap().parse().unwrap()).collect();
+    let collisions: Vec<f64> =
+        lines.iter().map(|l| l[4].split(' ').next().unwrap().parse().unwrap()).collect();
     assert!(collisions.is_sorted(), "{table}");
     assert_eq!((lines[0][2].as_str(), lines[8][2].as_str()), ("Stop", "Log Replay †"));
     assert!(table.contains("reactsim-bench v") && table.contains("reactive protocol"), "{table}");
@@ -41,7 +42,10 @@ fn entries_stand_in_one_table_with_their_status() {
     assert_eq!(json["benchmark"]["name"], "reactsim-bench");
 
     let html = fs::read_to_string(&page).unwrap();
-    assert!(html.contains("default-src 'none'; script-src 'sha256-") && !html.contains("http://"), "no network");
+    assert!(
+        html.contains("default-src 'none'; script-src 'sha256-") && !html.contains("http://"),
+        "no network"
+    );
     assert_eq!(html.matches("<tr>").count(), 10);
     assert_eq!(board(&["--html", text(&page)]), table);
     assert_eq!(fs::read_to_string(&page).unwrap(), html, "the same entries give the same page");
@@ -67,7 +71,10 @@ fn entries_that_are_not_alike_are_refused() {
     };
     let replan = refused(&resettled("replan_steps", json!(10)));
     assert!(replan.contains("`replan_steps` is 10, and 5 in run"), "{replan}");
-    assert!(refused(&resettled("av_lookahead", json!(false))).contains("`av_lookahead` is false, and true in run"));
+    assert!(
+        refused(&resettled("av_lookahead", json!(false)))
+            .contains("`av_lookahead` is false, and true in run")
+    );
     let benchmark = refused(&|entry| edit_both(entry, |p| p["benchmark"]["blake3"] = "ab".into()));
     assert!(benchmark.contains("does not know the benchmark reactsim-bench"), "{benchmark}");
     let none = refused(&|entry| edit_both(entry, |p| _ = p.as_object_mut().unwrap().remove("benchmark")));

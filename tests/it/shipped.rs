@@ -64,10 +64,8 @@ fn the_manifest_names_what_was_generated() {
             assert_eq!(file["blake3"].as_str(), Some(blake3::hash(&content).to_hex().as_str()), "{file}");
         }
     }
-    let named: BTreeSet<&str> = shipped(&manifest)
-        .flat_map(|m| list(m, "files"))
-        .map(|f| f["name"].as_str().unwrap())
-        .collect();
+    let named: BTreeSet<&str> =
+        shipped(&manifest).flat_map(|m| list(m, "files")).map(|f| f["name"].as_str().unwrap()).collect();
     for entry in fs::read_dir(folder()).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         assert!(!name.ends_with(".parquet") || named.contains(name.as_str()), "{name} is in no manifest");

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::evaluation::{SimulatorRecord, SimulatorSummary};
+use crate::evaluation::{Estimate, SimulatorRecord, SimulatorSummary};
 
 /// Default bound, as a share of the half-width of a metric's interval.
 const BOUND_SHARE: f64 = 0.5;
@@ -45,10 +45,15 @@ impl SimulatorClass {
         }
     }
 
-    /// The first bound that is no bound.
-    pub(super) fn wrong_bound(&self) -> Option<(&str, f64)> {
+    /// What is wrong with the bounds of a simulator with these metrics: one that is no bound, or a metric without one.
+    pub(super) fn wrong_bound(&self, metrics: &BTreeMap<String, Estimate>) -> Option<String> {
         let Self::Tolerance { bounds } = self else { return None };
         let wrong = bounds.iter().find(|(_, bound)| !(bound.is_finite() && **bound >= 0.0));
-        wrong.map(|(metric, bound)| (metric.as_str(), *bound))
+        if let Some((metric, bound)) = wrong {
+            return Some(format!("the bound of `{metric}` is {bound}: write a number from 0 up"));
+        }
+        let mut judged = metrics.iter().filter(|(_, estimate)| estimate.mean.is_some());
+        let (metric, _) = judged.find(|(metric, _)| !bounds.contains_key(*metric))?;
+        Some(format!("`{metric}` has no bound"))
     }
 }

@@ -6,7 +6,9 @@ use serde::Serialize;
 
 use super::{REFERENCE_RECORD, Reference, ReferenceError, check_values, rescore};
 use crate::evaluation::provenance::differences;
-use crate::evaluation::{BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary};
+use crate::evaluation::{
+    BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary,
+};
 
 /// A run that stands in a leaderboard.
 #[derive(Clone, Debug)]
@@ -61,7 +63,10 @@ impl Entry {
             Some(benchmark) if benchmark.known().is_some() => Ok(benchmark.clone()),
             Some(benchmark) => Err(ReferenceError::Unfit {
                 place: place.clone(),
-                reason: format!("this program does not know the benchmark {benchmark} ({})", benchmark.blake3),
+                reason: format!(
+                    "this program does not know the benchmark {benchmark} ({})",
+                    benchmark.blake3
+                ),
             }),
             None => Err(ReferenceError::Unfit {
                 place: place.clone(),
@@ -92,7 +97,10 @@ impl Entry {
         let (own, of_first) = (&self.summary.provenance.run, &first.summary.provenance.run);
         let refuse = |field: String, stated: String, found: String| ReferenceError::Unfit {
             place: self.name.clone(),
-            reason: format!("`{field}` is {found}, and {stated} in {}: they cannot stand in one table", first.name),
+            reason: format!(
+                "`{field}` is {found}, and {stated} in {}: they cannot stand in one table",
+                first.name
+            ),
         };
         if self.benchmark != first.benchmark {
             let text = |b: &BenchmarkRecord| format!("{b} ({:.12})", b.blake3);

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::record::FORMAT;
 use super::{
-    MachineRecord, REFERENCE_RECORD, Reference, ReferenceError, ReferenceRecord, SimulatorClass, check_values,
-    rows,
+    MachineRecord, REFERENCE_RECORD, Reference, ReferenceError, ReferenceRecord, SimulatorClass,
+    check_values, rows,
 };
 use crate::evaluation::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, cannot_read, cannot_write, replace};
 use crate::evaluation::{read_provenance, read_rows, read_summary};
@@ -38,7 +38,10 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         && options.name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c))
         && !options.name.starts_with('.');
     if !named {
-        return unfit(format!("`{}` is no name of a reference: use letters, digits, `.`, `_` and `-`", options.name));
+        return unfit(format!(
+            "`{}` is no name of a reference: use letters, digits, `.`, `_` and `-`",
+            options.name
+        ));
     }
     let (summary, provenance) = (read_summary(run)?, read_provenance(run)?);
     if !provenance.is_clean() {
@@ -48,7 +51,9 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         ));
     }
     if provenance.cpu.as_deref().is_some_and(|cpu| cpu != cpu_class()) {
-        return unfit("the run was made on another class of processor: make the reference on that machine".to_owned());
+        return unfit(
+            "the run was made on another class of processor: make the reference on that machine".to_owned(),
+        );
     }
     let rows = if options.aggregates_only { None } else { Some(read_rows(run)?) };
     if provenance.benchmark.is_none() && rows.is_some() {

@@ -32,9 +32,9 @@ impl Reference {
                     (id.clone(), CategorySummary { scenarios: s.scenarios, metrics: s.metrics.clone() })
                 })
                 .collect(),
-            Part::Category(name) => {
-                simulators.filter_map(|(id, s)| Some((id.clone(), s.by_category.get(name)?.clone()))).collect()
-            }
+            Part::Category(name) => simulators
+                .filter_map(|(id, s)| Some((id.clone(), s.by_category.get(name)?.clone())))
+                .collect(),
             Part::Difficulty(name) => {
                 let Some(rows) = &self.rows else {
                     return Err(unfit("it has no rows, so nothing is known by difficulty".to_owned()));

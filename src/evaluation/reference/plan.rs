@@ -38,8 +38,7 @@ impl Reference {
             let id = &simulator.id;
             simulator.parameters.iter().map(move |(key, value)| (id.clone(), key.clone(), value.clone()))
         });
-        let asked =
-            Adjustments { weights: given.weights, parameters: parameters.collect(), smoothing: None };
+        let asked = Adjustments { weights: given.weights, parameters: parameters.collect(), smoothing: None };
         let plan = Plan {
             sources: given.sources,
             simulators: PlannedSimulator::adjusted(&ids, &asked)?,
@@ -58,10 +57,12 @@ impl Reference {
     fn settings(&self) -> Result<RunSettings, ReferenceError> {
         let stated = &self.provenance.settings;
         let unknown = |field: &str, value: &dyn std::fmt::Display| {
-            let reason = format!("provenance.json: `settings.{field}` is {value}, which this program does not know");
+            let reason =
+                format!("provenance.json: `settings.{field}` is {value}, which this program does not know");
             ReferenceError::Unfit { place: self.place.clone(), reason }
         };
-        let protocol = [Protocol::Reactive, Protocol::Realism].into_iter().find(|p| p.name() == stated.protocol);
+        let protocol =
+            [Protocol::Reactive, Protocol::Realism].into_iter().find(|p| p.name() == stated.protocol);
         let protocol = protocol.ok_or_else(|| unknown("protocol", &stated.protocol))?;
         let av = match protocol {
             Protocol::Realism => AvChoice::Log,

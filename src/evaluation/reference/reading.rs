@@ -47,16 +47,12 @@ impl Reference {
         let record = take_record(&mut files)?;
         check_files(&record, &files)?;
         let json = |file: &str| files.content[file].as_ref();
-        let damaged =
-            |file: &'static str| move |source| (file, source);
-        let name = |(file, source): (&str, serde_json::Error)| ReferenceError::DamagedJson {
-            place: place.clone(),
-            file: file.to_owned(),
-            source,
+        let damaged = |file: &str| {
+            let (place, file) = (place.clone(), file.to_owned());
+            move |source| ReferenceError::DamagedJson { place, file, source }
         };
-        let provenance: Provenance =
-            serde_json::from_slice(json(PROVENANCE)).map_err(damaged(PROVENANCE)).map_err(name)?;
-        let summary: Summary = serde_json::from_slice(json(SUMMARY)).map_err(damaged(SUMMARY)).map_err(name)?;
+        let provenance: Provenance = serde_json::from_slice(json(PROVENANCE)).map_err(damaged(PROVENANCE))?;
+        let summary: Summary = serde_json::from_slice(json(SUMMARY)).map_err(damaged(SUMMARY))?;
         let rows = match files.content.remove(ROWS_TABLE) {
             Some(content) => Some(rows::read_bytes(&Path::new(&place).join(ROWS_TABLE), content)?),
             None => None,
@@ -70,15 +66,17 @@ impl Reference {
     fn check(&self) -> Result<(), ReferenceError> {
         let record = &self.record;
         self.agree((REFERENCE_RECORD, &record.benchmark), (PROVENANCE, &self.provenance.benchmark))?;
-        let classes = record.simulators.iter().map(|(id, class)| (id.clone(), *class == SimulatorClass::Exact));
+        let classes =
+            record.simulators.iter().map(|(id, class)| (id.clone(), *class == SimulatorClass::Exact));
         let networks = self.provenance.simulators.iter().map(|s| (s.id.clone(), !s.is_network()));
         let (mut classes, mut networks): (Vec<_>, Vec<_>) = (classes.collect(), networks.collect());
         classes.sort();
         networks.sort();
         self.agree((REFERENCE_RECORD, &classes), (PROVENANCE, &networks))?;
         for (id, class) in &record.simulators {
-            if let Some((metric, bound)) = class.wrong_bound() {
-                let reason = format!("reference.toml: the bound of `{metric}` for `{id}` is {bound}: write a number from 0 up");
+            let metrics = self.summary.simulators.get(id).map(|s| &s.metrics);
+            if let Some(wrong) = metrics.and_then(|metrics| class.wrong_bound(metrics)) {
+                let reason = format!("reference.toml: `{id}`: {wrong}");
                 return Err(ReferenceError::Unfit { place: self.place.clone(), reason });
             }
         }

@@ -252,7 +252,8 @@ impl Columns {
     }
 
     fn value(&self, name: &str, kind: &str, numerator: usize, denominator: usize) -> Result<Value, Cause> {
-        let above = self.numerator.number(numerator).filter(|v| v.is_finite()).ok_or_else(|| lacking(name))?;
+        let above =
+            self.numerator.number(numerator).filter(|v| v.is_finite()).ok_or_else(|| lacking(name))?;
         let below = || self.denominator.whole(denominator).map(u64::from).ok_or_else(|| lacking(name));
         let count = || match above >= 0.0 && above <= LARGEST_COUNT as f64 && above.fract() == 0.0 {
             true => Ok(above as u64),

@@ -62,10 +62,7 @@ impl TableReader {
     }
 
     /// As [`TableReader::open`], with the content in memory; errors name it by `name`.
-    pub(crate) fn of_bytes(
-        name: &Path,
-        content: impl Into<Cow<'static, [u8]>>,
-    ) -> Result<Self, FormatError> {
+    pub(crate) fn of_bytes(name: &Path, content: impl Into<Cow<'static, [u8]>>) -> Result<Self, FormatError> {
         Self::over(name, Box::new(Cursor::new(content.into())))
     }
 

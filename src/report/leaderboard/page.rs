@@ -38,7 +38,9 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
          <link rel=\"icon\" href=\"data:,\">\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n\
          <div class=\"wide\"><table>\n<thead><tr>"
     )?;
-    for head in ["Entry", "Method", "Status"].map(str::to_owned).into_iter().chain(columns.iter().map(Column::head)) {
+    for head in
+        ["Entry", "Method", "Status"].map(str::to_owned).into_iter().chain(columns.iter().map(Column::head))
+    {
         write!(out, "<th scope=\"col\" aria-sort=\"none\"><button>{}</button></th>", escape(&head))?;
     }
     writeln!(out, "</tr></thead>\n<tbody>")?;

@@ -23,12 +23,8 @@ pub(super) fn rows(
     every: usize,
     same_machine: bool,
 ) -> Verification {
-    let mut done = Verification {
-        subject: Subject::Rows,
-        simulators: Vec::new(),
-        differences: Vec::new(),
-        left_out: 0,
-    };
+    let mut done =
+        Verification { subject: Subject::Rows, simulators: Vec::new(), differences: Vec::new(), left_out: 0 };
     for simulator in &reference.provenance.simulators {
         let step = if simulator.is_network() { every } else { 1 };
         let all = expected.iter().filter(|r| r.simulator == simulator.id);
@@ -47,22 +43,14 @@ pub(super) fn rows(
             passed: true,
         };
         let differing = differing_rows(&wanted, &found, &mut check);
-        check.passed = if exact {
-            differing.is_empty()
-        } else {
+        let mut counting = differing;
+        if !exact {
             // Rows must be there, and the scenarios the same; what was rolled out may differ within bounds.
-            let rolled_out = |d: &Difference| OF_ROLLOUT.iter().any(|field| d.field.starts_with(field));
-            differing.iter().all(rolled_out)
-        };
-        if exact {
-            done.differences.extend(differing);
-        } else {
-            let rolled_out = |d: &Difference| OF_ROLLOUT.iter().any(|field| d.field.starts_with(field));
-            done.differences.extend(differing.into_iter().filter(|d| !rolled_out(d)));
-            let beyond = beyond_bounds(reference, class, (&wanted, &left), &found, &mut check);
-            check.passed &= beyond.is_empty();
-            done.differences.extend(beyond);
+            counting.retain(|d| !OF_ROLLOUT.iter().any(|field| d.field.starts_with(field)));
+            counting.extend(beyond_bounds(reference, class, (&wanted, &left), &found, &mut check));
         }
+        check.passed = counting.is_empty();
+        done.differences.extend(counting);
         done.left_out += check.left_out;
         done.simulators.push(check);
     }
@@ -159,7 +147,19 @@ fn beyond_bounds(
     for (metric, bound) in bounds {
         let pairs = pairs(&stated, &again, &check.id, metric);
         let n = pairs.len() as f64;
+        let beyond_bound = |reference: String, found: String| Difference {
+            simulator: check.id.clone(),
+            scenario: None,
+            rollout: None,
+            field: format!("metrics.{metric}"),
+            reference,
+            found,
+        };
         if pairs.is_empty() {
+            // A metric that judged something must judge something again.
+            if !self::pairs(&stated, &stated, &check.id, metric).is_empty() {
+                beyond.push(beyond_bound("present".to_owned(), "none".to_owned()));
+            }
             continue;
         }
         let bound = bound * wider;
@@ -167,18 +167,12 @@ fn beyond_bounds(
         let difference = mean(|(a, b)| b - a).abs();
         let part = |l: &Largest| l.difference / l.bound.unwrap_or(1.0).max(f64::MIN_POSITIVE);
         let one = Largest { metric: metric.clone(), difference, bound: Some(bound) };
+        if difference > bound {
+            let found = format!("{} (bound {bound})", mean(|(_, b)| *b));
+            beyond.push(beyond_bound(mean(|(a, _)| *a).to_string(), found));
+        }
         if difference > 0.0 && check.largest.as_ref().is_none_or(|l| part(&one) > part(l)) {
             check.largest = Some(one);
-        }
-        if difference > bound {
-            beyond.push(Difference {
-                simulator: check.id.clone(),
-                scenario: None,
-                rollout: None,
-                field: format!("metrics.{metric}"),
-                reference: mean(|(a, _)| *a).to_string(),
-                found: format!("{} (bound {bound})", mean(|(_, b)| *b)),
-            });
         }
     }
     beyond
