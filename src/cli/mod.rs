@@ -76,7 +76,7 @@ enum Command {
     Leaderboard(leaderboard::LeaderboardArgs),
     /// Show run folders in a browser: tables, figures, every scenario from above
     View(view::ViewArgs),
-    /// Run studies: replan intervals, both protocols, what each part of a simulator is worth
+    /// Run studies: replan intervals, both protocols, ablations of simulators
     Study(study::StudyArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),

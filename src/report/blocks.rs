@@ -171,9 +171,10 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
         Part::Category(name) => format!("{name} deviations, "),
         Part::Difficulty(name) => format!("difficulty {name}, "),
     };
-    let source = table::source(&summary.provenance.run);
-    let about = format!("{what}{}, {source}", table::count(scenarios, "scenario"));
-    text.push_str(&format!("\n{}.\n", escape(&about)));
+    let run = &summary.provenance.run;
+    let benchmark = run.benchmark.as_ref().map(|b| format!("{b}, ")).unwrap_or_default();
+    let (scenarios, program) = (table::count(scenarios, "scenario"), table::program(run));
+    text.push_str(&format!("\n{}.\n", escape(&format!("{benchmark}{what}{scenarios}, {program}"))));
     Ok(text)
 }
 

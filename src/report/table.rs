@@ -165,7 +165,7 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
 }
 
 /// Version and commit of the program.
-fn program(run: &Provenance) -> String {
+pub(super) fn program(run: &Provenance) -> String {
     let commit = if run.commit == "unknown" { "" } else { &run.commit };
     let plus = if commit.ends_with('+') { "+" } else { "" };
     let short: String = commit.chars().take(9).collect();
@@ -174,12 +174,6 @@ fn program(run: &Provenance) -> String {
         true => format!("reactsim {version}"),
         false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
     }
-}
-
-/// Benchmark and program of a run.
-pub(super) fn source(run: &Provenance) -> String {
-    let benchmark = run.benchmark.iter().map(ToString::to_string);
-    benchmark.chain([program(run)]).collect::<Vec<_>>().join(", ")
 }
 
 /// What the rollouts were made with.

@@ -102,7 +102,7 @@ fn help_fits_a_terminal() {
       reference    Make references, and write their tables into documents
       leaderboard  Put references and runs of others into one table
       view         Show run folders in a browser: tables, figures, every scenario from above
-      study        Run studies: replan intervals, both protocols, what each part of a simulator is worth
+      study        Run studies: replan intervals, both protocols, ablations of simulators
       inspect      Print and draw what is in a scenario
       list         List models, metrics, formats, weights or map types
       help         Print this message or the help of the given subcommand(s)
