@@ -54,14 +54,6 @@ pub enum BlockError {
         /// Why, and what to write.
         reason: String,
     },
-    /// The reference cannot be used.
-    #[error("line {line}: {source}")]
-    Reference {
-        /// The line, from 1.
-        line: usize,
-        /// Why.
-        source: ReferenceError,
-    },
 }
 
 /// The blocks of a Markdown text. Marks inside fenced code are text.

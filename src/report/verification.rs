@@ -58,9 +58,7 @@ pub fn write(
         let scenario = d.scenario.as_deref().unwrap_or("all");
         let rollout = d.rollout.map(|r| format!(", rollout {r}")).unwrap_or_default();
         let field = d.field.trim_start_matches("metrics.");
-        [&d.simulator, &format!("{scenario}{rollout}"), field, &d.reference, &d.found]
-            .map(|text| escape(text))
-            .to_vec()
+        [&d.simulator, &format!("{scenario}{rollout}"), field, &d.reference, &d.found].map(escape).to_vec()
     }));
     writeln!(out)?;
     write_aligned(out, &rows, 3)?;

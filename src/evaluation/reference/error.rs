@@ -63,14 +63,10 @@ pub enum ReferenceError {
         found: String,
     },
     /// Two files of a folder do not agree.
-    #[error("{place}: {first} and {second} do not agree: `{field}` is {stated} and {found}")]
+    #[error("{files} do not agree: `{field}` is {stated} and {found}")]
     Disagree {
-        /// The folder.
-        place: String,
-        /// The first file.
-        first: &'static str,
-        /// The second file.
-        second: &'static str,
+        /// The folder and both files.
+        files: String,
         /// What differs.
         field: String,
         /// Value in the first file.

@@ -9,7 +9,10 @@ use super::{REFERENCE_RECORD, ReferenceError};
 use crate::evaluation::folder::cannot_read;
 
 /// The references that are part of the program, by name; one line each, with the macro [`embedded`].
-const EMBEDDED: &[(&str, &[(&str, &[u8])])] = &[];
+const EMBEDDED: &[(&str, EmbeddedFiles)] = &[];
+
+/// Names and content of embedded files.
+type EmbeddedFiles = &'static [(&'static str, &'static [u8])];
 
 /// The files of a reference that has rows, as they lie in its folder in the repository: `embedded!("reactsim-bench-v1")`.
 #[allow(unused_macros, reason = "until a reference ships")]

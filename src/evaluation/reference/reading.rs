@@ -101,7 +101,8 @@ fn agree<T: serde::Serialize>(
     match differences(a, b).into_iter().next() {
         None => Ok(()),
         Some((field, stated, found)) => {
-            Err(ReferenceError::Disagree { place: place.to_owned(), first, second, field, stated, found })
+            let files = format!("{place}: {first} and {second}");
+            Err(ReferenceError::Disagree { files, field, stated, found })
         }
     }
 }
