@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, io};
 
+/// Files and folders that decide the numbers of the program: a change in one of them after the commit is marked with `+`.
+const DECIDING: [&str; 7] = ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios", "weights"];
+
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
@@ -11,7 +14,7 @@ fn git(arguments: &[&str]) -> Option<String> {
 }
 
 fn main() -> io::Result<()> {
-    for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios"] {
+    for path in DECIDING {
         println!("cargo:rerun-if-changed={path}");
     }
     let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
@@ -33,8 +36,8 @@ fn note_commit(here: &Path) {
         }
     }
     if let Some(commit) = git(&["rev-parse", "HEAD"]) {
-        let changed = git(&["status", "--porcelain", "--", "src", "models", "Cargo.toml", "Cargo.lock"])
-            .is_some_and(|files| !files.is_empty());
+        let status: Vec<&str> = ["status", "--porcelain", "--"].into_iter().chain(DECIDING).collect();
+        let changed = git(&status).is_some_and(|files| !files.is_empty());
         println!("cargo:rustc-env=REACTSIM_COMMIT={commit}{}", if changed { "+" } else { "" });
     }
 }

@@ -2,6 +2,19 @@
 
 use burn::tensor::Device;
 
+/// Name of the backend that [`device`] belongs to, as provenance states it.
+pub const fn backend() -> &'static str {
+    if cfg!(feature = "cuda") {
+        "cuda"
+    } else if cfg!(feature = "wgpu") {
+        "wgpu"
+    } else if cfg!(feature = "flex") {
+        "flex"
+    } else {
+        "ndarray"
+    }
+}
+
 /// The device of every network: the first of CUDA, wgpu, flex and ndarray that this program was built with.
 ///
 /// flex and ndarray are built without threads of their own: an operation gives the same bits whatever else runs, and the program

@@ -41,7 +41,7 @@ pub(super) fn members(folders: &[PathBuf]) -> Result<(Vec<Member>, Studies), Eva
 }
 
 /// The names of run folders; their whole paths where the names alone are not unique.
-fn names(runs: &[PathBuf]) -> Vec<String> {
+pub(super) fn names(runs: &[PathBuf]) -> Vec<String> {
     let short: Vec<String> = runs
         .iter()
         .map(|p| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned()))

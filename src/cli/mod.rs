@@ -9,8 +9,10 @@ mod futures;
 mod gallery;
 mod generate;
 mod inspect;
+mod leaderboard;
 mod list;
 mod progress;
+mod reference;
 mod report;
 mod run;
 mod score;
@@ -18,6 +20,7 @@ mod shipped;
 mod study;
 mod subject;
 mod train;
+mod verify;
 mod view;
 
 use std::fs::File;
@@ -66,9 +69,15 @@ enum Command {
     Report(report::ReportArgs),
     /// Compare two runs on the same scenarios, scenario by scenario
     Compare(compare::CompareArgs),
+    /// Check that this program gives the numbers of a reference
+    Verify(verify::VerifyArgs),
+    /// Make references, and write their tables into documents
+    Reference(reference::ReferenceArgs),
+    /// Put references and runs of others into one table
+    Leaderboard(leaderboard::LeaderboardArgs),
     /// Show run folders in a browser: tables, figures, every scenario from above
     View(view::ViewArgs),
-    /// Run studies: replan intervals, both protocols, what each part of a simulator is worth
+    /// Run studies: replan intervals, both protocols, ablations of simulators
     Study(study::StudyArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
@@ -116,6 +125,9 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::convert(&args),
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
+        Command::Verify(args) => verify::verify(&args),
+        Command::Reference(args) => reference::reference(&args),
+        Command::Leaderboard(args) => leaderboard::leaderboard(&args),
         Command::View(args) => view::view(&args),
         Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),

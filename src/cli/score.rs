@@ -11,8 +11,8 @@ use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
 use crate::evaluation::{
-    Failure, FileRecord, Place, Provenance, Recorded, Registrar, SettingsRecord, program_commit,
-    program_version,
+    BenchmarkRecord, Failure, FileRecord, Place, Provenance, Recorded, Registrar, SettingsRecord,
+    program_commit, program_version,
 };
 use crate::formats;
 use crate::formats::document::Document;
@@ -119,6 +119,11 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     for failure in &failures {
         say(format_args!("warning: {}", failure.error));
     }
+    // The files of scenarios come after those of rollouts.
+    let benchmark = match &files[paths.len()..] {
+        [scenarios] => BenchmarkRecord::of(scenarios),
+        _ => None,
+    };
     let provenance = Provenance {
         version: program_version().to_owned(),
         commit: program_commit().to_owned(),
@@ -135,6 +140,9 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         simulators: recorded.simulators(),
         inputs: files,
         deviations: None,
+        benchmark,
+        backend: None,
+        cpu: None,
         keep_rollouts: None,
     };
     let summary = recorded.finish(failures, &provenance);

@@ -12,7 +12,7 @@ use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator, Registrar,
     RunSettings, Source,
 };
-use crate::formats::{self, FormatError, PendingScenarios};
+use crate::formats::{self, FormatError, Input, PendingScenarios};
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 
@@ -73,15 +73,8 @@ impl Work {
 impl Subject {
     /// The weights and parameters that were asked for, and a stage behind all simulators.
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
-        let mut asked = Adjustments { smoothing, ..Adjustments::default() };
-        for text in &self.model_weights {
-            match text.split_once('=') {
-                Some((id, file)) if !id.is_empty() && !file.is_empty() => {
-                    asked.weights.push((id.to_owned(), PathBuf::from(file)));
-                }
-                _ => bail!("--model-weights `{text}`: write ID=FILE, such as pufferdrive=puffer.safetensors"),
-            }
-        }
+        let weights = given_weights(&self.model_weights)?;
+        let mut asked = Adjustments { weights, smoothing, ..Adjustments::default() };
         for text in &self.set {
             let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
             let Some(((id, key), value)) = parts else {
@@ -140,19 +133,39 @@ impl Subject {
             }
             return Ok(vec![shipped::benchmark(most)]);
         }
-        let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
-        for input in self.reading.find_inputs(&self.scenarios)? {
-            let file = registrar.record(&input)?;
-            let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
-                Ok(Box::new(input.open_undecoded()?.take(most)))
-            });
-            sources.push(Source { file, open });
-        }
-        Ok(sources)
+        open_sources(self.reading.find_inputs(&self.scenarios)?, most)
     }
 }
 
-fn read_deviations(path: &Path) -> anyhow::Result<Deviations> {
+/// These files as sources that give at most `most` scenarios each.
+pub(super) fn open_sources(inputs: Vec<Input>, most: usize) -> anyhow::Result<Vec<Source>> {
+    let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
+    for input in inputs {
+        let file = registrar.record(&input)?;
+        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
+            Ok(Box::new(input.open_undecoded()?.take(most)))
+        });
+        sources.push(Source { file, open });
+    }
+    Ok(sources)
+}
+
+/// The ids and files of `--model-weights`.
+pub(super) fn given_weights(texts: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
+    let mut weights = Vec::new();
+    for text in texts {
+        match text.split_once('=') {
+            Some((id, file)) if !id.is_empty() && !file.is_empty() => {
+                weights.push((id.to_owned(), PathBuf::from(file)));
+            }
+            _ => bail!("--model-weights `{text}`: write ID=FILE, such as pufferdrive=puffer.safetensors"),
+        }
+    }
+    Ok(weights)
+}
+
+/// The deviated AVs of a file.
+pub(super) fn read_deviations(path: &Path) -> anyhow::Result<Deviations> {
     let tracks = formats::deviations::read(path)?;
     Ok(Deviations { file: FileRecord::of(path, "deviations")?, tracks })
 }

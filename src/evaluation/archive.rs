@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::EvaluationError;
 use super::folder::{EVENTS, ROLLOUTS, cannot_read, for_lines, read_summary, read_tally};
+use super::reference::REFERENCE_RECORD;
 use super::rollouts::recorded_tracks;
 use super::row::{EventRecord, Place};
 use super::summary::Summary;
@@ -54,6 +55,9 @@ impl Archive {
         let tally = read_tally(folder)?;
         let mut events: BTreeMap<(Place, usize), Stretch> = BTreeMap::new();
         let path = folder.join(EVENTS);
+        if !path.exists() && folder.join(REFERENCE_RECORD).exists() {
+            return Err(EvaluationError::NoEvents { path: folder.to_owned() });
+        }
         let mut damaged = None;
         for_lines(&path, |at, text| {
             let head: LineHead = match serde_json::from_str(text) {

@@ -84,6 +84,18 @@ pub enum EvaluationError {
         /// Its value now.
         new: String,
     },
+    /// A reference has no rows.
+    #[error("{path} holds aggregates only: rows of its scenarios are not published")]
+    AggregatesOnly {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A reference has no events and no rollouts.
+    #[error("{path} is a reference, which has no events: pages need the folder of its run")]
+    NoEvents {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Another run writes to the folder.
     #[error("another run is writing to {path}")]
     Busy {

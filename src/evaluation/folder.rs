@@ -10,6 +10,7 @@ use serde::Deserialize;
 
 use super::EvaluationError;
 use super::provenance::Provenance;
+use super::reference::{self, REFERENCE_RECORD};
 use super::row::{Failure, Place, Row};
 use super::summary::Summary;
 use super::tally::Tally;
@@ -18,6 +19,8 @@ use super::tally::Tally;
 pub const PROVENANCE: &str = "provenance.json";
 /// Name of the file with one row per scenario, simulator and rollout.
 pub const ROWS: &str = "rows.jsonl";
+/// Name of the file with the same rows in a reference.
+pub const ROWS_TABLE: &str = "rows.parquet";
 /// Name of the file with the counted events.
 pub const EVENTS: &str = "events.jsonl";
 /// Name of the file with what failed.
@@ -276,22 +279,67 @@ pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
 }
 
 /// The rows of a folder by scenario and simulator, where a pair has all of them.
-fn whole_pairs(
-    folder: &Path,
-    inputs: usize,
-    tally: &Tally,
-) -> Result<BTreeMap<(Place, String), Vec<Row>>, EvaluationError> {
-    let mut pairs: BTreeMap<(Place, String), Vec<Row>> = BTreeMap::new();
-    for_lines(&folder.join(ROWS), |_, text| {
-        // A line that is no row was torn by a kill or by a full disk; one of an input that is not there was damaged.
-        if let Ok(row) = serde_json::from_str::<Row>(text)
-            && row.input < inputs
-        {
+fn whole_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, EvaluationError> {
+    let mut pairs = Pairs::new();
+    for_rows(folder, |row| {
+        // A row of an input that is not there was damaged.
+        if row.input < inputs {
             pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
         }
     })?;
     pairs.retain(|_, rows| tally.is_whole(rows));
     Ok(pairs)
+}
+
+/// Rows by scenario and simulator.
+type Pairs = BTreeMap<(Place, String), Vec<Row>>;
+
+/// Calls `each` with every row of a run folder, or of a reference.
+fn for_rows(folder: &Path, mut each: impl FnMut(Row)) -> Result<(), EvaluationError> {
+    let (lines, table) = (folder.join(ROWS), folder.join(ROWS_TABLE));
+    if lines.exists() || !folder.join(REFERENCE_RECORD).exists() {
+        return for_lines(&lines, |_, text| {
+            // A line that is no row was torn by a kill or by a full disk.
+            if let Ok(row) = serde_json::from_str::<Row>(text) {
+                each(row);
+            }
+        });
+    }
+    if !table.exists() {
+        return Err(EvaluationError::AggregatesOnly { path: folder.to_owned() });
+    }
+    reference::rows::read(&table)?.into_iter().for_each(each);
+    Ok(())
+}
+
+/// All rows in the folder of a finished run, or of a reference, in their order.
+///
+/// # Errors
+/// [`EvaluationError`] when there is no run, it is not finished, or its rows cannot be read.
+pub fn read_rows(folder: &Path) -> Result<Vec<Row>, EvaluationError> {
+    read_summary(folder)?;
+    let mut rows = Vec::new();
+    for_rows(folder, |row| rows.push(row))?;
+    Ok(rows)
+}
+
+/// The tally of rows, and the first pair of scenario and simulator whose rows are not whole or not of this run.
+pub(super) fn tally_of(run: &Provenance, rows: &[Row]) -> (Tally, Option<(String, String)>) {
+    let ids: Vec<String> = run.simulators.iter().map(|s| s.id.clone()).collect();
+    let mut tally = Tally::new(ids, run.settings.rollouts);
+    let mut pairs = Pairs::new();
+    for row in rows {
+        pairs.entry((row.place(), row.simulator.clone())).or_default().push(row.clone());
+    }
+    let mut dropped = None;
+    for ((place, simulator), rows) in &pairs {
+        if tally.is_whole(rows) && tally.simulators.contains(simulator) && place.input < run.inputs.len() {
+            tally.add(rows);
+        } else {
+            dropped.get_or_insert_with(|| (rows[0].scenario.clone(), simulator.clone()));
+        }
+    }
+    (tally, dropped)
 }
 
 /// Appends to a file, one call of the system for each text.

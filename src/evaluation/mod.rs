@@ -22,6 +22,7 @@
 
 mod archive;
 mod av;
+mod benchmarks;
 mod comparison;
 pub mod document;
 mod error;
@@ -31,6 +32,7 @@ mod judge;
 mod plan;
 mod provenance;
 mod recorded;
+pub mod reference;
 mod rollouts;
 mod row;
 mod runner;
@@ -44,12 +46,13 @@ mod tally;
 
 pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
+pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use folder::{
-    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, RunFolder, SUMMARY, TABLE, read_provenance, read_summary,
-    read_tally,
+    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RunFolder, SUMMARY, TABLE, read_provenance,
+    read_rows, read_summary, read_tally,
 };
 pub use plan::{Deviations, KnownDeviation, NoAv, Plan, RunSettings};
 pub use provenance::{

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::av::AvChoice;
+use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
 use super::simulators::PlannedSimulator;
@@ -95,7 +96,7 @@ impl Plan {
     /// Where the numbers will come from.
     pub fn provenance(&self) -> Provenance {
         let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
-        Provenance {
+        let provenance = Provenance {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
             settings: SettingsRecord {
@@ -128,8 +129,15 @@ impl Plan {
                 .collect(),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
             deviations: self.deviations.as_ref().map(|d| d.file.clone()),
+            benchmark: match (self.sources.as_slice(), &self.deviations, self.settings.limit) {
+                ([source], None, None) => BenchmarkRecord::of(&source.file),
+                _ => None,
+            },
+            backend: None,
+            cpu: None,
             keep_rollouts: Some(self.keep_rollouts),
-        }
+        };
+        provenance.with_machine()
     }
 
     /// What its values are collected in, still empty.

@@ -4,10 +4,15 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use crate::models::WeightsFile;
+use crate::models::nn::{backend, cpu_class};
 
-/// Everything that decides the numbers of a run. Two runs with equal provenance have equal results.
+/// Everything that decides the numbers of a run: program, settings, inputs, simulators with their parameters and weights, and
+/// for networks the backend and the class of the processor.
+///
+/// Two runs with equal provenance have equal results if their commit is known and has no `+`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
@@ -25,6 +30,16 @@ pub struct Provenance {
     pub inputs: Vec<FileRecord>,
     /// The file of deviated AVs, where one was given.
     pub deviations: Option<FileRecord>,
+    /// The known benchmark that the inputs are; `None` for other inputs, for a part of a benchmark (`--limit`), and with a file of
+    /// deviations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<BenchmarkRecord>,
+    /// Name of the tensor backend, such as `flex`; `None` where no simulator has a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backend: Option<String>,
+    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`]); `None` where no simulator has a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
     /// Whether rollouts are kept; left out of the result, which does not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_rollouts: Option<bool>,
@@ -71,6 +86,13 @@ pub struct SimulatorRecord {
     pub weights: Option<WeightsRecord>,
 }
 
+impl SimulatorRecord {
+    /// Whether the simulator runs a network.
+    pub fn is_network(&self) -> bool {
+        self.weights.is_some()
+    }
+}
+
 /// The weights of a simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -101,22 +123,43 @@ pub fn program_commit() -> &'static str {
 }
 
 impl Provenance {
+    /// Notes backend and class of the processor if a simulator has a network.
+    pub(super) fn with_machine(mut self) -> Self {
+        let networks = self.simulators.iter().any(SimulatorRecord::is_network);
+        self.backend = networks.then(|| backend().to_owned());
+        self.cpu = networks.then(|| cpu_class().to_owned());
+        self
+    }
+
     /// The first setting in which two runs differ, with its value in each.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let flat = |p: &Self| {
-            let mut out = BTreeMap::new();
-            if let Ok(value) = serde_json::to_value(p) {
-                flatten("", &value, &mut out);
-            }
-            out
-        };
-        let (mine, theirs) = (flat(self), flat(other));
-        let absent = || "absent".to_owned();
-        let key = mine.keys().chain(theirs.keys()).find(|k| mine.get(*k) != theirs.get(*k))?;
-        let name = key.trim_start_matches("settings.").to_owned();
-        let value = |of: &BTreeMap<String, String>| of.get(key).cloned().unwrap_or_else(absent);
-        Some((name, value(&mine), value(&theirs)))
+        let (name, mine, theirs) = differences(self, other).into_iter().next()?;
+        Some((name.trim_start_matches("settings.").to_owned(), mine, theirs))
     }
+
+    /// Whether the program was built from a known commit without changes.
+    pub fn is_clean(&self) -> bool {
+        self.commit != "unknown" && !self.commit.ends_with('+')
+    }
+}
+
+/// The leaves in which two values differ as JSON: path, and text in each.
+pub(super) fn differences<T: Serialize>(a: &T, b: &T) -> Vec<(String, String, String)> {
+    let (mine, theirs) = (leaves(a), leaves(b));
+    let absent = || "absent".to_owned();
+    let value = |of: &BTreeMap<String, String>, key: &str| of.get(key).cloned().unwrap_or_else(absent);
+    let only_theirs = theirs.keys().filter(|k| !mine.contains_key(*k));
+    let differing = mine.keys().chain(only_theirs).filter(|k| mine.get(*k) != theirs.get(*k));
+    differing.map(|k| (k.clone(), value(&mine, k), value(&theirs, k))).collect()
+}
+
+/// Every leaf of a value as JSON, by its path.
+pub(super) fn leaves<T: Serialize>(value: &T) -> BTreeMap<String, String> {
+    let mut out = BTreeMap::new();
+    if let Ok(value) = serde_json::to_value(value) {
+        flatten("", &value, &mut out);
+    }
+    out
 }
 
 /// Every leaf of a JSON value by its path.

@@ -46,20 +46,9 @@ impl Recorded {
         }
         for (simulator, mut records) in groups {
             records.sort_by_key(|r| r.rollout);
-            let repeated = records.windows(2).find(|w| w[0].rollout == w[1].rollout).map(|w| w[0].rollout);
-            let rollouts: Result<Vec<Rollout>, String> = match repeated {
-                Some(index) => Err(format!("rollout {index} occurs twice")),
-                None => records
-                    .iter()
-                    .map(|record| {
-                        let tracks = recorded_tracks(scenario, record);
-                        let tracks = tracks.map_err(|e| format!("rollout {}: {e}", record.rollout))?;
-                        Ok(Rollout { tracks, outcomes: BTreeMap::new() })
-                    })
-                    .collect(),
-            };
-            match rollouts {
-                Ok(rollouts) => self.add(place, scenario, &simulator, &records, &rollouts),
+            let rows = judged(place, scenario, &simulator, &records, self.options);
+            match rows {
+                Ok(rows) => self.tally.add(&rows),
                 Err(error) => failed.push(Failure {
                     input: place.input,
                     record: place.record,
@@ -72,23 +61,6 @@ impl Recorded {
         }
         self.failures.extend(failed.iter().cloned());
         failed
-    }
-
-    fn add(
-        &mut self,
-        place: Place,
-        scenario: &Scenario,
-        simulator: &str,
-        records: &[RolloutRecord],
-        rollouts: &[Rollout],
-    ) {
-        let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
-        let about = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
-        let indices = records.iter().map(|r| r.rollout);
-        let judged = judge(scenario, deviation.certificate.as_ref(), rollouts, self.options);
-        let rows = judged.rows(about, indices, rollouts);
-        let rows: Vec<Row> = rows.into_iter().map(|(row, _)| row).collect();
-        self.tally.add(&rows);
     }
 
     /// Ids of the scenarios whose rollouts were not scored yet.
@@ -116,4 +88,29 @@ impl Recorded {
         all.sort();
         Summary::new(&self.tally, &all, provenance)
     }
+}
+
+/// The rows of recorded rollouts of one scenario and one simulator, in the order of the rollouts.
+pub(super) fn judged(
+    place: Place,
+    scenario: &Scenario,
+    simulator: &str,
+    records: &[RolloutRecord],
+    options: Options,
+) -> Result<Vec<Row>, String> {
+    if let Some(pair) = records.windows(2).find(|w| w[0].rollout == w[1].rollout) {
+        return Err(format!("rollout {} occurs twice", pair[0].rollout));
+    }
+    let rollouts = records.iter().map(|record| {
+        let tracks = recorded_tracks(scenario, record);
+        let tracks = tracks.map_err(|e| format!("rollout {}: {e}", record.rollout))?;
+        Ok(Rollout { tracks, outcomes: BTreeMap::new() })
+    });
+    let rollouts: Vec<Rollout> = rollouts.collect::<Result<_, String>>()?;
+    let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
+    let about = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
+    let indices = records.iter().map(|r| r.rollout);
+    let judged = judge(scenario, deviation.certificate.as_ref(), &rollouts, options);
+    let rows = judged.rows(about, indices, &rollouts);
+    Ok(rows.into_iter().map(|(row, _)| row).collect())
 }

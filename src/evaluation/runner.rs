@@ -32,6 +32,8 @@ pub struct Execution {
 pub trait RunObserver: Sync {
     /// A scenario is done, well or not; `done` counts them, those of an earlier, interrupted run among them.
     fn scenario_done(&self, _done: usize) {}
+    /// The rows of one scenario and one simulator are there.
+    fn rows(&self, _rows: &[Row]) {}
     /// A scenario, a file or a pair of scenario and simulator failed.
     fn failed(&self, _failure: &Failure) {}
 }
@@ -298,6 +300,7 @@ impl Runner<'_> {
             }
             folder.append(&rows.iter().map(line).collect::<String>(), &events)?;
         }
+        self.observer.rows(&rows);
         self.tally.lock().unwrap_or_else(PoisonError::into_inner).add(&rows);
         Ok(())
     }

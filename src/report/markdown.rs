@@ -42,7 +42,8 @@ impl Exporter for Markdown {
     }
 }
 
-fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> io::Result<()> {
+/// Lines under the heads of columns.
+pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> io::Result<()> {
     let with_run = lines.iter().any(|l| l.run.is_some());
     let with_failed = lines.iter().any(|l| l.failed > 0);
     let mut head: Vec<String> = Vec::new();

@@ -2,12 +2,14 @@
 
 pub mod animation;
 pub mod birdseye;
+pub mod blocks;
 pub mod comparison;
 mod csv;
 pub mod curation_charts;
 pub mod curation_tables;
 mod json;
 mod latex;
+pub mod leaderboard;
 mod long;
 mod markdown;
 mod parquet;
@@ -17,6 +19,7 @@ pub mod realism_tables;
 pub mod study_tables;
 mod table;
 pub mod training_curves;
+pub mod verification;
 
 use std::io::{self, Write};
 

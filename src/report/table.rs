@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{CategorySummary, Estimate, SettingsRecord, SimulatorSummary, Summary};
+use crate::evaluation::{CategorySummary, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary};
 use crate::metrics::{self, Unit};
 use crate::scene::Difficulty;
 
@@ -189,7 +189,8 @@ pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, par
 pub(super) fn provenance(run: &super::Run<'_>) -> String {
     let p = &run.summary.provenance;
     let s = &p.run.settings;
-    let mut parts = vec![count(p.scenarios, "scenario")];
+    let mut parts: Vec<String> = p.run.benchmark.iter().map(ToString::to_string).collect();
+    parts.push(count(p.scenarios, "scenario"));
     if !p.failures.is_empty() {
         parts.push(count(p.failures.len(), "failure"));
     }
@@ -223,19 +224,24 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
             parts.push(format!("{} with {}", simulator.id, details.join(" ")));
         }
     }
-    let commit = if p.run.commit == "unknown" { "" } else { &p.run.commit };
-    let plus = if commit.ends_with('+') { "+" } else { "" };
-    let short: String = commit.chars().take(9).collect();
-    let version = &p.run.version;
-    parts.push(match short.is_empty() {
-        true => format!("reactsim {version}"),
-        false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
-    });
+    parts.push(program(&p.run));
     parts.join(", ")
 }
 
+/// Version and commit of the program.
+pub(super) fn program(run: &Provenance) -> String {
+    let commit = if run.commit == "unknown" { "" } else { &run.commit };
+    let plus = if commit.ends_with('+') { "+" } else { "" };
+    let short: String = commit.chars().take(9).collect();
+    let version = &run.version;
+    match short.is_empty() {
+        true => format!("reactsim {version}"),
+        false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
+    }
+}
+
 /// What the rollouts were made with.
-fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
+pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
     parts.push(format!("{} protocol", s.protocol));
     if s.protocol == "reactive" {
         parts.push(format!("AV {}", s.av));

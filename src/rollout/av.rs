@@ -16,6 +16,12 @@ pub trait AvPolicy: Send {
     /// # Errors
     /// [`AvError`] when there is no such state.
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
+
+    /// Whether the states are those of a recording, so that their velocities were measured. Velocities of all other policies are replaced by
+    /// position differences.
+    fn replays_recording(&self) -> bool {
+        false
+    }
 }
 
 /// Why an AV can not be moved.
@@ -128,5 +134,9 @@ impl AvPolicy for LogAv {
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let step = seen.frame() - CURRENT;
         self.track[step].ok_or(AvError::Absent { step: step + 1 })
+    }
+
+    fn replays_recording(&self) -> bool {
+        true
     }
 }

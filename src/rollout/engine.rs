@@ -19,7 +19,11 @@ pub struct Request<'a> {
 /// The realised states of one scenario: history, then 80 steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
-    /// Per agent (order of the scenario) 91 frames. Velocities of the steps are position differences over 0.1 s.
+    /// Per agent (order of the scenario) 91 frames.
+    ///
+    /// Velocities of the steps are position differences over 0.1 s, so that nothing can state one speed and drive another. A replayed
+    /// recording (an oracle, or the logged AV) keeps its recorded velocities where they are finite. The first state after a gap keeps the
+    /// velocity that it was given.
     pub tracks: Vec<Vec<Frame>>,
     /// How parts of plans ended, by name.
     pub outcomes: BTreeMap<&'static str, u64>,
@@ -65,6 +69,8 @@ pub enum RolloutError {
 struct Running<'a> {
     scenario: &'a Scenario,
     av: Box<dyn AvPolicy>,
+    /// Whether planned states are those of a recording.
+    replayed: bool,
     tracks: Vec<Vec<Frame>>,
     lights: Vec<Vec<Option<LightState>>>,
     memory: Memory,
@@ -167,6 +173,7 @@ impl<'a> Running<'a> {
             av_next: None,
             plan: JointPlan::new(0, 0),
             failed: None,
+            replayed: matches!(controller, Controller::Oracle(_)),
             av: request.av,
             scenario,
         }
@@ -190,7 +197,11 @@ impl<'a> Running<'a> {
         let step = self.tracks[0].len() - CURRENT;
         let external = self.av_next.take();
         for agent in 0..self.tracks.len() {
-            let planned = if agent == 0 && external.is_some() { external } else { self.plan.get(agent, k) };
+            let (planned, replayed) = if agent == 0 && external.is_some() {
+                (external, self.av.replays_recording())
+            } else {
+                (self.plan.get(agent, k), self.replayed)
+            };
             if planned.is_some_and(|s| !s.is_finite()) {
                 return Err(RolloutError::NotFinite {
                     scenario: self.scenario.id.clone(),
@@ -199,7 +210,7 @@ impl<'a> Running<'a> {
                 });
             }
             let before = self.tracks[agent].last().copied().flatten();
-            self.tracks[agent].push(planned.map(|state| consistent(before, state)));
+            self.tracks[agent].push(planned.map(|state| with_velocity(before, state, replayed)));
         }
         for (seen, future) in self.lights.iter_mut().zip(&self.scenario.log_future.lights) {
             seen.push(future[step - 1]);
@@ -208,9 +219,11 @@ impl<'a> Running<'a> {
     }
 }
 
-/// The state with the velocity that its positions say. After a gap the state keeps its own velocity.
-fn consistent(before: Frame, state: AgentState) -> AgentState {
+/// The state with its realised velocity: the recorded one where a recording is replayed and has one, else the position difference. After
+/// a gap the state keeps its own velocity.
+fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState {
     match before {
+        Some(_) if replayed && state.velocity().is_some_and(|v| v.x.is_finite() && v.y.is_finite()) => state,
         Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
         None => state,
     }

@@ -90,19 +90,22 @@ fn help_fits_a_terminal() {
     Usage: reactsim [COMMAND]
 
     Commands:
-      run       Run simulators on scenarios and print the table of their metrics
-      score     Score rollouts that any program produced
-      curate    Make AV trajectories that leave the log (deviated AVs), review and analyse them
-      generate  Generate scenarios: maps, traffic, and for benchmarks deviated AVs
-      train     Train networks, and build what they need
-      convert   Convert scenarios of any format to native Parquet
-      report    Print the tables of finished runs, or make one page of them
-      compare   Compare two runs on the same scenarios, scenario by scenario
-      view      Show run folders in a browser: tables, figures, every scenario from above
-      study     Run studies: replan intervals, both protocols, what each part of a simulator is worth
-      inspect   Print and draw what is in a scenario
-      list      List models, metrics, formats, weights or map types
-      help      Print this message or the help of the given subcommand(s)
+      run          Run simulators on scenarios and print the table of their metrics
+      score        Score rollouts that any program produced
+      curate       Make AV trajectories that leave the log (deviated AVs), review and analyse them
+      generate     Generate scenarios: maps, traffic, and for benchmarks deviated AVs
+      train        Train networks, and build what they need
+      convert      Convert scenarios of any format to native Parquet
+      report       Print the tables of finished runs, or make one page of them
+      compare      Compare two runs on the same scenarios, scenario by scenario
+      verify       Check that this program gives the numbers of a reference
+      reference    Make references, and write their tables into documents
+      leaderboard  Put references and runs of others into one table
+      view         Show run folders in a browser: tables, figures, every scenario from above
+      study        Run studies: replan intervals, both protocols, ablations of simulators
+      inspect      Print and draw what is in a scenario
+      list         List models, metrics, formats, weights or map types
+      help         Print this message or the help of the given subcommand(s)
 
     Options:
       -h, --help     Print help
@@ -113,8 +116,21 @@ fn help_fits_a_terminal() {
     With no arguments at all it runs every baseline on the shipped scenarios.
     ");
     for verb in [
-        "run", "score", "curate", "generate", "train", "convert", "report", "compare", "view", "study",
-        "inspect", "list",
+        "run",
+        "score",
+        "curate",
+        "generate",
+        "train",
+        "convert",
+        "report",
+        "compare",
+        "verify",
+        "reference",
+        "leaderboard",
+        "view",
+        "study",
+        "inspect",
+        "list",
     ] {
         let help = stdout(&reactsim(&[verb, "--help"]));
         assert!(help.contains("Usage: reactsim"), "{verb}");

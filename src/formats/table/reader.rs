@@ -1,5 +1,6 @@
 //! Reading Parquet by row group, with every number of the footer checked before it is used.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -61,8 +62,8 @@ impl TableReader {
     }
 
     /// As [`TableReader::open`], with the content in memory; errors name it by `name`.
-    pub(crate) fn of_bytes(name: &Path, content: &'static [u8]) -> Result<Self, FormatError> {
-        Self::over(name, Box::new(Cursor::new(content)))
+    pub(crate) fn of_bytes(name: &Path, content: impl Into<Cow<'static, [u8]>>) -> Result<Self, FormatError> {
+        Self::over(name, Box::new(Cursor::new(content.into())))
     }
 
     fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {

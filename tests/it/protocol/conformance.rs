@@ -1,9 +1,12 @@
 //! What every rollout of every baseline is like, whatever the scenario.
 
+use std::ops::Range;
 use std::path::Path;
 
 use reactsim::models::{Card, MODELS, qp};
-use reactsim::rollout::{AvError, AvPolicy, Observation, Protocol, Request, Rollout, Settings, roll_out};
+use reactsim::rollout::{
+    AvError, AvPolicy, LogAv, Observation, Protocol, Request, Rollout, Settings, roll_out,
+};
 use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, FRAMES, HISTORY, LoggedAgent, MapParts, Scenario};
 
 use super::{INTERVALS, every_baseline, scenarios, settings};
@@ -22,9 +25,14 @@ fn realism(scenario: &Scenario) -> Request<'_> {
     Request { scenario, av: Box::new(Unasked), rollout: 0 }
 }
 
+/// The agents whose log an oracle replays: all but an external AV; nobody's for other simulators.
+fn replayed(oracle: bool, external_av: bool, scenario: &Scenario) -> Range<usize> {
+    if oracle { usize::from(external_av)..scenario.start.agents.len() } else { 0..0 }
+}
+
 /// What holds of a rollout of any simulator.
-fn check(scenario: &Scenario, rollout: &Rollout, fair: bool, what: &str) {
-    let what = format!("{what}: {}", scenario.id);
+fn check(scenario: &Scenario, rollout: &Rollout, replayed: Range<usize>, what: &str) {
+    let (fair, what) = (replayed.is_empty(), format!("{what}: {}", scenario.id));
     assert_eq!(rollout.tracks.len(), scenario.start.agents.len(), "{what}");
     for (i, track) in rollout.tracks.iter().enumerate() {
         assert_eq!(track.len(), FRAMES, "{what}: agent {i}");
@@ -32,9 +40,13 @@ fn check(scenario: &Scenario, rollout: &Rollout, fair: bool, what: &str) {
         assert_eq!(history[0], history[1], "{what}: the history of agent {i} changed");
         for f in CURRENT..FRAMES - 1 {
             if let (Some(a), Some(b)) = (track[f], track[f + 1]) {
-                let v = [(b.x - a.x) / DT, (b.y - a.y) / DT];
+                let recorded = scenario.log_future.tracks[i][f + 1 - HISTORY].and_then(|s| s.velocity());
+                let v = match recorded.filter(|_| replayed.contains(&i)) {
+                    Some(v) => [v.x, v.y],
+                    None => [(b.x - a.x) / DT, (b.y - a.y) / DT],
+                };
                 let exact = [b.vx, b.vy].map(f64::to_bits) == v.map(f64::to_bits);
-                assert!(exact, "{what}: agent {i}: velocity and positions disagree after frame {f}");
+                assert!(exact, "{what}: agent {i}: another velocity than by the rule after frame {f}");
                 assert!(b.is_finite(), "{what}: agent {i}");
             }
             assert!(!fair || track[f + 1].is_some(), "{what}: agent {i} vanishes at frame {}", f + 1);
@@ -51,7 +63,7 @@ fn rollouts_are_whole_and_agree_with_themselves() {
                 let av = coasting(scenario);
                 let done = roll_out(vec![request(scenario, av.clone(), 0)], &controller, &settings).remove(0);
                 let done = done.unwrap();
-                check(scenario, &done, !model.oracle, model.id);
+                check(scenario, &done, replayed(model.oracle, true, scenario), model.id);
                 for (track, given) in done.tracks[0][HISTORY..].iter().zip(&av) {
                     let s = track.unwrap();
                     assert_eq!(
@@ -97,7 +109,7 @@ fn in_the_realism_protocol_the_simulator_moves_the_av() {
         for scenario in &scenarios(2) {
             let settings = Settings { protocol: Protocol::Realism, ..Settings::default() };
             let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0).unwrap();
-            check(scenario, &done, !model.oracle, model.id);
+            check(scenario, &done, replayed(model.oracle, false, scenario), model.id);
             let (now, then) = (scenario.start.now(0), done.tracks[0][FRAMES - 1].unwrap());
             match model.id {
                 "log-replay" => {
@@ -164,15 +176,43 @@ fn bare_scenes_are_lawful() {
                 av.iter_mut().filter(|s| !s.is_finite()).for_each(|s| *s = scenario.start.now(0));
                 for state in roll_out(vec![request(scenario, av, 0)], &controller, &settings) {
                     let what = format!("{} every {replan}", model.id);
-                    check(scenario, &state.unwrap_or_else(|e| panic!("{what}: {e}")), !model.oracle, &what);
+                    let done = state.unwrap_or_else(|e| panic!("{what}: {e}"));
+                    check(scenario, &done, replayed(model.oracle, true, scenario), &what);
                 }
                 let settings = Settings { protocol: Protocol::Realism, ..settings };
                 let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0);
                 let what = format!("{} every {replan}, realism", model.id);
-                check(scenario, &done.unwrap_or_else(|e| panic!("{what}: {e}")), !model.oracle, &what);
+                let done = done.unwrap_or_else(|e| panic!("{what}: {e}"));
+                check(scenario, &done, replayed(model.oracle, false, scenario), &what);
             }
         }
     }
+}
+
+/// A recorder measures velocities; its positions need not agree with them.
+#[test]
+fn replayed_recordings_keep_their_velocities_and_nobody_else_does() {
+    let mut agents = vec![car("av", 0.0, 0.0, 0.0, 9.0), car("one", -20.0, 0.0, 0.0, 10.0)];
+    agents.push(car("partly unknown", -40.0, 0.0, 0.0, 10.0));
+    for agent in &mut agents {
+        agent.track[HISTORY..].iter_mut().flatten().for_each(|s| s.vy = 0.25);
+    }
+    for state in agents[2].track[HISTORY..].iter_mut().flatten() {
+        state.vx = f64::NAN;
+    }
+    let scenario = scene("measured", agents, straight());
+    let velocities = |id: &str, av: Box<dyn AvPolicy>| -> Vec<[f64; 2]> {
+        let controller = reactsim::models::find(id).unwrap().simulator().unwrap();
+        let request = Request { scenario: &scenario, av, rollout: 0 };
+        let done = roll_out(vec![request], &controller, &Settings::default()).remove(0).unwrap();
+        done.tracks.iter().map(|t| t[FRAMES - 1].map(|s| [s.vx.round(), s.vy]).unwrap()).collect()
+    };
+    let log = || Box::new(LogAv::new(&scenario).unwrap());
+    let driven = || request(&scenario, coasting(&scenario), 0).av;
+    assert_eq!(velocities("log-replay", log()), [[9.0, 0.25], [10.0, 0.25], [10.0, 0.0]]);
+    // The AV that leaves the log is no recording, nor is what a simulator plans.
+    assert_eq!(velocities("log-replay", driven())[0], [9.0, 0.0]);
+    assert_eq!(velocities("stop", log()), [[9.0, 0.25], [0.0, 0.0], [0.0, 0.0]]);
 }
 
 /// The cards below a folder, as text.

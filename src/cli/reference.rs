@@ -1,0 +1,161 @@
+//! `reactsim reference`: makes references, and keeps tables in documents as they say.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::{Args, Subcommand};
+
+use super::{ExitStatus, count, say};
+use crate::evaluation::reference::{MakeOptions, Reference, make};
+use crate::evaluation::shipped_benchmark;
+use crate::report::blocks::{blocks, render};
+
+/// Folder of the references in a checkout.
+const FOLDER: &str = "references";
+
+const AFTER: &str = "\
+  reactsim run --out runs/bench
+  reactsim reference make runs/bench --name reactsim-bench-v1 --command 'reactsim run --out runs/bench' \\
+      --out references/reactsim-bench-v1
+  reactsim reference tables README.md --check";
+
+/// Arguments of `reference`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct ReferenceArgs {
+    #[command(subcommand)]
+    command: ReferenceCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ReferenceCommand {
+    /// Make a reference of a finished run
+    Make(MakeArgs),
+    /// Write the tables of references into Markdown files, between their marks
+    Tables(TablesArgs),
+}
+
+#[derive(Debug, Args)]
+struct MakeArgs {
+    /// Folder of the finished run
+    #[arg(value_name = "RUNFOLDER")]
+    run: PathBuf,
+    /// Name of the reference
+    #[arg(long)]
+    name: String,
+    /// One line for people [default: the name]
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    title: String,
+    /// A command that made the run; may be repeated
+    #[arg(long = "command", value_name = "COMMAND")]
+    commands: Vec<String>,
+    /// Leave rows out: for recordings whose terms allow no more than aggregates
+    #[arg(long)]
+    aggregates_only: bool,
+    /// Folder of the reference, such as references/NAME
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = TABLES_AFTER)]
+struct TablesArgs {
+    /// Markdown files
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Change nothing; exit code 1 if a table is not as its reference says
+    #[arg(long)]
+    check: bool,
+}
+
+const TABLES_AFTER: &str = "\
+  <!-- table references/NAME columns=aav-collision,ade models=idm,stop difficulty=hard -->
+  <!-- end -->
+
+columns, models, and one of category and difficulty may be left out. Folders of references are
+relative to the current directory.";
+
+pub(super) fn reference(args: &ReferenceArgs) -> anyhow::Result<ExitStatus> {
+    match &args.command {
+        ReferenceCommand::Make(args) => make_reference(args),
+        ReferenceCommand::Tables(args) => tables(args),
+    }
+}
+
+fn make_reference(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
+    let options = MakeOptions {
+        name: args.name.clone(),
+        title: args.title.clone(),
+        commands: args.commands.clone(),
+        aggregates_only: args.aggregates_only,
+    };
+    let made = make(&args.run, &args.out, &options)?;
+    let rows = made.rows.as_ref().map_or_else(|| "no rows".to_owned(), |rows| count(rows.len(), "row"));
+    let simulators = count(made.provenance.simulators.len(), "simulator");
+    say(format_args!("{}: {simulators}, {rows}", args.out.display()));
+    Ok(ExitStatus::Done)
+}
+
+fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
+    let mut references: BTreeMap<String, Reference> = BTreeMap::new();
+    let mut stale = 0;
+    for path in &args.files {
+        let named = || path.display().to_string();
+        let old = fs::read_to_string(path).with_context(|| format!("could not read {}", named()))?;
+        let mut new = String::with_capacity(old.len());
+        let mut written = 0;
+        for block in blocks(&old).with_context(named)? {
+            let place = || format!("{}, line {}", named(), block.line);
+            if !references.contains_key(&block.reference) {
+                let reference = Reference::open(Path::new(&block.reference)).with_context(place)?;
+                references.insert(block.reference.clone(), reference);
+            }
+            let table = render(&references[&block.reference], &block.selection).with_context(place)?;
+            if old[block.place.clone()] != table {
+                stale += 1;
+                if args.check {
+                    say(format_args!("{}: the table `{}` is not as its reference says", place(), block.name));
+                }
+            }
+            new.push_str(&old[written..block.place.start]);
+            new.push_str(&table);
+            written = block.place.end;
+        }
+        new.push_str(&old[written..]);
+        if new != old && !args.check {
+            fs::write(path, &new).with_context(|| format!("could not write {}", named()))?;
+            say(format_args!("{}: written", named()));
+        }
+    }
+    if args.check && stale > 0 {
+        say(format_args!("write them with `reactsim reference tables` and the same files"));
+        return Ok(ExitStatus::SomeFailed);
+    }
+    Ok(ExitStatus::Done)
+}
+
+/// The reference of a name or a folder; that of the shipped benchmark where none is named. References that are part of the program go before
+/// folders, unless a path is given.
+pub(super) fn find(asked: Option<&str>) -> anyhow::Result<Reference> {
+    let name = match asked {
+        Some(name) => name.to_owned(),
+        None => {
+            let benchmark = shipped_benchmark().context("no benchmark ships with this program")?.record;
+            format!("{}-{}", benchmark.name, benchmark.version)
+        }
+    };
+    let is_path = name.contains(['/', std::path::MAIN_SEPARATOR]) || name.starts_with('.');
+    if !is_path && let Some(embedded) = Reference::embedded(&name) {
+        return Ok(embedded?);
+    }
+    let in_checkout = Path::new(FOLDER).join(&name);
+    let folder = if !is_path && in_checkout.is_dir() { in_checkout } else { PathBuf::from(&name) };
+    if !folder.is_dir() {
+        bail!(
+            "there is no reference `{name}`: it is not part of the program, and there is no folder {FOLDER}/{name}"
+        );
+    }
+    Ok(Reference::open(&folder)?)
+}

@@ -1,0 +1,116 @@
+//! Entries of a leaderboard: references, and run folders of others.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{REFERENCE_RECORD, Reference, ReferenceError, check_values, rescore};
+use crate::evaluation::provenance::differences;
+use crate::evaluation::{
+    BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary,
+};
+
+/// A run that stands in a leaderboard.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Name, that of its folder.
+    pub name: String,
+    /// Its benchmark.
+    pub benchmark: BenchmarkRecord,
+    /// Its result.
+    pub summary: Summary,
+    /// How far its numbers were checked.
+    pub status: Status,
+}
+
+/// How far the numbers of an entry were checked. Of all entries the rows give the summary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// A reference whose files have the digests that it states.
+    Reference,
+    /// A run whose kept rollouts give its rows again.
+    Verified,
+    /// A run without rollouts, or on scenarios that are not at hand.
+    Unverified,
+}
+
+impl Status {
+    /// Name in tables and files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Reference => "reference",
+            Self::Verified => "verified",
+            Self::Unverified => "unverified",
+        }
+    }
+}
+
+impl Entry {
+    /// Reads an entry: a reference, or a finished run folder. `scenarios` opens the file of a benchmark where it is at hand, to score
+    /// kept rollouts again.
+    ///
+    /// # Errors
+    /// [`ReferenceError`] refuses an entry that is unfinished, on no known benchmark or on a part of one, that has failures, whose rows do
+    /// not give its summary, or whose rollouts do not give its rows.
+    pub fn read(
+        folder: &Path,
+        name: String,
+        scenarios: impl Fn(&BenchmarkRecord) -> Option<Source>,
+    ) -> Result<Self, ReferenceError> {
+        let place = folder.display().to_string();
+        let whole = |provenance: &Provenance| match &provenance.benchmark {
+            Some(benchmark) if benchmark.known().is_some() => Ok(benchmark.clone()),
+            Some(benchmark) => Err(ReferenceError::Unfit {
+                place: place.clone(),
+                reason: format!(
+                    "this program does not know the benchmark {benchmark} ({})",
+                    benchmark.blake3
+                ),
+            }),
+            None => Err(ReferenceError::Unfit {
+                place: place.clone(),
+                reason: "the run is on no known benchmark, or on a part of one".to_owned(),
+            }),
+        };
+        if folder.join(REFERENCE_RECORD).exists() {
+            let reference = Reference::open(folder)?;
+            let benchmark = whole(&reference.provenance)?;
+            return Ok(Self { name, benchmark, summary: reference.summary, status: Status::Reference });
+        }
+        let (summary, provenance) = (read_summary(folder)?, read_provenance(folder)?);
+        let benchmark = whole(&provenance)?;
+        check_values(&place, &provenance, &summary, Some(&read_rows(folder)?))?;
+        let scored = match scenarios(&benchmark) {
+            Some(source) => rescore(folder, &[source])?,
+            None => None,
+        };
+        let status = if scored.is_some() { Status::Verified } else { Status::Unverified };
+        Ok(Self { name, benchmark, summary, status })
+    }
+
+    /// Refuses an entry that cannot stand in one table with another one: of another benchmark, or with other settings.
+    ///
+    /// # Errors
+    /// [`ReferenceError`] names what differs.
+    pub fn check_comparable(&self, first: &Self) -> Result<(), ReferenceError> {
+        let (own, of_first) = (&self.summary.provenance.run, &first.summary.provenance.run);
+        let refuse = |field: String, stated: String, found: String| ReferenceError::Unfit {
+            place: self.name.clone(),
+            reason: format!(
+                "`{field}` is {found}, and {stated} in {}: they cannot stand in one table",
+                first.name
+            ),
+        };
+        if self.benchmark != first.benchmark {
+            let text = |b: &BenchmarkRecord| format!("{b} ({:.12})", b.blake3);
+            return Err(refuse("benchmark".to_owned(), text(&first.benchmark), text(&self.benchmark)));
+        }
+        let settings = differences(&of_first.settings, &own.settings).into_iter();
+        let options = differences(&of_first.metric_options, &own.metric_options).into_iter();
+        match settings.chain(options).next() {
+            Some((field, stated, found)) => Err(refuse(field, stated, found)),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! The files of a reference, from a folder or from the program itself.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use super::{REFERENCE_RECORD, ReferenceError};
+use crate::evaluation::folder::cannot_read;
+
+/// The references that are part of the program, by name; one line each, with the macro [`embedded`].
+const EMBEDDED: &[(&str, EmbeddedFiles)] = &[];
+
+/// Names and content of embedded files.
+type EmbeddedFiles = &'static [(&'static str, &'static [u8])];
+
+/// The files of a reference that has rows, as they lie in its folder in the repository: `embedded!("reactsim-bench-v1")`.
+#[allow(unused_macros, reason = "until a reference ships")]
+macro_rules! embedded {
+    ($name:literal) => {
+        (
+            $name,
+            &[
+                embedded!($name, "reference.toml"),
+                embedded!($name, "provenance.json"),
+                embedded!($name, "summary.json"),
+                embedded!($name, "rows.parquet"),
+            ],
+        )
+    };
+    ($name:literal, $file:literal) => {
+        ($file, include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/references/", $name, "/", $file)))
+    };
+}
+
+/// The content of all files of a reference, by name.
+pub(super) struct Files {
+    /// Name of the folder, for messages.
+    pub(super) place: String,
+    pub(super) content: BTreeMap<String, Cow<'static, [u8]>>,
+}
+
+impl Files {
+    /// Reads all files of a folder. A folder within it is listed as a file without content.
+    pub(super) fn of_folder(folder: &Path) -> Result<Self, ReferenceError> {
+        let place = folder.display().to_string();
+        if !folder.join(REFERENCE_RECORD).is_file() {
+            return Err(ReferenceError::NoReference { place });
+        }
+        let mut content = BTreeMap::new();
+        for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
+            let path = entry.map_err(cannot_read(folder))?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let bytes = match path.is_dir() {
+                true => Vec::new(),
+                false => fs::read(&path).map_err(cannot_read(&path))?,
+            };
+            content.insert(name, bytes.into());
+        }
+        Ok(Self { place, content })
+    }
+
+    /// The files of a reference that is part of the program.
+    pub(super) fn embedded(name: &str) -> Option<Self> {
+        let (name, files) = EMBEDDED.iter().find(|(embedded, _)| *embedded == name)?;
+        let content = files.iter().map(|(file, bytes)| ((*file).to_owned(), Cow::Borrowed(*bytes)));
+        Some(Self { place: format!("references/{name}"), content: content.collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::evaluation::reference::Reference;
+
+    #[test]
+    fn embedded_references_are_whole() {
+        for (name, _) in super::EMBEDDED {
+            let reference = Reference::embedded(name).unwrap().unwrap();
+            assert_eq!(reference.record.name, *name);
+        }
+        assert!(Reference::embedded("no such reference").is_none());
+    }
+}

@@ -1,0 +1,38 @@
+//! References: results that later runs are held to.
+//!
+//! A reference is a folder that `reactsim reference make` writes from a finished run.
+//!
+//! | file | content |
+//! |---|---|
+//! | `reference.toml` | name, benchmark, commands, machine, digests of the other files, class of each simulator ([`ReferenceRecord`]) |
+//! | `provenance.json`, `summary.json` | those of the run |
+//! | `rows.parquet` | all rows of the run, without loss; absent for sets of real recordings, of which only aggregates may be published |
+//!
+//! [`Reference::open`] refuses a folder whose parts do not agree. [`verify`] runs a reference again and compares.
+
+mod classes;
+mod entry;
+mod error;
+mod files;
+mod make;
+mod part;
+mod plan;
+mod reading;
+mod record;
+mod rescore;
+pub(in crate::evaluation) mod rows;
+mod verify;
+
+pub use classes::SimulatorClass;
+pub use entry::{Entry, Status};
+pub use error::ReferenceError;
+pub use make::{MakeOptions, make};
+pub use part::Part;
+pub use plan::Given;
+pub use reading::{Reference, check_values};
+pub use record::{MachineRecord, ReferenceRecord};
+pub use rescore::rescore;
+pub use verify::{Difference, Largest, SimulatorCheck, Subject, Verification, verify};
+
+/// Name of the file that makes a folder a reference.
+pub const REFERENCE_RECORD: &str = "reference.toml";

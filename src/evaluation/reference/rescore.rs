@@ -1,0 +1,79 @@
+//! Scores kept rollouts again.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::ReferenceError;
+use crate::evaluation::folder::ROLLOUTS;
+use crate::evaluation::provenance::differences;
+use crate::evaluation::recorded::judged;
+use crate::evaluation::{Place, Row, Source, read_provenance, read_rows};
+use crate::formats::rollouts::ByName;
+use crate::metrics::Options;
+
+/// Scores the rollouts that a finished run kept again, with the scenarios of `sources` in the order of its inputs, and compares with its
+/// rows. `None` if it kept no rollouts.
+///
+/// How plans ended is no part of a rollout and is not compared.
+///
+/// # Errors
+/// [`ReferenceError`] names the first row that the rollouts do not give, and files that cannot be read.
+pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, ReferenceError> {
+    let path = folder.join(ROLLOUTS);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let place = || folder.display().to_string();
+    let unfit = |reason: String| ReferenceError::Unfit { place: place(), reason };
+    let run = read_provenance(folder)?;
+    let mut options = Options::default();
+    for (name, value) in &run.metric_options {
+        options.set(name, value).map_err(|error| unfit(format!("provenance.json: {error}")))?;
+    }
+    let rollouts = ByName::open(&path)?;
+    let mut pairs: BTreeMap<Place, BTreeMap<String, Vec<Row>>> = BTreeMap::new();
+    for row in read_rows(folder)? {
+        pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
+    }
+    let mut scored = 0;
+    for (input, source) in sources.iter().enumerate() {
+        for (record, pending) in (source.open)()?.enumerate() {
+            let place = Place { input, record };
+            let scenario = pending.and_then(|decode| decode())?;
+            for (simulator, stated) in pairs.remove(&place).unwrap_or_default() {
+                let mut records = Vec::new();
+                for index in stated.iter().filter_map(|row| row.rollout) {
+                    let record = rollouts.read(&scenario.id, &simulator, index)?;
+                    let lacking = || {
+                        unfit(format!("no rollout {index} of `{}` with `{simulator}` is kept", scenario.id))
+                    };
+                    records.push(record.ok_or_else(lacking)?);
+                }
+                let again = judged(place, &scenario, &simulator, &records, options).map_err(&unfit)?;
+                // Rows are of a category only if the AV is the deviated one.
+                let deviated = run.settings.av == "deviated";
+                let comparable = |row: &Row| Row {
+                    category: row.category.clone().filter(|_| deviated),
+                    difficulty: row.difficulty.clone().filter(|_| deviated),
+                    outcomes: BTreeMap::new(),
+                    ..row.clone()
+                };
+                for (stated, again) in stated.iter().zip(&again) {
+                    let (stated, again) = (comparable(stated), comparable(again));
+                    if let Some((field, a, b)) = differences(&stated, &again).into_iter().next() {
+                        return Err(unfit(format!(
+                            "the rollouts do not give the rows: scenario `{}`, `{simulator}`: `{field}` is {a} in the \
+                             rows and {b} by the rollouts",
+                            scenario.id
+                        )));
+                    }
+                }
+                scored += stated.len();
+            }
+        }
+    }
+    match pairs.into_values().flat_map(BTreeMap::into_values).flatten().next() {
+        Some(row) => Err(unfit(format!("scenario `{}` is not in the benchmark", row.scenario))),
+        None => Ok(Some(scored)),
+    }
+}

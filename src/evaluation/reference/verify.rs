@@ -1,0 +1,183 @@
+//! Runs a reference again and compares.
+
+mod compare;
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, PoisonError};
+
+use super::{Given, Reference, ReferenceError, SimulatorClass};
+use crate::evaluation::{Execution, Failure, Outcome, Plan, Row, RunObserver, Source, Summary, run};
+use crate::models::nn::{backend, cpu_class};
+
+/// How a run agrees with a reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verification {
+    /// What was compared.
+    pub subject: Subject,
+    /// Per simulator, in the order of the tables.
+    pub simulators: Vec<SimulatorCheck>,
+    /// Everything that differs, in the order of simulators and scenarios.
+    pub differences: Vec<Difference>,
+    /// Rows of networks that a quick check left out.
+    pub left_out: usize,
+}
+
+/// What is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// Every row.
+    Rows,
+    /// The values of the summary: the reference has no rows.
+    Summary,
+}
+
+/// How the results of one simulator agree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulatorCheck {
+    /// Id.
+    pub id: String,
+    /// Name of its class.
+    pub class: &'static str,
+    /// Whether they had to agree bit for bit on this machine.
+    pub bit_for_bit: bool,
+    /// Rows, or values of the summary, that were compared.
+    pub compared: usize,
+    /// Those that differ.
+    pub differing: usize,
+    /// Those that a quick check left out.
+    pub left_out: usize,
+    /// The largest difference of a metric; where bounds count, the one that takes most of its bound.
+    pub largest: Option<Largest>,
+    /// Whether they agree as closely as their class asks.
+    pub passed: bool,
+}
+
+/// The largest difference of a metric.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Largest {
+    /// Id of the metric.
+    pub metric: String,
+    /// Difference of two values, or mean paired difference where a bound counts.
+    pub difference: f64,
+    /// Its bound.
+    pub bound: Option<f64>,
+}
+
+/// One value that differs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// Id of the simulator.
+    pub simulator: String,
+    /// Id of the scenario; `None` for a value over all of them.
+    pub scenario: Option<String>,
+    /// Index of the rollout; `None` for a value over all of them.
+    pub rollout: Option<u32>,
+    /// Id of the metric, or the name of what differs.
+    pub field: String,
+    /// Value in the reference.
+    pub reference: String,
+    /// Value of the run.
+    pub found: String,
+}
+
+impl Verification {
+    /// Whether everything that was compared agrees as closely as it must.
+    pub fn passed(&self) -> bool {
+        self.simulators.iter().all(|s| s.passed)
+    }
+}
+
+/// Runs a reference again with its settings and compares by class. With `every`, a quick check: simulators without a network on all
+/// scenarios, networks on every `every`th one. `None` if it was interrupted.
+///
+/// # Errors
+/// [`ReferenceError`] where this program, or what is given, is not that of the reference.
+pub fn verify(
+    reference: &Reference,
+    given: Given,
+    every: Option<usize>,
+    execution: Execution,
+    observer: &dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<Option<Verification>, ReferenceError> {
+    let mut plan = reference.plan(given)?;
+    let same_machine = reference.provenance.cpu.as_deref().is_none_or(|cpu| cpu == cpu_class())
+        && reference.provenance.backend.as_deref().is_none_or(|own| own == backend());
+    let collecting = Collecting { inner: observer, rows: Mutex::default() };
+    let carry_out = |plan: &Plan| run(plan, execution, None, plan.tally(), &collecting, stop);
+    let Some(every) = every else {
+        let Outcome::Finished(summary) = carry_out(&plan)? else { return Ok(None) };
+        return Ok(Some(match &reference.rows {
+            Some(rows) => compare::rows(reference, rows, collecting.take(1), 1, same_machine),
+            None => compare::summaries(reference, Some(&summary), None, same_machine),
+        }));
+    };
+    let every = every.max(1);
+    let simulators = std::mem::take(&mut plan.simulators);
+    let (networks, exact): (Vec<_>, Vec<_>) = simulators.into_iter().partition(|s| s.weights.is_some());
+    let mut rows = Vec::new();
+    let mut summary: Option<Box<Summary>> = None;
+    plan.simulators = exact;
+    if !plan.simulators.is_empty() {
+        let Outcome::Finished(finished) = carry_out(&plan)? else { return Ok(None) };
+        summary = Some(finished);
+        rows.extend(collecting.take(1));
+    }
+    let Some(expected) = &reference.rows else {
+        if summary.is_none() {
+            let reason = "a quick check would compare nothing: it has aggregates of networks only".to_owned();
+            return Err(ReferenceError::Unfit { place: reference.place.clone(), reason });
+        }
+        // Aggregates cannot be compared in part.
+        let left_out: Vec<&str> = networks.iter().map(|s| s.id.as_str()).collect();
+        return Ok(Some(compare::summaries(reference, summary.as_deref(), Some(&left_out), same_machine)));
+    };
+    plan.simulators = networks;
+    if !plan.simulators.is_empty() {
+        plan.sources = plan.sources.into_iter().map(|source| thinned(source, every)).collect();
+        let Outcome::Finished(_) = carry_out(&plan)? else { return Ok(None) };
+        rows.extend(collecting.take(every));
+    }
+    Ok(Some(compare::rows(reference, expected, rows, every, same_machine)))
+}
+
+/// A source that gives the first of every `every` scenarios.
+fn thinned(source: Source, every: usize) -> Source {
+    let Source { file, open } = source;
+    Source { file, open: Box::new(move || Ok(Box::new(open()?.step_by(every)))) }
+}
+
+/// Collects the rows of a run.
+struct Collecting<'a> {
+    inner: &'a dyn RunObserver,
+    rows: Mutex<Vec<Row>>,
+}
+
+impl Collecting<'_> {
+    /// The rows since the last call, of a run on every `every`th scenario.
+    fn take(&self, every: usize) -> Vec<Row> {
+        let mut rows = std::mem::take(&mut *self.rows.lock().unwrap_or_else(PoisonError::into_inner));
+        rows.iter_mut().for_each(|row| row.record *= every);
+        rows
+    }
+}
+
+impl RunObserver for Collecting<'_> {
+    fn scenario_done(&self, done: usize) {
+        self.inner.scenario_done(done);
+    }
+
+    fn rows(&self, rows: &[Row]) {
+        self.rows.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(rows);
+        self.inner.rows(rows);
+    }
+
+    fn failed(&self, failure: &Failure) {
+        self.inner.failed(failure);
+    }
+}
+
+/// Whether results of this class must agree bit for bit on this machine.
+fn is_exact(class: &SimulatorClass, same_machine: bool) -> bool {
+    same_machine || *class == SimulatorClass::Exact
+}

@@ -1,0 +1,106 @@
+//! Leaderboards: entries in one table, with how far each was checked; what cannot stand beside the others is refused.
+
+use std::fs;
+
+use reactsim::evaluation::{Value, read_summary};
+use serde_json::json;
+
+use crate::reference::{copy, edit_both, edit_rows, run, said, text};
+
+#[test]
+fn entries_stand_in_one_table_with_their_status() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let reference = at("reference");
+    said(&["reference", "make", text(run()), "--name", "reference", "--out", text(&reference)], 0);
+    let verified = copy(run(), &at("theirs"));
+    let unverified = copy(run(), &at("others"));
+    fs::remove_file(unverified.join("rollouts.parquet")).unwrap();
+    let page = at("page.html");
+    let folders = [text(&reference), text(&verified), text(&unverified)];
+    let board = |more: &[&str]| said(&[&["leaderboard"], &folders[..], more].concat(), 0).0;
+    let table = board(&["--html", text(&page)]);
+    let cells = |line: &str| line.split('|').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
+    let lines: Vec<Vec<String>> = table.lines().filter(|l| l.starts_with("| ")).skip(1).map(cells).collect();
+    assert_eq!(lines.len(), 9, "{table}");
+    let status = |entry: &str| lines.iter().find(|l| l[1] == entry).unwrap()[3].clone();
+    assert_eq!(["reference", "theirs", "others"].map(status), ["reference", "verified", "unverified"]);
+    // The fewest collisions with the AV come first.
+    let collisions: Vec<f64> =
+        lines.iter().map(|l| l[4].split(' ').next().unwrap().parse().unwrap()).collect();
+    assert!(collisions.is_sorted(), "{table}");
+    assert_eq!((lines[0][2].as_str(), lines[8][2].as_str()), ("Stop", "Log Replay †"));
+    assert!(table.contains("reactsim-bench v") && table.contains("reactive protocol"), "{table}");
+
+    let csv = board(&["--format", "csv"]);
+    let head = "entry,simulator,method,oracle,status,aav-collision,aav-collision-low,aav-collision-high,";
+    assert!(csv.starts_with(head) && csv.lines().count() == 10, "{csv}");
+    assert!(csv.contains("\ntheirs,stop,Stop,false,verified,"), "{csv}");
+    let json: serde_json::Value = serde_json::from_str(&board(&["--format", "json"])).unwrap();
+    let mean = read_summary(run()).unwrap().simulators["stop"].metrics["aav-collision"].mean;
+    assert_eq!(json["lines"][0]["metrics"]["aav-collision"]["mean"].as_f64(), mean);
+    assert_eq!(json["benchmark"]["name"], "reactsim-bench");
+
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(
+        html.contains("default-src 'none'; script-src 'sha256-") && !html.contains("http://"),
+        "no network"
+    );
+    assert_eq!(html.matches("<tr>").count(), 10);
+    assert_eq!(board(&["--html", text(&page)]), table);
+    assert_eq!(fs::read_to_string(&page).unwrap(), html, "the same entries give the same page");
+}
+
+#[test]
+fn entries_that_are_not_alike_are_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let mut n = 0;
+    let mut refused = |change: &dyn Fn(&std::path::Path)| {
+        n += 1;
+        let entry = copy(run(), &at(&format!("entry-{n}")));
+        change(&entry);
+        said(&["leaderboard", text(run()), text(&entry)], 2).1
+    };
+    let drop_rollouts = |entry: &std::path::Path| fs::remove_file(entry.join("rollouts.parquet")).unwrap();
+    let resettled = |key: &'static str, value: serde_json::Value| {
+        move |entry: &std::path::Path| {
+            drop_rollouts(entry);
+            edit_both(entry, |p| p["settings"][key] = value.clone());
+        }
+    };
+    let replan = refused(&resettled("replan_steps", json!(10)));
+    assert!(replan.contains("`replan_steps` is 10, and 5 in run"), "{replan}");
+    assert!(
+        refused(&resettled("av_lookahead", json!(false)))
+            .contains("`av_lookahead` is false, and true in run")
+    );
+    let benchmark = refused(&|entry| edit_both(entry, |p| p["benchmark"]["blake3"] = "ab".into()));
+    assert!(benchmark.contains("does not know the benchmark reactsim-bench"), "{benchmark}");
+    let none = refused(&|entry| edit_both(entry, |p| _ = p.as_object_mut().unwrap().remove("benchmark")));
+    assert!(none.contains("no known benchmark, or on a part of one"), "{none}");
+    let part = refused(&|entry| edit_rows(entry, |rows| rows.retain(|r| r.record != 3)));
+    assert!(part.contains("149 of the 150 scenarios"), "{part}");
+    let unfinished = refused(&|entry| fs::remove_file(entry.join("summary.json")).unwrap());
+    assert!(unfinished.contains("holds no finished run"), "{unfinished}");
+    let better = |entry: &std::path::Path| {
+        edit_rows(entry, |rows| {
+            for row in rows.iter_mut().filter(|r| r.simulator == "log-replay") {
+                if let Some(Some(value)) = row.metrics.get_mut("aav-collision") {
+                    *value = Value::Count(0);
+                }
+            }
+        });
+    };
+    // Rows that the rollouts do not give.
+    let edited = refused(&better);
+    assert!(edited.contains("the rollouts do not give the rows: scenario"), "{edited}");
+    assert!(edited.contains("`log-replay`: `metrics.aav-collision"), "{edited}");
+    // A summary that the rows do not give.
+    let summed = refused(&|entry| {
+        let other = at("other");
+        better(&copy(run(), &other));
+        fs::copy(other.join("summary.json"), entry.join("summary.json")).unwrap();
+    });
+    assert!(summed.contains("summary.json and the rows do not agree"), "{summed}");
+}
