@@ -62,9 +62,11 @@ pub struct KnownDeviation {
 }
 
 impl KnownDeviation {
-    /// What is known of a deviated trajectory.
+    /// What is known of a deviated trajectory. A certificate without efforts is left out: files of that age do not say which responses
+    /// answer the AV and which answer each other, without which nobody's reaction can be judged.
     pub fn of(deviated: &DeviatedTrack) -> Self {
-        Self { category: deviated.category, certificate: deviated.certificate.clone() }
+        let certificate = deviated.certificate.clone().filter(|c| c.difficulty().is_some());
+        Self { category: deviated.category, certificate }
     }
 
     /// How difficult it is for the agents to avoid the AV, where known.
@@ -183,9 +185,9 @@ impl Plan {
         }
         Ok(match &self.settings.av {
             AvChoice::Deviated | AvChoice::File(_) => {
-                let DeviatedTrack { category, track, certificate } = self.deviated(scenario)?;
-                let known = KnownDeviation { category, certificate };
-                (Box::new(DeviatedAv::new(&scenario.start.now(0), track)?), known)
+                let deviated = self.deviated(scenario)?;
+                let known = KnownDeviation::of(&deviated);
+                (Box::new(DeviatedAv::new(&scenario.start.now(0), deviated.track)?), known)
             }
             AvChoice::Log => (Box::new(LogAv::new(scenario)?), KnownDeviation::default()),
             AvChoice::Scripted(script) => {

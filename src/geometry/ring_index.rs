@@ -37,8 +37,11 @@ impl RingIndex {
         (((y - self.bottom) * self.slabs_per_metre) as usize).min(self.slabs.len() - 1)
     }
 
-    /// Whether `p` lies inside the ring (even-odd rule); `None` on the boundary.
+    /// Whether `p` lies inside the ring (even-odd rule); `None` on the boundary, and for a ring without points.
     fn locate(&self, p: Vec2) -> Option<bool> {
+        if self.bottom > self.top {
+            return None;
+        }
         if !(self.bottom <= p.y && p.y <= self.top) {
             return Some(false);
         }

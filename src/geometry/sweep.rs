@@ -10,6 +10,9 @@ use super::{OrientedBox, Vec2};
 /// Seconds until the sharp boxes `a` and `b` touch, if they move at these velocities (m/s) without turning: 0 where they overlap now, `None`
 /// where they do not meet within `most` seconds.
 pub fn time_to_impact(a: (&OrientedBox, Vec2), b: (&OrientedBox, Vec2), most: f64) -> Option<f64> {
+    if a.0.separation(b.0) <= 0.0 {
+        return Some(0.0);
+    }
     // Relative to the first box: far from the origin of the map digits would be lost.
     let place = |of: &OrientedBox| {
         let at = of.center - a.0.center;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use reactsim::curation::{PROPORTIONS, in_proportion, store};
+use reactsim::curation::{DIFFICULTIES, PROPORTIONS, in_proportion, store};
 use reactsim::formats;
 use reactsim::generation::VERSION;
 use reactsim::generation::maps::MAP_TYPES;
@@ -83,10 +83,11 @@ fn what_ships_is_at_most_15_mb() {
 }
 
 #[test]
-fn the_benchmark_has_categories_and_map_types_as_it_must() {
+fn the_benchmark_has_categories_difficulties_and_map_types_as_it_must() {
     let scenarios = benchmark();
     assert!(scenarios.len() >= 150, "{}", scenarios.len());
     let (mut categories, mut sources) = (BTreeMap::new(), BTreeMap::<String, u64>::new());
+    let (mut difficulties, mut speeds) = (BTreeMap::new(), Vec::new());
     let records = store::read(folder().join("bench.deviations.parquet")).unwrap();
     for (scenario, record) in scenarios.iter().zip(records) {
         let (deviation, record) = (scenario.deviation.as_ref().unwrap(), record.unwrap());
@@ -97,8 +98,16 @@ fn the_benchmark_has_categories_and_map_types_as_it_must() {
         let [chosen] = record.candidates.as_slice() else { panic!("{}: one candidate", scenario.id) };
         assert!(chosen.chosen && chosen.rejected_by.is_none() && chosen.certificate.is_some());
         assert_eq!(chosen.candidate.track[1..], deviation.track);
+        assert_eq!(chosen.certificate, deviation.certificate);
+        *difficulties.entry(chosen.difficulty().unwrap()).or_insert(0) += 1;
+        speeds.push(chosen.offsets.mean_speed_difference);
     }
     assert_eq!(categories, in_proportion(scenarios.len() as u64, &PROPORTIONS));
+    // As many of each difficulty, and a quarter at least of the AVs slower than their logs, a quarter faster.
+    assert_eq!(difficulties, in_proportion(scenarios.len() as u64, &DIFFICULTIES));
+    for side in [1.0, -1.0] {
+        assert!(4 * speeds.iter().filter(|v| side * **v > 0.0).count() >= speeds.len(), "{speeds:?}");
+    }
     let types: BTreeSet<String> = MAP_TYPES.iter().map(|m| format!("generated/{}", m.id)).collect();
     assert_eq!(sources.keys().cloned().collect::<BTreeSet<_>>(), types);
     let most = (2 * scenarios.len() as u64).div_ceil(types.len() as u64);

@@ -8,14 +8,7 @@ use std::path::Path;
 use super::{REFERENCE_RECORD, ReferenceError};
 use crate::evaluation::folder::cannot_read;
 
-/// The references that are part of the program, by name; one line each, with the macro [`embedded`].
-const EMBEDDED: &[(&str, EmbeddedFiles)] = &[];
-
-/// Names and content of embedded files.
-type EmbeddedFiles = &'static [(&'static str, &'static [u8])];
-
-/// The files of a reference that has rows, as they lie in its folder in the repository: `embedded!("reactsim-bench-v1")`.
-#[allow(unused_macros, reason = "until a reference ships")]
+/// The files of a reference that has rows, as they lie in its folder in the repository: `embedded!("reactsim-bench-v2")`.
 macro_rules! embedded {
     ($name:literal) => {
         (
@@ -32,6 +25,12 @@ macro_rules! embedded {
         ($file, include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/references/", $name, "/", $file)))
     };
 }
+
+/// The references that are part of the program, by name; one line each, with the macro [`embedded`].
+const EMBEDDED: &[(&str, EmbeddedFiles)] = &[embedded!("reactsim-bench-v2")];
+
+/// Names and content of embedded files.
+type EmbeddedFiles = &'static [(&'static str, &'static [u8])];
 
 /// The content of all files of a reference, by name.
 pub(super) struct Files {

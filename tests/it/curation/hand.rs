@@ -5,7 +5,7 @@ use reactsim::curation::{
     Offsets, Pressure, Response, ReviewMark, ScenarioRecord, Taxonomy,
 };
 use reactsim::geometry::Vec2;
-use reactsim::scene::{AgentState, Deviation};
+use reactsim::scene::{AgentState, Deviation, Effort};
 
 /// 81 states on a line, with digits that a rounding would change.
 pub(super) fn track(speed: f64) -> Vec<AgentState> {
@@ -22,8 +22,8 @@ pub(super) fn candidate(number: u32) -> CandidateRecord {
     let rejected = number % 3 == 2;
     let response = |agent: &str| Response {
         agent: agent.into(),
-        leader: None,
-        effort: None,
+        leader: (agent == "c").then(|| "b".to_owned()),
+        effort: Some(Effort { required_deceleration: 1.0 / 7.0, time_to_react: 0.9 }),
         reaction_step: 8,
         nudge: -0.25,
         peak_deceleration: 3.5,
