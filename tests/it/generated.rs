@@ -101,7 +101,7 @@ pub(crate) fn certified(i: usize) -> Scenario {
         nudge: 0.0,
         peak_deceleration: deceleration,
         clearance: 1.0,
-        effort: Some(Effort { required_deceleration: [1.0, 2.0, 4.0][i % 3], time_to_react: 2.0 }),
+        effort: Some(Effort { required_deceleration: [1.0, 2.0, 4.0][i % 3], time_to_react: 3.0 }),
         track: (0..=FUTURE).map(state).collect(),
     };
     if let Some(deviation) = &mut parts.deviation {

@@ -12,7 +12,7 @@ fn scenario(candidates: &[(Deviation, &str, f64)]) -> ScenarioRecord {
         candidate.taxonomy.category = category;
         candidate.candidate.maneuver = maneuver.to_owned();
         candidate.score = score;
-        (candidate.rejected_by, candidate.chosen) = (None, false);
+        (candidate.rejected_by, candidate.chosen, candidate.certificate) = (None, false, None);
     }
     record
 }
@@ -58,9 +58,10 @@ fn the_same_maneuver_wears_off() {
 fn graded(record: &mut ScenarioRecord, i: usize, required: f64, speed: f64) {
     let candidate = &mut record.candidates[i];
     candidate.offsets.mean_speed_difference = speed;
+    candidate.certificate = hand::candidate(1).certificate;
     for response in candidate.certificate.iter_mut().flat_map(|c| &mut c.responses) {
         response.nudge = 0.0;
-        response.effort = Some(Effort { required_deceleration: required, time_to_react: 2.0 });
+        response.effort = Some(Effort { required_deceleration: required, time_to_react: 3.0 });
     }
 }
 

@@ -14,7 +14,7 @@ fn record(categories: &[Deviation]) -> ScenarioRecord {
         candidate.taxonomy.category = *category;
         for response in candidate.certificate.iter_mut().flat_map(|c| &mut c.responses) {
             response.nudge = 0.0;
-            response.effort = Some(Effort { required_deceleration: required, time_to_react: 2.0 });
+            response.effort = Some(Effort { required_deceleration: required, time_to_react: 3.0 });
         }
         record.candidates.push(candidate);
     }

@@ -89,7 +89,8 @@ fn a_parked_av_stands_exactly_still_or_sets_off() {
         let stands = proposal.future.iter().take_while(|s| s.speed() == 0.0);
         assert!(stands.into_iter().all(|s| (s.x, s.y, s.heading) == (now.x, now.y, now.heading)));
         moved += usize::from(proposal.future[FUTURE - 1].x > 1.0);
-        assert_ne!(proposal.intent, Some(Deviation::Lateral), "a standing AV has no way to leave");
+        let pulls_out = ["pull out", "squeeze past"].iter().any(|what| proposal.maneuver.starts_with(what));
+        assert_eq!(proposal.intent == Some(Deviation::Lateral), pulls_out, "{}", proposal.maneuver);
     }
     assert!(moved > 0);
 }
@@ -104,9 +105,10 @@ fn a_logged_change_of_lanes_is_merged_sooner_and_later() {
         let slope = 3.5 * 6.0 * u * (1.0 - u) / 30.0;
         (state.heading, state.vy) = (slope.atan(), state.vx * slope);
     }
-    let scenario = on_road("merging", vec![av, car("b", -20.0, 3.5, 0.0, 11.0)]);
+    // Alone, so that every draw is as good as any other, and the first is proposed.
+    let scenario = on_road("merging", vec![av]);
     let mut offsets = std::collections::BTreeMap::new();
-    for seed in 0..6 {
+    for seed in 0..30 {
         for proposal in Rules.propose(&scenario, &mut streams(&scenario, seed)).into_iter().flatten() {
             if proposal.maneuver.starts_with("merge") {
                 let middle = proposal.future.iter().find(|s| s.x >= 45.0).map(|s| s.y);
