@@ -88,7 +88,8 @@ impl Recipe<'_> {
     /// it ends before the first scenario that was not finished, and the provenance says so.
     ///
     /// The provenance is `base` with what was found. Scenarios that can not be made are failures: told to the observer, listed in
-    /// the provenance. They end nothing. Scenarios of which nothing can be taken any more, whatever their candidates, are not counted in
+    /// the provenance. They end nothing. Where as many scenarios as `patience` were tried for the next one, difficulties are given up for the
+    /// places that are left, which the provenance counts (`benchmark.places_of_any_difficulty`); then as many are tried again. Scenarios of which nothing can be taken any more, whatever their candidates, are not counted in
     /// the funnel.
     ///
     /// # Errors
@@ -122,6 +123,11 @@ impl Recipe<'_> {
             }
             if state.quota.left() == 0 {
                 return Ok(ControlFlow::Break(()));
+            }
+            if state.fruitless >= self.patience && state.quota.give_up_difficulties() {
+                let left = state.quota.left().to_string();
+                state.provenance.settings.insert("benchmark.places_of_any_difficulty".to_owned(), left);
+                state.fruitless = 0;
             }
             if state.fruitless >= self.patience {
                 return Err(state.give_up(wanted, self.patience));

@@ -24,6 +24,8 @@ pub struct Quota {
     open: BTreeMap<Deviation, u64>,
     /// How many are still to be taken, by difficulty.
     open_difficulties: BTreeMap<Difficulty, u64>,
+    /// Whether any difficulty is taken.
+    any_difficulty: bool,
     /// How many were taken, by group; those that must be there from the beginning.
     groups: BTreeMap<String, u64>,
     /// Most of one group.
@@ -39,7 +41,7 @@ impl Quota {
         let chooser = Chooser::with_shares(shares(&open), shares(&open_difficulties));
         let groups: BTreeMap<String, u64> = groups.iter().map(|g| (g.clone(), 0)).collect();
         let most = (MOST_OF_ONE * wanted).div_ceil(groups.len().max(1) as u64);
-        Self { open, open_difficulties, groups, most, chooser }
+        Self { open, open_difficulties, any_difficulty: false, groups, most, chooser }
     }
 
     /// How many are still to be taken.
@@ -61,18 +63,24 @@ impl Quota {
         if self.refuses(group) {
             return false;
         }
-        let (open, difficulties) = (&self.open, &self.open_difficulties);
+        let (open, difficulties, any) = (&self.open, &self.open_difficulties, self.any_difficulty);
         let is_wanted = |c: &super::CandidateRecord| {
             open.get(&c.taxonomy.category).is_some_and(|n| *n > 0)
-                && c.difficulty().is_some_and(|d| difficulties.get(&d).is_some_and(|n| *n > 0))
+                && c.difficulty().is_some_and(|d| any || difficulties.get(&d).is_some_and(|n| *n > 0))
         };
         let Some(chosen) = self.chooser.choose_among(record, is_wanted) else { return false };
         self.open.entry(chosen.taxonomy.category).and_modify(|n| *n -= 1);
         if let Some(difficulty) = chosen.difficulty() {
-            self.open_difficulties.entry(difficulty).and_modify(|n| *n -= 1);
+            self.open_difficulties.entry(difficulty).and_modify(|n| *n = n.saturating_sub(1));
         }
         *self.groups.entry(group.to_owned()).or_default() += 1;
         true
+    }
+
+    /// Takes candidates of any difficulty from now on; whether it did not before. For the last places, where a scenario of one category,
+    /// one difficulty and one group may not exist.
+    pub fn give_up_difficulties(&mut self) -> bool {
+        !std::mem::replace(&mut self.any_difficulty, true)
     }
 
     /// What is not full, in words; empty where nothing is lacking.
