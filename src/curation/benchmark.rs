@@ -5,7 +5,8 @@ use std::sync::atomic::AtomicBool;
 
 use super::driver::{CurationObserver, count};
 use super::{
-    CandidateSource, Curated, CurationProvenance, CurationSettings, Quota, ScenarioRecord, curate_scenario,
+    CandidateSource, Curated, CurationProvenance, CurationSettings, Quota, ScenarioRecord, Strictness,
+    curate_scenario,
 };
 use crate::formats::FormatError;
 use crate::generation::{Ending, GenerationError, in_order};
@@ -88,9 +89,10 @@ impl Recipe<'_> {
     /// it ends before the first scenario that was not finished, and the provenance says so.
     ///
     /// The provenance is `base` with what was found. Scenarios that can not be made are failures: told to the observer, listed in
-    /// the provenance. They end nothing. Where as many scenarios as `patience` were tried for the next one, difficulties are given up for the
-    /// places that are left, which the provenance counts (`benchmark.places_of_any_difficulty`); then as many are tried again. Scenarios of which nothing can be taken any more, whatever their candidates, are not counted in
-    /// the funnel.
+    /// the provenance. They end nothing. Where as many scenarios as `patience` were tried in vain for the next one, the places that are
+    /// left may be of any difficulty, and where as many were in vain again, of any category too; the provenance counts these places
+    /// (`benchmark.places_of_any_difficulty`, `benchmark.places_of_any_category`). Scenarios of which nothing can be taken any more,
+    /// whatever their candidates, are not counted in the funnel.
     ///
     /// # Errors
     /// [`BenchmarkError`] when the quotas can not be filled, and the first error of `take`.
@@ -124,12 +126,7 @@ impl Recipe<'_> {
             if state.quota.left() == 0 {
                 return Ok(ControlFlow::Break(()));
             }
-            if state.fruitless >= self.patience && state.quota.give_up_difficulties() {
-                let left = state.quota.left().to_string();
-                state.provenance.settings.insert("benchmark.places_of_any_difficulty".to_owned(), left);
-                state.fruitless = 0;
-            }
-            if state.fruitless >= self.patience {
+            if state.fruitless >= self.patience && !state.relax() {
                 return Err(state.give_up(wanted, self.patience));
             }
             Ok(ControlFlow::Continue(()))
@@ -188,6 +185,18 @@ impl State {
         record.scenario_digest = scenario.digest();
         record.scene = None;
         Some(Entry { scenario, record })
+    }
+
+    /// Asks less of the places that are left; whether anything could be given up.
+    fn relax(&mut self) -> bool {
+        let name = match self.quota.relax() {
+            Some(Strictness::Category) => "benchmark.places_of_any_difficulty",
+            Some(Strictness::Any) => "benchmark.places_of_any_category",
+            Some(Strictness::CategoryAndDifficulty) | None => return false,
+        };
+        self.provenance.settings.insert(name.to_owned(), self.quota.left().to_string());
+        self.fruitless = 0;
+        true
     }
 
     fn give_up(&self, wanted: u64, patience: u64) -> BenchmarkError {

@@ -29,7 +29,7 @@ pub use filter::{Bench, CandidateFilter, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;
 pub use pipeline::{Curated, CurationSettings, SOURCES, curate_scenario};
 pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
-pub use quota::{DIFFICULTIES, PROPORTIONS, Quota, in_proportion};
+pub use quota::{DIFFICULTIES, PROPORTIONS, Quota, Strictness, in_proportion};
 pub use record::{
     Application, CandidateRecord, CurationProvenance, Decision, Figure, Funnel, InputFile, Offsets, Pressure,
     ReviewMark, ScenarioRecord, Taxonomy,

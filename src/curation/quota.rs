@@ -16,6 +16,18 @@ pub const DIFFICULTIES: [(Difficulty, u64); 3] =
 /// A group has at most so many times the share that it had if all had the same.
 const MOST_OF_ONE: u64 = 2;
 
+/// What the last places of a benchmark must be, where the wanted ones are not found: a scenario of one category, one difficulty and one
+/// group may not exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Strictness {
+    /// Of the categories and of the difficulties that are not full.
+    CategoryAndDifficulty,
+    /// Of the categories that are not full.
+    Category,
+    /// Of any category and difficulty.
+    Any,
+}
+
 /// Decides scenario by scenario which candidate is taken, until the benchmark is full. The decision depends on those before it and on
 /// nothing else.
 #[derive(Clone, Debug)]
@@ -24,8 +36,9 @@ pub struct Quota {
     open: BTreeMap<Deviation, u64>,
     /// How many are still to be taken, by difficulty.
     open_difficulties: BTreeMap<Difficulty, u64>,
-    /// Whether any difficulty is taken.
-    any_difficulty: bool,
+    /// How many are still to be taken.
+    left: u64,
+    strictness: Strictness,
     /// How many were taken, by group; those that must be there from the beginning.
     groups: BTreeMap<String, u64>,
     /// Most of one group.
@@ -41,12 +54,20 @@ impl Quota {
         let chooser = Chooser::with_shares(shares(&open), shares(&open_difficulties));
         let groups: BTreeMap<String, u64> = groups.iter().map(|g| (g.clone(), 0)).collect();
         let most = (MOST_OF_ONE * wanted).div_ceil(groups.len().max(1) as u64);
-        Self { open, open_difficulties, any_difficulty: false, groups, most, chooser }
+        Self {
+            open,
+            open_difficulties,
+            left: wanted,
+            strictness: Strictness::CategoryAndDifficulty,
+            groups,
+            most,
+            chooser,
+        }
     }
 
     /// How many are still to be taken.
     pub fn left(&self) -> u64 {
-        self.open.values().sum()
+        self.left
     }
 
     /// Whether nothing of a group will be taken any more: there are enough of it, or the places that are left are for groups that are not
@@ -63,13 +84,21 @@ impl Quota {
         if self.refuses(group) {
             return false;
         }
-        let (open, difficulties, any) = (&self.open, &self.open_difficulties, self.any_difficulty);
+        let (open, difficulties, strictness) = (&self.open, &self.open_difficulties, self.strictness);
         let is_wanted = |c: &super::CandidateRecord| {
-            open.get(&c.taxonomy.category).is_some_and(|n| *n > 0)
-                && c.difficulty().is_some_and(|d| any || difficulties.get(&d).is_some_and(|n| *n > 0))
+            let Some(difficulty) = c.difficulty() else { return false };
+            let category = open.get(&c.taxonomy.category).is_some_and(|n| *n > 0);
+            match strictness {
+                Strictness::CategoryAndDifficulty => {
+                    category && difficulties.get(&difficulty).is_some_and(|n| *n > 0)
+                }
+                Strictness::Category => category,
+                Strictness::Any => true,
+            }
         };
         let Some(chosen) = self.chooser.choose_among(record, is_wanted) else { return false };
-        self.open.entry(chosen.taxonomy.category).and_modify(|n| *n -= 1);
+        self.left -= 1;
+        self.open.entry(chosen.taxonomy.category).and_modify(|n| *n = n.saturating_sub(1));
         if let Some(difficulty) = chosen.difficulty() {
             self.open_difficulties.entry(difficulty).and_modify(|n| *n = n.saturating_sub(1));
         }
@@ -77,10 +106,14 @@ impl Quota {
         true
     }
 
-    /// Takes candidates of any difficulty from now on; whether it did not before. For the last places, where a scenario of one category,
-    /// one difficulty and one group may not exist.
-    pub fn give_up_difficulties(&mut self) -> bool {
-        !std::mem::replace(&mut self.any_difficulty, true)
+    /// Asks less of the places that are left; what is asked of them from now on, `None` where nothing was left to be given up.
+    pub fn relax(&mut self) -> Option<Strictness> {
+        self.strictness = match self.strictness {
+            Strictness::CategoryAndDifficulty => Strictness::Category,
+            Strictness::Category => Strictness::Any,
+            Strictness::Any => return None,
+        };
+        Some(self.strictness)
     }
 
     /// What is not full, in words; empty where nothing is lacking.

@@ -141,7 +141,7 @@ impl<'a> Survey<'a> {
 
     /// Whether a vehicle follows the AV of the log within two seconds, or 8 m, after so many seconds.
     pub(super) fn is_followed_closely(&self, after: f64) -> bool {
-        let step = (after / DT) as usize;
+        let step = (after / DT) as usize / Neighbor::EVERY * Neighbor::EVERY;
         let own = self.line.project(self.drive.states()[step].position()).s;
         self.neighbors.iter().filter_map(|n| Some((n.half_length, n.at(step)?))).any(|(half_length, p)| {
             let gap = own - self.half_length() - p.s - half_length;
@@ -202,23 +202,38 @@ impl Neighbor {
     }
 }
 
-/// The vehicles that drive beside the logged way (not farther than two lanes) at some step.
+/// The vehicles that drive beside the logged way (not farther than two lanes) at some step, or behind or ahead of it in the direction of
+/// its end.
 fn neighbors(scenario: &Scenario, line: &Polyline) -> Vec<Neighbor> {
     const FARTHEST: f64 = 8.0;
+    const FARTHEST_ALONG: f64 = 60.0;
     let agents = scenario.start.agents.iter().enumerate().skip(1);
     let vehicles = agents.filter(|(_, a)| a.kind == AgentKind::Vehicle);
     let of = |(i, agent): (usize, &Agent)| {
         let place = |k: usize| {
             let state = scenario.logged_at(i, CURRENT + Neighbor::EVERY * k)?;
-            let near = line.project(state.position());
-            let along = scenario.logged_velocity(i, CURRENT + Neighbor::EVERY * k)?;
-            let speed = along.dot(&direction(line.heading(near.segment)));
-            (near.distance < FARTHEST).then_some(Place { s: near.s, offset: near.offset, speed })
+            let velocity = scenario.logged_velocity(i, CURRENT + Neighbor::EVERY * k)?;
+            let place = place(line, state.position(), velocity);
+            let beyond = (-place.s).max(place.s - line.length());
+            (place.offset.abs() < FARTHEST && beyond < FARTHEST_ALONG).then_some(place)
         };
         let places: Vec<Option<Place>> = (0..=FUTURE / Neighbor::EVERY).map(place).collect();
         Neighbor { half_length: 0.5 * agent.length, places }
     };
     vehicles.map(of).filter(|n| n.places.iter().any(Option::is_some)).collect()
+}
+
+/// Where something is relative to a line that goes on straight beyond its ends: a vehicle behind the AV has a negative `s`.
+fn place(line: &Polyline, p: Vec2, velocity: Vec2) -> Place {
+    let near = line.project(p);
+    let along = direction(line.heading(near.segment));
+    let (s, offset) = if near.s <= 0.0 || near.s >= line.length() {
+        let from = p - line.at(near.s);
+        (near.s + along.dot(&from), along.perp(&from))
+    } else {
+        (near.s, near.offset)
+    };
+    Place { s, offset, speed: velocity.dot(&along) }
 }
 
 /// The curvature of the AV's way now by the logged headings around it, 1/m: over so long a time that it has moved a metre, 2 s at most; 0
@@ -274,4 +289,18 @@ impl Limits {
 /// The speed limit of the lane at a pose, m/s, where it is told.
 fn lane_limit(road: &Road<'_>, p: Vec2, heading: f64) -> Option<f64> {
     road.lane(routes::lane_along(road, p, heading, UNDER)?.lane).speed_limit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_behind_and_ahead_of_a_line_are_measured_along_it() {
+        let line = Polyline::new(&[Vec2::new(0.0, 0.0), Vec2::new(10.0, 0.0), Vec2::new(20.0, 0.0)]).unwrap();
+        for (x, y) in [(-15.0, 3.5), (5.0, -1.0), (32.0, 2.0)] {
+            let place = place(&line, Vec2::new(x, y), Vec2::new(7.0, 1.0));
+            assert_eq!((place.s, place.offset, place.speed), (x, y, 7.0));
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Which candidates a benchmark takes.
 
-use reactsim::curation::{DIFFICULTIES, PROPORTIONS, Quota, ScenarioRecord, in_proportion};
+use reactsim::curation::{DIFFICULTIES, PROPORTIONS, Quota, ScenarioRecord, Strictness, in_proportion};
 use reactsim::scene::{Deviation, Difficulty, Effort};
 
 use super::hand;
@@ -106,4 +106,22 @@ fn candidates_without_certificate_or_difficulty_and_rejected_ones_are_not_taken(
     }
     assert!(!quota.take("x", &mut weak));
     assert_eq!(quota.left(), 3);
+}
+
+#[test]
+fn what_is_not_found_is_given_up_difficulty_first() {
+    let mut quota = Quota::new(3, &names(&["x"]));
+    // One place of each category and each difficulty: the second and the third are not offered.
+    let mut only = record(&[Deviation::Lateral]);
+    only.candidates.truncate(1);
+    let taken = |quota: &mut Quota| quota.take("x", &mut only.clone());
+    assert!(taken(&mut quota) && !taken(&mut quota));
+    let mut same_difficulty = record(&[Deviation::Longitudinal]);
+    same_difficulty.candidates.truncate(1);
+    assert!(!quota.take("x", &mut same_difficulty.clone()));
+    assert_eq!(quota.relax(), Some(Strictness::Category));
+    assert!(!taken(&mut quota) && quota.take("x", &mut same_difficulty));
+    assert_eq!(quota.relax(), Some(Strictness::Any));
+    assert!(taken(&mut quota) && !taken(&mut quota));
+    assert_eq!((quota.left(), quota.relax()), (0, None));
 }
