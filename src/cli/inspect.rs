@@ -1,6 +1,7 @@
 //! `reactsim inspect`: what is in a scenario.
 
 mod description;
+mod live;
 mod pictures;
 mod recorded;
 
@@ -9,27 +10,32 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::{ExitStatus, Reading, say, write_result};
-use crate::formats;
+use super::{ExitStatus, Reading, say, shipped, write_result};
+use crate::evaluation::{CASE_STUDIES, CaseStudy};
+use crate::formats::{self, FormatError};
 use crate::scene::Scenario;
 
 /// Arguments of `inspect`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER, group = clap::ArgGroup::new("picture").multiple(true))]
 pub(super) struct InspectArgs {
-    /// File or folder of scenarios
+    /// File or folder of scenarios [default: the shipped benchmark]
     #[arg(value_name = "SCENARIO")]
-    scenario: PathBuf,
+    scenario: Option<PathBuf>,
     /// Id of the scenario [default: the first one]
     #[arg(long)]
     id: Option<String>,
+    /// A case study of the shipped benchmark; `list cases` names them
+    #[arg(long = "case", value_name = "NAME", value_parser = case_study, conflicts_with_all = ["scenario", "id"])]
+    case_study: Option<&'static CaseStudy>,
     #[command(flatten)]
     reading: Reading,
     /// Draw a rollout of this run folder (made with --keep-rollouts)
     #[arg(long, value_name = "RUN", requires_all = ["simulator", "picture"])]
     rollout: Option<PathBuf>,
-    /// Simulator of the rollout; for --gif several, separated by commas, side by side
-    #[arg(long, value_name = "ID", value_delimiter = ',', requires = "rollout")]
+    /// Simulator to draw; for --gif several, separated by commas, side by side. Without --rollout it is
+    /// run against the scenario's deviated AV first
+    #[arg(long, value_name = "ID", value_delimiter = ',', requires = "picture")]
     simulator: Vec<String>,
     /// Index of the rollout
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -62,9 +68,11 @@ pub(super) struct InspectArgs {
 }
 
 const AFTER: &str = "\
-Without --rollout an animation shows what happens if nobody reacts: the AV drives as the
+Without --simulator an animation shows what happens if nobody reacts: the AV drives as the
 scenario's deviated AV does, all others as they were recorded. A scenario without a deviated AV
-is shown as it was recorded.";
+is shown as it was recorded.
+
+  reactsim inspect --case cut-in --simulator log-replay,idm --gif cut-in.gif";
 
 pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
     if let Some(radius) = args.radius.filter(|r| !(5.0..=1000.0).contains(r)) {
@@ -85,10 +93,27 @@ pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
 
 /// The scenario with the wanted id, or the first one.
 fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
-    let inputs = args.reading.find_inputs(std::slice::from_ref(&args.scenario))?;
-    let mut scenarios = formats::open_all(inputs)?;
-    let Some(id) = &args.id else {
-        let first = scenarios.next().ok_or_else(|| anyhow!("{} is empty", args.scenario.display()))??;
+    let id = args.case_study.map(|c| c.scenario).or(args.id.as_deref());
+    let Some(path) = &args.scenario else {
+        if args.reading.current_frame.is_some() {
+            bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
+        }
+        let scenarios =
+            (shipped::benchmark(usize::MAX).open)()?.map(|pending| pending.and_then(|decode| decode()));
+        return pick(scenarios, id, "the shipped benchmark");
+    };
+    let inputs = args.reading.find_inputs(std::slice::from_ref(path))?;
+    pick(formats::open_all(inputs)?, id, &path.display().to_string())
+}
+
+/// The scenario with this id, or the first one; `place` says where they are from.
+fn pick(
+    mut scenarios: impl Iterator<Item = Result<Scenario, FormatError>>,
+    id: Option<&str>,
+    place: &str,
+) -> anyhow::Result<Scenario> {
+    let Some(id) = id else {
+        let first = scenarios.next().ok_or_else(|| anyhow!("{place} is empty"))??;
         if scenarios.next().is_some() {
             say(format_args!("note: there are more scenarios; choose one with --id"));
         }
@@ -97,7 +122,7 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
     let mut bad = 0;
     for scenario in scenarios {
         match scenario {
-            Ok(scenario) if scenario.id == *id => return Ok(scenario),
+            Ok(scenario) if scenario.id == id => return Ok(scenario),
             Ok(_) => {}
             Err(error) => {
                 bad += 1;
@@ -106,5 +131,11 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
         }
     }
     let damaged = if bad > 0 { format!(" ({bad} records can not be read)") } else { String::new() };
-    bail!("{} holds no scenario `{id}`{damaged}", args.scenario.display())
+    bail!("{place} holds no scenario `{id}`{damaged}")
+}
+
+/// The case study of a name.
+fn case_study(name: &str) -> Result<&'static CaseStudy, String> {
+    let all = || CASE_STUDIES.map(|c| c.name).join(", ");
+    CaseStudy::from_name(name).ok_or_else(|| format!("expected {}", all()))
 }

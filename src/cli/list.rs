@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use clap::{Args, ValueEnum};
 
 use super::{ExitStatus, write_result};
+use crate::evaluation::CASE_STUDIES;
 use crate::formats::FORMATS;
 use crate::generation::maps::MAP_TYPES;
 use crate::metrics::{METRICS, Unit};
@@ -29,6 +30,8 @@ enum What {
     Weights,
     /// The map types that can be generated
     Maps,
+    /// The case studies of the shipped benchmark
+    Cases,
 }
 
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
@@ -68,6 +71,9 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                 vec![row.id, row.file, bytes, row.licence, whence.to_owned(), row.sha256, row.title]
             })
             .collect(),
+        What::Cases => {
+            CASE_STUDIES.iter().map(|c| [c.name, c.scenario, c.summary].map(str::to_owned).to_vec()).collect()
+        }
         What::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
     write_result(None, |out| aligned(&rows, out))?;

@@ -3,18 +3,18 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::also::Also;
 use super::finished::{outcomes, put_table, tell_left_out};
 use super::progress::Progress;
 use super::report::formats as table_formats;
-use super::subject::{Subject, Work};
+use super::subject::{ProtocolName, Subject, Work};
 use super::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{self, Outcome, Plan, PlannedSimulator, RunFolder, Summary};
 use crate::models::qp::Smoothing;
 use crate::report::{Run, exporter};
-use crate::rollout::{Protocol, Replan, Settings};
+use crate::rollout::{Replan, Settings};
 
 /// A stage behind simulators, or none.
 type Stage = std::option::Option<Smoothing>;
@@ -56,13 +56,6 @@ pub(super) struct RunArgs {
     format: String,
     #[command(flatten)]
     also: Also,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ProtocolName {
-    // Comments here would make the help of `run` twice as long; the flag's own says it.
-    Reactive,
-    Realism,
 }
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
@@ -122,12 +115,8 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
 fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
     let subject = &args.subject;
     let simulators = PlannedSimulator::adjusted(&subject.models, &subject.adjustments(args.smooth)?)?;
-    let protocol = match args.protocol {
-        ProtocolName::Reactive => Protocol::Reactive,
-        ProtocolName::Realism => Protocol::Realism,
-    };
     let settings = Settings {
-        protocol,
+        protocol: args.protocol.into(),
         replan: args.replan,
         av_lookahead: args.av_lookahead == "1",
         seed: subject.seed,

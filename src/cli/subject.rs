@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 
 use anyhow::bail;
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::{Reading, metric_options, shipped};
 use crate::evaluation::{
@@ -50,6 +50,23 @@ pub(super) struct Subject {
     /// A variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
+}
+
+/// The name of a protocol.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum ProtocolName {
+    // Comments here would make the help twice as long; the flag's own says it.
+    Reactive,
+    Realism,
+}
+
+impl From<ProtocolName> for Protocol {
+    fn from(name: ProtocolName) -> Self {
+        match name {
+            ProtocolName::Reactive => Self::Reactive,
+            ProtocolName::Realism => Self::Realism,
+        }
+    }
 }
 
 /// How the work is shared; decides no number.

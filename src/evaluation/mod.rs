@@ -23,6 +23,7 @@
 mod archive;
 mod av;
 mod benchmarks;
+mod case_study;
 mod comparison;
 pub mod document;
 mod error;
@@ -47,6 +48,7 @@ mod tally;
 pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
+pub use case_study::{CASE_STUDIES, CaseStudy};
 pub use comparison::{Comparison, Paired};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};

@@ -24,9 +24,10 @@ const SEVEN: usize = 7;
 fn columns(kind: StudyKind, member: &Member, also: &[Column]) -> Vec<Column> {
     let of = |ids: &[&'static str]| ids.iter().map(|metric| Column { metric }).collect();
     let usual = match kind {
-        StudyKind::Replan => of(REACTION),
-        StudyKind::Realism if member.protocol.as_deref() == Some("realism") => of(REALISM),
-        StudyKind::Realism => of(REACTION),
+        StudyKind::Replan | StudyKind::Realism if member.protocol.as_deref() == Some("realism") => {
+            of(REALISM)
+        }
+        StudyKind::Replan | StudyKind::Realism => of(REACTION),
         StudyKind::Guards => COLUMNS[..SEVEN].to_vec(),
     };
     Column::with(usual, also)

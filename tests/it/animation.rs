@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::Output;
 
 use gif::{ColorOutput, DecodeOptions, Repeat};
+use reactsim::evaluation::CASE_STUDIES;
 use reactsim::formats;
 use reactsim::report::animation::{Animation, Panel};
 use reactsim::report::birdseye::{Mark, MarkKind};
@@ -167,4 +168,64 @@ fn wrong_arguments_are_told_with_the_mend() {
     let unknown = error(&["--gif", "x.gif", "--rollout", "/nowhere", "--simulator", "idm"]);
     assert!(unknown.contains("/nowhere has no rollouts.parquet: run with --keep-rollouts"), "{unknown}");
     assert!(!Path::new("x.gif").exists());
+}
+
+#[test]
+fn simulators_that_are_run_on_the_spot_do_as_in_a_run() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name).to_str().unwrap().to_owned();
+    let (run, scenario) = (path("run"), crossing());
+    let ran = { program() }
+        .args(["run", &scenario, "--models", "log-replay,idm", "--keep-rollouts", "--out", &run])
+        .output()
+        .unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", String::from_utf8_lossy(&ran.stderr));
+    let draw = |more: &[&str], out: &str| {
+        let picture = ["--simulator", "log-replay,idm", "--gif", out];
+        let output = inspect(&[&[scenario.as_str()], &picture[..], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        fs::read(out).unwrap()
+    };
+    let (live, recorded) = (draw(&[], &path("live.gif")), draw(&["--rollout", &run], &path("recorded.gif")));
+    assert!(live == recorded, "a run and the same on the spot differ");
+    let [left, right] = film(&live).moments.last().map(|m| split(m, 480)).unwrap();
+    assert_ne!(left, right, "the two simulators differ");
+}
+
+/// The pixels of two panels.
+fn split(moment: &[[u8; 4]], size: usize) -> [Vec<[u8; 4]>; 2] {
+    let rows = || moment.chunks_exact(2 * size + 8);
+    [rows().flat_map(|r| r[..size].to_vec()).collect(), rows().flat_map(|r| r[size + 8..].to_vec()).collect()]
+}
+
+#[test]
+fn every_case_study_is_in_the_shipped_benchmark() {
+    for (case, category) in CASE_STUDIES.iter().zip(["longitudinal", "lateral", "directional", "directional"])
+    {
+        let output = inspect(&["--case", case.name]);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(text.contains(case.scenario) && text.contains(category), "{text}");
+        assert!(text.contains("the AV can be avoided with") && text.contains("answers the AV"), "{text}");
+        assert!(include_str!("../../docs/case-studies.md").contains(case.scenario), "{case:?}");
+    }
+    let wrong = inspect(&["--case", "nothing"]);
+    let text = String::from_utf8_lossy(&wrong.stderr);
+    assert!(
+        wrong.status.code() == Some(2) && text.contains("hard-stop, cut-in, turn-across, merge"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_scenario_without_deviated_av_has_nothing_to_react_to() {
+    let home = tempfile::tempdir().unwrap();
+    let path = home.path().join("plain.parquet");
+    let plain = Scenario::assemble(crate::generated::parts(0, false)).unwrap();
+    let mut writer = formats::native::Writer::create(&path).unwrap();
+    writer.write(&plain).unwrap();
+    writer.finish().unwrap();
+    let output = inspect(&[path.to_str().unwrap(), "--simulator", "idm", "--gif", "x.gif"]);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && text.contains("carries no deviated AV"), "{text}");
 }

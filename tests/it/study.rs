@@ -84,6 +84,21 @@ fn mean(cell: &str) -> &str {
 }
 
 #[test]
+fn intervals_are_studied_in_the_realism_protocol_too() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("replan");
+    let asked = ["--protocol", "realism", "--models", "idm,stop"];
+    let arguments = ["study", "replan", MINI, "--intervals", "5,40", "--out", text(&out)];
+    let (table, _) = said(&[&arguments[..], &asked].concat(), 0);
+    let study = read_study(&out).unwrap();
+    assert!(study.members.iter().all(|m| m.protocol.as_deref() == Some("realism")));
+    is_what_run_makes(&out, "steps-40", &[&asked[..], &["--replan", "40steps"]].concat());
+    for metric in ["ADE", "minADE", "Kinematic likelihood"] {
+        assert!(table.contains(&format!("{metric} ")), "{metric} is missing:\n{table}");
+    }
+}
+
+#[test]
 fn intervals_are_runs_side_by_side() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("replan");

@@ -1,6 +1,6 @@
 //! What is in a scenario, in words.
 
-use crate::scene::{AgentKind, CURRENT, FUTURE, LaneKind, Scenario};
+use crate::scene::{AgentKind, CURRENT, Certificate, Difficulty, FUTURE, LaneKind, Response, Scenario};
 
 /// What is in a scenario, by name.
 pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
@@ -74,10 +74,40 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
             }),
         ),
     ];
+    if let Some(certificate) = scenario.deviation.as_ref().and_then(|d| d.certificate.as_ref()) {
+        lines.push(("certificate", effort(certificate)));
+        lines.extend(certificate.responses.iter().map(|r| ("", response(r))));
+    }
     for (what, n) in &scenario.repairs {
         lines.push(("left out", format!("{n} {what}")));
     }
     lines
+}
+
+/// What avoiding the AV asks of the agents.
+fn effort(certificate: &Certificate) -> String {
+    let measured = |difficulty: Difficulty| {
+        let time = certificate.time_to_react().map_or(String::new(), |t| format!(", {t:.1} s to react"));
+        let braking = certificate.required_deceleration().unwrap_or(0.0);
+        let swerve = if certificate.needs_swerve() { ", a swerve" } else { "" };
+        format!("{difficulty}: the AV can be avoided with {braking:.1} m/s²{time}{swerve}")
+    };
+    certificate
+        .difficulty()
+        .map_or("the AV can be avoided; how hard that is was not measured".into(), measured)
+}
+
+/// One certified response.
+fn response(response: &Response) -> String {
+    let Response { agent, leader, peak_deceleration, nudge, clearance, .. } = response;
+    let whom = leader.as_ref().map_or("the AV".to_owned(), |leader| format!("`{leader}`"));
+    let aside = match nudge {
+        0.0 => String::new(),
+        n => format!(", {:.1} m to the {}", n.abs(), if *n > 0.0 { "left" } else { "right" }),
+    };
+    format!(
+        "`{agent}` answers {whom}: brakes with {peak_deceleration:.1} m/s²{aside}, {clearance:.1} m clear of the AV"
+    )
 }
 
 /// How far the logged AV drives, and how fast it is now.

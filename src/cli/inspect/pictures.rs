@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::recorded::{marks, marks_of, rollout};
-use super::{InspectArgs, write_result};
+use super::{InspectArgs, live, write_result};
+use crate::evaluation::PlannedSimulator;
 use crate::metrics::{Case, Options, score_case};
 use crate::report::animation::{Animation, Panel};
 use crate::report::birdseye::{self, Layout, Mark, View};
@@ -27,15 +28,12 @@ pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()
     if args.svg.is_none() && args.gif.is_none() {
         return Ok(());
     }
-    let mut shown = Vec::new();
-    for simulator in args.rollout.iter().flat_map(|_| &args.simulator) {
-        let run = args.rollout.as_deref().unwrap_or(Path::new(""));
-        shown.push(Shown {
-            simulator: simulator.clone(),
-            tracks: rollout(run, simulator, args.index, scenario)?,
-            marks: marks(run, simulator, args.index, &scenario.id)?,
-        });
-    }
+    let mut shown = match &args.rollout {
+        Some(run) => {
+            args.simulator.iter().map(|id| recorded(args, run, id, scenario)).collect::<Result<_, _>>()?
+        }
+        None => rolled_out(args, scenario)?,
+    };
     if let Some(path) = &args.svg {
         let text = stills(args, scenario, shown.first());
         write_result(Some(path), |out| out.write_all(text.as_bytes()))?;
@@ -44,7 +42,6 @@ pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()
         if shown.is_empty() {
             shown.extend(nobody_reacts(scenario));
         }
-
         let panels = shown.iter().map(Shown::panel).collect();
         let animation = Animation {
             radius: args.radius,
@@ -57,6 +54,28 @@ pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()
         write_result(Some(path), |out| out.write_all(&bytes))?;
     }
     Ok(())
+}
+
+/// What a run folder holds of a simulator.
+fn recorded(args: &InspectArgs, run: &Path, simulator: &str, scenario: &Scenario) -> anyhow::Result<Shown> {
+    Ok(Shown {
+        simulator: simulator.to_owned(),
+        tracks: rollout(run, simulator, args.index, scenario)?,
+        marks: marks(run, simulator, args.index, &scenario.id)?,
+    })
+}
+
+/// What the named simulators make of the scenario now.
+fn rolled_out(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<Vec<Shown>> {
+    if args.simulator.is_empty() {
+        return Ok(Vec::new());
+    }
+    let simulators = PlannedSimulator::by_ids(&args.simulator)?;
+    let roll_out = |simulator: &PlannedSimulator| {
+        let (tracks, marks) = live::rollout(simulator, args.index, scenario)?;
+        Ok(Shown { simulator: simulator.id.clone(), tracks, marks })
+    };
+    simulators.iter().map(roll_out).collect()
 }
 
 fn stills(args: &InspectArgs, scenario: &Scenario, shown: Option<&Shown>) -> String {

@@ -4,6 +4,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::Shared;
+use crate::cli::subject::ProtocolName;
 use crate::evaluation::{PlannedSimulator, StudyPlan};
 use crate::rollout::{Replan, Settings};
 
@@ -17,6 +18,9 @@ pub(super) struct ReplanArgs {
     /// Steps between two plans (1 to 80, of 0.1 s each), separated by commas, or rates such as 2hz
     #[arg(long, value_name = "STEPS", value_delimiter = ',', default_value = "1,2,5,10,20,40")]
     intervals: Vec<Replan>,
+    /// Whether the AV is an external input (Algorithm 1) or moved by the simulator too (2)
+    #[arg(long, value_enum, default_value = "reactive")]
+    protocol: ProtocolName,
     /// Rollouts per scenario and simulator
     #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     rollouts: u32,
@@ -35,7 +39,7 @@ pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<StudyPlan> {
     if subject.models.is_empty() {
         simulators.retain(|s| !s.controller.is_oracle());
     }
-    let settings = Settings { seed: subject.seed, ..Settings::default() };
+    let settings = Settings { protocol: args.protocol.into(), seed: subject.seed, ..Settings::default() };
     let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
     Ok(StudyPlan::replan(plan, &intervals))
 }

@@ -64,7 +64,7 @@ pub struct Member {
     /// Steps between two plans; in studies of kind `replan`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replan_steps: Option<usize>,
-    /// `reactive` or `realism`; in studies of kind `realism`.
+    /// `reactive` or `realism`; in studies of kind `realism`, and of kind `replan` where it is not `reactive`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
     /// What is changed about the simulators, such as `without-projection`; `as-is` for nothing. In studies of kind `guards`.

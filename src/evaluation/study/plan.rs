@@ -20,14 +20,16 @@ pub struct StudyPlan {
 }
 
 impl StudyPlan {
-    /// The simulators of a plan at several replan intervals, in the order given; they differ.
+    /// The simulators of a plan, in its protocol, at several replan intervals, in the order given; they differ.
     pub fn replan(plan: Plan, intervals: &[Replan]) -> Self {
+        let protocol = plan.settings.rollout.protocol;
         let member = |replan: &Replan| {
             let steps = replan.steps();
             let member = Member {
                 folder: format!("steps-{steps:02}"),
                 label: every(steps),
                 replan_steps: Some(steps),
+                protocol: (protocol != Protocol::Reactive).then(|| protocol.name().to_owned()),
                 ..Member::default()
             };
             let rollout = Settings { replan: *replan, ..plan.settings.rollout };

@@ -94,21 +94,30 @@ function families(setting) {
   return [...groups.values()].filter((g) => new Set(g.map(([own]) => own)).size > 1);
 }
 
-/** The paper's figure of the replanning interval. */
+/** The paper's figures of the replanning interval: reaction in the reactive protocol, likeness to the log in the realism protocol. */
+const REPLANNING = [
+  ["reactive", "aav-collision", "Collisions with the AV against the replanning interval", "vehicles per scenario"],
+  ["reactive", "aav-ttc", "Risky approaches against the replanning interval", "vehicles per scenario"],
+  ["realism", "ade", "Distance to the log against the replanning interval", "ADE, m"],
+  ["realism", "kinematic-likelihood", "Likelihood of the log against the replanning interval", "kinematic likelihood"],
+];
+
 function replanning() {
-  const groups = families("replan_steps");
-  if (!groups.length) return [];
-  const marks = [...new Set(groups.flatMap((g) => g.map(([steps]) => steps)))].sort((a, b) => a - b);
+  const all = families("replan_steps");
   const text = (t) => `${t / 10} s`;
-  return [["aav-collision", "Collisions with the AV against the replanning interval"], ["aav-ttc", "Risky approaches against the replanning interval"]].map(([id, title]) => {
-    const lines = groups.map((group) => group.map(([steps, s]) => [steps, mean(s, id), s]).filter(([, e]) => e?.mean != null).sort((a, b) => a[0] - b[0]));
+  return REPLANNING.flatMap(([protocol, id, title, label]) => {
+    const groups = all.filter(([[, s]]) => s.settings.protocol === protocol);
+    if (!groups.length) return [];
+    const marks = [...new Set(groups.flatMap((g) => g.map(([steps]) => steps)))].sort((a, b) => a - b);
+    const lines = groups.map((group) => group.map(([steps, s]) => [steps, mean(s, id), s]).filter(([, e]) => e?.mean != null).sort((a, b) => a[0] - b[0])).filter((line) => line.length);
+    if (!lines.length) return [];
     const top = Math.max(0.1, ...lines.flat().map(([, e]) => e.high));
-    return chart({
-      name: `replan-${id}`, title, about: "Vehicles per scenario; means with 95 % intervals. Left: plans are made anew more often.",
-      x: { label: "replanning interval", min: marks[0] * 0.85, max: marks.at(-1) * 1.15, log: true, marks, text }, y: { label: "vehicles per scenario", min: 0, max: top * 1.05 },
+    return [chart({
+      name: `replan-${id}`, title, about: "Means with 95 % intervals. Left: plans are made anew more often.",
+      x: { label: "replanning interval", min: marks[0] * 0.85, max: marks.at(-1) * 1.15, log: true, marks, text }, y: { label, min: 0, max: top * 1.05 },
       legend: lines.map((line, i) => [line[0][2].title, i, tint(i)]),
       draw: (h, v) => lines.flatMap((line, i) => series(line.map(([steps, e, s]) => [steps, e.mean, e.low, e.high, `${s.title}, ${text(steps)}: ${e.mean.toFixed(3)}`]), i, tint(i), h, v)),
-    });
+    })];
   });
 }
 

@@ -5,7 +5,7 @@ import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 
 const ABOUT = {
-  replan: ["Effect of the replanning interval", "Columns: how often plans are made anew. Vehicles per scenario."],
+  replan: ["Effect of the replanning interval", "Columns: how often plans are made anew."],
   realism: ["Realism and reactive protocols", "In the realism protocol the simulator moves the AV too, and is held against the log."],
   guards: ["What each part is worth", "The same simulators with parts taken away or put to them, and with the AV's next step seen or not."],
 };
@@ -34,7 +34,8 @@ const wide = (...rows) => el("div", { class: "wide" }, el("table", { class: "dat
 
 /** A table per metric: simulators by intervals. */
 function replan({ members }) {
-  return ["aav-collision", "aav-ttc"].map(metric).flatMap((m) => [
+  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
+  return columns.flatMap((m) => [
     el("h4", {}, arrow(m)),
     wide(head("Method", ...members.map((member) => member.label)), el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...members.map((member) => cell(m, find(member, s.id)?.metrics[m.id])))))),
   ]);

@@ -1,0 +1,32 @@
+//! What simulators make of a scenario, rolled out on the spot.
+
+use anyhow::anyhow;
+
+use super::recorded::marks_of;
+use crate::evaluation::PlannedSimulator;
+use crate::metrics::{Case, Options, score_case};
+use crate::report::birdseye::Mark;
+use crate::rollout::{DeviatedAv, Request, Settings, roll_out};
+use crate::scene::{Frame, Scenario};
+
+/// The tracks of rollout `index` of a simulator against the deviated AV of a scenario, with the settings that `run` has by default, and
+/// the events to point out. The same as `run` writes for it.
+pub(super) fn rollout(
+    simulator: &PlannedSimulator,
+    index: u32,
+    scenario: &Scenario,
+) -> anyhow::Result<(Vec<Vec<Frame>>, Vec<Mark>)> {
+    let deviation = scenario.deviation.as_ref().ok_or_else(|| {
+        anyhow!(
+            "scenario `{}` carries no deviated AV for the simulators to react to; run them with --av or --deviations \
+             and --keep-rollouts, and name the run folder with --rollout",
+            scenario.id
+        )
+    })?;
+    let av = DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?;
+    let request = Request { scenario, av: Box::new(av), rollout: index };
+    let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
+    let done = results.pop().ok_or_else(|| anyhow!("scenario `{}`: no rollout was made", scenario.id))??;
+    let scores = score_case(&Case::of_rollout(scenario, done.tracks.clone(), Options::default()));
+    Ok((done.tracks, marks_of(&scores.events)))
+}
