@@ -8,9 +8,10 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
 use super::{ExitStatus, count, say};
-use crate::evaluation::reference::{MakeOptions, Reference, make};
-use crate::evaluation::shipped_benchmark;
-use crate::report::blocks::{blocks, render};
+use crate::evaluation::reference::{MakeOptions, Reference, StudyReference, make, make_study};
+use crate::evaluation::{StudyResults, is_study, shipped_benchmark};
+use crate::report::blocks::{Selection, blocks, render};
+use crate::report::study_tables;
 
 /// Folder of the references in a checkout.
 const FOLDER: &str = "references";
@@ -31,7 +32,7 @@ pub(super) struct ReferenceArgs {
 
 #[derive(Debug, Subcommand)]
 enum ReferenceCommand {
-    /// Make a reference of a finished run
+    /// Make a reference of a finished run or study
     Make(MakeArgs),
     /// Write the tables of references into Markdown files, between their marks
     Tables(TablesArgs),
@@ -39,7 +40,7 @@ enum ReferenceCommand {
 
 #[derive(Debug, Args)]
 struct MakeArgs {
-    /// Folder of the finished run
+    /// Folder of the finished run or study
     #[arg(value_name = "RUNFOLDER")]
     run: PathBuf,
     /// Name of the reference
@@ -75,7 +76,7 @@ const TABLES_AFTER: &str = "\
   <!-- end -->
 
 columns, models, and one of category and difficulty may be left out. Folders of references are
-relative to the current directory.";
+relative to the current directory. Of the reference of a study all its tables are written.";
 
 pub(super) fn reference(args: &ReferenceArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
@@ -91,6 +92,11 @@ fn make_reference(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
         commands: args.commands.clone(),
         aggregates_only: args.aggregates_only,
     };
+    if is_study(&args.run) {
+        let made = make_study(&args.run, &args.out, &options)?;
+        say(format_args!("{}: {}", args.out.display(), count(made.members.len(), "member")));
+        return Ok(ExitStatus::Done);
+    }
     let made = make(&args.run, &args.out, &options)?;
     let rows = made.rows.as_ref().map_or_else(|| "no rows".to_owned(), |rows| count(rows.len(), "row"));
     let simulators = count(made.provenance.simulators.len(), "simulator");
@@ -99,7 +105,7 @@ fn make_reference(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
 }
 
 fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
-    let mut references: BTreeMap<String, Reference> = BTreeMap::new();
+    let mut references: BTreeMap<String, Tables> = BTreeMap::new();
     let mut stale = 0;
     for path in &args.files {
         let named = || path.display().to_string();
@@ -109,10 +115,10 @@ fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
         for block in blocks(&old).with_context(named)? {
             let place = || format!("{}, line {}", named(), block.line);
             if !references.contains_key(&block.reference) {
-                let reference = Reference::open(Path::new(&block.reference)).with_context(place)?;
-                references.insert(block.reference.clone(), reference);
+                let opened = Tables::open(Path::new(&block.reference)).with_context(place)?;
+                references.insert(block.reference.clone(), opened);
             }
-            let table = render(&references[&block.reference], &block.selection).with_context(place)?;
+            let table = references[&block.reference].render(&block.selection).with_context(place)?;
             if old[block.place.clone()] != table {
                 stale += 1;
                 if args.check {
@@ -136,6 +142,57 @@ fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
+/// What tables are written from.
+enum Tables {
+    Run(Box<Reference>),
+    Study(StudyResults),
+}
+
+impl Tables {
+    fn open(folder: &Path) -> anyhow::Result<Self> {
+        if is_study(folder) {
+            StudyReference::open(folder)?;
+            return Ok(Self::Study(StudyResults::read(folder)?));
+        }
+        Ok(Self::Run(Box::new(Reference::open(folder)?)))
+    }
+
+    fn render(&self, selection: &Selection) -> anyhow::Result<String> {
+        match self {
+            Self::Run(reference) => Ok(render(reference, selection)?),
+            Self::Study(_) if *selection != Selection::default() => {
+                bail!(
+                    "the tables of a study are written whole: leave columns, models, category and difficulty out"
+                )
+            }
+            Self::Study(results) => {
+                let mut text = Vec::new();
+                study_tables::write_markdown(results, &[], &mut text)?;
+                Ok(String::from_utf8_lossy(&text).into_owned())
+            }
+        }
+    }
+}
+
+/// The references that a name or a folder stands for: several where it is a study.
+pub(super) fn find_all(asked: Option<&str>) -> anyhow::Result<Vec<Reference>> {
+    let folder = asked.map(folder_of);
+    match folder {
+        Some(folder) if is_study(&folder) => Ok(StudyReference::open(&folder)?.members),
+        _ => Ok(vec![find(asked)?]),
+    }
+}
+
+/// The folder that a name or path stands for: in a checkout the one in `references/`.
+fn folder_of(name: &str) -> PathBuf {
+    let in_checkout = Path::new(FOLDER).join(name);
+    if !is_path(name) && in_checkout.is_dir() { in_checkout } else { PathBuf::from(name) }
+}
+
+fn is_path(name: &str) -> bool {
+    name.contains(['/', std::path::MAIN_SEPARATOR]) || name.starts_with('.')
+}
+
 /// The reference of a name or a folder; that of the shipped benchmark where none is named. References that are part of the program go before
 /// folders, unless a path is given.
 pub(super) fn find(asked: Option<&str>) -> anyhow::Result<Reference> {
@@ -146,12 +203,12 @@ pub(super) fn find(asked: Option<&str>) -> anyhow::Result<Reference> {
             format!("{}-{}", benchmark.name, benchmark.version)
         }
     };
-    let is_path = name.contains(['/', std::path::MAIN_SEPARATOR]) || name.starts_with('.');
-    if !is_path && let Some(embedded) = Reference::embedded(&name) {
+    if !is_path(&name)
+        && let Some(embedded) = Reference::embedded(&name)
+    {
         return Ok(embedded?);
     }
-    let in_checkout = Path::new(FOLDER).join(&name);
-    let folder = if !is_path && in_checkout.is_dir() { in_checkout } else { PathBuf::from(&name) };
+    let folder = folder_of(&name);
     if !folder.is_dir() {
         bail!(
             "there is no reference `{name}`: it is not part of the program, and there is no folder {FOLDER}/{name}"

@@ -7,7 +7,7 @@ use clap::Args;
 use super::progress::Progress;
 use super::subject::{Work, given_weights, open_sources, read_deviations};
 use super::{ExitStatus, find_inputs, reference, say, shipped, stop_on_interrupt, write_result};
-use crate::evaluation::reference::{self as references, Given, Reference};
+use crate::evaluation::reference::{self as comparing, Given, Reference};
 use crate::report::verification;
 
 /// A quick check runs networks on every so many scenarios.
@@ -30,7 +30,7 @@ backend of the reference; elsewhere their mean paired differences must stay with
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct VerifyArgs {
-    /// Name or folder of the reference [default: that of the shipped benchmark]
+    /// Name or folder of the reference, of a run or of a study [default: that of the shipped benchmark]
     #[arg(value_name = "REFERENCE")]
     reference: Option<String>,
     /// Run networks on every 15th scenario only
@@ -50,19 +50,31 @@ pub(super) struct VerifyArgs {
 }
 
 pub(super) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitStatus> {
-    let reference = reference::find(args.reference.as_deref())?;
-    let given = given(args, &reference)?;
     let stop = stop_on_interrupt("stopping")?;
-    let progress = Progress::new();
-    let every = args.quick.then_some(QUICK);
-    let done = references::verify(&reference, given, every, args.work.execution(), &progress, &stop);
-    progress.end();
-    let Some(done) = done? else {
-        say(format_args!("interrupted; nothing was compared"));
-        return Ok(ExitStatus::Interrupted);
-    };
-    write_result(None, |out| verification::write(&reference, &done, LISTED, out))?;
-    Ok(if done.passed() { ExitStatus::Done } else { ExitStatus::SomeFailed })
+    let mut passed = true;
+    let references = reference::find_all(args.reference.as_deref())?;
+    for (i, reference) in references.iter().enumerate() {
+        if references.len() > 1 {
+            say(format_args!("{} of {}: {}", i + 1, references.len(), reference.record.title));
+        }
+        let given = given(args, reference)?;
+        let progress = Progress::new();
+        let every = args.quick.then_some(QUICK);
+        let done = comparing::verify(reference, given, every, args.work.execution(), &progress, &stop);
+        progress.end();
+        let Some(done) = done? else {
+            say(format_args!("interrupted; nothing was compared"));
+            return Ok(ExitStatus::Interrupted);
+        };
+        write_result(None, |out| {
+            if i > 0 {
+                writeln!(out)?;
+            }
+            verification::write(reference, &done, LISTED, out)
+        })?;
+        passed &= done.passed();
+    }
+    Ok(if passed { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }
 
 fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<Given> {

@@ -161,7 +161,9 @@ fn wrong_arguments_are_told_with_the_mend() {
     assert!(error(&["--gif", "x.gif", "--radius", "1"]).contains("--radius is 1, expected 5 to 1000 m"));
     assert!(error(&["--size", "200"]).contains("--gif <FILE>"));
     assert!(error(&["--follow"]).contains("--gif <FILE>"));
-    assert!(error(&["--gif", "x.gif", "--simulator", "idm"]).contains("--rollout <RUN>"));
+    assert!(error(&["--gif", "x.gif", "--simulator", "nobody"]).contains("`nobody`"));
+    assert!(error(&["--simulator", "idm"]).contains("--svg <FILE>"));
+    assert!(error(&["--gif", "x.gif", "--case", "cut-in"]).contains("cannot be used with"));
     assert!(error(&["--gif", "x.gif", "--rollout", "RUN"]).contains("--simulator <ID>"));
     let two = error(&["--svg", "x.svg", "--rollout", "RUN", "--simulator", "idm,stop"]);
     assert!(two.contains("name one --simulator, or draw all of them with --gif alone"), "{two}");

@@ -35,6 +35,7 @@ mod scenes;
 mod scripted_av;
 mod shipped;
 mod study;
+mod study_reference;
 mod tokens;
 mod trained;
 mod training;

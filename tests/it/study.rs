@@ -93,7 +93,7 @@ fn intervals_are_studied_in_the_realism_protocol_too() {
     let study = read_study(&out).unwrap();
     assert!(study.members.iter().all(|m| m.protocol.as_deref() == Some("realism")));
     is_what_run_makes(&out, "steps-40", &[&asked[..], &["--replan", "40steps"]].concat());
-    for metric in ["ADE", "minADE", "Kinematic likelihood"] {
+    for metric in ["ADE (m)", "minADE (m)", "Kin. Lik."] {
         assert!(table.contains(&format!("{metric} ")), "{metric} is missing:\n{table}");
     }
 }

@@ -8,6 +8,8 @@
 //! | `provenance.json`, `summary.json` | those of the run |
 //! | `rows.parquet` | all rows of the run, without loss; absent for sets of real recordings, of which only aggregates may be published |
 //!
+//! The reference of a study holds `study.json` and such a folder per member ([`StudyReference`]).
+//!
 //! [`Reference::open`] refuses a folder whose parts do not agree. [`verify`] runs a reference again and compares.
 
 mod classes;
@@ -21,6 +23,7 @@ mod reading;
 mod record;
 mod rescore;
 pub(in crate::evaluation) mod rows;
+mod study;
 mod verify;
 
 pub use classes::SimulatorClass;
@@ -32,6 +35,7 @@ pub use plan::Given;
 pub use reading::{Reference, check_values};
 pub use record::{MachineRecord, ReferenceRecord};
 pub use rescore::rescore;
+pub use study::{StudyReference, make_study};
 pub use verify::{Difference, Largest, SimulatorCheck, Subject, Verification, verify};
 
 /// Name of the file that makes a folder a reference.

@@ -1,0 +1,96 @@
+//! References of studies: made, refused where they were changed, verified member by member, and their tables.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use reactsim::evaluation::reference::StudyReference;
+use serde_json::Value;
+
+use crate::reference::{edit_both, said, text};
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
+
+/// A study of two members on the mini scenarios, and the reference made of it.
+fn made(home: &Path) -> (PathBuf, PathBuf) {
+    let (study, reference) = (home.join("study"), home.join("reference"));
+    let models = ["--models", "idm,stop", "--intervals", "5,40"];
+    said(&[&["study", "replan", MINI, "--out", text(&study)], &models[..]].concat(), 0);
+    for member in ["steps-05", "steps-40"] {
+        edit_both(&study.join(member), |provenance| provenance["commit"] = CLEAN.into());
+    }
+    let make = ["reference", "make", text(&study), "--name", "test", "--aggregates-only"];
+    said(&[&make[..], &["--out", text(&reference)]].concat(), 0);
+    (study, reference)
+}
+
+fn refused(reference: &Path) -> String {
+    StudyReference::open(reference).unwrap_err().to_string()
+}
+
+#[test]
+fn every_member_is_a_reference() {
+    let home = tempfile::tempdir().unwrap();
+    let (study, reference) = made(home.path());
+    let opened = StudyReference::open(&reference).unwrap();
+    let names: Vec<&str> = opened.members.iter().map(|m| m.record.name.as_str()).collect();
+    assert_eq!(names, ["test.steps-05", "test.steps-40"]);
+    assert_eq!(opened.members[0].record.title, "test: every 5 steps (2 Hz)");
+    // The tables of a document are those of the study.
+    let page = home.path().join("page.md");
+    fs::write(&page, format!("<!-- table {} -->\n<!-- end -->\n", text(&reference))).unwrap();
+    said(&["reference", "tables", text(&page)], 0);
+    let told = fs::read_to_string(study.join("study.md")).unwrap();
+    let tables = told.split("\n- `steps-05`").next().unwrap();
+    assert!(fs::read_to_string(&page).unwrap().contains(tables));
+    assert_eq!(said(&["reference", "tables", text(&page), "--check"], 0).1, "");
+    fs::write(&page, format!("<!-- table {} models=idm -->\n<!-- end -->\n", text(&reference))).unwrap();
+    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("are written whole"));
+}
+
+#[test]
+fn every_member_is_verified() {
+    let home = tempfile::tempdir().unwrap();
+    let (_, reference) = made(home.path());
+    let verify = |code| said(&["verify", text(&reference), "--scenarios", MINI], code);
+    let (table, told) = verify(0);
+    assert!(told.contains("1 of 2: test: every 5 steps (2 Hz)") && told.contains("2 of 2"), "{told}");
+    assert_eq!(table.matches("idm").count() % 2, 0, "{table}");
+    // Aggregates of the second member that nobody obtains.
+    let member = reference.join("steps-40");
+    let summary = fs::read_to_string(member.join("summary.json")).unwrap();
+    let mut value: Value = serde_json::from_str(&summary).unwrap();
+    value["simulators"]["stop"]["metrics"]["ade"]["mean"] = 1.0.into();
+    let changed = serde_json::to_string_pretty(&value).unwrap();
+    fs::write(member.join("summary.json"), &changed).unwrap();
+    let record = fs::read_to_string(member.join("reference.toml")).unwrap();
+    let digest = |text: &str| blake3::hash(text.as_bytes()).to_hex().to_string();
+    fs::write(member.join("reference.toml"), record.replace(&digest(&summary), &digest(&changed))).unwrap();
+    let (table, _) = verify(1);
+    assert!(
+        table.contains("ade.mean") && table.contains("test.steps-05: 562 values compared.\n\n| Simulator"),
+        "{table}"
+    );
+}
+
+#[test]
+fn what_was_changed_is_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let (study_folder, reference) = made(home.path());
+    let stated = fs::read_to_string(reference.join("study.json")).unwrap();
+    let study = |text: &str| fs::write(reference.join("study.json"), text).unwrap();
+    study(&stated.replace("\"replan_steps\": 40", "\"replan_steps\": 20"));
+    assert!(refused(&reference).contains("`replan_steps` is 40 here and 20 in study.json"));
+    study(&stated.replace("\"folder\": \"steps-40\"", "\"folder\": \"steps-20\""));
+    assert!(refused(&reference).contains("steps-20"), "{}", refused(&reference));
+    study(&stated);
+    fs::write(reference.join("notes.txt"), "").unwrap();
+    assert!(refused(&reference).contains("notes.txt does not belong to the study"));
+    fs::remove_file(reference.join("notes.txt")).unwrap();
+    fs::remove_dir_all(reference.join("steps-40")).unwrap();
+    assert!(refused(&reference).contains("steps-40"), "{}", refused(&reference));
+    // A study replaces nothing.
+    let again = ["reference", "make", text(&study_folder), "--name", "test", "--aggregates-only"];
+    let told = said(&[&again[..], &["--out", text(&reference)]].concat(), 2).1;
+    assert!(told.contains("exists and is not empty"), "{told}");
+}
