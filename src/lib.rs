@@ -24,7 +24,11 @@ pub mod evaluation;
 
 pub mod report;
 
+pub mod benchmark;
+
 pub mod cli;
+
+pub use benchmark::{Benchmark, BenchmarkError, Results};
 
 #[path = "../models/mod.rs"]
 pub mod models;

@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use super::{find_inputs, shipped};
-use crate::evaluation::{EvaluationError, Shelf, StudyResults, is_study};
+use super::find_inputs;
+use crate::evaluation::{EvaluationError, Shelf, Source, StudyResults, is_study};
 use crate::report::page::{Gallery, Member};
 
 /// Opens the runs in these folders, those of studies among them, with the scenarios at these paths. The shipped benchmark is always at
 /// hand.
 pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result<Gallery> {
     let mut shelf = Shelf::default();
-    shelf.add(shipped::benchmark(usize::MAX));
+    shelf.add(Source::shipped(usize::MAX));
     for input in find_inputs(scenarios)? {
         shelf.add_file(&input)?;
     }

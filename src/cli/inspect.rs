@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::{ExitStatus, Reading, say, shipped, write_result};
-use crate::evaluation::{CASE_STUDIES, CaseStudy};
+use super::{ExitStatus, Reading, say, write_result};
+use crate::evaluation::{CASE_STUDIES, CaseStudy, Source};
 use crate::formats::{self, FormatError};
 use crate::scene::Scenario;
 
@@ -99,7 +99,7 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
             bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
         }
         let scenarios =
-            (shipped::benchmark(usize::MAX).open)()?.map(|pending| pending.and_then(|decode| decode()));
+            (Source::shipped(usize::MAX).open)()?.map(|pending| pending.and_then(|decode| decode()));
         return pick(scenarios, id, "the shipped benchmark");
     };
     let inputs = args.reading.find_inputs(std::slice::from_ref(path))?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::subject::open_sources;
-use super::{ExitStatus, find_inputs, gallery, shipped, write_result};
+use super::{ExitStatus, find_inputs, gallery, write_result};
 use crate::evaluation::reference::Entry;
 use crate::evaluation::{BenchmarkRecord, Source};
 use crate::report::leaderboard;
@@ -58,6 +58,6 @@ fn at_hand(args: &LeaderboardArgs, benchmark: &BenchmarkRecord) -> Option<Source
         let inputs = find_inputs(std::slice::from_ref(path)).ok()?;
         open_sources(inputs, usize::MAX).ok()
     });
-    let mut sources = std::iter::once(shipped::benchmark(usize::MAX)).chain(given.flatten());
+    let mut sources = std::iter::once(Source::shipped(usize::MAX)).chain(given.flatten());
     sources.find(|source| source.file.blake3 == benchmark.blake3)
 }

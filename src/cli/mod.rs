@@ -16,7 +16,6 @@ mod reference;
 mod report;
 mod run;
 mod score;
-mod shipped;
 mod study;
 mod subject;
 mod train;

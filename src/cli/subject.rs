@@ -1,18 +1,18 @@
 //! What `run` and the studies are asked alike: scenarios, simulators, who drives the AV, and how the work is shared.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::thread;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::{Reading, metric_options, shipped};
+use super::{Reading, metric_options};
 use crate::evaluation::{
-    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator, Registrar,
-    RunSettings, Source,
+    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, Registrar, RunSettings,
+    Source,
 };
-use crate::formats::{self, FormatError, Input, PendingScenarios};
+use crate::formats::Input;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 
@@ -119,7 +119,7 @@ impl Subject {
         let deviations = match (&self.deviations, &self.av) {
             (Some(_), Some(AvChoice::File(_))) => bail!("give either --deviations or --av file:<path>"),
             (Some(_), _) if !deviated => bail!("--deviations goes with --av deviated only"),
-            (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(read_deviations(path)?),
+            (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(Deviations::read(path)?),
             (None, _) => None,
         };
         let sources = self.sources()?;
@@ -148,7 +148,7 @@ impl Subject {
             if self.reading.current_frame.is_some() {
                 bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
             }
-            return Ok(vec![shipped::benchmark(most)]);
+            return Ok(vec![Source::shipped(most)]);
         }
         open_sources(self.reading.find_inputs(&self.scenarios)?, most)
     }
@@ -158,11 +158,7 @@ impl Subject {
 pub(super) fn open_sources(inputs: Vec<Input>, most: usize) -> anyhow::Result<Vec<Source>> {
     let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
     for input in inputs {
-        let file = registrar.record(&input)?;
-        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
-            Ok(Box::new(input.open_undecoded()?.take(most)))
-        });
-        sources.push(Source { file, open });
+        sources.push(Source::of_input(input, most, &mut registrar)?);
     }
     Ok(sources)
 }
@@ -179,12 +175,6 @@ pub(super) fn given_weights(texts: &[String]) -> anyhow::Result<Vec<(String, Pat
         }
     }
     Ok(weights)
-}
-
-/// The deviated AVs of a file.
-pub(super) fn read_deviations(path: &Path) -> anyhow::Result<Deviations> {
-    let tracks = formats::deviations::read(path)?;
-    Ok(Deviations { file: FileRecord::of(path, "deviations")?, tracks })
 }
 
 /// Whether the first scenario that can be read carries a deviated AV. Where none can be read the run will say so.

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::progress::Progress;
-use super::subject::{Work, given_weights, open_sources, read_deviations};
-use super::{ExitStatus, find_inputs, reference, say, shipped, stop_on_interrupt, write_result};
+use super::subject::{Work, given_weights, open_sources};
+use super::{ExitStatus, find_inputs, reference, say, stop_on_interrupt, write_result};
 use crate::evaluation::reference::{self as comparing, Given, Reference};
+use crate::evaluation::{Deviations, Source};
 use crate::report::verification;
 
 /// A quick check runs networks on every so many scenarios.
@@ -81,7 +82,7 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<Given> {
     let stated = &reference.provenance;
     let most = stated.settings.limit.unwrap_or(usize::MAX);
     let sources = if args.scenarios.is_empty() {
-        vec![shipped::benchmark(most)]
+        vec![Source::shipped(most)]
     } else {
         let mut inputs = find_inputs(&args.scenarios)?;
         // Which frame is the current one stands in the provenance of each file.
@@ -90,6 +91,6 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<Given> {
         }
         open_sources(inputs, most)?
     };
-    let deviations = args.deviations.as_deref().map(read_deviations).transpose()?;
+    let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
     Ok(Given { sources, deviations, weights: given_weights(&args.model_weights)? })
 }

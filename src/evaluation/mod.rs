@@ -38,6 +38,7 @@ mod rollouts;
 mod row;
 mod runner;
 mod shelf;
+mod shipped;
 mod simulators;
 mod source;
 mod statistics;

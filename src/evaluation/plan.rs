@@ -1,7 +1,9 @@
 //! What a run is asked to do, checked before the first scenario.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
+use super::EvaluationError;
 use super::av::AvChoice;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
@@ -9,7 +11,7 @@ use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_com
 use super::simulators::PlannedSimulator;
 use super::source::Source;
 use super::tally::Tally;
-use crate::formats::deviations::DeviationRecord;
+use crate::formats::deviations::{self, DeviationRecord};
 use crate::metrics::Options;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
 use crate::scene::{AgentState, Certificate, DeviatedTrack, Deviation, Difficulty, Scenario};
@@ -35,6 +37,17 @@ pub struct Deviations {
     pub file: FileRecord,
     /// By scenario id.
     pub tracks: BTreeMap<String, DeviationRecord>,
+}
+
+impl Deviations {
+    /// Reads a file of deviations, Parquet or JSON.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be read or is invalid.
+    pub fn read(path: &Path) -> Result<Self, EvaluationError> {
+        let tracks = deviations::read(path)?;
+        Ok(Self { file: FileRecord::of(path, "deviations")?, tracks })
+    }
 }
 
 /// A run: sources × simulators × rollouts.

@@ -3,9 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-use super::file_record::FileRecord;
+use super::EvaluationError;
+use super::file_record::{FileRecord, Registrar};
 use super::row::Place;
-use crate::formats::{FormatError, PendingScenarios, Undecoded};
+use crate::formats::{FormatError, Input, PendingScenarios, Undecoded, decoded};
+use crate::scene::Scenario;
 
 /// Opens a source for reading from its beginning.
 pub type Opener = Box<dyn Fn() -> Result<PendingScenarios, FormatError> + Send + Sync>;
@@ -16,6 +18,31 @@ pub struct Source {
     pub file: FileRecord,
     /// Opens it.
     pub open: Opener,
+}
+
+impl Source {
+    /// A scenario file, of which at most `most` scenarios are read.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] if the file cannot be read for its digest.
+    pub fn of_input(input: Input, most: usize, registrar: &mut Registrar) -> Result<Self, EvaluationError> {
+        let file = registrar.record(&input)?;
+        let open = move || -> Result<PendingScenarios, FormatError> {
+            Ok(Box::new(input.open_undecoded()?.take(most)))
+        };
+        Ok(Self { file, open: Box::new(open) })
+    }
+
+    /// Scenarios in memory, of which at most `most` are used. Their digest is taken over the digests of the scenarios.
+    pub fn of_scenarios(scenarios: Vec<Scenario>, most: usize) -> Self {
+        let digests: String = scenarios.iter().map(Scenario::digest).collect();
+        let file = FileRecord::of_content("memory", "memory", digests.as_bytes());
+        let open = move || -> Result<PendingScenarios, FormatError> {
+            let scenarios: Vec<_> = scenarios.iter().take(most).cloned().map(|s| Ok(decoded(s))).collect();
+            Ok(Box::new(scenarios.into_iter()))
+        };
+        Self { file, open: Box::new(open) }
+    }
 }
 
 /// A record that is still to be decoded, with its place.

@@ -54,7 +54,7 @@ pub struct DeviatedTrack {
 }
 
 /// A recorded scene, split at the current frame. The split is the privacy boundary: simulators are given [`Start`] only.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Scenario {
     /// Name.
     pub id: String,
@@ -81,7 +81,7 @@ pub struct Scenario {
 }
 
 /// What is known at the current frame: agents, their history, the map, the lights so far. Holds nothing of the future.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Start {
     /// Slot 0 is the AV; then the world agents by distance to it.
     pub agents: Vec<Agent>,

@@ -12,6 +12,7 @@ const FLOORS: &[&[&str]] = &[
     &["models", "metrics", "generation"],
     &["evaluation", "curation"],
     &["report"],
+    &["benchmark"],
     &["cli"],
     &["main"],
 ];

@@ -1,0 +1,399 @@
+//! Evaluates simulators in a few lines: scenarios, an AV, simulators, results.
+//!
+//! ```
+//! use reactsim::Benchmark;
+//! use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
+//! use reactsim::scene::{AgentState, DT, Start};
+//!
+//! /// Every agent keeps its velocity.
+//! struct Mine;
+//!
+//! impl SingleEpisode for Mine {
+//!     type Memory = ();
+//!
+//!     fn id(&self) -> &'static str {
+//!         "mine"
+//!     }
+//!
+//!     fn begin(&self, _start: &Start, _stream: &mut Stream) {}
+//!
+//!     fn plan_one(&self, _memory: &mut (), episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+//!         for agent in 0..episode.plan.agents() {
+//!             let Some(now) = episode.seen.state(agent) else { continue };
+//!             for step in 0..episode.plan.steps() {
+//!                 let t = (step + 1) as f64 * DT;
+//!                 let next = AgentState { x: now.x + now.vx * t, y: now.y + now.vy * t, ..now };
+//!                 episode.plan.set(agent, step, Some(next));
+//!             }
+//!         }
+//!         Ok(())
+//!     }
+//! }
+//!
+//! let results = Benchmark::shipped().limit(2).baseline("idm").simulator("mine", Mine).run()?;
+//! println!("{}", results.table());
+//! assert!(results.mean("mine", "aav-collision") >= results.mean("idm", "aav-collision"));
+//! # Ok::<(), reactsim::BenchmarkError>(())
+//! ```
+
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::thread;
+
+use crate::evaluation::{
+    self, AvChoice, Deviations, EvaluationError, Execution, Failure, Outcome, Plan, PlannedSimulator,
+    Registrar, Row, RunFolder, RunObserver, RunSettings, Source, Summary,
+};
+use crate::formats::{self, FormatError};
+use crate::metrics::Options;
+use crate::report::{self, Run};
+use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
+use crate::scene::Scenario;
+
+/// A benchmark run that is being put together. Wrong settings are reported by [`Benchmark::run`], before the first scenario.
+#[must_use = "a benchmark does nothing until `run` is called"]
+pub struct Benchmark {
+    scenarios: Scenarios,
+    deviations: Option<PathBuf>,
+    av: Option<AvChoice>,
+    settings: Settings,
+    options: Options,
+    rollouts: u32,
+    limit: Option<usize>,
+    simulators: Vec<Entry>,
+    threads: Option<NonZeroUsize>,
+    folder: Option<PathBuf>,
+    keep_rollouts: bool,
+    observer: Box<dyn RunObserver>,
+    stop: Arc<AtomicBool>,
+}
+
+enum Scenarios {
+    Shipped,
+    Files(Vec<PathBuf>),
+    Memory(Vec<Scenario>),
+}
+
+enum Entry {
+    Baseline(String),
+    Own(PlannedSimulator),
+}
+
+/// Reason why a benchmark cannot be run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BenchmarkError {
+    /// A scenario file or a file of deviations cannot be read.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// A simulator is unknown or repeated, or the run folder cannot be written.
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
+    /// An AV was chosen although the simulator moves it.
+    #[error("the realism protocol has no AV policy: the simulator moves the AV")]
+    AvInRealism,
+    /// No simulator was added.
+    #[error("no simulator: add one with `simulator`, `oracle`, `baseline` or `baselines`")]
+    NoSimulator,
+    /// The number of rollouts is 0.
+    #[error("0 rollouts: at least 1 is needed")]
+    NoRollouts,
+    /// No scenario has a result.
+    #[error("no scenario could be run; the first failure: {0}")]
+    NothingRun(String),
+    /// The stop flag was set during the run.
+    #[error("interrupted; finished rows are in the run folder, where there is one")]
+    Interrupted,
+}
+
+/// Results of a benchmark run.
+#[derive(Clone, Debug)]
+pub struct Results {
+    /// Estimates, provenance and failures.
+    pub summary: Summary,
+}
+
+/// Ignores all progress.
+struct Silent;
+
+impl RunObserver for Silent {}
+
+/// Forwards progress to an observer that the caller keeps.
+struct Shared<O>(Arc<O>);
+
+impl<O: RunObserver + Send> RunObserver for Shared<O> {
+    fn scenario_done(&self, done: usize) {
+        self.0.scenario_done(done);
+    }
+
+    fn rows(&self, rows: &[Row]) {
+        self.0.rows(rows);
+    }
+
+    fn failed(&self, failure: &Failure) {
+        self.0.failed(failure);
+    }
+}
+
+impl Benchmark {
+    /// The benchmark that ships with the crate, with its deviated AVs.
+    pub fn shipped() -> Self {
+        Self::of(Scenarios::Shipped)
+    }
+
+    /// Scenarios from files and folders in any of [`formats::FORMATS`].
+    pub fn files<P: Into<PathBuf>>(paths: impl IntoIterator<Item = P>) -> Self {
+        Self::of(Scenarios::Files(paths.into_iter().map(Into::into).collect()))
+    }
+
+    /// Scenarios in memory.
+    pub fn scenarios(scenarios: impl IntoIterator<Item = Scenario>) -> Self {
+        Self::of(Scenarios::Memory(scenarios.into_iter().collect()))
+    }
+
+    fn of(scenarios: Scenarios) -> Self {
+        Self {
+            scenarios,
+            deviations: None,
+            av: None,
+            settings: Settings::default(),
+            options: Options::default(),
+            rollouts: 1,
+            limit: None,
+            simulators: Vec::new(),
+            threads: None,
+            folder: None,
+            keep_rollouts: false,
+            observer: Box::new(Silent),
+            stop: Arc::default(),
+        }
+    }
+
+    /// Adds a simulator under an id, which is also its title.
+    pub fn simulator(self, id: impl Into<String>, simulator: impl Simulator + 'static) -> Self {
+        self.own(id.into(), Controller::Fair(Box::new(simulator)))
+    }
+
+    /// Adds a simulator that observes the logged future; tables mark it with †.
+    pub fn oracle(self, id: impl Into<String>, oracle: impl Oracle + 'static) -> Self {
+        self.own(id.into(), Controller::Oracle(Box::new(oracle)))
+    }
+
+    fn own(mut self, id: String, controller: Controller) -> Self {
+        self.simulators.push(Entry::Own(PlannedSimulator {
+            title: id.clone(),
+            id,
+            card: String::new(),
+            parameters: BTreeMap::new(),
+            weights: None,
+            controller,
+        }));
+        self
+    }
+
+    /// Adds a baseline by its id, such as `idm` or `idm+qp`.
+    pub fn baseline(mut self, id: impl Into<String>) -> Self {
+        self.simulators.push(Entry::Baseline(id.into()));
+        self
+    }
+
+    /// Adds several baselines.
+    pub fn baselines<I: Into<String>>(self, ids: impl IntoIterator<Item = I>) -> Self {
+        ids.into_iter().fold(self, Self::baseline)
+    }
+
+    /// Deviated AVs from a file, Parquet or JSON. Scenarios without an entry are skipped.
+    pub fn deviations(mut self, path: impl Into<PathBuf>) -> Self {
+        self.deviations = Some(path.into());
+        self
+    }
+
+    /// Policy of the AV [default: the deviated trajectory].
+    pub fn av(mut self, av: AvChoice) -> Self {
+        self.av = Some(av);
+        self
+    }
+
+    /// Protocol [default: reactive].
+    pub fn protocol(mut self, protocol: Protocol) -> Self {
+        self.settings.protocol = protocol;
+        self
+    }
+
+    /// Replan interval [default: 5 steps].
+    pub fn replan(mut self, replan: Replan) -> Self {
+        self.settings.replan = replan;
+        self
+    }
+
+    /// Whether agents at t + 1 observe the AV at t + 1 [default: true].
+    pub fn av_lookahead(mut self, lookahead: bool) -> Self {
+        self.settings.av_lookahead = lookahead;
+        self
+    }
+
+    /// Seed of all random choices [default: 0].
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.settings.seed = seed;
+        self
+    }
+
+    /// Rollouts per scenario and simulator [default: 1].
+    pub fn rollouts(mut self, rollouts: u32) -> Self {
+        self.rollouts = rollouts;
+        self
+    }
+
+    /// Variants of the metrics [default: those of the benchmark].
+    pub fn metric_options(mut self, options: Options) -> Self {
+        self.options = options;
+        self
+    }
+
+    /// At most this number of scenarios of every file.
+    pub fn limit(mut self, scenarios: usize) -> Self {
+        self.limit = Some(scenarios);
+        self
+    }
+
+    /// Number of threads [default: one per core]. Results do not depend on it.
+    pub fn threads(mut self, threads: NonZeroUsize) -> Self {
+        self.threads = Some(threads);
+        self
+    }
+
+    /// A run folder for provenance, rows, events and summary.
+    pub fn folder(mut self, path: impl Into<PathBuf>) -> Self {
+        self.folder = Some(path.into());
+        self
+    }
+
+    /// Keeps the rollouts in the run folder.
+    pub fn keep_rollouts(mut self) -> Self {
+        self.keep_rollouts = true;
+        self
+    }
+
+    /// Reports progress to an observer.
+    pub fn observer(mut self, observer: Arc<impl RunObserver + Send + 'static>) -> Self {
+        self.observer = Box::new(Shared(observer));
+        self
+    }
+
+    /// Ends the run early with [`BenchmarkError::Interrupted`] when the flag is set.
+    pub fn stop(mut self, flag: Arc<AtomicBool>) -> Self {
+        self.stop = flag;
+        self
+    }
+
+    /// Rolls out every simulator in every scenario and computes all metrics.
+    ///
+    /// Scenarios that fail are listed in [`Summary::provenance`]; the others are evaluated.
+    ///
+    /// # Errors
+    /// [`BenchmarkError`] if a setting is wrong, an input cannot be read, or no scenario could be run.
+    pub fn run(self) -> Result<Results, BenchmarkError> {
+        let threads = self.threads.map_or_else(available_threads, NonZeroUsize::get);
+        let (observer, stop) = (self.observer, self.stop);
+        let plan = plan(
+            self.scenarios,
+            self.simulators,
+            self.deviations.as_deref(),
+            RunSettings {
+                rollout: self.settings,
+                av: match (self.av, self.settings.protocol) {
+                    (Some(_), Protocol::Realism) => return Err(BenchmarkError::AvInRealism),
+                    (None, Protocol::Realism) => AvChoice::Log,
+                    (av, Protocol::Reactive) => av.unwrap_or(AvChoice::Deviated),
+                },
+                rollouts: self.rollouts,
+                options: self.options,
+                limit: self.limit,
+            },
+            self.keep_rollouts,
+        )?;
+        let folder = match &self.folder {
+            Some(path) => Some(RunFolder::create(path, &plan.provenance())?),
+            None => None,
+        };
+        let execution = Execution { jobs: threads, batch: 4 };
+        let outcome =
+            evaluation::run(&plan, execution, folder.as_ref(), plan.tally(), observer.as_ref(), &stop)?;
+        let Outcome::Finished(summary) = outcome else { return Err(BenchmarkError::Interrupted) };
+        if summary.provenance.scenarios == 0 {
+            let first = summary.provenance.failures.first();
+            let reason = first.map_or_else(|| "there are no scenarios".to_owned(), |f| f.error.clone());
+            return Err(BenchmarkError::NothingRun(reason));
+        }
+        Ok(Results { summary: *summary })
+    }
+}
+
+fn available_threads() -> usize {
+    thread::available_parallelism().map_or(1, NonZeroUsize::get)
+}
+
+fn plan(
+    scenarios: Scenarios,
+    entries: Vec<Entry>,
+    deviations: Option<&Path>,
+    settings: RunSettings,
+    keep_rollouts: bool,
+) -> Result<Plan, BenchmarkError> {
+    if entries.is_empty() {
+        return Err(BenchmarkError::NoSimulator);
+    }
+    if settings.rollouts == 0 {
+        return Err(BenchmarkError::NoRollouts);
+    }
+    let mut simulators: Vec<PlannedSimulator> = Vec::new();
+    for entry in entries {
+        let simulator = match entry {
+            Entry::Own(simulator) => simulator,
+            Entry::Baseline(id) => PlannedSimulator::by_ids(&[id])?.remove(0),
+        };
+        if simulators.iter().any(|s| s.id == simulator.id) {
+            return Err(EvaluationError::RepeatedSimulator { id: simulator.id }.into());
+        }
+        simulators.push(simulator);
+    }
+    let most = settings.limit.unwrap_or(usize::MAX);
+    let sources = match scenarios {
+        Scenarios::Shipped => vec![Source::shipped(most)],
+        Scenarios::Memory(scenarios) => vec![Source::of_scenarios(scenarios, most)],
+        Scenarios::Files(paths) => {
+            let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
+            for path in paths {
+                for input in formats::find_inputs(&path)? {
+                    sources.push(Source::of_input(input, most, &mut registrar)?);
+                }
+            }
+            sources
+        }
+    };
+    let file = match &settings.av {
+        AvChoice::File(path) => Some(path.as_path()),
+        _ => deviations,
+    };
+    let deviations = file.map(Deviations::read).transpose()?;
+    Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
+}
+
+impl Results {
+    /// The table of all simulators as Markdown, followed by the tables of categories and difficulties.
+    pub fn table(&self) -> String {
+        let mut text = Vec::new();
+        let exporter = report::exporter("markdown").expect("Markdown is one of the exporters");
+        let run = Run { name: "", summary: &self.summary };
+        exporter.export(&[run], &[], &mut text).expect("writing to memory does not fail");
+        String::from_utf8_lossy(&text).into_owned()
+    }
+
+    /// The mean of a metric over scenarios; `None` if there is no such simulator or metric, or nothing was judged.
+    pub fn mean(&self, simulator: &str, metric: &str) -> Option<f64> {
+        self.summary.simulators.get(simulator)?.metrics.get(metric)?.mean
+    }
+}
