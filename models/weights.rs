@@ -2,20 +2,11 @@
 
 use std::borrow::Cow;
 
+use reactsim_weights::{MANIFEST, SHIPPED};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use super::ModelError;
-
-/// The text of the manifest.
-const MANIFEST: &str = include_str!("../weights/manifest.toml");
-
-/// The files that are part of the program, by name: each has its row in the manifest, with `shipped = true`, and its line
-/// `("NAME", include_bytes!("../weights/NAME"))` here.
-const SHIPPED: &[(&str, &[u8])] = &[
-    ("ntp-reactive.safetensors", include_bytes!("../weights/ntp-reactive.safetensors")),
-    ("qp-regression.safetensors", include_bytes!("../weights/qp-regression.safetensors")),
-];
 
 /// A file of weights.
 #[derive(Clone, Debug)]

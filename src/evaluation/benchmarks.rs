@@ -1,11 +1,9 @@
 //! Known benchmarks: sets of scenarios with a name, a version and a pinned digest.
 
+use reactsim_scenarios::MANIFEST;
 use serde::{Deserialize, Serialize};
 
 use super::file_record::FileRecord;
-
-/// The manifest of what ships, part of the program.
-const MANIFEST: &str = include_str!("../../scenarios/manifest.toml");
 
 /// The benchmark that a run is on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -113,7 +111,7 @@ mod tests {
             assert!(!known[..i].iter().any(|k| same(&k) || k.record.blake3 == *blake3), "{}", one.record);
             assert!(one.scenarios > 0 && blake3.len() == 64);
         }
-        let shipped = include_bytes!("../../scenarios/bench.parquet");
+        let shipped = reactsim_scenarios::BENCH;
         let file = FileRecord::of_content("any name", "native", shipped);
         assert_eq!(BenchmarkRecord::of(&file), shipped_benchmark().map(|k| k.record));
     }
