@@ -16,6 +16,7 @@ mod reference;
 mod report;
 mod run;
 mod score;
+mod shell;
 mod study;
 mod subject;
 mod train;
@@ -80,8 +81,12 @@ enum Command {
     Study(study::StudyArgs),
     /// Print and draw what is in a scenario
     Inspect(inspect::InspectArgs),
-    /// List models, metrics, formats, weights or map types
+    /// List models, metrics, formats, weights, map types or case studies
     List(list::ListArgs),
+    /// Print a completion script for a shell
+    Completions(shell::CompletionsArgs),
+    /// Write manual pages
+    Man(shell::ManArgs),
 }
 
 /// How the program ended.
@@ -131,6 +136,8 @@ pub fn main() -> ExitCode {
         Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::List(args) => list::list(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     };
     match result {
         Ok(status) => status.into(),

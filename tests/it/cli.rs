@@ -104,7 +104,9 @@ fn help_fits_a_terminal() {
       view         Show run folders in a browser: tables, figures, every scenario from above
       study        Run studies: replan intervals, both protocols, ablations of simulators
       inspect      Print and draw what is in a scenario
-      list         List models, metrics, formats, weights or map types
+      list         List models, metrics, formats, weights, map types or case studies
+      completions  Print a completion script for a shell
+      man          Write manual pages
       help         Print this message or the help of the given subcommand(s)
 
     Options:
@@ -632,4 +634,16 @@ fn with_a_file_of_deviations_those_that_scenarios_carry_do_not_count() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     insta::assert_snapshot!(stderr(&output), @"2 scenarios passed over: no deviated AV in the file of deviations");
     assert!(stdout(&output).contains("1 scenario, 2 passed over, "), "{}", stdout(&output));
+}
+
+#[test]
+fn shells_and_man_know_every_command() {
+    let home = tempfile::tempdir().unwrap();
+    let (script, _) = crate::reference::said(&["completions", "bash"], 0);
+    crate::reference::said(&["man", "--out", home.path().to_str().unwrap()], 0);
+    for command in ["run", "curate", "study", "inspect", "verify"] {
+        assert!(script.contains(command), "{command}");
+        let page = home.path().join(format!("reactsim-{command}.1"));
+        assert!(std::fs::read_to_string(page).unwrap().contains(".SH"), "{command}");
+    }
 }
