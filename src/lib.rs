@@ -1,4 +1,5 @@
-#![doc = include_str!("README.md")]
+#![cfg_attr(feature = "models", doc = include_str!("README.md"))]
+#![cfg_attr(not(feature = "models"), doc = "Traffic simulation benchmark; see the documentation with default features.")]
 // Networks are deep types.
 #![recursion_limit = "256"]
 // Tests may ask the platform's functions: what they compare has a tolerance.
@@ -11,24 +12,35 @@ pub mod scene;
 
 pub mod dynamics;
 
+#[cfg(feature = "formats")]
 pub mod formats;
 pub mod rollout;
+#[cfg(feature = "training")]
 pub mod training;
+#[cfg(feature = "web")]
 pub mod web;
 
+#[cfg(feature = "generation")]
 pub mod generation;
 pub mod metrics;
 
+#[cfg(feature = "curation")]
 pub mod curation;
+#[cfg(feature = "evaluation")]
 pub mod evaluation;
 
+#[cfg(feature = "report")]
 pub mod report;
 
+#[cfg(feature = "report")]
 pub mod benchmark;
 
+#[cfg(feature = "cli")]
 pub mod cli;
 
+#[cfg(feature = "report")]
 pub use benchmark::{Benchmark, BenchmarkError, Results};
 
+#[cfg(feature = "models")]
 #[path = "../models/mod.rs"]
 pub mod models;
