@@ -1,5 +1,6 @@
-//! What vehicles can do: the limits of the benchmark, the kinematic bicycle model, paths that a vehicle can drive,
-//! speeds at which it can drive them, and the tracker that follows planned poses within the limits.
+//! Vehicle dynamics: the limits of the benchmark, the kinematic bicycle model, drivable paths and
+//! the speeds at which they can be driven, and the tracker that follows planned poses within the
+//! limits.
 
 mod axle_path;
 mod bicycle;

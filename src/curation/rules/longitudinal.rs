@@ -101,7 +101,12 @@ fn profile(
                 speed = if t < after { logged(t) } else { speed.min(logged(t)).max(loss * DT) - loss * DT };
                 speeds.push(speed);
             }
-            speeds::bound_ahead(now, &mut speeds, speeds::ACCELERATION, speeds::DECELERATION);
+            speeds::bound_ahead(
+                now,
+                &mut speeds,
+                speeds::MAX_PLANNED_ACCELERATION,
+                speeds::MAX_PLANNED_DECELERATION,
+            );
             Ok((format!("stop: {loss:.1} m/s² after {after:.1} s"), speeds))
         }
         Kind::Slow => {
