@@ -7,7 +7,7 @@ use reactsim::scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
 use super::{Intentions, IntentionsError};
-use crate::models::learning::Sample;
+use crate::models::learning::Reservoir;
 use crate::models::ntp::tokens::{Class, Provenance};
 
 /// Who is within this of where he was is taken to stand, metres: that is a point of its own.
@@ -25,7 +25,7 @@ const ROUNDS: usize = 200;
 #[derive(Debug)]
 pub struct EndPoints {
     seed: u64,
-    classes: [Sample<Vec2>; 3],
+    classes: [Reservoir<Vec2>; 3],
     scenarios: u64,
     digest: blake3::Hasher,
 }
@@ -33,7 +33,7 @@ pub struct EndPoints {
 impl EndPoints {
     /// None yet; at most so many will be kept of every class.
     pub fn new(most: usize, seed: u64) -> Self {
-        let sample = |class: Class| Sample::new(most, seed, &format!("intentions/ends/{class}"));
+        let sample = |class: Class| Reservoir::new(most, seed, &format!("intentions/ends/{class}"));
         Self { seed, classes: Class::ALL.map(sample), scenarios: 0, digest: blake3::Hasher::new() }
     }
 

@@ -12,7 +12,7 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
 use super::{CURVE_POINTS, CurvePiece, Provenance, VocabularyError, curve_pieces};
-use crate::models::learning::Sample;
+use crate::models::learning::Reservoir;
 
 /// The curve of a token: eleven points in the frame of the first, the first chord along x.
 type Curve = [Vec2; CURVE_POINTS];
@@ -178,7 +178,7 @@ fn provenance(made: Option<&String>) -> Result<Provenance, VocabularyError> {
 /// Builds a vocabulary of the map by k-disks on the curves of pieces: draws one, makes the mean of all near it a token, takes them away.
 #[derive(Debug)]
 pub struct MapVocabularyBuilder {
-    sample: Sample<Curve>,
+    sample: Reservoir<Curve>,
     seed: u64,
     scenarios: u64,
     digest: blake3::Hasher,
@@ -191,7 +191,7 @@ impl MapVocabularyBuilder {
     /// No curves yet; at most so many will be kept.
     pub fn new(most: usize, seed: u64) -> Self {
         Self {
-            sample: Sample::new(most, seed, "vocabulary/map"),
+            sample: Reservoir::new(most, seed, "vocabulary/map"),
             seed,
             scenarios: 0,
             digest: blake3::Hasher::new(),

@@ -5,7 +5,7 @@ use reactsim::geometry::wrap;
 use reactsim::scene::{AgentKind, Frame, Scenario};
 
 use super::{Class, ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};
-use crate::models::learning::Sample;
+use crate::models::learning::Reservoir;
 
 /// Agents with fewer recorded frames are left out (CATK).
 const LEAST_FRAMES: usize = 30;
@@ -20,7 +20,7 @@ const SAME: f64 = 1.0 / 512.0;
 #[derive(Debug)]
 pub struct Segments {
     seed: u64,
-    classes: [Sample<TokenPoses>; 3],
+    classes: [Reservoir<TokenPoses>; 3],
     scenarios: u64,
     digest: blake3::Hasher,
 }
@@ -28,7 +28,7 @@ pub struct Segments {
 impl Segments {
     /// No motions yet; at most so many will be kept of every class. CATK keeps 204 800.
     pub fn new(most: usize, seed: u64) -> Self {
-        let sample = |class: Class| Sample::new(most, seed, &format!("vocabulary/segments/{class}"));
+        let sample = |class: Class| Reservoir::new(most, seed, &format!("vocabulary/segments/{class}"));
         Self { seed, classes: Class::ALL.map(sample), scenarios: 0, digest: blake3::Hasher::new() }
     }
 
