@@ -1,7 +1,7 @@
 #![doc = include_str!("README.md")]
-// Networks are deep types.
+// Network types nest deeply.
 #![recursion_limit = "256"]
-// Tests may ask the platform's functions: what they compare has a tolerance.
+// Tests may call the platform's math functions: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 extern crate self as reactsim;
