@@ -411,10 +411,10 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
         told
     };
     for (intervals, part) in [
-        ("0", "`0` is no replan rate: expected 1 to 80 steps"),
-        ("5,81", "`81` is no replan rate"),
-        ("abc", "`abc` is no replan rate"),
-        ("", "`` is no replan rate"),
+        ("0", "`0` is not a replan interval: expected 1 to 80 steps"),
+        ("5,81", "`81` is not a replan interval"),
+        ("abc", "`abc` is not a replan interval"),
+        ("", "`` is not a replan interval"),
         ("5,2hz", "--intervals names 5 steps twice: give each interval once"),
     ] {
         let told = refused(&["replan", MINI, "--models", "stop", "--intervals", intervals]);
