@@ -20,7 +20,7 @@ use super::CurationProvenance;
 use crate::formats::FormatError;
 use crate::formats::deviations::{KIND, VERSION};
 use crate::formats::error::Cause;
-use crate::formats::table::{FRAME, SAID, TableReader};
+use crate::formats::table::{FRAME, METADATA_CHECKSUM, TableReader};
 
 /// Scenarios in a row group: what a reader holds in memory, and what the review page decodes for one scenario.
 const GROUP: usize = 8;
@@ -44,7 +44,7 @@ fn provenance(table: &TableReader) -> Result<CurationProvenance, Cause> {
         Cause::schema(of(key), "missing", expected)
     };
     let text = table.key(PROVENANCE).ok_or_else(|| missing(PROVENANCE))?;
-    table.key(SAID).ok_or_else(|| missing(SAID))?;
+    table.key(METADATA_CHECKSUM).ok_or_else(|| missing(METADATA_CHECKSUM))?;
     match table.key(FRAME).ok_or_else(|| missing(FRAME))? {
         SCENARIO_FRAME => {}
         other => return Err(Cause::schema(of(FRAME), format!("`{other}`"), format!("`{SCENARIO_FRAME}`"))),

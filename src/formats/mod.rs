@@ -1,7 +1,8 @@
-//! Files in and out: scenario formats, deviations, rollouts and rollout documents.
+//! File input and output: scenario formats, deviations, rollouts and rollout documents.
 //!
-//! Reading is streaming: one scenario (of native files: one row group) is in memory at a time. Errors name file, record,
-//! scenario, field and value; one bad record does not end a file, and one bad file does not end a folder.
+//! Reading is streaming: one scenario (for native files: one row group) is in memory at a time. Errors name
+//! file, record, scenario, field and value. A bad record does not stop reading of its file, and a bad file
+//! does not stop reading of its folder.
 
 pub(crate) mod certificates;
 pub(crate) mod error;

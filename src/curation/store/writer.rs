@@ -89,8 +89,8 @@ impl Writer {
     /// Never: a provenance is text and whole numbers.
     pub fn finish(mut self, provenance: &CurationProvenance) -> Result<(), FormatError> {
         let text = serde_json::to_string(provenance).expect("a provenance is text and whole numbers");
-        self.table.say(FRAME, SCENARIO_FRAME.to_owned());
-        self.table.say(PROVENANCE, text);
+        self.table.add_metadata(FRAME, SCENARIO_FRAME.to_owned());
+        self.table.add_metadata(PROVENANCE, text);
         self.table.finish()
     }
 }

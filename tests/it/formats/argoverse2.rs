@@ -210,7 +210,7 @@ fn runs_and_pages_remember_the_current_frame() {
     // Others say themselves which frame it is.
     let fixed = call(&["inspect", native, "--current-frame", "29"]);
     assert_eq!(fixed.0, 2, "{}", fixed.1);
-    assert!(fixed.1.contains("the current frame is 29, expected left out: scenarios of the format native"));
+    assert!(fixed.1.contains("the current frame is 29, expected none: the format native fixes"));
 }
 
 #[test]
@@ -351,10 +351,10 @@ fn the_map_lies_beside_the_scenario() {
     );
     fs::remove_file(at("log_map_archive_other.json")).unwrap();
     assert!(
-        refusal(&path).contains("log_map_archive_third.json: can not be decoded: as a map: missing field")
+        refusal(&path).contains("log_map_archive_third.json: cannot be decoded: as a map: missing field")
     );
     fs::write(at("log_map_archive_third.json"), "").unwrap();
-    assert!(refusal(&path).contains("log_map_archive_third.json: can not be decoded"));
+    assert!(refusal(&path).contains("log_map_archive_third.json: cannot be decoded"));
     fs::remove_file(at("log_map_archive_third.json")).unwrap();
     assert!(refusal(&path).contains("`log_map_archive_made-1.json` is missing"), "{}", refusal(&path));
     // No id leads out of the folder.

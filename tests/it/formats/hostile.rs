@@ -119,9 +119,9 @@ fn deep_json() {
     for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
         let deep = format!("{}1{}", open.repeat(1_000_000), close.repeat(1_000_000));
         let hand = HAND_WRITTEN.replacen("\"agents\": [", &format!("\"agents\": {deep}, \"x\": ["), 1);
-        assert!(told("f.json", hand.as_bytes()).contains("can not be decoded"));
+        assert!(told("f.json", hand.as_bytes()).contains("cannot be decoded"));
         let cut = &hand.as_bytes()[..hand.len() / 2];
-        assert!(told("f.json", cut).contains("can not be decoded"));
+        assert!(told("f.json", cut).contains("cannot be decoded"));
         // A key that nobody reads, and one that is read.
         for key in ["other", "tl_states", "metadata"] {
             let text = format!("{{\"{key}\": {deep}, \"objects\": [], \"roads\": [{{\"geometry\": []}}]}}");
@@ -129,7 +129,7 @@ fn deep_json() {
             assert!(told("f.json", text.as_bytes()).contains("f.json: "), "{key}");
         }
         let selection = format!("{{\"format\": \"reactsim-nuplan-v1\", \"logs\": {deep}}}");
-        assert!(told("f.json", selection.as_bytes()).contains("can not be decoded"));
+        assert!(told("f.json", selection.as_bytes()).contains("cannot be decoded"));
     }
 }
 
