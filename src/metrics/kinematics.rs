@@ -1,5 +1,5 @@
-//! Infeasible accelerations and curvatures of vehicles (ReactSim-Bench, "Metric Computation Details"; the inverse of Waymax's
-//! bicycle model).
+//! Infeasible accelerations and curvatures of vehicles (ReactSim-Bench, "Metric Computation Details"; the
+//! inverse of Waymax's bicycle model).
 
 use super::options::CurvatureYaw;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
@@ -7,12 +7,12 @@ use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use crate::geometry::{heading_of, wrap};
 use crate::scene::DT;
 
-/// Tolerance of both bounds.
+/// Tolerance of both bounds: m/s² for accelerations, 1/m for curvatures.
 const TOLERANCE: f64 = 1e-3;
-/// Below this speed at either end the curvature is taken for 0, m/s.
+/// Speed at either end of a transition, in m/s, below which its curvature counts as 0.
 const LOW_SPEED: f64 = 0.6;
 
-/// A stretch of violating transitions.
+/// An interval of consecutive violating transitions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spell {
     /// Step at the end of its first transition.
@@ -23,25 +23,25 @@ pub struct Spell {
     pub peak: f64,
 }
 
-/// How often a vehicle moves infeasibly.
+/// The infeasible transitions of a vehicle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Infeasible {
-    /// Transitions judged.
+    /// Number of evaluated transitions.
     pub valid: u64,
     /// Accelerations beyond the bound.
     pub acceleration: Violations,
-    /// Curvatures beyond the bound, of heading minus heading.
+    /// Curvatures beyond the bound, computed from heading minus heading.
     pub curvature: Violations,
-    /// Curvatures beyond the bound, of velocity direction minus heading.
+    /// Curvatures beyond the bound, computed from velocity direction minus heading.
     pub curvature_velocity: Violations,
 }
 
 /// Transitions that violate one bound.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Violations {
-    /// Their number.
+    /// Number of violations.
     pub hits: u64,
-    /// The stretches of consecutive ones.
+    /// Intervals of consecutive violations.
     pub spells: Vec<Spell>,
 }
 
@@ -64,7 +64,7 @@ impl Violations {
 }
 
 impl Infeasible {
-    /// The curvature violations under an option.
+    /// Returns the curvature violations under an option.
     pub fn curvature_by(&self, yaw: CurvatureYaw) -> &Violations {
         match yaw {
             CurvatureYaw::Heading => &self.curvature,
@@ -73,7 +73,7 @@ impl Infeasible {
     }
 }
 
-/// The transitions of every object; zeros for those that are no evaluated vehicles.
+/// Returns the transitions of every object; zeros for objects that are not evaluated vehicles.
 pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [Infeasible] {
     case.cache.infeasible.get_or_init(|| {
         let mut found = vec![Infeasible::default(); case.objects.len()];
@@ -90,7 +90,7 @@ fn transitions(case: &Case<'_>, agent: usize) -> Infeasible {
     for f in case.current..case.frames() - 1 {
         let (k0, k1) = (motion.at(agent, f), motion.at(agent, f + 1));
         let (v0, v1) = (motion.speed[k0], motion.speed[k1]);
-        // Speeds of absent frames are NaN too.
+        // Speeds at absent frames are NaN too.
         if v0.is_nan() || v1.is_nan() {
             continue;
         }

@@ -1,4 +1,5 @@
-//! The metrics of the benchmark: what a finished rollout is worth. Knows maps, tracks and numbers; never simulators.
+//! The metrics of the benchmark: scores of finished rollouts. This module knows maps, tracks and numbers, not
+//! simulators.
 
 mod ade;
 mod agent_agent;

@@ -2,18 +2,19 @@
 
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 
-/// How often a vehicle is off the drivable ground.
+/// Steps of a vehicle off the drivable ground.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ground {
-    /// Steps with the centre off the road.
+    /// Number of steps with the centre off the road.
     pub hits: u64,
-    /// Steps judged; 0 for those that are off the road at the current frame, and in maps that do not tell.
+    /// Number of evaluated steps; 0 for vehicles off the road at the current frame, and in maps that do not
+    /// record their drivable area.
     pub valid: u64,
-    /// First and last steps of each stay off the road.
+    /// First and last step of each interval off the road.
     pub spells: Vec<(usize, usize)>,
 }
 
-/// The ground under every object; zeros for those that are no evaluated vehicles.
+/// Returns the ground under every object; zeros for objects that are not evaluated vehicles.
 pub(super) fn grounds<'c>(case: &'c Case<'_>) -> &'c [Ground] {
     case.cache.grounds.get_or_init(|| {
         let mut grounds = vec![Ground::default(); case.objects.len()];
