@@ -6,10 +6,10 @@ use crate::evaluation::{FileRecord, Source};
 use crate::formats::native;
 
 const NAME: &str = "bench.parquet";
-/// Part of the program, so that it works from anywhere.
+/// Embedded, so that the program needs no files.
 const BENCH: &[u8] = include_bytes!("../../scenarios/bench.parquet");
 
-/// The benchmark, or its first `most` scenarios.
+/// Returns the first `most` scenarios of the benchmark.
 pub(super) fn benchmark(most: usize) -> Source {
     Source {
         file: FileRecord::of_content(NAME, "native", BENCH),

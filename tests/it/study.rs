@@ -133,7 +133,7 @@ fn intervals_are_runs_side_by_side() {
     // The same numbers as JSON, without another run.
     let before = results(&out);
     let (json, told) = said(&[&arguments[..], &["--resume", "--format", "json"]].concat(), 0);
-    assert!(told.lines().count() == 2 && told.lines().all(|l| l.ends_with(": finished before")), "{told}");
+    assert!(told.lines().count() == 2 && told.lines().all(|l| l.ends_with(": already finished")), "{told}");
     assert!(results(&out) == before);
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!((&json["study"], &json["members"][1]["replan_steps"]), (&"replan".into(), &40.into()));
@@ -312,13 +312,13 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     let error = read_study(&cut).unwrap_err().to_string();
     assert!(error.contains("is not finished (steps-10, steps-20); finish it by"), "{error}");
     let told = study(&cut, &["--resume"], 0);
-    assert_eq!(told.matches("finished before").count(), 1, "{told}");
+    assert_eq!(told.matches("already finished").count(), 1, "{told}");
     assert!(results(&cut) == wanted);
     // Rows that are gone although the member was finished; a table that was not written.
     fs::write(member.join("rows.jsonl"), half).unwrap();
     fs::remove_file(cut.join("steps-20/summary.md")).unwrap();
     let told = study(&cut, &["--resume"], 0);
-    assert_eq!(told.matches("finished before").count(), 1, "{told}");
+    assert_eq!(told.matches("already finished").count(), 1, "{told}");
     assert!(results(&cut) == wanted);
     // A folder that a kill left before the study began.
     let begun = home.path().join("begun");
@@ -392,7 +392,7 @@ fn an_interrupt_leaves_a_study_that_goes_on() {
             continue;
         }
         assert_eq!(output.status.code(), Some(130), "{}", of(&output.stderr));
-        assert!(of(&output.stderr).contains("go on with the same command and --resume"));
+        assert!(of(&output.stderr).contains("to continue, repeat the command with --resume"));
         assert!(read_study(&out).unwrap_err().to_string().contains("is not finished"));
         assert!(study(&out, true).status().unwrap().success());
         assert!(results(&out) == results(&whole));
@@ -415,7 +415,7 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
         ("5,81", "`81` is not a replan interval"),
         ("abc", "`abc` is not a replan interval"),
         ("", "`` is not a replan interval"),
-        ("5,2hz", "--intervals names 5 steps twice: give each interval once"),
+        ("5,2hz", "--intervals has 5 steps twice: give each interval once"),
     ] {
         let told = refused(&["replan", MINI, "--models", "stop", "--intervals", intervals]);
         assert!(told.contains(part), "{told}");
@@ -493,7 +493,7 @@ fn failures_are_counted_and_tried_again() {
     assert!(told.ends_with("warning: 2 failed; the others are in the table\n"), "{told}");
     let before = results(&out);
     let (_, told) = said(&[&arguments[..], &["--resume"]].concat(), 1);
-    assert!(!told.contains("finished before"), "{told}");
+    assert!(!told.contains("already finished"), "{told}");
     assert!(results(&out) == before);
 }
 
