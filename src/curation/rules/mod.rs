@@ -147,11 +147,11 @@ fn breaks_rules(survey: &Survey<'_>, draft: &Draft) -> bool {
 fn breaks(touch: &Touch) -> bool {
     touch.step <= TOO_EARLY
         || touch.kind != Some(AgentKind::Vehicle)
-        || touch.stands()
-        || touch.crawls()
-        || touch.rear_end()
-        || touch.head_on()
-        || touch.driven_into(SLOW)
+        || touch.is_standing()
+        || touch.is_crawling()
+        || touch.is_rear_end()
+        || touch.is_head_on()
+        || touch.is_driven_into(SLOW)
 }
 
 /// Uniform in a range.

@@ -170,7 +170,7 @@ impl<'a> Survey<'a> {
     }
 
     pub(super) fn runs_red(&self, future: &[AgentState]) -> bool {
-        self.signals.run(&self.now(), future).is_some()
+        self.signals.red_light_step(&self.now(), future).is_some()
     }
 }
 

@@ -1,4 +1,4 @@
-//! Columns into records.
+//! Decodes columns into records.
 
 use std::ops::Range;
 
@@ -14,12 +14,12 @@ use crate::formats::table::{Leaf, View};
 use crate::geometry::Vec2;
 use crate::scene::{AgentState, Deviation};
 
-/// The columns of a row group by name.
+/// The columns of a row group, by name.
 pub(super) struct Rows<'a> {
     batch: &'a RecordBatch,
 }
 
-/// Cells of plain columns, each of which must be there.
+/// Cells of plain columns, each of which must exist.
 impl<'a> Rows<'a> {
     pub(super) fn new(batch: &'a RecordBatch) -> Self {
         Self { batch }
@@ -56,7 +56,7 @@ impl<'a> Rows<'a> {
         self.plain(name, Leaf::Number, View::number)
     }
 
-    /// Scores; NaN where there is none.
+    /// Returns the scores; NaN for none.
     pub(super) fn scores(&self) -> Result<Vec<f64>, Cause> {
         self.plain("score", Leaf::Number, |v, row| Some(v.number(row).unwrap_or(f64::NAN)))
     }
@@ -89,7 +89,7 @@ impl<'a> Rows<'a> {
         .collect()
     }
 
-    /// The rows of each scenario, one after the other.
+    /// Returns the rows of each scenario, in order.
     pub(super) fn scenarios(&self) -> Result<Vec<Range<usize>>, Cause> {
         let ids = View::need(self.batch, "scenario_id", Leaf::Text, 0)?;
         let (mut ranges, mut start) = (Vec::new(), 0);
@@ -102,7 +102,7 @@ impl<'a> Rows<'a> {
         Ok(ranges)
     }
 
-    /// The states of every row.
+    /// Returns the states of every row.
     fn tracks(&self) -> Result<Vec<Vec<AgentState>>, Cause> {
         let views = states_views(self.batch, STATE, 1)?;
         let list = |row| states(&views, |view| view.range(0, row));
@@ -125,7 +125,7 @@ impl<'a> Rows<'a> {
         (0..self.batch.num_rows()).map(of).collect()
     }
 
-    /// All records of the row group.
+    /// Returns all records of the row group.
     pub(super) fn records(&self) -> Result<Vec<ScenarioRecord>, Cause> {
         let scenarios = self.scenarios()?;
         let (ids, digests) = (self.texts("scenario_id")?, self.texts("scenario_digest")?);
@@ -203,7 +203,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The cell of the next row. All columns of a batch are of one length.
+/// Returns the cell of the next row. All columns of a batch have the same length.
 fn next<T>(cells: &mut impl Iterator<Item = T>) -> Result<T, Cause> {
     cells.next().ok_or_else(|| Cause::Undecodable("columns are of different lengths".into()))
 }
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn decisions_that_nobody_can_take_are_refused() {
+    fn invalid_decisions_are_refused() {
         for decision in [Decision::Pick, Decision::Reject, Decision::Flag] {
             let read = reviews(decision.name()).unwrap();
             assert_eq!((read[0].as_ref().map(|r| r.decision), &read[1]), (Some(decision), &None));

@@ -153,7 +153,7 @@ fn what_can_not_be_filled_is_named() {
     assert!(error.starts_with("3 of 4 scenarios were found among "), "{error}");
     assert!(error.contains("any of `generated/absent`; try another seed"), "{error}");
     let error = make(2, &groups, 2, usize::MAX).1.unwrap_err().to_string();
-    assert!(error.starts_with("2 scenarios can not hold all of 3 map types"), "{error}");
+    assert!(error.starts_with("2 scenarios cannot hold all of 3 map types"), "{error}");
 }
 
 #[test]
