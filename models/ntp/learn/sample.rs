@@ -9,7 +9,7 @@ use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::places::Places;
-use super::super::reactive::step::{Earlier, Step, View};
+use super::super::reactive::step::{EarlierNode, Step, View};
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
 use super::drive::{Perturbation, drive};
 use crate::models::learning::LearningScene;
@@ -108,7 +108,7 @@ pub(crate) fn sample(
 
     let places = Places::of(&scene.map, config);
     let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
-    let mut earlier: Vec<Earlier> = Vec::new();
+    let mut earlier: Vec<EarlierNode> = Vec::new();
     let mut row = 0;
     // Start two steps before the first one, if they exist: the past of a rollout when it begins.
     let mut at = first - TOKEN_FRAMES * (first / TOKEN_FRAMES).min(2);

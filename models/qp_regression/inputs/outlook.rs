@@ -2,14 +2,14 @@
 
 use super::Scene;
 use super::surroundings::Frame2;
-use crate::models::ntp::reactive::body::{BODY, Body};
+use crate::models::ntp::reactive::body::{BODY_FEATURES, Body};
 use crate::models::ntp::reactive::corridor;
 use crate::models::ntp::reactive::lane;
 use crate::models::ntp::tokens::Class;
 use reactsim::geometry::Vec2;
 
 /// Numbers of an outlook: own motion, lane, ways on, and what is in the way now and soon.
-pub(crate) const OUTLOOK: usize = BODY;
+pub(crate) const OUTLOOK: usize = BODY_FEATURES;
 
 /// What one agent goes by.
 #[derive(Clone, Debug)]
@@ -32,13 +32,13 @@ impl Outlook {
         let (body, ways) = scene.view.body(slot, places)?;
         let own = scene.slots.iter().position(|&s| s == slot)?;
         let mut numbers = body.features.to_vec();
-        let out = &mut numbers[Body::corridor()];
+        let out = &mut numbers[Body::corridor_features()];
         corridor::describe(&scene.bodies, own, &ways, &places.all, scene.view.lights, out);
         let mut ways: Vec<Vec<(Vec2, Vec2)>> = Vec::new();
         if body.class != Class::Pedestrian {
             let length = (FORESIGHT * body.velocity.norm()).clamp(LENGTHS.0, LENGTHS.1);
             let points = (length / lane::SPACING) as usize;
-            for way in lane::ways(body.position, body.ahead, places, points) {
+            for way in lane::lane_paths(body.position, body.ahead, places, points) {
                 let way: Vec<_> =
                     way.points.into_iter().map(|(p, d)| (frame.point(p), frame.vector(d))).collect();
                 if !ways.contains(&way) {
