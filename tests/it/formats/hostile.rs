@@ -150,8 +150,7 @@ fn few_words_that_mean_much() {
             .unwrap();
     }
     let said = told("f.json", with_lanes(&lanes).as_bytes());
-    let expected =
-        "map.lanes[10].path.pieces[0].length is 99999, beside those before it, expected paths of 1000 km";
+    let expected = "map.lanes[10].path.pieces[0].length is 99999, in addition to those before it, expected";
     assert!(said.contains(expected), "{said}");
     let agent = r#"{"id": "b", "length": 4, "width": 2, "motion": {"at": [0, 0]}},"#;
     let many = HAND_WRITTEN.replacen("\"agents\": [", &format!("\"agents\": [{}", agent.repeat(10_001)), 1);
@@ -191,7 +190,9 @@ fn a_table_of_many_tracks() {
     writer.close().unwrap();
     let said = told("f.parquet", &file);
     assert!(
-        said.contains("`track_id` in row 10000 is `10000`, one more, expected one of at most 10000 tracks"),
+        said.contains(
+            "`track_id` in row 10000 is `10000`, one too many, expected one of at most 10000 tracks"
+        ),
         "{said}"
     );
 }
