@@ -33,7 +33,7 @@ pub(super) fn around(
                 next = beside + corner;
             }
         }
-        // Between two boxes there may be no way.
+        // There may be no room between two boxes.
         if boxes.iter().any(|b| outside(b, room - 1e-6, next).is_some()) {
             next = at;
         }

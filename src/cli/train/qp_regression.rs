@@ -45,7 +45,7 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
     let task = match (&args.from, &args.intentions) {
         (Some(path), _) => {
             let file = WeightsFile::new(path.display().to_string(), read(path)?);
-            Regression::going_on(recipe, &file, &device)?
+            Regression::from_weights(recipe, &file, &device)?
         }
         (None, Some(path)) => {
             let intentions = Intentions::read(&read(path)?).with_context(|| path.display().to_string())?;
