@@ -70,8 +70,8 @@ pub(super) struct InspectArgs {
 
 const AFTER: &str = "\
 Without --simulator an animation shows what happens if nobody reacts: the AV follows the
-scenario's deviated trajectory, and all other agents follow the log. A scenario without a deviated
-AV is shown as recorded.
+scenario's deviated trajectory, and all other agents follow the log. A scenario without a
+deviated AV is shown as recorded.
 
 Example:
   reactsim inspect --case cut-in --simulator log-replay,idm --gif cut-in.gif";

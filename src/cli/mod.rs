@@ -76,7 +76,7 @@ enum Command {
     Reference(reference::ReferenceArgs),
     /// List references and submitted runs in one table
     Leaderboard(leaderboard::LeaderboardArgs),
-    /// Show run folders in a browser: tables, figures, a bird's-eye view of every scenario
+    /// Show run folders in a browser: tables, figures, every scene from above
     View(view::ViewArgs),
     /// Run studies: replan interval, reactive against realism protocol, ablations
     Study(study::StudyArgs),

@@ -21,8 +21,9 @@ Examples:
   reactsim report runs/x --format html --scenarios logs/ --all --out page.html
   reactsim report studies/replan studies/guards --format html --out studies.html
 
-The page is one self-contained HTML file. It shows scenes of runs with rollouts (--keep-rollouts).
-Give the scenarios of the runs with --scenarios, except for the shipped benchmark.";
+The page is one self-contained HTML file. It shows the scenes of runs that kept their rollouts
+(--keep-rollouts). Give the scenarios of the runs with --scenarios, except for the shipped
+benchmark.";
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]

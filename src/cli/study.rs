@@ -20,7 +20,8 @@ Examples:
   reactsim study guards --models ntp-reactive,idm --out studies/guards
 
 The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim
-report` and `reactsim compare`. To continue an interrupted study, repeat the command with --resume.";
+report` and `reactsim compare`. To continue an interrupted study, repeat the command with
+--resume.";
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]

@@ -101,7 +101,7 @@ fn help_fits_a_terminal() {
       verify       Check that this program reproduces the numbers of a reference
       reference    Create references, and write their tables into documents
       leaderboard  List references and submitted runs in one table
-      view         Show run folders in a browser: tables, figures, a bird's-eye view of every scenario
+      view         Show run folders in a browser: tables, figures, every scene from above
       study        Run studies: replan interval, reactive against realism protocol, ablations
       inspect      Describe and draw a scenario
       list         List models, metrics, formats, weights, map types or case studies

@@ -17,9 +17,9 @@ use crate::models::ntp::tokens::{
 };
 
 const AFTER: &str = "\
-k-disks draws recorded motions that are not close to each other. trajtok creates a token for every
-cell in which motions end. kinematic is a grid of speeds and curvatures; it needs no scenarios, and
-those given only serve to measure its fit.
+k-disks draws recorded motions that are not close to each other. trajtok creates a token for
+every cell in which motions end. kinematic is a grid of speeds and curvatures; it needs no
+scenarios, and those given only serve to measure its fit.
 
 Examples:
   reactsim generate --preset train --count 200 --out train.parquet

@@ -121,7 +121,7 @@ fn data_without_anything_to_learn_are_refused() {
     };
     assert_eq!(
         refusal(Curve::of(0)),
-        "there is nothing to learn from: no scenario is left beside 0 held out"
+        "there is nothing to learn from: no scenario is left to train on (0 held out)"
     );
     let wrong = Trial { settings: Settings { batch: 0, ..settings() }, ..Trial::default() };
     let folder = tempfile::tempdir().unwrap();

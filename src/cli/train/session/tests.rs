@@ -121,7 +121,7 @@ fn wrong_input_is_refused_with_its_remedy() {
     assert!(refusal(&[MINI], &out, &["--checkpoint-every", "3"]).contains("90s, 3m or 1h"));
     assert!(refusal(&[MINI], Path::new("/proc/out"), &[]).contains("could not write /proc/out"));
     run(&[MINI], &out, &[]).unwrap();
-    assert!(refusal(&[MINI], &out, &[]).contains("holds a training already"));
+    assert!(refusal(&[MINI], &out, &[]).contains("already holds a training"));
     assert!(
         refusal(&[MINI], &out, &["--resume", "--seed", "3"]).contains("`settings.seed` is 0 there and 3 now")
     );
