@@ -116,7 +116,7 @@ enum ExpansionError {
     UnsupportedCodec,
 }
 
-/// Returns an upper bound of the decompressed size in bytes. Where no cheap bound is low enough, decompresses
+/// Returns an upper bound of the decompressed size in bytes. If no cheap bound is low enough, decompresses
 /// the data and returns the exact size.
 fn expanded(data: &[u8], codec: Compression) -> Result<u64, ExpansionError> {
     let length = data.len() as u64;

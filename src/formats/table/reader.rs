@@ -323,8 +323,8 @@ fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Caus
         };
         if rows != group.rows || start > group.start || end < group.end || end > length {
             return Err(wrong(
-                "checksums and row groups differ; if another program rewrote the file, use the original, or remove \
-                 the metadata that begin with `reactsim.`",
+                "checksums and row groups differ; if another program rewrote the file, use the original, or \
+                 remove the metadata that begin with `reactsim.`",
             ));
         }
         (group.start, group.end, group.checksum) = (start, end, Some(sum));

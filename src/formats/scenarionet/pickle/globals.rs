@@ -26,8 +26,8 @@ pub(super) enum Global {
 }
 
 /// Advice for files that refer to other names.
-const ADVICE: &str = "a scenario contains only numpy arrays of numbers, lists, dictionaries, texts and numbers: \
-                      if you trust the file, save it again with these types only";
+const ADVICE: &str = "a scenario contains only numpy arrays of numbers, lists, dictionaries, texts and \
+                      numbers: if you trust the file, save it again with these types only";
 
 impl Global {
     /// Looks up a name.
