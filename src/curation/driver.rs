@@ -12,7 +12,7 @@ use super::{
     CandidateSource, Chooser, CurationOutcome, CurationProvenance, CurationSettings, Funnel, InputFile,
     ScenarioRecord, curate_scenario,
 };
-use crate::formats::{FormatError, PendingScenarios, Undecoded};
+use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
 
 /// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
 const SCENARIOS_PER_JOB: usize = 8;
@@ -111,7 +111,7 @@ impl Curation<'_> {
 struct PendingRecord {
     input: usize,
     number: usize,
-    content: Result<Undecoded, FormatError>,
+    content: Result<UndecodedScenario, FormatError>,
 }
 
 /// Returns the records of a file, or the error if the file cannot be opened.

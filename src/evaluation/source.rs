@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
 use super::file_record::FileRecord;
 use super::row::Place;
-use crate::formats::{FormatError, PendingScenarios, Undecoded};
+use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
 
 /// Opens a source for reading from its beginning.
 pub type Opener = Box<dyn Fn() -> Result<PendingScenarios, FormatError> + Send + Sync>;
@@ -21,7 +21,7 @@ pub struct Source {
 /// A record that is still to be decoded, with its place.
 pub(super) struct Item {
     pub(super) place: Place,
-    pub(super) content: Result<Undecoded, FormatError>,
+    pub(super) content: Result<UndecodedScenario, FormatError>,
 }
 
 /// Sources in the course of being read. A thread holds the lock of one source while it splits records off, so that decoding

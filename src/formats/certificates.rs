@@ -89,7 +89,7 @@ pub(crate) fn decode(batch: &RecordBatch) -> Result<Vec<Option<Certificate>>, Ca
     let Some(has) = View::find(batch, "has_certificate", Leaf::Flag, 0)? else { return Ok(vec![None; rows]) };
     let responses = ResponseColumns::find(batch)?;
     let of = |row| {
-        let has = has.flag(row).ok_or_else(|| null(has.name()))?;
+        let has = has.flag(row).ok_or_else(|| null_error(has.name()))?;
         let responses = responses.row(row)?;
         match (has, responses.is_empty()) {
             (true, _) => Ok(Some(Certificate { responses })),
@@ -139,10 +139,10 @@ impl ResponseColumns {
         views.extend(&self.states);
         views.extend(&self.leaders);
         views.extend(self.efforts.iter().flatten());
-        let ranges = parallel(row, &views)?;
+        let ranges = parallel_ranges(row, &views)?;
         let first = |view: &View| view.range(0, row).start;
         let response = |k: usize| {
-            let number = |view: &View| view.number(first(view) + k).ok_or_else(|| null(view.name()));
+            let number = |view: &View| view.number(first(view) + k).ok_or_else(|| null_error(view.name()));
             let [nudges, peaks, clearances] = &self.numbers;
             let effort = self.efforts.as_ref().and_then(|[required, times]| {
                 Some(Effort {
@@ -150,9 +150,11 @@ impl ResponseColumns {
                     time_to_react: times.number(first(times) + k)?,
                 })
             });
-            let agent = self.agents.text(first(&self.agents) + k).ok_or_else(|| null(self.agents.name()))?;
+            let agent =
+                self.agents.text(first(&self.agents) + k).ok_or_else(|| null_error(self.agents.name()))?;
             let leader = self.leaders.as_ref().and_then(|v| v.text(first(v) + k));
-            let step = self.steps.whole(first(&self.steps) + k).ok_or_else(|| null(self.steps.name()))?;
+            let step =
+                self.steps.whole(first(&self.steps) + k).ok_or_else(|| null_error(self.steps.name()))?;
             Ok(Response {
                 agent: agent.to_owned(),
                 leader: leader.map(str::to_owned),
@@ -169,7 +171,7 @@ impl ResponseColumns {
 }
 
 /// Returns the error of a null cell in a column that has no nulls.
-pub(crate) fn null(column: &str) -> Cause {
+pub(crate) fn null_error(column: &str) -> Cause {
     Cause::value(format!("`{column}`"), "null", "a value")
 }
 
@@ -183,7 +185,7 @@ pub(crate) fn states_views(
 }
 
 /// Returns the lists of one row in several columns; they must have equal lengths.
-pub(crate) fn parallel(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
+pub(crate) fn parallel_ranges(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
     let ranges: Vec<Range<usize>> = views.iter().map(|v| v.range(0, row)).collect();
     for (view, range) in views.iter().zip(&ranges) {
         if range.len() != ranges[0].len() {

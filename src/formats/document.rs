@@ -9,7 +9,7 @@ mod values;
 
 use crate::scene::{Frame, LoggedAgent, RoadMap, SceneError};
 
-/// The value of the document's `format` field.
+/// Required value of the document's `format` field.
 pub const FORMAT: &str = "reactsim-rollouts-v1";
 
 /// A rollout document.

@@ -20,14 +20,14 @@ pub type Scenarios = Box<dyn Iterator<Item = Result<Scenario, FormatError>> + Se
 
 /// Record that was read from its file but not decoded. Decoding is the longer part of the work and can run on
 /// any thread.
-pub type Undecoded = Box<dyn FnOnce() -> Result<Scenario, FormatError> + Send>;
+pub type UndecodedScenario = Box<dyn FnOnce() -> Result<Scenario, FormatError> + Send>;
 
 /// Iterator over undecoded records in file order. Errors as in [`Scenarios`]; an error of one record may
 /// appear when it is decoded.
-pub type PendingScenarios = Box<dyn Iterator<Item = Result<Undecoded, FormatError>> + Send>;
+pub type PendingScenarios = Box<dyn Iterator<Item = Result<UndecodedScenario, FormatError>> + Send>;
 
-/// Wraps a scenario as an [`Undecoded`] record.
-pub fn decoded(scenario: Scenario) -> Undecoded {
+/// Wraps a scenario as an [`UndecodedScenario`] record.
+pub fn decoded(scenario: Scenario) -> UndecodedScenario {
     Box::new(move || Ok(scenario))
 }
 
@@ -109,7 +109,7 @@ impl Input {
     pub fn open_undecoded(&self) -> Result<PendingScenarios, FormatError> {
         let Some(frame) = self.current_frame else { return self.format.open_undecoded(&self.path) };
         let Self { path, format, .. } = self.clone();
-        let decode: Undecoded = Box::new(move || format.read_at(&path, frame));
+        let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 }

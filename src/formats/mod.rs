@@ -23,7 +23,7 @@ pub mod rollouts;
 
 pub use error::{Cause, FormatError};
 pub use format::{
-    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, Undecoded, decoded, find_inputs,
-    is_parquet, open, open_all, survey,
+    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, UndecodedScenario, decoded,
+    find_inputs, is_parquet, open, open_all, survey,
 };
 pub use json::parse as parse_json;

@@ -42,8 +42,8 @@ pub struct RolloutRecord {
 impl RolloutRecord {
     /// Returns the tracks in the frame of a scenario with this origin.
     pub fn tracks_in(&self, origin: Vec2) -> Vec<Vec<Frame>> {
-        let moved = |frame: &Frame| frame.map(|s| states::translate(s, self.origin, origin));
-        self.tracks.iter().map(|t| t.iter().map(moved).collect()).collect()
+        let translate = |frame: &Frame| frame.map(|s| states::translate(s, self.origin, origin));
+        self.tracks.iter().map(|t| t.iter().map(translate).collect()).collect()
     }
 }
 

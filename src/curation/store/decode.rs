@@ -8,7 +8,7 @@ use super::columns::STATE;
 use crate::curation::{
     Candidate, CandidateRecord, Decision, Figure, Offsets, Pressure, ReviewMark, ScenarioRecord, Taxonomy,
 };
-use crate::formats::certificates::{self, null, parallel, states, states_views};
+use crate::formats::certificates::{self, null_error, parallel_ranges, states, states_views};
 use crate::formats::error::Cause;
 use crate::formats::table::{Leaf, View};
 use crate::geometry::Vec2;
@@ -32,7 +32,7 @@ impl<'a> Rows<'a> {
         get: impl Fn(&View, usize) -> Option<T>,
     ) -> Result<Vec<T>, Cause> {
         let view = View::need(self.batch, name, leaf, 0)?;
-        let each = (0..self.batch.num_rows()).map(|row| get(&view, row).ok_or_else(|| null(name)));
+        let each = (0..self.batch.num_rows()).map(|row| get(&view, row).ok_or_else(|| null_error(name)));
         each.collect()
     }
 
@@ -114,9 +114,10 @@ impl<'a> Rows<'a> {
         let values = View::need(self.batch, "figure", Leaf::Number, 1)?;
         let passed = View::need(self.batch, "passed", Leaf::Flag, 1)?;
         let of = |row| {
-            let ranges = parallel(row, &[&filters, &values, &passed])?;
+            let ranges = parallel_ranges(row, &[&filters, &values, &passed])?;
             let figure = |k: usize| {
-                let filter = filters.text(ranges[0].start + k).ok_or_else(|| null("filter"))?.to_owned();
+                let filter =
+                    filters.text(ranges[0].start + k).ok_or_else(|| null_error("filter"))?.to_owned();
                 let value = values.number(ranges[1].start + k);
                 Ok(Figure { filter, value, passed: passed.flag(ranges[2].start + k) })
             };

@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named, read_whole};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named, read_whole,
+};
 use super::table::TableReader;
 use crate::scene::{HISTORY, Scenario};
 
@@ -53,7 +55,7 @@ impl ScenarioFormat for Argoverse2 {
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || Argoverse2.read_at(&path, CURRENT_FRAME));
+        let decode: UndecodedScenario = Box::new(move || Argoverse2.read_at(&path, CURRENT_FRAME));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 

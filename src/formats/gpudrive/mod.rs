@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use self::raw::RawScenario;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, read_whole};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, read_whole};
 use crate::scene::Scenario;
 
 /// Maximum file size in bytes; the largest scenarios have about ten megabytes.
@@ -48,7 +48,7 @@ impl ScenarioFormat for GpuDrive {
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || read(&path));
+        let decode: UndecodedScenario = Box::new(move || read(&path));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 }

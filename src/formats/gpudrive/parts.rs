@@ -136,11 +136,11 @@ fn light(lane: String, raw: &RawLight) -> Result<Option<LightParts>, Cause> {
         let frame = frame.ok_or_else(|| {
             Cause::value(field(&format!("time_index[{k}]")), index, "the index of a frame, 0 to 90")
         })?;
-        let shown = LightState::from_name(state).ok_or_else(|| {
+        let observed = LightState::from_name(state).ok_or_else(|| {
             let known = LightState::ALL.map(LightState::name).join(", ");
             Cause::value(field(&format!("state[{k}]")), format!("`{state}`"), known)
         })?;
-        states[frame] = Some(shown);
+        states[frame] = Some(observed);
     }
     let at = raw.x.first().zip(raw.y.first());
     Ok(at.map(|(&x, &y)| LightParts { lane, stop_point: Vec2::new(x, y), states }))

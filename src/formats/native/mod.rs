@@ -11,7 +11,7 @@ use std::sync::Arc;
 use arrow_array::RecordBatch;
 
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
 use super::table::{self, TableReader, TableWriter};
 use crate::scene::Scenario;
 
@@ -87,7 +87,7 @@ impl Reader {
 }
 
 impl Iterator for Reader {
-    type Item = Result<Undecoded, FormatError>;
+    type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {

@@ -27,7 +27,7 @@ struct Entry {
 /// and their subfolders `maps`.
 ///
 /// # Errors
-/// [`FormatError`] describes where the list was searched.
+/// [`FormatError`] states where the list was searched for.
 pub(super) fn folder_for(log: &Path) -> Result<PathBuf, FormatError> {
     let whole = std::path::absolute(log).map_err(|e| FormatError::file(log, Cause::read(e)))?;
     let above = whole.ancestors().skip(1);

@@ -27,7 +27,7 @@ use self::selection::{Anchors, Selection, WindowChoice};
 use self::sqlite::Database;
 use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
 use crate::scene::Scenario;
 
 /// The nuPlan format.
@@ -135,7 +135,7 @@ impl Reader {
         Ok(())
     }
 
-    fn next_decoder(&mut self) -> Option<Undecoded> {
+    fn next_decoder(&mut self) -> Option<UndecodedScenario> {
         let (log, map, anchors) = self.current.as_mut()?;
         let Some(anchor) = anchors.next() else {
             self.current = None;
@@ -181,7 +181,7 @@ impl Reader {
 }
 
 impl Iterator for Reader {
-    type Item = Result<Undecoded, FormatError>;
+    type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {

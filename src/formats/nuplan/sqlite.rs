@@ -12,7 +12,7 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, Row};
 use super::token::Token;
 use crate::formats::error::{Cause, FormatError};
 
-/// The first bytes of every SQLite file.
+/// First bytes of every SQLite file.
 const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Length of the header of a SQLite file in bytes.
 const HEADER_LENGTH: usize = 100;

@@ -12,7 +12,9 @@ use std::path::{Path, PathBuf};
 
 use self::pickle::Pickle;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named, read_whole};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole,
+};
 use crate::scene::Scenario;
 
 /// Maximum file size in bytes; the largest scenarios have some megabytes.
@@ -59,7 +61,7 @@ impl ScenarioFormat for ScenarioNet {
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || read(&path, None));
+        let decode: UndecodedScenario = Box::new(move || read(&path, None));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 

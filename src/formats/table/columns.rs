@@ -191,7 +191,7 @@ pub(crate) struct View {
     cells: Cells,
 }
 
-/// The innermost cells of a column.
+/// Innermost cells of a column.
 enum Cells {
     Number(Float64Array),
     Whole(UInt32Array),

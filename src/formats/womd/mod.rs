@@ -12,7 +12,7 @@ use prost::Message;
 use self::message::Scenario as Proto;
 use self::record::Records;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
 use crate::scene::Scenario;
 
 /// The format of the Waymo Open Motion Dataset.
@@ -65,13 +65,13 @@ impl Reader {
 }
 
 impl Iterator for Reader {
-    type Item = Result<Undecoded, FormatError>;
+    type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let payload = self.records.next()?.map(<[u8]>::to_vec);
         let (path, record) = (self.path.clone(), self.next);
         self.next += 1;
-        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as Undecoded))
+        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as UndecodedScenario))
     }
 }
 

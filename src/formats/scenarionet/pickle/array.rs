@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// The type of an array's numbers.
+/// Number type of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Dtype {
     pub(super) kind: Kind,
@@ -107,7 +107,7 @@ pub(in crate::formats::scenarionet) struct Grid<'a> {
     pub(super) numbers: Numbers<'a>,
 }
 
-/// The numbers of a grid.
+/// Numbers of a grid.
 pub(super) enum Numbers<'a> {
     Raw { bytes: &'a [u8], dtype: Dtype, by_column: bool },
     Listed(Vec<f64>),

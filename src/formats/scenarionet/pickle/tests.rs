@@ -244,19 +244,19 @@ fn loops_end() {
 
 #[test]
 fn damage_is_an_error() {
-    let sound = with_array("numpy.core", "f4", "<", false, &[0; 16]);
-    numbers(&sound);
-    for length in 0..sound.len() {
-        refusal(&sound[..length]);
+    let valid = with_array("numpy.core", "f4", "<", false, &[0; 16]);
+    numbers(&valid);
+    for length in 0..valid.len() {
+        refusal(&valid[..length]);
     }
-    for (at, change) in (0..sound.len()).flat_map(|at| [0x01, 0x20, 0x80, 0xff].map(|c| (at, c))) {
-        let mut bad = sound.clone();
+    for (at, change) in (0..valid.len()).flat_map(|at| [0x01, 0x20, 0x80, 0xff].map(|c| (at, c))) {
+        let mut bad = valid.clone();
         bad[at] ^= change;
         if let Ok(pickle) = Pickle::read(&bad) {
             let _ = pickle.root().need("a").and_then(|a| a.points());
         }
     }
-    let no_stop = refusal(&sound[..sound.len() - 1]);
+    let no_stop = refusal(&valid[..valid.len() - 1]);
     assert!(no_stop.contains("the file is cut"), "{no_stop}");
     assert!(refusal(b"\x80\x03").contains("the file is cut"));
     assert!(refusal(b"\x80\x00N.").contains("protocol 0, expected 2 to 5"));
