@@ -50,7 +50,7 @@ impl Baseline {
         Ok(Setup::new(self.id, self.card, weights)?)
     }
 
-    /// Whether it can be built without weights from elsewhere.
+    /// Returns whether it can be built without weights from elsewhere.
     pub fn is_complete(&self) -> bool {
         !self.needs_weights || matches!(weights::shipped(self.id), Ok(Some(_)))
     }

@@ -42,7 +42,7 @@ pub enum ModelError {
     },
     /// Weights were given to a baseline that needs none.
     #[error("the simulator `{id}` has no weights: omit --model-weights {id}={file}")]
-    UnwantedWeights {
+    UnexpectedWeights {
         /// Id of the baseline.
         id: &'static str,
         /// The file.
@@ -50,7 +50,7 @@ pub enum ModelError {
     },
     /// The digest of the file differs from the one in the manifest.
     #[error(
-        "the weights {file} of `{id}` have the SHA-256 {found}, but the manifest lists {wanted}: \
+        "the weights {file} of `{id}` have the SHA-256 {found}, but the manifest lists {expected}: \
          the file is damaged or of another version; get the listed file, or rename yours"
     )]
     DigestMismatch {
@@ -59,7 +59,7 @@ pub enum ModelError {
         /// The file.
         file: String,
         /// Digest in the manifest.
-        wanted: String,
+        expected: String,
         /// Digest of the file.
         found: String,
     },
@@ -84,7 +84,7 @@ pub enum ModelError {
         known: String,
     },
     /// The value has another type than the one in the card.
-    #[error("`{value}` is not a valid `{key}` for `{id}`: its card has {like}, a value of type {wanted}")]
+    #[error("`{value}` is not a valid `{key}` for `{id}`: its card has {like}, a value of type {expected}")]
     WrongParameter {
         /// Id of the baseline.
         id: &'static str,
@@ -95,7 +95,7 @@ pub enum ModelError {
         /// Value in the card.
         like: String,
         /// Type of the value in the card.
-        wanted: &'static str,
+        expected: &'static str,
     },
     /// The manifest of weights cannot be read.
     #[error("the manifest of weights cannot be read: {0}")]
@@ -166,7 +166,7 @@ impl Setup {
             key: key.to_owned(),
             value: value.to_owned(),
             like: old.to_string(),
-            wanted: old.type_str(),
+            expected: old.type_str(),
         };
         let written = toml::from_str::<Table>(&format!("value = {value}")).ok();
         // Reject text that defines more than this one value.
@@ -236,8 +236,8 @@ mod tests {
         ] {
             assert_eq!(setup.set(key, value).unwrap(), text);
         }
-        let wanted = "name = \"b\"\ncount = -7\non = false\n[car.limits]\nspeed = 2.0";
-        assert_eq!(setup.parameters, toml::from_str(wanted).unwrap());
+        let expected = "name = \"b\"\ncount = -7\non = false\n[car.limits]\nspeed = 2.0";
+        assert_eq!(setup.parameters, toml::from_str(expected).unwrap());
     }
 
     #[test]

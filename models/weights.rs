@@ -51,7 +51,7 @@ impl WeightsFile {
             return Ok(());
         }
         let (file, found) = (self.name.clone(), self.digest.clone());
-        Err(ModelError::DigestMismatch { id, file, wanted: row.sha256, found })
+        Err(ModelError::DigestMismatch { id, file, expected: row.sha256, found })
     }
 }
 
@@ -83,7 +83,7 @@ pub struct WeightsRow {
 }
 
 impl WeightsRow {
-    /// Whether the baseline with this id reads the file.
+    /// Returns whether the baseline with this id reads the file.
     pub fn is_for(&self, id: &str) -> bool {
         self.id == id || self.also.iter().any(|other| other == id)
     }
@@ -165,8 +165,8 @@ mod tests {
     #[test]
     fn digests_are_sha_256() {
         // FIPS 180-2, appendix B.1.
-        let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-        assert_eq!(WeightsFile::new("abc", b"abc".to_vec()).digest, wanted);
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(WeightsFile::new("abc", b"abc".to_vec()).digest, expected);
     }
 
     #[test]

@@ -105,7 +105,7 @@ impl Neighbors {
         self.destinations
     }
 
-    /// Whether the row length was given by the caller.
+    /// Returns whether the row length was given by the caller.
     pub(super) fn is_fixed(&self) -> bool {
         self.fixed
     }

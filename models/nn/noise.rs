@@ -22,7 +22,7 @@ impl Noise {
         Self { stream: Some(stream) }
     }
 
-    /// Whether values are ever dropped.
+    /// Returns whether values are ever dropped.
     pub fn active(&self) -> bool {
         self.stream.is_some()
     }

@@ -95,8 +95,8 @@ mod tests {
     fn follows_the_distribution() {
         let logits = [2.0f32.ln(), 0.0, 5.0f32.ln(), 0.0];
         let all = shares(Sampling { top_k: 0, temperature: 1.0 }, &logits);
-        for (share, wanted) in all.iter().zip([2.0 / 9.0, 1.0 / 9.0, 5.0 / 9.0, 1.0 / 9.0]) {
-            assert!((share - wanted).abs() < 0.015, "{all:?}");
+        for (share, expected) in all.iter().zip([2.0 / 9.0, 1.0 / 9.0, 5.0 / 9.0, 1.0 / 9.0]) {
+            assert!((share - expected).abs() < 0.015, "{all:?}");
         }
         let two = shares(Sampling { top_k: 2, temperature: 1.0 }, &logits);
         assert!((two[2] - 5.0 / 7.0).abs() < 0.015 && two[1] == 0.0 && two[3] == 0.0, "{two:?}");

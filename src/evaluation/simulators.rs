@@ -120,7 +120,7 @@ impl PlannedSimulator {
         if let Some(path) = weights {
             let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
             if !baseline.needs_weights {
-                return Err(ModelError::UnwantedWeights { id, file: name.into_owned() }.into());
+                return Err(ModelError::UnexpectedWeights { id, file: name.into_owned() }.into());
             }
             let bytes =
                 fs::read(path).map_err(|source| EvaluationError::Read { path: path.clone(), source })?;

@@ -71,7 +71,7 @@ impl ParameterPath {
         shape
     }
 
-    /// Whether the file holds the transpose of the current parameter.
+    /// Returns whether the file holds the transpose of the current parameter.
     pub(super) fn is_transposed(&self) -> bool {
         self.linear.last() == Some(&true)
     }

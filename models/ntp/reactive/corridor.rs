@@ -59,7 +59,7 @@ pub(crate) fn describe(
             let nearness = if gap < FREE_GAP { 1.0 / (1.0 + gap.max(0.0) / 4.0) } else { 0.0 };
             put(slot, [nearness, gap / 30.0, speed / 10.0, f64::from(u8::from(is_av))]);
             if gap < FREE_GAP {
-                // Car-following quantities: inverse time gap, inverse time to contact and required deceleration.
+                // Car following: inverse time gap, inverse time to contact and required deceleration.
                 let (room, own) = (gap.max(0.5), me.velocity.dot(&me.ahead).max(0.0));
                 let closing = (own - speed).max(0.0);
                 let inverse_time_gap = 1.0 / (0.5 + room / own.max(0.5));

@@ -32,7 +32,7 @@ impl Edges {
         self.sources.len()
     }
 
-    /// Whether the list is empty.
+    /// Returns whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }

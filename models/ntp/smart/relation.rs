@@ -36,8 +36,8 @@ impl Pose {
         positions.iter().zip(headings).map(|(p, h)| Self::new(*p, *h)).collect()
     }
 
-    /// Whether two poses are less than `radius` apart, computed in f32 without fused operations, as in
-    /// the published networks.
+    /// Returns whether two poses are less than `radius` apart, computed in f32 without fused operations,
+    /// as in the published networks.
     pub(super) fn is_within(&self, other: &Self, radius: f32) -> bool {
         let (x, y) = (self.position[0] - other.position[0], self.position[1] - other.position[1]);
         x * x + y * y < radius * radius

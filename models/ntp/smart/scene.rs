@@ -136,7 +136,7 @@ impl MapTokens {
         self.position.len()
     }
 
-    /// Whether the list is empty.
+    /// Returns whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }
@@ -179,7 +179,7 @@ impl Agents {
         self.class.len()
     }
 
-    /// Whether the list is empty.
+    /// Returns whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.class.is_empty()
     }

@@ -40,7 +40,7 @@ fn metres<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
 
 /// Simulator that moves agents by tokens drawn from the published network.
 ///
-/// Every 0.5 s, the realized motion of agents and the AV is matched to tokens anew, and the network
+/// Every 0.5 s, the realized motion of agents and the AV is matched to tokens again, and the network
 /// computes one more step on top of the cached earlier ones. If plans are not 0.5 s apart, there is one
 /// chain of steps, 0.5 s apart, for each of the five frames at which it can begin: every plan sees steps
 /// that end at the current frame, and no step is computed twice.

@@ -89,6 +89,7 @@ impl KDisks {
     }
 }
 
+/// Name of the method in files and messages.
 const METHOD: &str = "k-disks";
 /// Speed below which curvature is not checked, m/s (as in the benchmark's metric).
 const MIN_CURVATURE_SPEED: f64 = 0.6;
@@ -149,7 +150,7 @@ impl Tokenizer for KDisks {
 }
 
 impl KDisks {
-    /// Whether a motion is plausible for a class.
+    /// Returns whether a motion is plausible for a class.
     fn is_plausible(&self, class: Class, motion: &TokenPoses) -> bool {
         // Window of SMART: no agent is faster.
         let front = class.contour(motion[TOKEN_FRAMES])[0];

@@ -36,7 +36,7 @@ pub struct CurvePiece {
 pub enum CurveKind {
     /// A lane of a motorway.
     Freeway,
-    /// Another lane.
+    /// Any other lane.
     SurfaceStreet,
     /// A lane with a stop sign.
     StopSign,
@@ -221,8 +221,8 @@ fn crossing_line(outline: &[Vec2]) -> Vec<Vec2> {
     line
 }
 
-/// Whether the lines of a map are sampled so densely that a gap separates two lines. In maps with sparse
-/// points it does not.
+/// Returns whether the lines of a map are sampled so densely that a gap separates two lines. In maps
+/// with sparse points it does not.
 fn is_sampled(map: &RoadMap) -> bool {
     let (mut all, mut wide) = (0.0, 0.0);
     for line in map.lanes.iter().map(|l| &l.baseline) {

@@ -34,7 +34,7 @@ pub struct MapPiece {
 pub enum PieceKind {
     /// A lane of a motorway.
     Freeway,
-    /// Another lane.
+    /// Any other lane.
     Street,
     /// A lane for bicycles.
     BikeLane,
@@ -63,7 +63,7 @@ impl PieceKind {
         self as usize
     }
 
-    /// Whether vehicles or cyclists drive along it.
+    /// Returns whether vehicles or cyclists drive along it.
     pub const fn is_lane(self) -> bool {
         matches!(self, Self::Freeway | Self::Street | Self::BikeLane | Self::Junction)
     }

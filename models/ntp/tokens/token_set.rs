@@ -115,7 +115,7 @@ pub(super) fn corner_distance(a: &[Vec2; 4], b: &[Vec2; 4]) -> f64 {
     (a[0] - b[0]).norm() + (a[1] - b[1]).norm() + (a[2] - b[2]).norm() + (a[3] - b[3]).norm()
 }
 
-/// Whether token `a` with its distance ranks before `b`.
+/// Returns whether token `a` with its distance ranks before `b`.
 fn is_nearer(a: (usize, f64), b: (usize, f64)) -> bool {
     a.1 < b.1 || (a.1 == b.1 && a.0 < b.0)
 }

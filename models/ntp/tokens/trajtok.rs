@@ -43,6 +43,7 @@ pub struct EndGrid {
     pub count: usize,
 }
 
+/// Name of the method in files and messages.
 const METHOD: &str = "trajtok";
 /// Largest heading change per frame of a token, radians (10 degrees).
 const MAX_TURN_PER_FRAME: f64 = 10.0 * std::f64::consts::PI / 180.0;
@@ -175,7 +176,7 @@ impl TrajTok {
     }
 }
 
-/// Whether the mean position of a motion is within reach of the grid.
+/// Returns whether the mean position of a motion is within reach of the grid.
 fn within(grid: &EndGrid, motion: &TokenPoses) -> bool {
     let mean = motion.iter().map(|p| p.position.map(f64::abs)).sum::<Vec2>() / TOKEN_POSES as f64;
     mean.x < grid.ahead && mean.y < grid.side
@@ -205,7 +206,7 @@ fn mean_token(grid: &EndGrid, cell: Cell, motions: &[TokenPoses], class: Class) 
     if turns_too_fast(&token) { curve(middle, token[TOKEN_FRAMES].heading, class) } else { token }
 }
 
-/// Whether the heading turns by more than [`MAX_TURN_PER_FRAME`] within a frame.
+/// Returns whether the heading turns by more than [`MAX_TURN_PER_FRAME`] within a frame.
 fn turns_too_fast(token: &TokenPoses) -> bool {
     token.windows(2).any(|w| wrap(w[1].heading - w[0].heading).abs() > MAX_TURN_PER_FRAME)
 }
