@@ -166,7 +166,7 @@ impl Drop for TableWriter {
     }
 }
 
-/// Returns the operating system error inside a Parquet error, if there is one.
+/// Converts a Parquet error, keeping an operating system error inside it.
 fn cause(error: ParquetError) -> Cause {
     match error {
         ParquetError::External(inner) => match inner.downcast::<io::Error>() {
