@@ -25,7 +25,7 @@ fn groups() -> Vec<String> {
 fn scenario(number: u64) -> Result<Scenario, GenerationError> {
     let id = format!("bench-0-{number:06}");
     if number % 7 == 6 {
-        return Err(GenerationError::Fruitless { id, attempts: 40 });
+        return Err(GenerationError::AttemptsExhausted { id, attempts: 40 });
     }
     let mut lanes = vec![
         lane("right", line((-150.0, 0.0), (300.0, 0.0)), Some(13.4)),
