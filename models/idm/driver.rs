@@ -35,7 +35,7 @@ pub(super) struct PathFollower {
     /// Reference line of the path if no agent is in the way.
     pub(super) home: Polyline,
     /// Offset from the home line, metres, while the driver evades an agent, and the number of decisions
-    /// since that has no longer been needed.
+    /// since the evasion was last needed.
     pub(super) aside: Option<(f64, usize)>,
     /// Desired speed at each point of the path, m/s, before curves are considered.
     desired: Vec<f64>,
@@ -62,7 +62,7 @@ pub(super) struct PathStop {
     pub(super) kind: StopKind,
     /// Lane of the stop line.
     pub(super) lane: usize,
-    /// Whether the vehicle has stopped for the stop sign.
+    /// Whether the vehicle has stopped at the line.
     pub(super) done: bool,
 }
 

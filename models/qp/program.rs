@@ -1,10 +1,11 @@
 //! Small quadratic programs of a fixed sparsity pattern, solved by clarabel again and again.
 //!
-//! `minimise ½ uᵀPu + qᵀu + Σ ρᵢ ξᵢ` over controls `u` and slacks `ξ ≥ 0`, subject to rows `aᵀu − ξᵢ ≤
-//! b`. States are eliminated: a row has the controls up to its time and no more. The pattern, the
-//! ordering and the symbolic factorisation are computed once. clarabel's own equilibration is off,
-//! because it would be that of the first problem: a solution must depend on its problem alone, not on
-//! earlier ones.
+//! A program is `minimise ½ uᵀPu + qᵀu + Σ ρᵢ ξᵢ` over controls `u` and slacks `ξ ≥ 0`, with rows
+//! `aᵀu − ξᵢ ≤ b`.
+//! States are eliminated: a row has the controls up to its time and no more. The pattern, the ordering
+//! and the symbolic factorisation are computed once. clarabel's own equilibration is off, because it
+//! would be that of the first problem: a solution must depend on its problem alone, not on earlier
+//! ones.
 
 use std::ops::Range;
 
@@ -39,7 +40,7 @@ pub enum Solve {
     Solved,
     /// Solved to the solver's reduced tolerance.
     AlmostSolved,
-    /// The solver gave up or solution the program infeasible.
+    /// The solver gave up or found the program infeasible.
     Failed,
 }
 

@@ -35,7 +35,7 @@ pub enum IntentionsError {
     /// Classes have different numbers of points.
     #[error("found {found:?} intention points of vehicles, pedestrians and cyclists, expected equal numbers")]
     Counts {
-        /// Returns the number of points per class.
+        /// Number of points per class.
         found: [usize; 3],
     },
     /// K-means cannot make this number of points.
@@ -105,7 +105,7 @@ impl Intentions {
         &self.points[class.index()]
     }
 
-    /// Points per class.
+    /// Returns the number of points per class.
     pub fn count(&self) -> usize {
         self.points[0].len()
     }

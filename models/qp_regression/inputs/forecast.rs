@@ -55,7 +55,7 @@ pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) ->
         if lasts && speed >= 0.0 {
             speed = (speed + acceleration * DT).max(0.0);
         }
-        // A standing AV does not yaw_rate.
+        // A standing AV does not turn.
         let curvature = if lasts && speed > 0.5 { yaw_rate / speed } else { 0.0 };
         let from = pose.position;
         pose = pose.advance(speed * DT, curvature);

@@ -235,7 +235,7 @@ fn put(out: &mut [f32], values: &[f64]) {
     }
 }
 
-/// LineCutter of lines near a point.
+/// Cutter of lines near a point.
 struct LineCutter<'a> {
     about: Vec2,
     config: &'a Config,

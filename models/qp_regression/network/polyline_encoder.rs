@@ -36,8 +36,8 @@ impl PolylineEncoder {
         }
     }
 
-    /// Encodes points `[points * lines, inputs]`, all first points first. `there`, `[points * lines,
-    /// 1]`, is 1 for present points, `lines_there`, `[lines, 1]`, for present lines. Returns `[lines,
+    /// Encodes points `[points * lines, inputs]`, all first points first. Present points are 1 in
+    /// `there`, `[points * lines, 1]`, present lines in `lines_there`, `[lines, 1]`. Returns `[lines,
     /// outputs]`, zeros for absent lines.
     pub(crate) fn forward(
         &self,
