@@ -1,4 +1,4 @@
-//! Reference motions; the network predicts differences from them.
+//! Reference motions (guesses): the network predicts differences from them.
 
 use burn::tensor::{Tensor, TensorData};
 use reactsim::geometry::{Vec2, into_frame, left, math, smooth_step};
