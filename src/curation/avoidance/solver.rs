@@ -20,9 +20,9 @@ use crate::geometry::OrientedBox;
 use crate::metrics::pair_counts;
 use crate::scene::{AgentKind, AgentState, CURRENT, DT, FUTURE};
 
-/// Largest number of gap_rounds that add bounds for time gaps that a solution violates.
+/// Largest number of rounds that add bounds for time gaps that a solution violates.
 const MAX_GAP_ROUNDS: usize = 4;
-/// Largest number of gap_rounds that add bounds for speed caps that a solution violates.
+/// Largest number of rounds that add bounds for speed caps that a solution violates.
 const MAX_CAP_ROUNDS: usize = 5;
 /// Extra acceleration, m/s², that sampling positions on chords of the path can introduce.
 const CHORD_ACCELERATION: f64 = 0.15;

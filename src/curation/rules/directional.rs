@@ -110,7 +110,7 @@ pub(super) fn desired_speeds(survey: &Survey<'_>, plan: &SpeedPlan, cruise: f64)
     if let Some(halt) = plan.halt {
         let (mut distance, mut before) = (0.0, speed);
         for v in &mut desired {
-            // From here on only calm braking stops in time.
+            // From where calm braking must begin to stop in time.
             if distance + before * before / (2.0 * CALM_DECELERATION) >= halt {
                 *v = (before - CALM_DECELERATION * DT).max(0.0);
             }

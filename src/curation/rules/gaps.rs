@@ -77,8 +77,8 @@ pub(super) fn cut_in(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, 
     Ok(Draft { maneuver: format!("cut in to the {side}: {gap:.1} m ahead after {time:.1} s"), future })
 }
 
-/// Draws a motion that starts from a standstill next to or behind others and leads into their path, for
-/// some draws and back again.
+/// Draws a motion from a standstill next to or behind others into their path, in some draws with a
+/// return.
 pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
     let log = survey.drive.speeds();
     let Some(stands) = (0..FUTURE / 2).find(|&k| log[k] < 0.5) else {
