@@ -7,7 +7,7 @@ use clap::Args;
 use super::progress::Progress;
 use super::subject::{ExecutionArgs, open_sources, parse_weights, read_deviations};
 use super::{ExitStatus, find_inputs, reference, say, shipped, stop_on_interrupt, write_result};
-use crate::evaluation::reference::{self as comparing, Given, Reference};
+use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
 use crate::report::verification;
 
 /// Stride in scenarios at which `--quick` runs networks.
@@ -79,7 +79,7 @@ pub(super) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitStatus> {
     Ok(if passed { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }
 
-fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<Given> {
+fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs> {
     let stated = &reference.provenance;
     let most = stated.settings.limit.unwrap_or(usize::MAX);
     let sources = if args.scenarios.is_empty() {
@@ -93,5 +93,5 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<Given> {
         open_sources(inputs, most)?
     };
     let deviations = args.deviations.as_deref().map(read_deviations).transpose()?;
-    Ok(Given { sources, deviations, weights: parse_weights(&args.model_weights)? })
+    Ok(RerunInputs { sources, deviations, weights: parse_weights(&args.model_weights)? })
 }

@@ -163,7 +163,7 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av out");
     insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: --deviations goes with --av deviated only");
     insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");
-    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is no run folder: it has no provenance.json");
+    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is not a run folder: it has no provenance.json");
     assert!(error(&["run", "--av", "brake:9"]).contains("a deceleration above 0 and at most 6 m/s²"));
     assert!(error(&["run", "--replan", "3hz"]).contains("such as `2hz`"));
     assert!(error(&["run", "--rollouts", "0"]).contains("1..=10000"));

@@ -348,7 +348,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     assert!(told.contains("`study` is replan there and guards now"), "{told}");
     let (_, told) =
         said(&["study", "guards", MINI, "--models", "stop", "--out", text(&member), "--resume"], 2);
-    assert!(told.contains("steps-10 is no study: it has no study.json"), "{told}");
+    assert!(told.contains("steps-10 is not a study: it has no study.json"), "{told}");
 }
 
 #[cfg(unix)]
@@ -503,7 +503,7 @@ fn a_damaged_study_is_refused() {
     let refused = |text: &str, part: &str| {
         fs::write(home.path().join("study.json"), text).unwrap();
         let error = read_study(home.path()).unwrap_err().to_string();
-        assert!(error.contains("study.json can not be read") && error.contains(part), "{error}");
+        assert!(error.contains("study.json cannot be read") && error.contains(part), "{error}");
     };
     let study =
         |kind: &str, members: &str| format!(r#"{{"version": 1, "kind": "{kind}", "members": [{members}]}}"#);
@@ -516,7 +516,7 @@ fn a_damaged_study_is_refused() {
     refused(&study("replan", ""), "it has no members");
     refused(
         &study("replan", r#"{"folder": "../x", "label": "", "replan_steps": 1}"#),
-        "`../x` is no name of a folder",
+        "`../x` is not a valid folder name",
     );
     refused(&study("replan", r#"{"folder": "x", "label": ""}"#), "the member `x` has no `replan_steps`");
     refused(&study("realism", r#"{"folder": "x", "label": ""}"#), "has no `protocol`");
@@ -525,6 +525,7 @@ fn a_damaged_study_is_refused() {
     let twice = r#"{"folder": "x", "label": "", "replan_steps": 1}"#;
     refused(&study("replan", &format!("{twice}, {twice}")), "two members `x`");
     fs::remove_file(home.path().join("study.json")).unwrap();
-    assert!(read_study(home.path()).unwrap_err().to_string().contains("is no study: it has no study.json"));
+    let error = read_study(home.path()).unwrap_err().to_string();
+    assert!(error.contains("is not a study: it has no study.json"), "{error}");
     assert!(!is_study(home.path()));
 }
