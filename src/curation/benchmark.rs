@@ -21,7 +21,8 @@ pub const PATIENCE: u64 = 2000;
 pub enum BenchmarkError {
     /// Fewer scenarios are requested than there are groups, each of which must occur.
     #[error(
-        "{wanted} scenarios cannot hold all of {groups} map types; request {groups} or more, or fewer map types"
+        "{wanted} scenarios cannot hold all of {groups} map types; \
+         request {groups} or more, or fewer map types"
     )]
     TooFew {
         /// Number of requested scenarios.

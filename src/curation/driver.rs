@@ -170,7 +170,8 @@ impl<'a> ResultCollector<'a> {
         if !self.ids.insert(id.clone()) {
             let (name, number) = (&file.name, done.number);
             self.fail(format!(
-                "{name}: record {number}: scenario `{id}`: an earlier one has this id; give each scenario once"
+                "{name}: record {number}: scenario `{id}`: an earlier one has this id; \
+                 give each scenario once"
             ));
             return Ok(());
         }

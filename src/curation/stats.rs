@@ -267,8 +267,8 @@ impl Collector {
             time_to_react: Bins::of(&self.times),
         };
         let part = |is_in: &dyn Fn(&ChosenCandidate) -> bool| {
-            let kept: Vec<&ChosenCandidate> = self.chosen.iter().filter(|k| is_in(k)).collect();
-            Part::of(&kept, self.chosen.len(), &bins)
+            let members: Vec<&ChosenCandidate> = self.chosen.iter().filter(|k| is_in(k)).collect();
+            Part::of(&members, self.chosen.len(), &bins)
         };
         let of_category = |c: Deviation| (c.name(), part(&|k| k.category == c));
         let of_difficulty = |d: Difficulty| (d.name(), part(&|k| k.difficulty == Some(d)));
@@ -303,15 +303,15 @@ impl Collector {
 }
 
 impl Part {
-    fn of(kept: &[&ChosenCandidate], set: usize, bins: &QuantityBins) -> Self {
+    fn of(members: &[&ChosenCandidate], set: usize, bins: &QuantityBins) -> Self {
         let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
-        let pressed = |k: usize| share(kept.iter().filter(|c| c.pressure[k]).count(), kept.len());
+        let pressed = |k: usize| share(members.iter().filter(|c| c.pressure[k]).count(), members.len());
         let spread = |of: fn(&Offsets) -> f64, bins: &Bins| {
-            Distribution::of(&kept.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>(), bins)
+            Distribution::of(&members.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>(), bins)
         };
         Self {
-            count: kept.len(),
-            share: share(kept.len(), set),
+            count: members.len(),
+            share: share(members.len(), set),
             ade: spread(|o| o.ade, &bins.ade),
             mean_speed_difference: spread(|o| o.mean_speed_difference, &bins.mean_speed_difference),
             endpoint_longitudinal: spread(|o| o.endpoint_longitudinal, &bins.endpoint_longitudinal),

@@ -30,8 +30,8 @@ pub trait AvPolicy: Send {
 pub enum AvError {
     /// The logged AV is absent at a step.
     #[error(
-        "the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`, or an \
-         earlier current frame where the recording has one"
+        "the logged AV is absent at step {step}; choose an AV that needs no log, such as \
+         `constant-velocity`, or an earlier current frame where the recording has one"
     )]
     Absent {
         /// Step 1 to 80.
@@ -51,7 +51,8 @@ pub enum AvError {
     },
     /// A trajectory jumps.
     #[error(
-        "the AV trajectory jumps {metres:.1} m between steps {before} and {step}, more than {limit:.1} m in 0.1 s"
+        "the AV trajectory jumps {metres:.1} m between steps {before} and {step}, \
+         more than {limit:.1} m in 0.1 s"
     )]
     Jump {
         /// Step 1 to 80.

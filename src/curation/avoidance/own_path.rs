@@ -30,16 +30,16 @@ impl OwnPath {
     /// Builds the path of `agent` through the logged frames from `start` on (`log[0]` is the frame of
     /// `start`).
     pub(super) fn new(agent: &Agent, start: &AgentState, log: &[Frame]) -> Option<Self> {
-        let mut kept = vec![*start];
+        let mut states = vec![*start];
         for state in log.iter().flatten() {
-            let last = kept[kept.len() - 1];
+            let last = states[states.len() - 1];
             if (state.position() - last.position()).norm() >= MIN_POINT_SPACING {
-                kept.push(*state);
+                states.push(*state);
             }
         }
-        let mut points: Vec<Vec2> = kept.iter().map(AgentState::position).collect();
+        let mut points: Vec<Vec2> = states.iter().map(AgentState::position).collect();
         let mut headings = vec![start.heading];
-        for state in &kept[1..] {
+        for state in &states[1..] {
             let last = headings[headings.len() - 1];
             headings.push(last + wrap(state.heading - last));
         }

@@ -67,8 +67,8 @@ pub(super) fn cut_in(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, 
     }
     let after = (follower.speed - stream.random_range(CUT_IN_SPEED_DIFFERENCE)).max(0.0);
     let loss = between(stream, 1.5, 5.0);
-    let wanted = |t: f64| if t < time { (now + gain * t).max(0.0) } else { after };
-    let mut desired: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
+    let target_speed = |t: f64| if t < time { (now + gain * t).max(0.0) } else { after };
+    let mut desired: Vec<f64> = (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
     speeds::bound_ahead(now, &mut desired, 2.5, loss);
     let lasts = stream.random_range(CUT_IN_DURATION);
     let begin = (time - CUT_IN_SHARE * lasts).max(0.0);
@@ -87,8 +87,8 @@ pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft
     let go = stands as f64 * DT + between(stream, 0.0, 3.0);
     let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 3.0, 9.0).min(survey.limit));
     let logged = |t: f64| log[((t / DT) as usize).min(FUTURE)];
-    let wanted = |t: f64| if t < go { logged(t) } else { cruise };
-    let mut desired: Vec<f64> = (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT)).collect();
+    let target_speed = |t: f64| if t < go { logged(t) } else { cruise };
+    let mut desired: Vec<f64> = (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
     speeds::bound(survey.speed(), &mut desired, gain, 4.0);
     let lane = !survey.adjacent_lanes.is_empty() && stream.random_bool(0.6);
     let target = if lane {

@@ -74,17 +74,17 @@ fn profile(
         let i = (k as usize).min(FUTURE - 1);
         log[i] + (log[i + 1] - log[i]) * (k - i as f64)
     };
-    let sampled = |wanted: &dyn Fn(f64) -> f64| -> Vec<f64> {
-        (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT).max(0.0)).collect()
+    let sampled = |target_speed: &dyn Fn(f64) -> f64| -> Vec<f64> {
+        (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT).max(0.0)).collect()
     };
     // With anticipation, and without.
-    let anticipated = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
-        let mut speeds = sampled(wanted);
+    let anticipated = |target_speed: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds = sampled(target_speed);
         speeds::bound(now, &mut speeds, gain, loss);
         speeds
     };
-    let unanticipated = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
-        let mut speeds = sampled(wanted);
+    let unanticipated = |target_speed: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds = sampled(target_speed);
         speeds::bound_ahead(now, &mut speeds, gain, loss);
         speeds
     };
@@ -127,15 +127,18 @@ fn profile(
             };
             let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 4.0, 11.0).min(limit));
             let go = (slow as f64 * DT + between(stream, -1.0, 2.5)).max(0.0);
-            let wanted = |t: f64| if t < go { logged(t) } else { cruise.max(logged(t)) };
-            Ok((format!("early start: after {go:.1} s to {cruise:.0} m/s"), anticipated(&wanted, gain, 4.0)))
+            let target_speed = |t: f64| if t < go { logged(t) } else { cruise.max(logged(t)) };
+            Ok((
+                format!("early start: after {go:.1} s to {cruise:.0} m/s"),
+                anticipated(&target_speed, gain, 4.0),
+            ))
         }
         Kind::LateStart => {
             let starts = (1..=FUTURE).find(|&k| log[k] > log[k - 1].max(0.3) && log[k - 1] < 2.0);
             let Some(starts) = starts else { return Err("the AV does not set off".into()) };
             let (late, hold) = (between(stream, 1.0, 5.0), log[starts - 1]);
             let from = starts as f64 * DT;
-            let wanted = |t: f64| {
+            let target_speed = |t: f64| {
                 if t < from {
                     logged(t)
                 } else if t < from + late {
@@ -144,14 +147,14 @@ fn profile(
                     logged(t - late)
                 }
             };
-            Ok((format!("late start: by {late:.1} s"), anticipated(&wanted, 2.5, 4.0)))
+            Ok((format!("late start: by {late:.1} s"), anticipated(&target_speed, 2.5, 4.0)))
         }
         Kind::LateBraking => {
             let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
             let Some(brakes) = brakes else { return Err("the AV does not brake".into()) };
             let (late, loss) = (between(stream, 0.7, 2.5), between(stream, 3.0, 5.0));
             let (from, speed) = (brakes as f64 * DT, log[brakes]);
-            let wanted = |t: f64| {
+            let target_speed = |t: f64| {
                 if t < from {
                     logged(t)
                 } else if t < from + late {
@@ -160,14 +163,14 @@ fn profile(
                     logged(t).min(speed)
                 }
             };
-            let speeds = unanticipated(&wanted, 2.5, loss);
+            let speeds = unanticipated(&target_speed, 2.5, loss);
             Ok((format!("late braking: by {late:.1} s"), speeds))
         }
         Kind::Creep => {
             let (after, loss) = (between(stream, 0.0, 2.5), between(stream, 1.2, 3.5));
             let creep = between(stream, 0.8, 2.5);
-            let wanted = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
-            let speeds = unanticipated(&wanted, 1.5, loss);
+            let target_speed = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
+            let speeds = unanticipated(&target_speed, 1.5, loss);
             Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
         }
         Kind::HardStop => {
@@ -175,22 +178,25 @@ fn profile(
             if !survey.is_followed_closely(after) {
                 return Err("nobody close behind the AV".into());
             }
-            let wanted = |t: f64| if t < after { logged(t) } else { 0.0 };
-            Ok((format!("hard stop: {loss:.1} m/s² after {after:.1} s"), unanticipated(&wanted, 1.5, loss)))
+            let target_speed = |t: f64| if t < after { logged(t) } else { 0.0 };
+            Ok((
+                format!("hard stop: {loss:.1} m/s² after {after:.1} s"),
+                unanticipated(&target_speed, 1.5, loss),
+            ))
         }
         Kind::Accelerate => {
             let (after, gain) = (between(stream, 0.0, 3.5), between(stream, 1.2, 3.0));
             let more = between(stream, 2.0, 8.0);
-            let wanted = |t: f64| if t < after { logged(t) } else { (logged(after) + more).min(limit) };
-            let speeds = unanticipated(&wanted, gain, 4.0);
+            let target_speed = |t: f64| if t < after { logged(t) } else { (logged(after) + more).min(limit) };
+            let speeds = unanticipated(&target_speed, gain, 4.0);
             Ok((format!("accelerate: {gain:.1} m/s² after {after:.1} s"), speeds))
         }
         Kind::GoThrough => {
             let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
             let Some(brakes) = brakes else { return Err("the AV does not brake".into()) };
             let (from, speed) = (brakes as f64 * DT, log[brakes] * between(stream, 0.9, 1.2));
-            let wanted = |t: f64| if t < from { logged(t) } else { logged(t).max(speed.min(limit)) };
-            Ok(("go through: does not brake".to_owned(), unanticipated(&wanted, 2.5, 4.0)))
+            let target_speed = |t: f64| if t < from { logged(t) } else { logged(t).max(speed.min(limit)) };
+            Ok(("go through: does not brake".to_owned(), unanticipated(&target_speed, 2.5, 4.0)))
         }
         Kind::GoFirst => {
             let crossings = survey.entries_before_av();
@@ -210,10 +216,10 @@ fn profile(
             }
             let (after, lasts) = (between(stream, 0.0, 2.5), between(stream, 1.5, 4.0));
             let (share, loss) = (between(stream, 0.0, 0.5), between(stream, 1.5, 4.5));
-            let wanted = |t: f64| {
+            let target_speed = |t: f64| {
                 if t < after || t > after + lasts { logged(t) } else { share * logged(t) }
             };
-            let speeds = unanticipated(&wanted, 2.0, loss);
+            let speeds = unanticipated(&target_speed, 2.0, loss);
             Ok((format!("brake and go on: {loss:.1} m/s² for {lasts:.1} s after {after:.1} s"), speeds))
         }
     }

@@ -102,7 +102,13 @@ proptest! {
     ) {
         let now = Moving { acceleration, ..start(speed) };
         let mut pose = now.pose;
-        let poses: Vec<Pose> = steps.iter().map(|&(x, y, turn)| { pose = placed(pose, x, y, turn); pose }).collect();
+        let poses: Vec<Pose> = steps
+            .iter()
+            .map(|&(x, y, turn)| {
+                pose = placed(pose, x, y, turn);
+                pose
+            })
+            .collect();
         feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
     }
 }

@@ -204,9 +204,9 @@ fn guide(
 ) -> (Polyline, f64, bool) {
     let axle = |k: usize| log.states[k].position() - direction(log.states[k].heading) * rear;
     let ahead = |k: usize| direction(log.states[k].heading) * log.gear;
-    let (mut kept, mut arc, mut cusp) = (vec![0], vec![0.0], false);
+    let (mut indices, mut arc, mut cusp) = (vec![0], vec![0.0], false);
     for k in 1..log.states.len() {
-        let last = kept[kept.len() - 1];
+        let last = indices[indices.len() - 1];
         let step = axle(k) - axle(last);
         let forward = step.dot(&ahead(k));
         if forward < -GEAR_CHANGE_DISPLACEMENT {
@@ -214,14 +214,14 @@ fn guide(
             break;
         }
         if forward > 0.0 && step.norm() >= MIN_POINT_SPACING {
-            kept.push(k);
+            indices.push(k);
             arc.push(arc[arc.len() - 1] + step.norm());
         }
     }
     let logged_length = arc[arc.len() - 1];
-    let last = kept[kept.len() - 1];
-    let mut points: Vec<Vec2> = kept.iter().map(|&k| axle(k)).collect();
-    let mut normals: Vec<Vec2> = kept.iter().map(|&k| left(ahead(k)) * log.gear).collect();
+    let last = indices[indices.len() - 1];
+    let mut points: Vec<Vec2> = indices.iter().map(|&k| axle(k)).collect();
+    let mut normals: Vec<Vec2> = indices.iter().map(|&k| left(ahead(k)) * log.gear).collect();
     let beyond = if cusp { Vec::new() } else { beyond(scenario, axle(last), ahead(last), log.gear, reach) };
     if beyond.is_empty() {
         // One more point defines the direction in which the polyline is extended.

@@ -29,8 +29,8 @@ export class View {
   }
 
   /**
-   * Draws `scenario` at frame `t`. Flags of `show`: the responses of the selected candidate's certificate
-   * replace the logs (`certificate`), the logged AV (`ghost`) and the other candidates (`others`) are visible.
+   * Draws `scenario` at frame `t`. Flags of `show`: responses of the selected candidate's certificate replace
+   * the logs (`certificate`); the logged AV (`ghost`) and the other candidates (`others`) are visible.
    */
   draw(scenario, selected, analysis, t, show) {
     const c = this.context, { camera, ratio } = this;
@@ -68,14 +68,15 @@ export class View {
       this.agent(av, between(selected.frames, t), px, style);
       for (const at of analysis?.first.values() ?? []) this.contact(selected.frames[at], px);
     } else {
-      this.agent(av, between(av.track, t), px, { fill: colour("accent"), strong: colour("text"), label: "AV" });
+      const style = { fill: colour("accent"), strong: colour("text"), label: "AV" };
+      this.agent(av, between(av.track, t), px, style);
     }
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     names(c, this.labels);
     ruler(c, camera);
   }
 
-  /** Draws all candidates: survivors solid, rejected ones dashed, the selected one wide with a dot per second. */
+  /** Draws all candidates: survivors solid, rejected dashed, the selected one wide with a dot per second. */
   trajectories(scenario, selected, show, px) {
     const c = this.context;
     const line = (frames, from) => {

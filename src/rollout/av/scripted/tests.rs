@@ -243,7 +243,18 @@ proptest! {
     fn every_script_obeys_the_limits((speeds, bends, noise) in any_drive()) {
         let scenario = alone(drive(&speeds, &bends, &noise), Vec::new());
         let now = scenario.start.now(0);
-        for script in ["constant-velocity", "brake:0.5", "brake:4", "brake:6", "retime:0.5", "retime:1", "retime:1.6", "retime:3", "shift:2", "shift:-5"] {
+        for script in [
+            "constant-velocity",
+            "brake:0.5",
+            "brake:4",
+            "brake:6",
+            "retime:0.5",
+            "retime:1",
+            "retime:1.6",
+            "retime:3",
+            "shift:2",
+            "shift:-5",
+        ] {
             let track = plan(&scenario, script);
             prop_assert_eq!(track.len(), FUTURE);
             if let Err(what) = obeys(&now, &track) {
@@ -255,7 +266,8 @@ proptest! {
     #[test]
     fn retime_by_one_stays_with_the_log((speeds, bends, noise) in any_drive()) {
         let scenario = alone(drive(&speeds, &bends, &noise), Vec::new());
-        for (k, (state, logged)) in plan(&scenario, "retime:1").iter().zip(&scenario.log_future.tracks[0]).enumerate() {
+        let track = plan(&scenario, "retime:1");
+        for (k, (state, logged)) in track.iter().zip(&scenario.log_future.tracks[0]).enumerate() {
             let away = (state.position() - logged.unwrap().position()).norm();
             prop_assert!(away < 0.5, "{away} m away at step {}: {state:?} {logged:?}", k + 1);
         }
