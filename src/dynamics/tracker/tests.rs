@@ -33,8 +33,8 @@ fn peaks(now: Moving, driven: &[Moving]) -> (f64, f64) {
         let a = (v1 - v0) / DT;
         acceleration = acceleration.max(a.abs());
         if v0 >= 0.6 && v1 >= 0.6 {
-            let way = v0 * DT + 0.5 * a * DT * DT;
-            curvature = curvature.max((wrap(m.pose.heading - before.pose.heading) / way).abs());
+            let distance = v0 * DT + 0.5 * a * DT * DT;
+            curvature = curvature.max((wrap(m.pose.heading - before.pose.heading) / distance).abs());
         }
         before = *m;
     }

@@ -252,13 +252,13 @@ fn guide(
 fn refine(points: &[Vec2], normals: &[Vec2], arc: &[f64], reach: f64) -> (Vec<Vec2>, Vec<Vec2>, Vec<f64>) {
     let (mut p, mut n, mut a) = (vec![points[0]], vec![normals[0]], vec![arc[0]]);
     for i in 1..points.len() {
-        let way = arc[i] - arc[i - 1];
-        let last = if i + 1 == points.len() { (reach - arc[i - 1]).max(way) } else { way };
+        let distance = arc[i] - arc[i - 1];
+        let last = if i + 1 == points.len() { (reach - arc[i - 1]).max(distance) } else { distance };
         let pieces = last.ceil().max(1.0) as usize;
         for k in 1..=pieces {
             let s = last * k as f64 / pieces as f64;
-            p.push(points[i - 1] + (points[i] - points[i - 1]) * (s / way));
-            let normal = normals[i - 1] + (normals[i] - normals[i - 1]) * (s / way).min(1.0);
+            p.push(points[i - 1] + (points[i] - points[i - 1]) * (s / distance));
+            let normal = normals[i - 1] + (normals[i] - normals[i - 1]) * (s / distance).min(1.0);
             n.push(if normal.norm() > 0.1 { normal.normalize() } else { normals[i] });
             a.push(arc[i - 1] + s);
         }
@@ -286,15 +286,15 @@ fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> 
     let Some(hit) = hits.iter().min_by(|a, b| off(a).1.total_cmp(&off(b).1)) else { return Vec::new() };
     let (mut lane, mut s) = (hit.lane, hit.projection.s);
     let join = 20.0;
-    let (mut points, mut way) = (Vec::new(), 0.0);
-    while way < reach {
+    let (mut points, mut distance) = (Vec::new(), 0.0);
+    while distance < reach {
         let line = &road.lane(lane).baseline;
-        while s < line.length() && way < reach {
-            (s, way) = (s + 1.0, way + 1.0);
+        while s < line.length() && distance < reach {
+            (s, distance) = (s + 1.0, distance + 1.0);
             let turn = line.heading_at(s);
             let on_lane = line.at(s.min(line.length())) + left(direction(turn)) * hit.projection.offset;
-            let straight = at + ahead * way;
-            points.push((straight + (on_lane - straight) * smooth_step(way / join), turn));
+            let straight = at + ahead * distance;
+            points.push((straight + (on_lane - straight) * smooth_step(distance / join), turn));
         }
         match straightest(&road, lane) {
             Some(next) => (lane, s) = (next, 0.0),
