@@ -63,7 +63,7 @@ pub struct Departure {
 
 /// Rate of curvature change for calm steering, 1/m per second: about 40 degrees per second at the
 /// road wheels of a car.
-pub const CALM_STEERING: f64 = 0.25;
+pub const CALM_STEERING_RATE: f64 = 0.25;
 
 impl AxlePath {
     /// Drives the rear axle along `guide` from the exact pose of `from`, for `reach` metres of

@@ -10,7 +10,7 @@ mod tracker;
 
 pub mod speeds;
 
-pub use axle_path::{Allowed, AxlePath, CALM_STEERING, Departure, REAR_AXLE, follow, follow_smoothly};
+pub use axle_path::{Allowed, AxlePath, CALM_STEERING_RATE, Departure, REAR_AXLE, follow, follow_smoothly};
 pub use bicycle::Pose;
 pub use driven_path::{DrivenPath, PathPoint, PathProjection, Pursuit};
 pub use limits::{MAX_ACCELERATION, MAX_CURVATURE};

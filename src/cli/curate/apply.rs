@@ -75,7 +75,7 @@ pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
 /// Returns the journals to read, each once: first the file's own journal if it exists, then those
 /// of `--reviews`.
 fn journals(args: &ApplyArgs) -> anyhow::Result<Vec<PathBuf>> {
-    let beside = Journal::beside(&args.file);
+    let beside = Journal::path_for(&args.file);
     let mut journals = Vec::new();
     if beside.exists() {
         journals.push(beside.clone());

@@ -44,7 +44,7 @@ struct PreviousDecision {
 
 impl Journal {
     /// Returns the journal's path for a file of candidates: `.reviews.jsonl` appended to its name.
-    pub fn beside(file: &Path) -> PathBuf {
+    pub fn path_for(file: &Path) -> PathBuf {
         let mut name = file.as_os_str().to_owned();
         name.push(".reviews.jsonl");
         name.into()

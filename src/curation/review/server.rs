@@ -60,7 +60,7 @@ impl ReviewServer {
         if store.scenarios().is_empty() {
             return Err(ReviewError::Empty { path: store.path().to_owned() });
         }
-        let mut journal = Journal::open(&Journal::beside(store.path()))?;
+        let mut journal = Journal::open(&Journal::path_for(store.path()))?;
         journal.merge(&options.reviews)?;
         let loopback = Loopback::bind(options.port)?;
         let path = journal.path().to_owned();

@@ -1,7 +1,7 @@
 //! Routes over the lane graph other than the logged one.
 
 use super::survey::{Limits, MAX_LATERAL_ACCELERATION};
-use crate::dynamics::{AxlePath, CALM_STEERING, Departure, Pose, REAR_AXLE};
+use crate::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
 use crate::geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
 use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
 
@@ -165,7 +165,7 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
         rear: REAR_AXLE * scenario.start.agents[0].length,
         reverse: false,
         curvature: Some(curvature),
-        steering_speed: CALM_STEERING,
+        steering_speed: CALM_STEERING_RATE,
     };
     let bends = bend_speeds(guide);
     let pace = now.speed().clamp(5.0, 12.0);

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use super::{AvError, MAX_STEP_DISPLACEMENT, check_steps};
-use crate::dynamics::{AxlePath, CALM_STEERING, Departure, Pose, REAR_AXLE};
+use crate::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
 use crate::geometry::{OrientedBox, Polyline, Vec2, direction, heading_of, left, smooth_step, wrap};
 use crate::scene::{AgentState, CURRENT, DT, Frame, LaneHit, Road, Scenario};
 
@@ -92,7 +92,7 @@ impl LoggedDrive {
             rear,
             reverse: self.reverses(),
             curvature,
-            steering_speed: if curvature.is_some() { CALM_STEERING } else { f64::INFINITY },
+            steering_speed: if curvature.is_some() { CALM_STEERING_RATE } else { f64::INFINITY },
         };
         let paces = paces(self);
         let pace = |driven: f64| paces[paces.partition_point(|p| p.0 <= driven).clamp(1, paces.len()) - 1].1;

@@ -34,7 +34,7 @@ fn verdict(journal: &Journal, scenario: &str) -> Option<(Decision, Option<u32>, 
 
 fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
-    let path = Journal::beside(&folder.path().join("set.parquet"));
+    let path = Journal::path_for(&folder.path().join("set.parquet"));
     assert!(path.ends_with("set.parquet.reviews.jsonl"));
     (folder, path)
 }
