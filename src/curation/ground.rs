@@ -17,14 +17,14 @@ impl<'a> Ground<'a> {
     /// Returns the largest distance by which a corner of the AV leaves the drivable area, metres (0 if
     /// none does). The search stops beyond `enough`. `None` if the map has no drivable area.
     pub(super) fn depth(&self, future: &[AgentState], enough: f64) -> Option<f64> {
-        if !self.road.knows_drivable() {
+        if !self.road.has_drivable_area() {
             return None;
         }
         let mut deepest = 0.0_f64;
         let mut near = [None; 4];
         for state in future {
             for (corner, near) in state.footprint(self.av).corners().into_iter().zip(&mut near) {
-                deepest = deepest.max(self.road.off_road_by(corner, near)?);
+                deepest = deepest.max(self.road.distance_off_road(corner, near)?);
             }
             if deepest > enough {
                 break;

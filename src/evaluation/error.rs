@@ -15,7 +15,7 @@ pub enum EvaluationError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: io::Error,
     },
     /// A file cannot be written.
@@ -23,7 +23,7 @@ pub enum EvaluationError {
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: io::Error,
     },
     /// A file of a run folder is damaged.
@@ -31,7 +31,7 @@ pub enum EvaluationError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: serde_json::Error,
     },
     /// A run folder is not finished.
@@ -166,7 +166,7 @@ pub enum EvaluationError {
         path: PathBuf,
         /// Id of the scenario.
         scenario: String,
-        /// Why.
+        /// Underlying error.
         source: super::ForeignRollout,
     },
     /// A record of a scenario file is not the scenario that a run read there.

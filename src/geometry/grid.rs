@@ -215,7 +215,7 @@ impl Grid {
                         let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
                         let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
                         let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
-                        // A slack of a nanometre: a cell may hold a tie exactly on its border.
+                        // The slack covers ties exactly on the border of a cell.
                         if dx * dx + dy * dy <= best.1 + 1e-9 {
                             for &i in self.items_of((r * self.columns + c) as usize) {
                                 let d2 = distance2(i);

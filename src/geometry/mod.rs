@@ -24,7 +24,7 @@ pub use polygon::{Polygon, point_in_ring, ring_distance};
 pub use polyline::{Polyline, PolylineError, Projection};
 pub use ring_index::PolygonIndex;
 pub use sweep::time_to_impact;
-pub use union::{GRID, on_grid, ring_area, union, union_of};
+pub use union::{GRID_SPACING, on_grid, ring_area, union, union_of};
 
 /// A point or a vector in the plane, in metres (or metres per second for velocities).
 pub type Vec2 = nalgebra::Vector2<f64>;

@@ -8,11 +8,11 @@ use i_overlay::i_float::int::point::IntPoint;
 use super::{Polygon, Vec2};
 
 /// Grid spacing of map points, metres: finer than any survey, and coarse enough to keep files small.
-pub const GRID: f64 = 1.0 / 1024.0;
+pub const GRID_SPACING: f64 = 1.0 / 1024.0;
 
 /// Rounds a point to the grid.
 pub fn on_grid(p: Vec2) -> Vec2 {
-    Vec2::new((p.x / GRID).round() * GRID, (p.y / GRID).round() * GRID)
+    Vec2::new((p.x / GRID_SPACING).round() * GRID_SPACING, (p.y / GRID_SPACING).round() * GRID_SPACING)
 }
 
 /// Area in m² below which a hole or an island is dropped as a sliver between surfaces.
@@ -57,7 +57,8 @@ pub fn union_of(areas: &[Polygon]) -> Option<Vec<Polygon>> {
 
 /// Returns the ring on the grid, with the given orientation.
 fn contour(ring: &[Vec2], counter_clockwise: bool) -> Vec<IntPoint<i32>> {
-    let whole = |p: &Vec2| IntPoint::new((p.x / GRID).round() as i32, (p.y / GRID).round() as i32);
+    let whole =
+        |p: &Vec2| IntPoint::new((p.x / GRID_SPACING).round() as i32, (p.y / GRID_SPACING).round() as i32);
     let mut contour: Vec<IntPoint<i32>> = ring.iter().map(whole).collect();
     let area = ring_area(ring);
     if if counter_clockwise { area < 0.0 } else { area > 0.0 } {
@@ -68,7 +69,7 @@ fn contour(ring: &[Vec2], counter_clockwise: bool) -> Vec<IntPoint<i32>> {
 
 fn polygons(overlay: &mut Overlay<i32>, rule: OverlayRule) -> Vec<Polygon> {
     let back = |c: &[IntPoint<i32>]| -> Vec<Vec2> {
-        c.iter().map(|p| Vec2::new(f64::from(p.x) * GRID, f64::from(p.y) * GRID)).collect()
+        c.iter().map(|p| Vec2::new(f64::from(p.x) * GRID_SPACING, f64::from(p.y) * GRID_SPACING)).collect()
     };
     let shapes = overlay.overlay(rule, FillRule::NonZero);
     let mut polygons = Vec::with_capacity(shapes.len());
@@ -126,8 +127,8 @@ mod tests {
         assert_eq!((ground.len(), ground[0].holes.len()), (1, 1));
         assert_eq!((ring_area(&ground[0].exterior), ring_area(&ground[0].holes[0])), (800.0, -50.0));
         // Side by side: no edge remains between them.
-        let beside = [(0.0, 10.0), (10.0, 20.0)].map(|x| polygon(rectangle(x, (0.0, 5.0)), Vec::new()));
-        let ground = union_of(&beside).unwrap();
+        let adjacent = [(0.0, 10.0), (10.0, 20.0)].map(|x| polygon(rectangle(x, (0.0, 5.0)), Vec::new()));
+        let ground = union_of(&adjacent).unwrap();
         assert_eq!((ground.len(), ground[0].exterior.len()), (1, 4));
         assert_eq!(
             union_of(&[polygon(rectangle((0.0, 1e6), (0.0, 1.0)), Vec::new())]).map(|g| g.len()),

@@ -13,7 +13,7 @@ pub struct Overlaps {
     pub valid: u64,
     /// Overlaps with partners of higher index, so that each pair is listed once: partner, first step, last
     /// step.
-    pub spells: Vec<(usize, usize, usize)>,
+    pub intervals: Vec<(usize, usize, usize)>,
 }
 
 /// Returns the overlaps of every object; zeros for objects that are not evaluated.
@@ -64,11 +64,11 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
                     hit[motion.at(j, f)] = true;
                     open.get_or_insert(step);
                 } else if let Some(first) = open.take() {
-                    found[i].spells.push((j, first, step - 1));
+                    found[i].intervals.push((j, first, step - 1));
                 }
             }
             if let Some(first) = open {
-                found[i].spells.push((j, first, case.frames() - 1 - case.current));
+                found[i].intervals.push((j, first, case.frames() - 1 - case.current));
             }
         }
     }
@@ -107,7 +107,7 @@ impl Metric for AgentAgent {
         let (mut hits, mut valid) = (0, 0);
         for (i, overlaps) in overlaps(case).iter().enumerate() {
             (hits, valid) = (hits + overlaps.hits, valid + overlaps.valid);
-            for &(j, first, last) in &overlaps.spells {
+            for &(j, first, last) in &overlaps.intervals {
                 events.push(Event {
                     metric: self.spec().id,
                     step: first,

@@ -6,10 +6,10 @@ use super::ade::Displacement;
 use super::agent_agent::Overlaps;
 use super::collision::Contact;
 use super::direction::WrongWay;
-use super::kinematics::Infeasible;
+use super::kinematics::InfeasibleMotion;
 use super::likelihood::KinematicLikelihood;
 use super::motion::Motion;
-use super::offroad::Ground;
+use super::offroad::OffRoadSteps;
 use super::responders::Responder;
 use super::ttc::Approach;
 use super::{DirTracking, Options};
@@ -78,9 +78,9 @@ pub(super) struct Cache {
     pub(super) contacts: OnceLock<Vec<Option<Contact>>>,
     pub(super) approaches: OnceLock<Vec<Option<Approach>>>,
     pub(super) overlaps: OnceLock<Vec<Overlaps>>,
-    pub(super) grounds: OnceLock<Vec<Ground>>,
+    pub(super) off_road_steps: OnceLock<Vec<OffRoadSteps>>,
     pub(super) directions: OnceLock<Vec<WrongWay>>,
-    pub(super) infeasible: OnceLock<Vec<Infeasible>>,
+    pub(super) infeasible: OnceLock<Vec<InfeasibleMotion>>,
     pub(super) av_overlap: OnceLock<Vec<bool>>,
     pub(super) responders: OnceLock<Option<Vec<Responder>>>,
     pub(super) displacement: OnceLock<Option<Displacement>>,

@@ -25,12 +25,12 @@ pub struct WrongWay {
     /// Whether the vehicle was on a lane at any step and can therefore be evaluated.
     pub candidate: bool,
     /// Intervals of driving against the lane that last long enough.
-    pub spells: Vec<WrongWaySpell>,
+    pub intervals: Vec<WrongWayInterval>,
 }
 
 /// An interval of driving against the lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WrongWaySpell {
+pub struct WrongWayInterval {
     /// First step, 1 to 80.
     pub first: usize,
     /// Last step.
@@ -100,7 +100,7 @@ impl Evaluator<'_, '_> {
         };
         found.candidate |= (first..run.end).any(|f| self.placed[f - run.start].is_some() && candidate(f));
         let window = WINDOW + usize::from(options.dir_window_extra);
-        let mut open: Option<WrongWaySpell> = None;
+        let mut open: Option<WrongWayInterval> = None;
         for f in first..run.end {
             let against = moving(f)
                 .then(|| self.placed[f - run.start])
@@ -108,14 +108,19 @@ impl Evaluator<'_, '_> {
                 .and_then(|placed| self.against(agent, f, f - run.start, placed, window));
             let step = f - case.current;
             match (against, &mut open) {
-                (Some((_, progress)), Some(spell)) => {
-                    spell.last = step;
-                    spell.progress = spell.progress.min(progress);
+                (Some((_, progress)), Some(interval)) => {
+                    interval.last = step;
+                    interval.progress = interval.progress.min(progress);
                 }
                 (Some((error, progress)), None) => {
                     let lane = self.placed[f - run.start].map_or(0, |p| p.lane);
-                    open =
-                        Some(WrongWaySpell { first: step, last: step, lane, heading_error: error, progress });
+                    open = Some(WrongWayInterval {
+                        first: step,
+                        last: step,
+                        lane,
+                        heading_error: error,
+                        progress,
+                    });
                 }
                 (None, _) => add_persistent(open.take(), found),
             }
@@ -182,8 +187,8 @@ impl Evaluator<'_, '_> {
     }
 }
 
-fn add_persistent(spell: Option<WrongWaySpell>, found: &mut WrongWay) {
-    found.spells.extend(spell.filter(|s| s.last + 1 - s.first >= PERSISTENCE));
+fn add_persistent(interval: Option<WrongWayInterval>, found: &mut WrongWay) {
+    found.intervals.extend(interval.filter(|s| s.last + 1 - s.first >= PERSISTENCE));
 }
 
 /// Share of the vehicles on lanes that drive against a lane.
@@ -205,17 +210,17 @@ impl Metric for Direction {
         let (mut hits, mut valid) = (0, 0);
         for (i, found) in directions(case).iter().enumerate() {
             valid += u64::from(found.candidate);
-            hits += u64::from(!found.spells.is_empty());
-            for spell in &found.spells {
+            hits += u64::from(!found.intervals.is_empty());
+            for interval in &found.intervals {
                 events.push(Event {
                     metric: self.spec().id,
-                    step: spell.first,
-                    last_step: spell.last,
+                    step: interval.first,
+                    last_step: interval.last,
                     agent: case.id(i),
                     partner: None,
                     reason: None,
                     counted: true,
-                    values: vec![("heading_error", spell.heading_error), ("progress", spell.progress)],
+                    values: vec![("heading_error", interval.heading_error), ("progress", interval.progress)],
                 });
             }
         }

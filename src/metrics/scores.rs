@@ -5,10 +5,10 @@ use super::agent_agent::{self, Overlaps};
 use super::collision::{self, Contact};
 use super::deviation::{self, DeviationStats};
 use super::direction::{self, WrongWay};
-use super::kinematics::{self, Infeasible};
+use super::kinematics::{self, InfeasibleMotion};
 use super::likelihood::{self, KinematicLikelihood};
 use super::log_clinging;
-use super::offroad::{self, Ground};
+use super::offroad::{self, OffRoadSteps};
 use super::over_reaction;
 use super::progress;
 use super::ttc::{self, Approach};
@@ -120,12 +120,12 @@ pub struct AgentScores<'c> {
     pub contact: Option<Contact>,
     /// Approach to the AV; `None` for objects that are not evaluated vehicles.
     pub approach: Option<Approach>,
-    /// Ground under the object.
-    pub ground: &'c Ground,
+    /// Steps off the road.
+    pub off_road: &'c OffRoadSteps,
     /// Driving direction.
     pub direction: &'c WrongWay,
     /// Accelerations and curvatures.
-    pub infeasible: &'c Infeasible,
+    pub infeasible: &'c InfeasibleMotion,
 }
 
 impl Case<'_> {
@@ -154,7 +154,7 @@ impl Case<'_> {
             overlaps: &agent_agent::overlaps(self)[object],
             contact: collision::contacts(self)[object],
             approach: ttc::approaches(self)[object],
-            ground: &offroad::grounds(self)[object],
+            off_road: &offroad::off_road_steps(self)[object],
             direction: &direction::directions(self)[object],
             infeasible: &kinematics::infeasible(self)[object],
         }

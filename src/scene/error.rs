@@ -11,6 +11,6 @@ pub struct SceneError {
     pub field: String,
     /// The value found.
     pub value: String,
-    /// What was expected instead.
+    /// The expected value.
     pub expected: String,
 }

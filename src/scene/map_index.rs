@@ -201,7 +201,7 @@ impl<'a> Road<'a> {
     }
 
     /// Returns whether the map records its drivable area.
-    pub fn knows_drivable(&self) -> bool {
+    pub fn has_drivable_area(&self) -> bool {
         self.map.drivable_area.is_some() || !self.index.edges.is_empty()
     }
 
@@ -220,7 +220,7 @@ impl<'a> Road<'a> {
 
     /// Returns the distance from `p` to the drivable ground, metres; 0 on it. `start` and `None` as in
     /// [`Road::drivable`].
-    pub fn off_road_by(&self, p: Vec2, start: &mut Option<u32>) -> Option<f64> {
+    pub fn distance_off_road(&self, p: Vec2, start: &mut Option<u32>) -> Option<f64> {
         if let Some(area) = &self.map.drivable_area {
             if self.drivable(p, start)? {
                 return Some(0.0);

@@ -320,7 +320,7 @@ impl<'t> Solver<'t> {
         let mut near = [None; 4];
         let mut depth = |b: &OrientedBox| {
             let corners = b.corners().into_iter().zip(&mut near);
-            corners.filter_map(|(c, near)| road.off_road_by(c, near)).fold(0.0_f64, f64::max)
+            corners.filter_map(|(c, near)| road.distance_off_road(c, near)).fold(0.0_f64, f64::max)
         };
         let plain = path.without_nudge();
         let left = profile.s.iter().enumerate().skip(1).filter(|s| path.nudge != 0.0 || *s.1 > path.end);

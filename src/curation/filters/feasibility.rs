@@ -41,7 +41,7 @@ impl CandidateFilter for DrivableArea {
 
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let depth = trial.context.ground.depth(trial.candidate.future(), f64::INFINITY);
-        let off = trial.own.agent_scores(0).ground.hits > 0;
+        let off = trial.own.agent_scores(0).off_road.hits > 0;
         let passes = depth.is_none_or(|d| d <= trial.settings.drivable_tolerance) && !off;
         Verdict::new(depth, passes, || match depth {
             Some(d) if d > trial.settings.drivable_tolerance => format!("a corner is {d:.2} m off the road"),

@@ -16,7 +16,7 @@ impl CandidateFilter for WrongWay {
     }
 
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
-        let wrong = !trial.own.agent_scores(0).direction.spells.is_empty();
+        let wrong = !trial.own.agent_scores(0).direction.intervals.is_empty();
         Verdict::new(Some(f64::from(u8::from(wrong))), !wrong, || "drives against its lane".to_owned())
     }
 }

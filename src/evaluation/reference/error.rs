@@ -21,7 +21,7 @@ pub enum ReferenceError {
     Damaged {
         /// The folder.
         place: String,
-        /// Why.
+        /// Underlying error.
         source: toml::de::Error,
     },
     /// A JSON file cannot be read.
@@ -31,7 +31,7 @@ pub enum ReferenceError {
         place: String,
         /// The file.
         file: String,
-        /// Why.
+        /// Underlying error.
         source: serde_json::Error,
     },
     /// A file of the folder is missing.
@@ -79,7 +79,7 @@ pub enum ReferenceError {
     Unfit {
         /// The folder.
         place: String,
-        /// Why, and what to do.
+        /// Reason, and what to do.
         reason: String,
     },
     /// A reference was made by another program or from other inputs than those given.
@@ -93,7 +93,7 @@ pub enum ReferenceError {
         stated: String,
         /// Value here.
         found: String,
-        /// What to do; may be empty.
+        /// Suggested remedy; may be empty.
         hint: &'static str,
     },
     /// The folder of a new reference exists and is not empty.

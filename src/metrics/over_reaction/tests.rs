@@ -27,7 +27,7 @@ fn drive(x: f64, y: f64, deceleration: f64) -> Vec<Frame> {
     (0..FRAMES).map(|f| Some(state(f))).collect()
 }
 
-fn stand(x: f64, y: f64) -> Vec<Frame> {
+fn parked_at(x: f64, y: f64) -> Vec<Frame> {
     vec![Some(AgentState { x, y, heading: 0.0, vx: 0.0, vy: 0.0 }); FRAMES]
 }
 
@@ -55,7 +55,7 @@ impl World {
     fn new(driven: Vec<Frame>) -> Self {
         let log = drive(AV_AT - 50.0, 0.0, 0.0);
         let track = drive(AV_AT - 50.0, 0.0, 2.0);
-        let av = (agent("av"), drive(AV_AT, 0.0, 0.0), stand(AV_AT, 0.0));
+        let av = (agent("av"), drive(AV_AT, 0.0, 0.0), parked_at(AV_AT, 0.0));
         Self {
             agents: vec![av, (agent("a"), log, driven)],
             certificate: Some(Certificate { responses: vec![response("a", None, &track, 2.0)] }),
@@ -199,7 +199,7 @@ fn followers_belong_to_neither_set() {
     // `b` follows `a`, and stops at once; `a` drives the certificate.
     let track = drive(AV_AT - 80.0, 0.0, 2.0);
     let world = World::new(drive(AV_AT - 50.0, 0.0, 2.0))
-        .with("b", drive(AV_AT - 80.0, 20.0, 0.0), stand(AV_AT - 80.0, 20.0))
+        .with("b", drive(AV_AT - 80.0, 20.0, 0.0), parked_at(AV_AT - 80.0, 20.0))
         .with_response(response("b", Some("a"), &track, 2.0));
     let scores = world.scores();
     assert_eq!(scores.score("over-reaction"), Some(Score::Mean { sum: 0.0, n: 1 }));
@@ -235,8 +235,8 @@ fn undisturbed_vehicles_are_measured_against_their_log() {
         World::new(drive(AV_AT - 50.0, 0.0, 2.0))
             .with("c", drive(0.0, 20.0, 0.0), driven)
             // Parked, and close to the AV: neither is evaluated.
-            .with("parked", stand(0.0, -20.0), stand(0.0, -20.0))
-            .with("near", drive(AV_AT - 60.0, 6.0, 0.0), stand(AV_AT - 60.0, 6.0))
+            .with("parked", parked_at(0.0, -20.0), parked_at(0.0, -20.0))
+            .with("near", drive(AV_AT - 60.0, 6.0, 0.0), parked_at(AV_AT - 60.0, 6.0))
             .scores()
     };
     let replay = world(drive(0.0, 20.0, 0.0));

@@ -1,6 +1,6 @@
 //! The drivable ground: the union of surfaces, and the road edges around it.
 
-pub use crate::geometry::{GRID, on_grid, ring_area as area, union};
+pub use crate::geometry::{GRID_SPACING, on_grid, ring_area as area, union};
 use crate::geometry::{Polygon, Vec2, point_segment};
 use crate::scene::{RoadEdge, RoadEdgeKind};
 

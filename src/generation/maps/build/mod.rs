@@ -21,7 +21,7 @@ mod tests;
 
 pub use builder::MapBuilder;
 pub use connector::{MIN_TURN_RADIUS, Pose, connector};
-pub use ground::{GRID, area, edges, on_grid, union};
+pub use ground::{GRID_SPACING, area, edges, on_grid, union};
 pub use lanes::{LaneRef, Spec};
 pub use path::{Path, Piece, Station, sampling_step};
 pub use profile::Profile;
