@@ -80,8 +80,8 @@ fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         bail!("the page has a switch for all metrics: leave --also out");
     }
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
-    for lack in gallery.lacks() {
-        say(format_args!("note: {lack}"));
+    for note in gallery.missing_for_scenes() {
+        say(format_args!("note: {note}"));
     }
     let mut page = Vec::new();
     gallery.write(&args.case, args.cases, args.all, &mut page)?;

@@ -200,7 +200,7 @@ fn runs_and_pages_remember_the_current_frame() {
     let shown =
         call(&["report", "OUT", "--format", "html", "--scenarios", "PATH", "--out", page.to_str().unwrap()]);
     assert_eq!(shown.0, 0, "{}", shown.1);
-    assert!(!shown.1.contains("nothing of them can be drawn"), "{}", shown.1);
+    assert!(!shown.1.contains("scenes cannot be drawn"), "{}", shown.1);
     let told = call(&["inspect", "PATH", "--current-frame", "29"]);
     assert!(told.0 == 0 && told.1.contains("made-1"), "{}", told.1);
     let native = folder.path().join("made.parquet");
@@ -326,7 +326,7 @@ fn bad_maps_are_refused_by_key() {
     assert!(error.contains("the number of `lane_segments` is 10004, expected at most 10000"), "{error}");
     let s = read(&rows(110), &json!({"drivable_areas": {}, "lane_segments": {}, "pedestrian_crossings": {}}))
         .unwrap();
-    assert!(s.start.map.drivable_area.is_none() && !s.start.road().knows_drivable());
+    assert!(s.start.map.drivable_area.is_none() && !s.start.road().has_drivable_area());
 }
 
 #[test]
