@@ -75,7 +75,7 @@ pub enum Ending {
     /// All epochs are done.
     Finished,
     /// The validation loss stopped decreasing.
-    NoBetter,
+    NoImprovement,
     /// It was interrupted on request; it can be resumed.
     Interrupted,
 }
@@ -164,7 +164,7 @@ where
         let ending = loop {
             let step = run.state.progress.step;
             if settings.patience > 0 && run.state.progress.stale >= settings.patience {
-                break Ending::NoBetter;
+                break Ending::NoImprovement;
             } else if step >= run.steps {
                 break Ending::Finished;
             } else if stop.load(Ordering::Relaxed) {

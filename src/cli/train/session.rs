@@ -159,7 +159,7 @@ fn train_until<T: Task<Example = Scenario>>(
         say(format_args!("interrupted after step {steps}; to continue, repeat the command with --resume"));
         return Ok(ExitStatus::Interrupted);
     }
-    if outcome.ending == Ending::NoBetter {
+    if outcome.ending == Ending::NoImprovement {
         say(format_args!(
             "ended early: the validation loss did not decrease in {} validations",
             args.patience
