@@ -13,7 +13,7 @@ use reactsim::formats;
 use reactsim::metrics::{Case, Options, score_case};
 use reactsim::models::nn::device;
 use reactsim::models::qp::{self, Ending, Endings, Stage};
-use reactsim::models::qp_regression::{Ground, Policy, QpRegressionSimulator, Smooth};
+use reactsim::models::qp_regression::{Ground, PlanningParameters, Policy, QpRegressionSimulator};
 use reactsim::models::{find, weights};
 use reactsim::rollout::{
     Controller, DeviatedAv, PlanError, Planning, Request, Settings, SingleEpisode, Stream, roll_out,
@@ -28,7 +28,8 @@ const LARGE: usize = 32;
 fn main() -> Result<()> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
     let scenarios = formats::open(Path::new(path))?.take(SCENARIOS).collect::<Result<Vec<_>, _>>()?;
-    let smooth: Smooth = find("qp-regression").context("no such baseline")?.setup()?.parameters()?;
+    let smooth: PlanningParameters =
+        find("qp-regression").context("no such baseline")?.setup()?.parameters()?;
     let file = weights::shipped("qp-regression")?.context("no weights ship")?;
     let policy = Policy::read(&file.bytes, &device())?;
     let inner = QpRegressionSimulator::new(policy, smooth, qp::settings()?, device());

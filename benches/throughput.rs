@@ -14,7 +14,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use reactsim::curation::{Curated, CurationSettings, SOURCES, curate_scenario};
+use reactsim::curation::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
     self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunObserver,
     RunSettings, Source, Tally,
@@ -259,7 +259,8 @@ fn judge(all: &[Scenario], rollouts: &[Rollout]) {
 /// Steps 1 to 3 of every scenario; how many step 1 keeps.
 fn curate(all: &[Scenario]) -> usize {
     let settings = CurationSettings::default();
-    let kept = |s: &&Scenario| matches!(curate_scenario(s, SOURCES[0], &settings), Curated::Kept(..));
+    let kept =
+        |s: &&Scenario| matches!(curate_scenario(s, SOURCES[0], &settings), CurationOutcome::Retained(..));
     all.iter().filter(kept).count()
 }
 

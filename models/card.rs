@@ -2,35 +2,35 @@
 
 use serde::Deserialize;
 
-/// What a baseline says of itself.
+/// Description of a baseline.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Card {
-    /// Name in tables.
+    /// Name shown in tables.
     pub title: String,
-    /// One sentence.
+    /// One-sentence summary.
     pub summary: String,
-    /// What it moves, per class.
+    /// Agents it moves, per class.
     pub controls: String,
-    /// Where method and parameters come from.
+    /// Sources of the method and its parameters.
     pub sources: Vec<String>,
-    /// Its parameters, where it has some.
+    /// Parameters; empty if there are none.
     #[serde(default)]
     pub parameters: toml::Table,
 }
 
-/// Why a card can not be read.
+/// Error from reading a card.
 #[derive(Debug, thiserror::Error)]
-#[error("the card of `{id}` can not be read: {source}")]
+#[error("the card of `{id}` cannot be read: {source}")]
 pub struct CardError {
     /// Id of the baseline.
     pub id: &'static str,
-    /// Why.
+    /// Cause.
     pub source: toml::de::Error,
 }
 
 impl Card {
-    /// Reads the text of a card.
+    /// Parses the text of a card.
     ///
     /// # Errors
     /// [`CardError`] with line and column.

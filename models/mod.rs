@@ -1,4 +1,4 @@
-//! The baselines. Each is a folder: its simulator, its card, its line in [`MODELS`].
+//! The baselines: one folder each, with the simulator, its card and its entry in [`MODELS`].
 
 mod card;
 pub mod constant_velocity;
@@ -20,48 +20,52 @@ pub use weights::WeightsFile;
 
 use reactsim::rollout::Controller;
 
-/// A baseline: what `--models` and the tables name.
+/// A baseline, as listed by `--models` and in tables.
 #[derive(Clone, Copy, Debug)]
 pub struct Baseline {
     /// Stable id, such as `idm`.
     pub id: &'static str,
-    /// The text of its card (TOML): what it is, its parameters and their sources.
+    /// Text of its card (TOML): description, parameters and their sources.
     pub card: &'static str,
-    /// Whether it is shown the log's future (†).
+    /// Whether the simulator sees the log's future (†).
     pub oracle: bool,
-    /// Whether a stage can be put behind it: not where its motion is the log's, or comes out of the stage already.
+    /// Whether a trajectory stage can follow it. False where the motion is the log's or already
+    /// comes from the stage.
     pub takes_stage: bool,
-    /// Whether it needs weights.
+    /// Whether the simulator needs weights.
     pub needs_weights: bool,
-    /// Makes its simulator.
+    /// Builds the simulator.
     pub make: fn(Setup) -> Result<Controller, ModelError>,
 }
 
 impl Baseline {
-    /// What it is made from where nothing else is asked for: the parameters of its card and the weights that ship with the program.
+    /// Returns the default setup: the parameters of the card and the weights that ship with the
+    /// program.
     ///
     /// # Errors
-    /// [`ModelError`], as for a card that can not be read. That there are no weights is no error yet.
+    /// [`ModelError`], for example if the card cannot be read. Missing weights are not an error
+    /// here.
     pub fn setup(&self) -> Result<Setup, ModelError> {
         let weights = if self.needs_weights { weights::shipped(self.id)? } else { None };
         Ok(Setup::new(self.id, self.card, weights)?)
     }
 
-    /// Whether it can be made without weights from elsewhere.
+    /// Returns whether it can be built without weights from elsewhere.
     pub fn is_complete(&self) -> bool {
         !self.needs_weights || matches!(weights::shipped(self.id), Ok(Some(_)))
     }
 
-    /// Makes its simulator with the parameters of its card and the weights that ship with the program.
+    /// Builds the simulator with the parameters of the card and the weights that ship with the
+    /// program.
     ///
     /// # Errors
-    /// [`ModelError`], as for weights that do not ship.
+    /// [`ModelError`], for example if the weights do not ship.
     pub fn simulator(&self) -> Result<Controller, ModelError> {
         (self.make)(self.setup()?)
     }
 }
 
-/// All baselines, in the order of the tables.
+/// All baselines, in the order in which tables list them.
 pub const MODELS: &[Baseline] = &[
     log_replay::ENTRY,
     constant_velocity::ENTRY,
@@ -76,7 +80,7 @@ pub const MODELS: &[Baseline] = &[
     qp_regression::entries::REGRESSION,
 ];
 
-/// The baseline with this id.
+/// Returns the baseline with this id.
 pub fn find(id: &str) -> Option<&'static Baseline> {
     MODELS.iter().find(|m| m.id == id)
 }

@@ -1,4 +1,4 @@
-//! What a baseline is made from: the parameters of its card, some of them changed, and its weights.
+//! Setup of a baseline: the parameters of its card, possibly changed, and its weights.
 
 use std::error::Error;
 
@@ -7,104 +7,103 @@ use toml::{Table, Value};
 
 use super::{Card, CardError, WeightsFile};
 
-/// What a baseline is made from.
+/// Parameters and weights from which a baseline is built.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// Id of the baseline.
     pub id: &'static str,
-    /// The parameters of its card, with changes.
+    /// Parameters of its card, with changes applied.
     pub parameters: Table,
-    /// Its weights; always there for a baseline that needs some, never for one that does not.
+    /// Weights: always present for a baseline that needs them, never for one that does not.
     pub weights: Option<WeightsFile>,
 }
 
-/// Why a baseline can not be made.
+/// Error from building a baseline.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// Its card can not be read, or parameters are wrong.
+    /// The card cannot be read, or a parameter is invalid.
     #[error(transparent)]
     Card(#[from] CardError),
-    /// It needs weights and has none.
+    /// The baseline needs weights and has none.
     #[error(
-        "the simulator `{id}` needs weights, which do not ship with the program: give --model-weights {id}=FILE"
+        "the simulator `{id}` needs weights, which do not ship with the program: \
+         give --model-weights {id}=FILE"
     )]
     NoWeights {
         /// Id of the baseline.
         id: &'static str,
     },
-    /// It is shown the log's future, or plans by the stage itself: what it plans is not changed.
-    #[error(
-        "no stage can be put behind the simulator `{id}`: it replays the log, or has the stage in it already"
-    )]
+    /// The baseline replays the log or already plans with the stage, so no stage can follow it.
+    #[error("no stage can follow the simulator `{id}`: it replays the log or already contains the stage")]
     TakesNoStage {
         /// Id of the baseline.
         id: &'static str,
     },
-    /// It was given weights and needs none.
-    #[error("the simulator `{id}` has no weights: leave --model-weights {id}={file} out")]
-    UnwantedWeights {
+    /// Weights were given to a baseline that needs none.
+    #[error("the simulator `{id}` has no weights: omit --model-weights {id}={file}")]
+    UnexpectedWeights {
         /// Id of the baseline.
         id: &'static str,
         /// The file.
         file: String,
     },
-    /// The file is not the one of that name which the manifest knows.
+    /// The digest of the file differs from the one in the manifest.
     #[error(
-        "the weights {file} of `{id}` have the SHA-256 {found}, and {wanted} in the manifest: the file is damaged or another version; \
-         get the right one, or give other weights another name"
+        "the weights {file} of `{id}` have the SHA-256 {found}, but the manifest lists {expected}: \
+         the file is damaged or of another version; get the listed file, or rename yours"
     )]
-    OtherDigest {
+    DigestMismatch {
         /// Id of the baseline.
         id: &'static str,
         /// The file.
         file: String,
         /// Digest in the manifest.
-        wanted: String,
+        expected: String,
         /// Digest of the file.
         found: String,
     },
-    /// The weights can not be used.
-    #[error("the weights {file} of `{id}` can not be used: {source}")]
+    /// The weights cannot be used.
+    #[error("the weights {file} of `{id}` cannot be used: {source}")]
     Weights {
         /// Id of the baseline.
         id: &'static str,
         /// The file.
         file: String,
-        /// Why: tensor and mend.
+        /// Cause: the tensor and how to fix it.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// A parameter that the card does not have.
+    /// The card has no such parameter.
     #[error("the simulator `{id}` has no parameter `{key}`; {known}")]
     UnknownParameter {
         /// Id of the baseline.
         id: &'static str,
-        /// Its dotted path.
+        /// Dotted path of the parameter.
         key: String,
-        /// Which ones there are.
+        /// List of the parameters that exist.
         known: String,
     },
-    /// A value of another type than in the card.
-    #[error(
-        "`{value}` is no value for the parameter `{key}` of `{id}`: its card has {like}, a value of type {wanted}"
-    )]
+    /// The value has another type than the one in the card.
+    #[error("`{value}` is not a valid `{key}` for `{id}`: its card has {like}, a value of type {expected}")]
     WrongParameter {
         /// Id of the baseline.
         id: &'static str,
-        /// Its dotted path.
+        /// Dotted path of the parameter.
         key: String,
-        /// What was given.
+        /// Value that was given.
         value: String,
-        /// What the card has.
+        /// Value in the card.
         like: String,
-        /// The type of that.
-        wanted: &'static str,
+        /// Type of the value in the card.
+        expected: &'static str,
     },
-    /// The manifest of weights can not be read.
-    #[error("the manifest of weights can not be read: {0}")]
+    /// The manifest of weights cannot be read.
+    #[error("the manifest of weights cannot be read: {0}")]
     Manifest(toml::de::Error),
-    /// The manifest names a file that is not part of the program.
-    #[error("the weights {file} of `{id}` are said to ship with the program and do not")]
+    /// The manifest lists a file as shipped that is not part of the program.
+    #[error(
+        "the manifest lists the weights {file} of `{id}` as shipped, but they are not part of the program"
+    )]
     NotEmbedded {
         /// Id of the baseline.
         id: &'static str,
@@ -114,7 +113,7 @@ pub enum ModelError {
 }
 
 impl Setup {
-    /// The parameters of a card, and weights.
+    /// Builds a setup from the text of a card and optional weights.
     ///
     /// # Errors
     /// [`CardError`].
@@ -122,16 +121,16 @@ impl Setup {
         Ok(Self { id, parameters: Card::read(id, card)?.parameters, weights })
     }
 
-    /// The parameters as the type that the baseline needs.
+    /// Deserializes the parameters into the type that the baseline needs.
     ///
     /// # Errors
-    /// [`CardError`] that names the missing, unknown or wrong parameter.
+    /// [`CardError`] naming the missing, unknown or invalid parameter.
     pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, CardError> {
         let parameters = self.parameters.clone();
         parameters.try_into().map_err(|source| CardError { id: self.id, source })
     }
 
-    /// The weights of a baseline that needs some.
+    /// Returns the weights.
     ///
     /// # Errors
     /// [`ModelError::NoWeights`].
@@ -139,17 +138,18 @@ impl Setup {
         self.weights.as_ref().ok_or(ModelError::NoWeights { id: self.id })
     }
 
-    /// The error for weights that can not be used, and why.
+    /// Returns the error for weights that cannot be used, with its cause.
     pub fn refuse_weights(&self, source: impl Into<Box<dyn Error + Send + Sync>>) -> ModelError {
         let file = self.weights.as_ref().map(|w| w.name.clone()).unwrap_or_default();
         ModelError::Weights { id: self.id, file, source: source.into() }
     }
 
-    /// Changes a parameter: `key` is its dotted path, `value` is written as in TOML, and of the type that the card has there. Quotes
-    /// may be left out around text, and the point of whole numbers. Returns the value as TOML writes it.
+    /// Changes a parameter. `key` is its dotted path; `value` is written as in TOML and has the
+    /// type of the value in the card. Quotes around text may be omitted, and a whole number is
+    /// accepted for a float. Returns the value as TOML writes it.
     ///
     /// # Errors
-    /// [`ModelError`] names parameter and value.
+    /// [`ModelError`] naming the parameter and the value.
     pub fn set(&mut self, key: &str, value: &str) -> Result<String, ModelError> {
         let unknown = |known: &Table| {
             let mut paths = Vec::new();
@@ -166,10 +166,10 @@ impl Setup {
             key: key.to_owned(),
             value: value.to_owned(),
             like: old.to_string(),
-            wanted: old.type_str(),
+            expected: old.type_str(),
         };
         let written = toml::from_str::<Table>(&format!("value = {value}")).ok();
-        // No more than the one value may have been written.
+        // Reject text that defines more than this one value.
         let written = written.filter(|t| t.len() == 1).and_then(|mut t| t.remove("value"));
         let new = match (&old, written) {
             (Value::Float(_), Some(Value::Integer(whole))) => Value::Float(whole as f64),
@@ -179,14 +179,14 @@ impl Setup {
             _ => return Err(wrong()),
         };
         let text = new.to_string();
-        if let Some(place) = leaf_mut(&mut self.parameters, key) {
-            *place = new;
+        if let Some(slot) = leaf_mut(&mut self.parameters, key) {
+            *slot = new;
         }
         Ok(text)
     }
 }
 
-/// The value at a dotted path; tables are none.
+/// Returns the value at a dotted path, or `None` for a table.
 fn leaf<'a>(table: &'a Table, path: &str) -> Option<&'a Value> {
     match path.split_once('.') {
         Some((first, rest)) => leaf(table.get(first)?.as_table()?, rest),
@@ -201,7 +201,7 @@ fn leaf_mut<'a>(table: &'a mut Table, path: &str) -> Option<&'a mut Value> {
     }
 }
 
-/// The dotted paths of all values.
+/// Collects the dotted paths of all values.
 fn leaves(path: &str, table: &Table, out: &mut Vec<String>) {
     for (key, value) in table {
         let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
@@ -236,20 +236,20 @@ mod tests {
         ] {
             assert_eq!(setup.set(key, value).unwrap(), text);
         }
-        let wanted = "name = \"b\"\ncount = -7\non = false\n[car.limits]\nspeed = 2.0";
-        assert_eq!(setup.parameters, toml::from_str(wanted).unwrap());
+        let expected = "name = \"b\"\ncount = -7\non = false\n[car.limits]\nspeed = 2.0";
+        assert_eq!(setup.parameters, toml::from_str(expected).unwrap());
     }
 
     #[test]
-    fn what_is_no_parameter_or_no_value_is_refused_by_name() {
+    fn unknown_parameters_and_invalid_values_are_named() {
         for (key, value, part) in [
             ("speed", "1", "no parameter `speed`; it has: car.limits.speed, count, name, on"),
             ("car", "1", "no parameter `car`"),
             ("car.limits.speed.x", "1", "no parameter `car.limits.speed.x`"),
             ("", "1", "no parameter ``"),
-            ("count", "1.5", "`1.5` is no value for the parameter `count` of `some`: its card has 3"),
-            ("count", "1\nx = 2", "no value"),
-            ("car.limits.speed", "nan", "`nan` is no value"),
+            ("count", "1.5", "`1.5` is not a valid `count` for `some`: its card has 3"),
+            ("count", "1\nx = 2", "not a valid"),
+            ("car.limits.speed", "nan", "`nan` is not a valid"),
             ("car.limits.speed", "fast", "a value of type float"),
             ("on", "1", "a value of type boolean"),
         ] {

@@ -1,4 +1,5 @@
-//! Weights: the files that ship with the program, what is known of those that do not, and what a baseline is handed.
+//! Weights: files that ship with the program, the manifest of known files, and the file a baseline
+//! is given.
 
 use std::borrow::Cow;
 
@@ -11,26 +12,27 @@ use super::ModelError;
 /// A file of weights.
 #[derive(Clone, Debug)]
 pub struct WeightsFile {
-    /// Its name, without the folder.
+    /// File name, without the folder.
     pub name: String,
-    /// Its content.
+    /// Content of the file.
     pub bytes: Cow<'static, [u8]>,
     /// SHA-256 of the content, 64 hexadecimal digits.
     pub digest: String,
 }
 
 impl WeightsFile {
-    /// A file with its digest.
+    /// Builds a file and computes its digest.
     pub fn new(name: impl Into<String>, bytes: impl Into<Cow<'static, [u8]>>) -> Self {
         let bytes = bytes.into();
         let digest = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         Self { name: name.into(), bytes, digest }
     }
 
-    /// Compares the digest with that of the manifest, for a file that the manifest names. Other files may be anything.
+    /// Compares the digest with that in the manifest if the manifest lists the file; other files
+    /// are not checked.
     ///
     /// # Errors
-    /// [`ModelError::OtherDigest`] names both digests.
+    /// [`ModelError::DigestMismatch`] naming both digests.
     pub fn check(&self, id: &'static str) -> Result<(), ModelError> {
         let rows = manifest()?;
         let Some(row) = rows.into_iter().find(|row| row.is_for(id) && row.file == self.name) else {
@@ -40,59 +42,59 @@ impl WeightsFile {
             return Ok(());
         }
         let (file, found) = (self.name.clone(), self.digest.clone());
-        Err(ModelError::OtherDigest { id, file, wanted: row.sha256, found })
+        Err(ModelError::DigestMismatch { id, file, expected: row.sha256, found })
     }
 }
 
-/// What the manifest says of a file of weights.
+/// Row of the manifest that describes one file of weights.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeightsRow {
     /// Id of the baseline that reads it.
     pub id: String,
-    /// Ids of other baselines that read it too.
+    /// Ids of other baselines that also read it.
     #[serde(default)]
     pub also: Vec<String>,
-    /// Its name.
+    /// File name.
     pub file: String,
-    /// What it is.
+    /// Description.
     pub title: String,
-    /// Its size.
+    /// Size in bytes.
     pub bytes: u64,
-    /// SHA-256 of its content.
+    /// SHA-256 of the content.
     pub sha256: String,
-    /// Under which licence it may be used.
+    /// Licence for its use.
     pub licence: String,
-    /// Where it comes from, if it was made elsewhere.
+    /// Origin, if it was made elsewhere.
     pub source: Option<String>,
-    /// How it was made, if it was made by this program.
-    pub made: Option<Made>,
+    /// Training provenance, if it was made by this program.
+    pub made: Option<TrainingProvenance>,
     /// Whether it is part of the program.
     pub shipped: bool,
 }
 
 impl WeightsRow {
-    /// Whether a baseline reads this file.
+    /// Returns whether the baseline with this id reads the file.
     pub fn is_for(&self, id: &str) -> bool {
         self.id == id || self.also.iter().any(|other| other == id)
     }
 }
 
-/// How weights were made.
+/// Provenance of weights that this program trained.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Made {
-    /// The command.
+pub struct TrainingProvenance {
+    /// Training command.
     pub command: String,
     /// Version of the program.
     pub version: String,
-    /// Commit of the program, where it is known.
+    /// Commit of the program, if known.
     pub commit: Option<String>,
     /// Settings that the command does not show.
     pub settings: toml::Table,
-    /// Digest of the data.
+    /// Digest of the training data.
     pub data: String,
-    /// Seed.
+    /// Random seed.
     pub seed: u64,
 }
 
@@ -103,18 +105,18 @@ struct Manifest {
     weights: Vec<WeightsRow>,
 }
 
-/// All rows of the manifest, in its order.
+/// Returns all rows of the manifest, in file order.
 ///
 /// # Errors
-/// [`ModelError::Manifest`], which a test excludes.
+/// [`ModelError::Manifest`]; a test rules it out.
 pub fn manifest() -> Result<Vec<WeightsRow>, ModelError> {
     toml::from_str::<Manifest>(MANIFEST).map(|m| m.weights).map_err(ModelError::Manifest)
 }
 
-/// The weights that ship for a baseline.
+/// Returns the weights that ship for a baseline.
 ///
 /// # Errors
-/// [`ModelError`] where manifest and files do not agree, which a test excludes.
+/// [`ModelError`] if manifest and files do not agree; a test rules it out.
 pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
     let rows = manifest()?;
     let Some(row) = rows.into_iter().find(|row| row.is_for(id) && row.shipped) else { return Ok(None) };
@@ -154,12 +156,12 @@ mod tests {
     #[test]
     fn digests_are_sha_256() {
         // FIPS 180-2, appendix B.1.
-        let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-        assert_eq!(WeightsFile::new("abc", b"abc".to_vec()).digest, wanted);
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(WeightsFile::new("abc", b"abc".to_vec()).digest, expected);
     }
 
     #[test]
-    fn a_file_that_the_manifest_names_must_be_that_file() {
+    fn a_listed_file_must_have_the_listed_digest() {
         let error = WeightsFile::new("pufferdrive_v2.safetensors", b"abc".to_vec()).check("pufferdrive");
         let text = error.unwrap_err().to_string();
         assert!(text.contains("ba7816bf") && text.contains("d3b1b5ec"), "{text}");

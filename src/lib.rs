@@ -1,8 +1,11 @@
 #![cfg_attr(feature = "models", doc = include_str!("README.md"))]
-#![cfg_attr(not(feature = "models"), doc = "Traffic simulation benchmark; see the documentation with default features.")]
-// Networks are deep types.
+#![cfg_attr(
+    not(feature = "models"),
+    doc = "Traffic simulation benchmark; see the documentation with default features."
+)]
+// Network types nest deeply.
 #![recursion_limit = "256"]
-// Tests may ask the platform's functions: what they compare has a tolerance.
+// Tests may call the platform's math functions: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 extern crate self as reactsim;

@@ -17,7 +17,7 @@ fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(ConstantVelocity)))
 }
 
-/// Keeps the current velocity; an agent of unknown velocity stands.
+/// Simulator whose agents keep their current velocity; an agent of unknown velocity stands.
 #[derive(Clone, Copy, Debug)]
 pub struct ConstantVelocity;
 

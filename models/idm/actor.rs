@@ -1,25 +1,25 @@
-//! Everything that can be driven into: agents and obstacles as they are in the course of a plan.
+//! Agents and obstacles as moving boxes.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::OrientedBox;
 use reactsim::scene::AgentKind;
 
-/// An agent (or an obstacle) now.
+/// An agent or obstacle at the present time of a plan.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Actor {
     pub(super) kind: AgentKind,
     pub(super) is_av: bool,
     pub(super) pose: Pose,
-    /// Along the heading, m/s.
+    /// Speed along the heading, m/s.
     pub(super) speed: f64,
-    /// Along the heading, m/s².
+    /// Acceleration along the heading, m/s².
     pub(super) acceleration: f64,
     pub(super) half_length: f64,
     pub(super) half_width: f64,
 }
 
 impl Actor {
-    /// The box now.
+    /// Returns the present box.
     pub(super) fn footprint(&self) -> OrientedBox {
         OrientedBox::new(self.pose.position, self.pose.heading, 2.0 * self.half_length, 2.0 * self.half_width)
     }

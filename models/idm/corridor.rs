@@ -1,14 +1,14 @@
-//! What is, and what will be, in the corridor that a vehicle's box sweeps along its path.
+//! Agents that are or will be in the corridor that a vehicle's box sweeps along its path.
 
 use reactsim::dynamics::DrivenPath;
 use reactsim::geometry::OrientedBox;
 
 use super::actor::Actor;
-use super::driver::OnPath;
+use super::driver::PathFollower;
 use super::forecast::Forecast;
 use super::parameters::Conflict;
 
-/// Something ahead in the corridor that stands or moves on along it.
+/// A leader: an agent or obstacle ahead in the corridor that stands or moves along it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leader {
     /// Arc length of its rear, metres.
@@ -19,45 +19,48 @@ pub(super) struct Leader {
     pub(super) acceleration: f64,
 }
 
-/// A stretch of the path that somebody covers at some time from now.
+/// A part of the path that an agent covers at a time from now.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Covered {
-    /// s.
+pub(super) struct CoveredPart {
+    /// Time from now, s.
     pub(super) t: f64,
-    /// Arc lengths, metres.
+    /// Smallest arc length, metres.
     pub(super) low: f64,
+    /// Largest arc length, metres.
     pub(super) high: f64,
 }
 
-/// Somebody who comes into the corridor, or comes up from behind.
+/// An agent that enters the corridor, or comes up from behind.
 #[derive(Clone, Debug)]
 pub(super) struct Crossing {
     /// Index of the actor.
     pub(super) actor: usize,
-    /// Whether it comes up from behind in the own direction.
+    /// Whether it comes up from behind in the vehicle's own direction.
     pub(super) from_behind: bool,
-    /// What it covers, in order of time.
-    pub(super) covered: Vec<Covered>,
+    /// Covered parts of the path, in order of time.
+    pub(super) covered: Vec<CoveredPart>,
 }
 
-/// What a vehicle has to reckon with.
+/// Agents that a vehicle has to consider.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Corridor {
     pub(super) leaders: Vec<Leader>,
     pub(super) crossings: Vec<Crossing>,
 }
 
-/// Room beside the box that is kept free, metres: what is nearer is in the way.
-const SIDE: f64 = 0.25;
-/// Cosine of the largest angle at which somebody goes the same way.
-const ALIGNED: f64 = 0.5;
+/// Lateral clearance of the box, metres: an agent within it is in the way.
+const LATERAL_CLEARANCE: f64 = 0.25;
+/// Smallest cosine of the angle at which an agent goes in the same direction.
+const ALIGNED_COSINE: f64 = 0.5;
 
-/// Cosine of the angle, and curvature (1/m), up to which a box counts as parallel to a straight path.
-const PARALLEL: f64 = 0.995;
-const STRAIGHT: f64 = 0.01;
+/// Smallest cosine of the angle at which a box counts as parallel to the path.
+const PARALLEL_COSINE: f64 = 0.995;
+/// Curvature below which the path counts as straight, 1/m.
+const STRAIGHT_CURVATURE: f64 = 0.01;
 
-/// The stretch of a curved path on which the own box would touch `other`, found metre by metre around `middle`: arc lengths that the
-/// front may not pass and the rear must have passed.
+/// Returns the part of a curved path on which the vehicle's box would touch `other`, searched metre by
+/// metre around `middle`: the arc length that the front may not pass, and the one that the rear must
+/// have passed.
 fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> Option<(f64, f64)> {
     let reach = own.half_length + other.half_length + 1.0;
     let (first, last) = (path.index(middle - reach), path.index(middle + reach));
@@ -67,22 +70,22 @@ fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> 
             center: point.pose.position,
             axis: point.axis,
             half_length: own.half_length + 0.5 * DrivenPath::STEP,
-            half_width: own.half_width + SIDE,
+            half_width: own.half_width + LATERAL_CLEARANCE,
         };
         ours.separation(other) < 0.0
     };
     let low = (first..=last).find(touches)?;
     let high = (low..=last).rev().find(touches)?;
-    // Half a step before the first point that touches, and half a step after the last, the box is known to be clear.
+    // The box is clear half a step before the first point that touches, and half a step after the last.
     let (low, high) = (low as f64 - 0.5, high as f64 + 0.5);
     Some((low * DrivenPath::STEP + own.half_length, high * DrivenPath::STEP - own.half_length))
 }
 
-/// Looks along the corridor of the vehicle `own` (index `index`).
+/// Finds leaders and crossing agents in the corridor of the vehicle `own` (index `index`).
 pub(super) fn look(
     index: usize,
     own: &Actor,
-    driver: &OnPath,
+    driver: &PathFollower,
     actors: &[Actor],
     forecasts: &[Forecast],
     settings: &Conflict,
@@ -91,14 +94,15 @@ pub(super) fn look(
     let path = &driver.path;
     let reach = own.half_length + 15.0 + 4.5 * own.speed;
     let (from, to) = (driver.s - own.half_length, driver.s + reach);
-    let bounds = path.bounds(from, to).inflated(own.half_width + own.half_length.min(3.0) + SIDE);
+    let bounds =
+        path.bounds(from, to).inflated(own.half_width + own.half_length.min(3.0) + LATERAL_CLEARANCE);
     let (first, last) = (path.index(from), path.index(to));
     for forecast in forecasts {
         if forecast.actor == index || !bounds.intersects(&forecast.bounds) {
             continue;
         }
         let other = &actors[forecast.actor];
-        let mut covered: Vec<Covered> = Vec::new();
+        let mut covered: Vec<CoveredPart> = Vec::new();
         let mut near = None;
         let mut from_behind = false;
         for (k, sample) in forecast
@@ -111,17 +115,19 @@ pub(super) fn look(
             near = Some(at.index);
             let axis = path.points()[at.index].axis;
             let (cos, sin) = (axis.dot(&sample.axis), axis.perp(&sample.axis).abs());
-            // A moving box covers what it sweeps until the next sample, half of it before and half after.
+            // A moving box covers what it sweeps around a sample: half an interval before it and half
+            // after.
             let swept = if k == 0 { 0.0 } else { 0.5 * settings.sample * sample.speed.abs() };
             let along = (other.half_length + swept) * cos.abs() + other.half_width * sin;
             let across = (other.half_length + swept) * sin + other.half_width * cos.abs();
-            if k == 0 && at.s < driver.s && cos > ALIGNED {
+            if k == 0 && at.s < driver.s && cos > ALIGNED_COSINE {
                 from_behind = true;
             }
-            if at.offset.abs() > own.half_width + across + SIDE {
+            if at.offset.abs() > own.half_width + across + LATERAL_CLEARANCE {
                 continue;
             }
-            let straight = cos.abs() > PARALLEL && path.points()[at.index].curvature.abs() < STRAIGHT;
+            let straight =
+                cos.abs() > PARALLEL_COSINE && path.points()[at.index].curvature.abs() < STRAIGHT_CURVATURE;
             let (low, high) = if straight {
                 (at.s - along, at.s + along)
             } else {
@@ -139,12 +145,12 @@ pub(super) fn look(
             if k == 0 {
                 if at.s <= driver.s {
                     if !from_behind {
-                        covered.push(Covered { t: 0.0, low, high });
+                        covered.push(CoveredPart { t: 0.0, low, high });
                     }
                     continue;
                 }
                 let forward = sample.speed * cos;
-                if forecast.samples.len() == 1 || cos > ALIGNED && forward > -0.1 {
+                if forecast.samples.len() == 1 || cos > ALIGNED_COSINE && forward > -0.1 {
                     corridor.leaders.push(Leader {
                         rear: low,
                         speed: forward.max(0.0),
@@ -155,7 +161,7 @@ pub(super) fn look(
                 }
             }
             if low < to {
-                covered.push(Covered { t: k as f64 * settings.sample, low, high });
+                covered.push(CoveredPart { t: k as f64 * settings.sample, low, high });
             }
         }
         if !covered.is_empty() {

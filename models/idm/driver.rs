@@ -1,4 +1,4 @@
-//! Who an agent is to the model: parked, on a path, on foot.
+//! Behaviour of agents: parked, on a path, on foot.
 
 use rand::RngExt;
 use reactsim::dynamics::{DrivenPath, Pose};
@@ -10,44 +10,47 @@ use super::follow::Style;
 use super::parameters::{Class, Parameters};
 use super::route::{self, Motion, Route};
 
-/// How an agent is moved.
+/// Behaviour of an agent.
 #[derive(Debug)]
-pub(super) enum Driver {
+pub(super) enum AgentBehaviour {
     /// Stays where it is.
     Parked,
     /// Drives a path.
-    OnPath(Box<OnPath>),
+    OnPath(Box<PathFollower>),
     /// Rolls back and comes to a stop (vehicles in reverse).
     Reversing,
     /// Walks at this velocity, m/s.
     Walking { velocity: Vec2 },
-    /// On foot inside the box of a vehicle: steps clear of it at this velocity, m/s, until the way (m) is done; then walks or stands.
-    Leaving { velocity: Vec2, way: f64, then: Vec2 },
-    /// Not ours: the AV as an external input.
+    /// Pedestrian inside the box of a vehicle: steps clear of it at this velocity, m/s, for the
+    /// remaining distance, m; then walks at the velocity `then`, or stands.
+    Leaving { velocity: Vec2, distance: f64, then: Vec2 },
+    /// Not moved here: the AV as an external input.
     External,
 }
 
 /// A vehicle or cyclist with its path.
 #[derive(Debug)]
-pub(super) struct OnPath {
+pub(super) struct PathFollower {
     pub(super) path: DrivenPath,
-    /// Where the path would lead if nobody were in the way.
+    /// Reference line of the path if no agent is in the way.
     pub(super) home: Polyline,
-    /// Present offset from the home line, metres, while the driver keeps out of somebody's way, and since how many decisions that has
-    /// not been needed any more.
+    /// Offset from the home line, metres, while the driver evades an agent, and the number of decisions
+    /// since the evasion was last needed.
     pub(super) aside: Option<(f64, usize)>,
-    /// Speed that the driver wants at each point of the path, m/s, curves apart.
-    wanted: Vec<f64>,
-    /// Highest speed at each point of the path, m/s: limits, curves, and braking in time for them.
+    /// Desired speed at each point of the path, m/s, before curves are considered.
+    desired: Vec<f64>,
+    /// Largest speed at each point of the path, m/s: limits, curves, and braking in time for them.
     pub(super) ceiling: Vec<f64>,
-    /// Stop lines on the path, in order.
+    /// Stop lines on the path, in order of arc length.
     pub(super) stops: Vec<PathStop>,
+    /// Parameters of the driver.
     pub(super) style: Style,
-    /// Where the path leaves the drivable ground, if it does, metres.
+    /// Arc length at which the path leaves the drivable area, metres, if it does.
     pub(super) ground_ends: Option<f64>,
-    /// Arc length now, metres.
+    /// Present arc length, metres.
     pub(super) s: f64,
-    /// Whether the vehicle stands with a free way ahead: it only waits for others, and may set off at any time.
+    /// Whether the vehicle stands although car following lets it go: it only waits for others, and may
+    /// set off at any time.
     pub(super) waits: bool,
 }
 
@@ -57,25 +60,26 @@ pub(super) struct PathStop {
     /// Arc length of the line, metres.
     pub(super) s: f64,
     pub(super) kind: StopKind,
-    /// The lane that it belongs to.
+    /// Lane of the stop line.
     pub(super) lane: usize,
-    /// Whether a stop sign has been obeyed.
+    /// Whether the vehicle has stopped at the line.
     pub(super) done: bool,
 }
 
-/// Speed of somebody who steps clear of a vehicle, m/s.
-const STEPPING: f64 = 1.0;
-/// Faster reversing is not believed, m/s.
-const FASTEST_REVERSE: f64 = 4.0;
-/// Comfortable deceleration towards slower stretches of road, m/s².
-const APPROACH: f64 = 1.6;
-/// A curve is never taken slower than this, m/s.
-const CRAWL: f64 = 2.0;
+/// Speed in m/s of a pedestrian who steps clear of a vehicle.
+const STEPPING_SPEED: f64 = 1.0;
+/// Speed in m/s above which reversing counts as an error of the recording.
+const MAX_REVERSE_SPEED: f64 = 4.0;
+/// Comfortable deceleration before slower parts of the path, m/s².
+const APPROACH_DECELERATION: f64 = 1.6;
+/// Smallest speed in curves, m/s.
+const MIN_CURVE_SPEED: f64 = 2.0;
 
-impl Driver {
-    /// Decides what an agent is and plans its path.
+impl AgentBehaviour {
+    /// Chooses the behaviour of an agent and plans its path.
     pub(super) fn begin(start: &Start, agent: usize, parameters: &Parameters, stream: &mut Stream) -> Self {
-        // Every agent draws the same number of times, so that one agent's choices do not shift another's.
+        // Every agent draws the same count of numbers, so that one agent's choices do not shift
+        // another's.
         let (headway, speed) = (stream.random::<f64>() * 2.0 - 1.0, stream.random::<f64>() * 2.0 - 1.0);
         let seed: u64 = stream.random();
         let mut own = <Stream as rand::SeedableRng>::seed_from_u64(seed);
@@ -83,8 +87,8 @@ impl Driver {
         match start.agents[agent].kind {
             AgentKind::Pedestrian => {
                 let velocity = mean_velocity(start, agent);
-                if let Some((leave, way)) = way_out(start, agent) {
-                    return Self::Leaving { velocity: leave * STEPPING, way, then: velocity };
+                if let Some((leave, distance)) = path_out(start, agent) {
+                    return Self::Leaving { velocity: leave * STEPPING_SPEED, distance, then: velocity };
                 }
                 if velocity.norm() < parameters.pedestrian.standing_speed {
                     Self::Parked
@@ -96,8 +100,9 @@ impl Driver {
                 let cyclist = start.agents[agent].kind == AgentKind::Cyclist;
                 let class = if cyclist { &parameters.cyclist } else { &parameters.vehicle };
                 if now.forward_speed() < -0.3 {
-                    // Nobody drives backwards fast: a velocity against the box is damage in the recording.
-                    return if now.speed() < FASTEST_REVERSE { Self::Reversing } else { Self::Parked };
+                    // No vehicle reverses fast: a velocity against the heading is an error of the
+                    // recording.
+                    return if now.speed() < MAX_REVERSE_SPEED { Self::Reversing } else { Self::Parked };
                 }
                 let motion = Motion {
                     position: now.position(),
@@ -109,14 +114,17 @@ impl Driver {
                     return Self::Parked;
                 }
                 let style = Style::of(class, headway, speed);
-                Self::OnPath(Box::new(OnPath::plan(start, agent, &motion, class, style, cyclist, &mut own)))
+                Self::OnPath(Box::new(PathFollower::plan(
+                    start, agent, &motion, class, style, cyclist, &mut own,
+                )))
             }
             AgentKind::Other => Self::Parked,
         }
     }
 }
 
-/// Whether a standing vehicle is parked: it has not moved, and it stands beside the lanes or across them.
+/// Returns whether a standing vehicle is parked: it has not moved, and it is next to the lanes or at an
+/// angle to them.
 fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parameters: &Parameters) -> bool {
     let first = start.history[agent].iter().flatten().next().map_or(motion.position, |s| s.position());
     let bounds = &parameters.parked;
@@ -133,8 +141,9 @@ fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parame
     }
 }
 
-/// The shortest way out of a vehicle's box that a pedestrian stands in: people who get in or out. Direction and metres.
-fn way_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
+/// Returns direction and length, metres, of the shortest path out of the vehicle's box that a
+/// pedestrian is in: people who get in or out. `None` if there is no such box.
+fn path_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
     let own = start.now(agent).footprint(&start.agents[agent]);
     let vehicles = (0..start.agents.len()).filter(|&j| start.agents[j].kind == AgentKind::Vehicle);
     let boxes = vehicles.map(|j| start.now(j).footprint(&start.agents[j]));
@@ -152,7 +161,7 @@ fn way_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
     Some((out.0, out.1 + 0.1))
 }
 
-/// Mean velocity over the history, m/s: walkers sway from frame to frame.
+/// Returns the mean velocity over the history, m/s, because pedestrians sway from frame to frame.
 fn mean_velocity(start: &Start, agent: usize) -> Vec2 {
     let seen = start.history[agent].iter().enumerate().filter_map(|(f, s)| Some((f, (*s)?)));
     let mut ends = seen.map(|(f, s)| (f, s.position()));
@@ -163,21 +172,22 @@ fn mean_velocity(start: &Start, agent: usize) -> Vec2 {
     }
 }
 
-/// Curvature of the driven path over the last half second, 1/m; 0 for slow vehicles, whose headings are mostly noise.
+/// Returns the curvature of the motion over the last half second, 1/m; 0 for slow vehicles, whose
+/// headings are mostly noise.
 fn curvature_now(start: &Start, agent: usize) -> f64 {
     let track = &start.history[agent];
     let Some(now) = track[HISTORY - 1] else { return 0.0 };
     let Some((back, before)) = (1..=5).rev().find_map(|b| Some((b, track[HISTORY - 1 - b]?))) else {
         return 0.0;
     };
-    let way = (now.position() - before.position()).norm();
-    if way < 0.1 * back as f64 {
+    let distance = (now.position() - before.position()).norm();
+    if distance < 0.1 * back as f64 {
         return 0.0;
     }
-    reactsim::geometry::wrap(now.heading - before.heading) / way
+    reactsim::geometry::wrap(now.heading - before.heading) / distance
 }
 
-impl OnPath {
+impl PathFollower {
     fn plan(
         start: &Start,
         agent: usize,
@@ -190,7 +200,7 @@ impl OnPath {
         let road = start.road();
         let pose = Pose { position: motion.position, heading: motion.heading };
         let free = class.speed_freeway.max(motion.speed);
-        // As far as the vehicle can come in the horizon, and its look-ahead.
+        // Cover the distance that the vehicle can travel within the horizon, and its look-ahead.
         let horizon = DT * FUTURE as f64;
         let coming = motion.speed * horizon + 0.5 * style.acceleration * horizon * horizon;
         let length = coming.min(free * horizon) + 40.0;
@@ -203,19 +213,19 @@ impl OnPath {
             return Self::off_lane(start, motion, pose, class, style);
         };
         let half_width = 0.5 * start.agents[agent].width;
-        let line = beside_obstacles(start, agent, &line, half_width, motion.speed);
+        let line = around_obstacles(start, agent, &line, half_width, motion.speed);
         let pursuit = class.pursuit(motion.speed);
         let path = DrivenPath::pursue(pose, motion.curvature, &line, length, &pursuit);
         let offset = line.project(motion.position).s;
         let starts: Vec<(f64, usize)> = starts.into_iter().map(|(s, l)| (s - offset, l)).collect();
-        let wanted = wanted_speeds(&road, &path, &starts, motion.speed, class, &style);
-        let ceiling = ceiling(&path, &wanted, class);
+        let desired = desired_speeds(&road, &path, &starts, motion.speed, class, &style);
+        let ceiling = ceiling(&path, &desired, class);
         let stops = stops(start, &route, &starts, start.agents[agent].length);
         Self {
             path,
             home: line,
             aside: None,
-            wanted,
+            desired,
             ceiling,
             stops,
             style,
@@ -225,13 +235,14 @@ impl OnPath {
         }
     }
 
-    /// A vehicle on no lane: it goes on as it turns now, slowly, and stops before it leaves the drivable ground.
+    /// Plans a path for a vehicle off the lanes: it goes on slowly with its present curvature, and
+    /// stops before it leaves the drivable area.
     fn off_lane(start: &Start, motion: &Motion, pose: Pose, class: &Class, style: Style) -> Self {
         let road = start.road();
         let length = motion.speed * DT * FUTURE as f64 + 30.0;
         let path = DrivenPath::fade(pose, motion.curvature, 8.0, length);
-        let wanted = vec![motion.speed.max(CRAWL); path.points().len()];
-        let ceiling = ceiling(&path, &wanted, class);
+        let desired = vec![motion.speed.max(MIN_CURVE_SPEED); path.points().len()];
+        let ceiling = ceiling(&path, &desired, class);
         let points: Vec<Vec2> = path.points().iter().map(|p| p.pose.position).collect();
         let home = Polyline::new(&points).expect("a path has at least two distinct points");
         let mut hint = None;
@@ -245,7 +256,7 @@ impl OnPath {
             path,
             home,
             aside: None,
-            wanted,
+            desired,
             ceiling,
             stops: Vec::new(),
             style,
@@ -255,22 +266,22 @@ impl OnPath {
         }
     }
 
-    /// Takes a new path that begins where the vehicle is now.
+    /// Switches to a new path that begins at the present position.
     pub(super) fn take(&mut self, path: DrivenPath, class: &Class) {
-        let gone = self.path.index(self.s).min(self.wanted.len() - 1);
-        let last = self.wanted[self.wanted.len() - 1];
-        self.wanted.drain(..gone);
-        self.wanted.resize(path.points().len(), last);
+        let gone = self.path.index(self.s).min(self.desired.len() - 1);
+        let last = self.desired[self.desired.len() - 1];
+        self.desired.drain(..gone);
+        self.desired.resize(path.points().len(), last);
         for stop in &mut self.stops {
             stop.s -= self.s;
         }
         self.ground_ends = self.ground_ends.map(|end| end - self.s);
-        self.ceiling = ceiling(&path, &self.wanted, class);
+        self.ceiling = ceiling(&path, &self.desired, class);
         self.path = path;
         self.s = 0.0;
     }
 
-    /// The sharpest curvature of the path in the next 40 m, 1/m.
+    /// Returns the largest curvature of the path in the next 40 m, 1/m.
     pub(super) fn sharpest_ahead(&self) -> f64 {
         let from = self.path.index(self.s);
         self.path.points()[from..].iter().take(40).map(|p| p.curvature.abs()).fold(0.0, f64::max)
@@ -278,11 +289,11 @@ impl OnPath {
 }
 
 fn curve_speed(curvature: f64, class: &Class) -> f64 {
-    (class.lateral_acceleration / curvature.abs().max(1e-6)).sqrt().max(CRAWL)
+    (class.lateral_acceleration / curvature.abs().max(1e-6)).sqrt().max(MIN_CURVE_SPEED)
 }
 
-/// The speed that a driver wants at each point of a path by the limits of its lanes.
-fn wanted_speeds(
+/// Returns the desired speed at each point of a path by the limits of its lanes.
+fn desired_speeds(
     road: &Road<'_>,
     path: &DrivenPath,
     starts: &[(f64, usize)],
@@ -302,30 +313,33 @@ fn wanted_speeds(
             (None, LaneClass::Freeway) => class.speed_freeway,
             (None, _) => class.speed_unknown_limit,
         };
-        // Who is already faster than the sign stays so: logged drivers exceed limits, and nobody brakes for that alone.
+        // A vehicle that exceeds the limit keeps its speed: logged drivers exceed limits, and do not
+        // brake for that alone.
         (limit * style.speed_factor).max(speed)
     };
     (0..path.points().len()).map(of).collect()
 }
 
-/// The highest speed at each point: what is wanted there, the curve, and braking in time for what comes.
-fn ceiling(path: &DrivenPath, wanted: &[f64], class: &Class) -> Vec<f64> {
-    let points = path.points().iter().zip(wanted);
-    let mut top: Vec<f64> = points.map(|(p, &wanted)| wanted.min(curve_speed(p.curvature, class))).collect();
+/// Returns the largest speed at each point: the desired speed, the curve, and braking in time for later
+/// points.
+fn ceiling(path: &DrivenPath, desired: &[f64], class: &Class) -> Vec<f64> {
+    let points = path.points().iter().zip(desired);
+    let mut top: Vec<f64> =
+        points.map(|(p, &desired)| desired.min(curve_speed(p.curvature, class))).collect();
     for i in (0..top.len() - 1).rev() {
-        let reachable = (top[i + 1] * top[i + 1] + 2.0 * APPROACH * DrivenPath::STEP).sqrt();
+        let reachable = (top[i + 1] * top[i + 1] + 2.0 * APPROACH_DECELERATION * DrivenPath::STEP).sqrt();
         top[i] = top[i].min(reachable);
     }
     top
 }
 
-/// The stop lines along a route that lie ahead of the vehicle's front.
+/// Returns the stop lines along a route that are ahead of the vehicle's front.
 fn stops(start: &Start, route: &Route, starts: &[(f64, usize)], length: f64) -> Vec<PathStop> {
     let mut found: Vec<PathStop> = Vec::new();
     for &(begins, lane) in starts.iter().filter(|(_, l)| route.lanes.contains(l)) {
         for line in start.map.stop_lines.iter().filter(|line| line.lane == lane) {
             let s = begins + line.s;
-            // A front that has crossed the line has crossed it.
+            // A line behind the front no longer counts.
             if s > 0.5 * length - 0.3 {
                 found.push(PathStop { s, kind: line.kind, lane, done: false });
             }
@@ -335,11 +349,12 @@ fn stops(start: &Start, route: &Route, starts: &[(f64, usize)], length: f64) -> 
     found
 }
 
-/// Moves the reference line aside where a standing vehicle or obstacle leans into it and there is room beside.
-fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f64, speed: f64) -> Polyline {
-    /// No wider berth than this is given, metres.
-    const WIDEST: f64 = 1.5;
-    /// Room beside a standing vehicle, metres.
+/// Shifts the reference line where a standing vehicle or obstacle reaches into it and there is room to
+/// pass.
+fn around_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f64, speed: f64) -> Polyline {
+    /// Largest lateral shift, metres.
+    const MAX_SHIFT: f64 = 1.5;
+    /// Lateral clearance to a standing vehicle, metres.
     const CLEARANCE: f64 = 0.45;
     let road = start.road();
     let ramp = (1.2 * speed).max(10.0);
@@ -347,13 +362,13 @@ fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
     let standing = (1..start.agents.len()).filter(|&j| j != agent && stands(start, j));
     let boxes = standing.map(|j| start.now(j).footprint(&start.agents[j]));
     for o in boxes.chain(start.obstacles.iter().copied()) {
-        let Some((from, to, low, high)) = beside(line, &o) else { continue };
+        let Some((from, to, low, high)) = extent_along(line, &o) else { continue };
         let (to_left, to_right) = (high + half_width + CLEARANCE, half_width + CLEARANCE - low);
         if to_left <= 0.0 || to_right <= 0.0 {
             continue;
         }
         let shift = if to_left < to_right { to_left } else { -to_right };
-        if shift.abs() > WIDEST {
+        if shift.abs() > MAX_SHIFT {
             continue;
         }
         let middle = 0.5 * (from + to);
@@ -367,7 +382,7 @@ fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
     }
     let widest_left = berths.iter().map(|b| b.2).fold(0.0, f64::max);
     let widest_right = berths.iter().map(|b| b.2).fold(0.0, f64::min);
-    // Obstacles on both sides: a gap to be driven slowly or not at all; the follower sees them.
+    // Obstacles on both sides: a gap to pass slowly or not at all, which car following handles.
     if berths.is_empty() || (widest_left > 0.0 && widest_right < 0.0) {
         return line.clone();
     }
@@ -393,15 +408,16 @@ fn beside_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
     Polyline::new(&moved).unwrap_or_else(|_| line.clone())
 }
 
-/// Whether an agent stood through its whole history.
+/// Returns whether an agent stood throughout its history.
 fn stands(start: &Start, agent: usize) -> bool {
     let now = start.now(agent);
     let first = start.history[agent].iter().flatten().next().map_or(now.position(), |s| s.position());
     (now.position() - first).norm() < 0.3 && now.velocity().is_none_or(|v| v.norm() < 0.3)
 }
 
-/// The stretch of a line beside a box: arc lengths from and to, lateral offsets from and to. `None` when it is far off.
-fn beside(line: &Polyline, o: &OrientedBox) -> Option<(f64, f64, f64, f64)> {
+/// Returns the extent of a box along a line: first and last arc length, smallest and largest lateral
+/// offset. `None` if it is far from the line.
+fn extent_along(line: &Polyline, o: &OrientedBox) -> Option<(f64, f64, f64, f64)> {
     let center = line.project(o.center);
     if center.distance > o.radius() + 2.5 {
         return None;

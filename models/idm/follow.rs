@@ -4,20 +4,25 @@ use reactsim::geometry::math;
 
 use super::parameters::Class;
 
-/// One driver's parameters.
+/// Parameters of one driver.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Style {
+    /// Time headway, s.
     pub(super) headway: f64,
+    /// Standstill gap, m.
     pub(super) gap: f64,
+    /// Largest acceleration, m/s².
     pub(super) acceleration: f64,
+    /// Comfortable deceleration, m/s².
     pub(super) deceleration: f64,
+    /// Coolness of the constant-acceleration heuristic.
     pub(super) coolness: f64,
     /// Factor on speed limits.
     pub(super) speed_factor: f64,
 }
 
 impl Style {
-    /// A driver of a class; `headway` and `speed` in [-1, 1] place it within the spreads.
+    /// Creates a driver of a class; `headway` and `speed` in [-1, 1] place it within the spreads.
     pub(super) fn of(class: &Class, headway: f64, speed: f64) -> Self {
         Self {
             headway: class.headway * (1.0 + headway * class.headway_spread),
@@ -29,27 +34,29 @@ impl Style {
         }
     }
 
-    /// Acceleration on a free road towards the speed `wanted` (improved IDM, Treiber and Kesting 2013, eq. 11.14).
-    pub(super) fn free(&self, speed: f64, wanted: f64) -> f64 {
-        let wanted = wanted.max(0.1);
-        if speed <= wanted {
-            let square = (speed / wanted) * (speed / wanted);
+    /// Returns the acceleration on a free road towards the speed `desired` (improved IDM, Treiber and
+    /// Kesting 2013, eq. 11.14).
+    pub(super) fn free(&self, speed: f64, desired: f64) -> f64 {
+        let desired = desired.max(0.1);
+        if speed <= desired {
+            let square = (speed / desired) * (speed / desired);
             self.acceleration * (1.0 - square * square)
         } else {
             -self.deceleration
-                * (1.0 - math::pow(wanted / speed, 4.0 * self.acceleration / self.deceleration))
+                * (1.0 - math::pow(desired / speed, 4.0 * self.acceleration / self.deceleration))
         }
     }
 
-    /// Acceleration behind a leader at `gap` metres that moves at `leader` m/s along the path and accelerates by `leader_acceleration`
-    /// (ACC model: IDM, softened by the constant-acceleration heuristic where a gap is small but harmless).
+    /// Returns the acceleration behind a leader at `gap` metres that moves at `leader` m/s along the
+    /// path and accelerates by `leader_acceleration` (ACC model: IDM, softened by the
+    /// constant-acceleration heuristic where a gap is small but harmless).
     pub(super) fn behind(&self, speed: f64, gap: f64, leader: f64, leader_acceleration: f64) -> f64 {
         let gap = gap.max(0.05);
         let closing = speed - leader;
         let dynamic =
             speed * self.headway + speed * closing / (2.0 * (self.acceleration * self.deceleration).sqrt());
-        let wanted = self.gap + dynamic.max(0.0);
-        let idm = self.acceleration * (1.0 - (wanted / gap) * (wanted / gap));
+        let desired_gap = self.gap + dynamic.max(0.0);
+        let idm = self.acceleration * (1.0 - (desired_gap / gap) * (desired_gap / gap));
         let cah = heuristic(speed, gap, leader.max(0.0), leader_acceleration.min(self.acceleration));
         if idm >= cah {
             return idm;
@@ -58,17 +65,18 @@ impl Style {
         (1.0 - c) * idm + c * (cah + b * math::tanh((idm - cah) / b)).min(a)
     }
 
-    /// Acceleration to stand at `gap` metres from here.
+    /// Returns the acceleration to stop after `gap` metres.
     pub(super) fn stop_in(&self, speed: f64, gap: f64) -> f64 {
-        // The gap of a queue is not kept to a line: half a metre is.
+        // Half a metre is kept to a line instead of the standstill gap of a queue.
         self.behind(speed, gap + self.gap - 0.5, 0.0, 0.0)
     }
 }
 
-/// The deceleration that just avoids a crash if the leader keeps its acceleration (Kesting et al. 2010, eq. 2.3).
+/// Returns the acceleration that just avoids a collision if the leader keeps its acceleration (Kesting
+/// et al. 2010, eq. 2.3).
 fn heuristic(speed: f64, gap: f64, leader: f64, leader_acceleration: f64) -> f64 {
     let closing = (speed - leader).max(0.0);
-    // The leader stops before the gap is closed (never so without braking: 0 / 0 for one that stands).
+    // The leader stops before the gap is closed. Not used without braking: 0 / 0 for a standing leader.
     if leader_acceleration < 0.0 && leader * closing <= -2.0 * gap * leader_acceleration {
         speed * speed * leader_acceleration / (leader * leader - 2.0 * gap * leader_acceleration)
     } else {
@@ -90,7 +98,7 @@ mod tests {
     };
 
     #[test]
-    fn free_road_speeds_up_to_the_wanted_speed_and_down_to_it() {
+    fn free_road_speeds_up_and_slows_down_to_the_desired_speed() {
         assert_eq!(STYLE.free(0.0, 15.0), 1.6);
         assert_eq!(STYLE.free(15.0, 15.0), 0.0);
         let down = STYLE.free(20.0, 15.0);

@@ -1,4 +1,5 @@
-//! IDM: rule-based drivers that react. Vehicles and cyclists drive paths over the lane graph, pedestrians walk.
+//! IDM: reactive, rule-based agents. Vehicles and cyclists drive paths over the lane graph, pedestrians
+//! walk.
 
 mod actor;
 mod corridor;

@@ -1,4 +1,4 @@
-//! The traffic of one episode: decisions at every planning interval, motion at every step.
+//! The traffic of one episode: decisions at every decision interval, motion at every step.
 
 use reactsim::dynamics::{DrivenPath, Pose};
 use reactsim::geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
@@ -8,51 +8,59 @@ use reactsim::scene::{Agent, AgentKind, AgentState, DT, Start};
 use super::actor::Actor;
 use super::corridor::{self, Corridor};
 use super::decide::{Situation, decide};
-use super::driver::{Driver, OnPath};
+use super::driver::{AgentBehaviour, PathFollower};
 use super::evade::Surroundings;
 use super::forecast::{Forecast, forecast_all};
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
-use super::signals::{self, MustStop};
+use super::signals::{self, RequiredStop};
 
-/// Steps between two decisions; plans of fewer steps decide at every plan.
-const DECIDE_EVERY: usize = 5;
+/// Steps between two decisions. A shorter plan makes one decision.
+const DECISION_INTERVAL: usize = 5;
 
-/// Farther from the middle of its lane the AV may mean to be, metres.
-const BESIDE: f64 = 0.5;
-/// An AV at a larger angle comes head on, rad, if its curvature is less than this, 1/m.
-const HEAD_ON: f64 = 2.3;
-const TURNS: f64 = 0.03;
-/// Slower drivers wait, m/s, if they would speed up by more than this, m/s².
-const WAITING: f64 = 0.3;
-const WILLING: f64 = 0.3;
-/// Decisions without danger after which a driver who has kept aside goes back to the lane.
-const QUIET: usize = 3;
-/// At most so many ways are kept for the AV, those that cost at most so much more than the likeliest; for so many plans.
-const RAILS: usize = 3;
-const RAIL_DOUBT: f64 = 1.2;
-const RAILS_LAST: usize = 3;
-/// The AV keeps to a way when it is this close to it (metres, radians) and has this long to go on it (seconds).
-const KEEPS: (f64, f64, f64) = (0.4, 0.1, 4.5);
+/// Offset of the AV from its lane, in metres, above which it may intend to keep that offset.
+const CENTRED_OFFSET: f64 = 0.5;
+/// Angle to the AV, in radians, above which it comes head on.
+const HEAD_ON_ANGLE: f64 = 2.3;
+/// Curvature in 1/m from which the AV turns across and does not count as head on.
+const HEAD_ON_CURVATURE: f64 = 0.03;
+/// Speed in m/s below which a driver may be waiting.
+const WAITING_SPEED: f64 = 0.3;
+/// Acceleration of car following, in m/s², above which a standing driver is waiting for others.
+const WAITING_ACCELERATION: f64 = 0.3;
+/// Number of decisions without danger after which an evading driver returns to the lane.
+const QUIET_DECISIONS: usize = 3;
+/// Largest number of lane routes that are considered for the AV.
+const MAX_AV_ROUTES: usize = 3;
+/// Largest cost of such a route above the cost of the likeliest one.
+const AV_ROUTE_COST_MARGIN: f64 = 1.2;
+/// Number of plans for which the AV's paths are reused.
+const AV_PATHS_LIFETIME: usize = 3;
+/// Largest lateral offset at which the AV keeps to a path, metres.
+const ON_PATH_OFFSET: f64 = 0.4;
+/// Largest angle at which the AV keeps to a path, radians.
+const ON_PATH_ANGLE: f64 = 0.1;
+/// Smallest travel time left on a path that the AV keeps to, seconds.
+const ON_PATH_TIME: f64 = 4.5;
 
-/// What the model keeps of an episode.
+/// State of the model in an episode.
 #[derive(Debug)]
 pub struct Traffic {
-    drivers: Vec<Driver>,
+    behaviours: Vec<AgentBehaviour>,
     actors: Vec<Actor>,
-    /// Ways along lanes that the AV may take.
-    av_rails: Vec<DrivenPath>,
-    rails_age: usize,
+    /// Paths along lanes that the AV may take.
+    av_paths: Vec<DrivenPath>,
+    av_paths_age: usize,
     av_curvature: f64,
 }
 
-/// What a driver does until the next decision.
+/// Intent of a driver until the next decision.
 #[derive(Clone, Debug, Default)]
 struct Intent {
     corridor: Corridor,
-    stop: Option<MustStop>,
+    stop: Option<RequiredStop>,
     chosen: Option<f64>,
-    /// Whether `chosen` is a way out that has been checked against everybody.
+    /// Whether `chosen` is an evasion that has been checked against all agents.
     escaping: bool,
     /// Whether `chosen` is faster than car following.
     hurries: bool,
@@ -60,18 +68,18 @@ struct Intent {
 
 impl Traffic {
     pub(super) fn begin(start: &Start, parameters: &Parameters, stream: &mut Stream) -> Self {
-        let drivers: Vec<Driver> =
-            (0..start.agents.len()).map(|i| Driver::begin(start, i, parameters, stream)).collect();
+        let behaviours: Vec<AgentBehaviour> =
+            (0..start.agents.len()).map(|i| AgentBehaviour::begin(start, i, parameters, stream)).collect();
         let mut actors: Vec<Actor> = (0..start.agents.len())
             .map(|i| {
                 let now = start.now(i);
-                let speed = match &drivers[i] {
-                    Driver::Parked => 0.0,
-                    Driver::Reversing => now.forward_speed(),
+                let speed = match &behaviours[i] {
+                    AgentBehaviour::Parked => 0.0,
+                    AgentBehaviour::Reversing => now.forward_speed(),
                     _ => now.velocity().map_or(0.0, |v| v.norm()),
                 };
                 let acceleration =
-                    if matches!(drivers[i], Driver::OnPath(_)) { recent(start, i) } else { 0.0 };
+                    if matches!(behaviours[i], AgentBehaviour::OnPath(_)) { recent(start, i) } else { 0.0 };
                 actor(&start.agents[i], &now, speed, acceleration)
             })
             .collect();
@@ -84,10 +92,10 @@ impl Traffic {
             half_length: o.half_length,
             half_width: o.half_width,
         }));
-        Self { drivers, actors, av_rails: Vec::new(), rails_age: 0, av_curvature: 0.0 }
+        Self { behaviours, actors, av_paths: Vec::new(), av_paths_age: 0, av_curvature: 0.0 }
     }
 
-    /// Plans all steps that are asked for.
+    /// Plans all steps of an episode's plan.
     pub(super) fn plan(&mut self, parameters: &Parameters, episode: &mut Planning<'_, '_>) {
         let seen = episode.seen;
         if !episode.moves_av {
@@ -97,10 +105,10 @@ impl Traffic {
         let mut intents: Vec<Intent> = vec![Intent::default(); agents];
         let mut walks = vec![true; agents];
         for k in 0..episode.plan.steps() {
-            if k % DECIDE_EVERY == 0 {
+            if k % DECISION_INTERVAL == 0 {
                 self.decide_all(&seen, parameters, &mut intents, &mut walks);
             }
-            let since = (k % DECIDE_EVERY) as f64 * DT;
+            let since = (k % DECISION_INTERVAL) as f64 * DT;
             for i in 0..agents {
                 self.step(i, &intents[i], walks[i], since, parameters);
                 let a = &self.actors[i];
@@ -117,9 +125,9 @@ impl Traffic {
         }
     }
 
-    /// Takes the AV as it is now, with the newest speed, turn and acceleration that may be seen.
+    /// Updates the AV from the observation, with the newest visible speed, curvature and acceleration.
     fn observe_av(&mut self, seen: &Observation<'_>, parameters: &Parameters) {
-        self.drivers[0] = Driver::External;
+        self.behaviours[0] = AgentBehaviour::External;
         let Some(now) = seen.state(0) else { return };
         let track = seen.track(0);
         let mut recent: Vec<AgentState> =
@@ -133,35 +141,37 @@ impl Traffic {
             _ => 0.0,
         };
         let newest = recent.last().copied().unwrap_or(now);
-        let way: f64 = speeds.iter().sum::<f64>() * DT;
+        let distance: f64 = speeds.iter().sum::<f64>() * DT;
         self.av_curvature = match recent.first() {
-            Some(first) if way > 0.3 => (wrap(newest.heading - first.heading) / way).clamp(-0.3, 0.3),
+            Some(first) if distance > 0.3 => {
+                (wrap(newest.heading - first.heading) / distance).clamp(-0.3, 0.3)
+            }
             _ => 0.0,
         };
         let mut av = actor(&seen.start().agents[0], &now, speed, acceleration);
         av.pose.heading = newest.heading;
         av.is_av = true;
         self.actors[0] = av;
-        self.find_rails(seen, &av, parameters);
+        self.find_av_paths(seen, &av, parameters);
     }
 
-    /// Finds the ways along lanes that the AV may take: the likeliest, and those that are nearly as likely. They are kept while the
-    /// AV keeps to one of them and can not have passed a branch.
-    fn find_rails(&mut self, seen: &Observation<'_>, av: &Actor, parameters: &Parameters) {
-        if self.rails_age < RAILS_LAST && !self.av_rails.is_empty() {
-            let keeps = self.av_rails.iter().any(|rail| {
-                let at = rail.project(av.pose.position, 0, usize::MAX, None);
-                let heading = rail.points()[at.index].pose.heading;
-                at.offset.abs() < KEEPS.0
-                    && wrap(heading - av.pose.heading).abs() < KEEPS.1
-                    && rail.length() - at.s > KEEPS.2 * av.speed
+    /// Finds the paths along lanes that the AV may take: the likeliest, and those that are nearly as
+    /// likely. They are reused while the AV keeps to one of them and cannot have passed a branch.
+    fn find_av_paths(&mut self, seen: &Observation<'_>, av: &Actor, parameters: &Parameters) {
+        if self.av_paths_age < AV_PATHS_LIFETIME && !self.av_paths.is_empty() {
+            let keeps = self.av_paths.iter().any(|path| {
+                let at = path.project(av.pose.position, 0, usize::MAX, None);
+                let heading = path.points()[at.index].pose.heading;
+                at.offset.abs() < ON_PATH_OFFSET
+                    && wrap(heading - av.pose.heading).abs() < ON_PATH_ANGLE
+                    && path.length() - at.s > ON_PATH_TIME * av.speed
             });
             if keeps {
-                self.rails_age += 1;
+                self.av_paths_age += 1;
                 return;
             }
         }
-        self.rails_age = 0;
+        self.av_paths_age = 0;
         let road = seen.start().road();
         let motion = Motion {
             position: av.pose.position,
@@ -169,22 +179,28 @@ impl Traffic {
             speed: av.speed,
             curvature: self.av_curvature,
         };
-        let mut ways = route::alternatives(&road, &motion, false);
-        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let least = ways.first().map_or(0.0, |w| w.0);
-        ways.retain(|w| w.0 < least + RAIL_DOUBT);
-        ways.truncate(RAILS);
-        self.av_rails.clear();
-        for (_, route) in ways {
+        let mut routes = route::alternatives(&road, &motion, false);
+        routes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let least = routes.first().map_or(0.0, |w| w.0);
+        routes.retain(|w| w.0 < least + AV_ROUTE_COST_MARGIN);
+        routes.truncate(MAX_AV_ROUTES);
+        self.av_paths.clear();
+        for (_, route) in routes {
             let length = 8.0 * av.speed + 20.0;
             let Some((line, _)) = route::center_line(&road, &route, length) else { continue };
             let pursuit = parameters.vehicle.pursuit(av.speed);
             let offset = line.project(av.pose.position).offset;
-            self.av_rails.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
-            // An AV beside the middle of its lane may come back to it, or mean to stay there.
-            if offset.abs() > BESIDE {
-                let beside = line.aside(offset);
-                self.av_rails.push(DrivenPath::pursue(av.pose, self.av_curvature, &beside, length, &pursuit));
+            self.av_paths.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
+            // An AV off the centre line may return to it, or intend to stay there.
+            if offset.abs() > CENTRED_OFFSET {
+                let offset_line = line.aside(offset);
+                self.av_paths.push(DrivenPath::pursue(
+                    av.pose,
+                    self.av_curvature,
+                    &offset_line,
+                    length,
+                    &pursuit,
+                ));
             }
         }
     }
@@ -198,15 +214,18 @@ impl Traffic {
     ) {
         let settings = &parameters.conflict;
         let forecasts =
-            forecast_all(&self.actors, &self.drivers, self.av_curvature, &self.av_rails, settings);
-        for i in 0..self.drivers.len() {
-            match &mut self.drivers[i] {
-                Driver::OnPath(_) => intents[i] = self.decide_one(i, seen, &forecasts, parameters),
-                Driver::Walking { velocity } => {
+            forecast_all(&self.actors, &self.behaviours, self.av_curvature, &self.av_paths, settings);
+        for i in 0..self.behaviours.len() {
+            match &mut self.behaviours[i] {
+                AgentBehaviour::OnPath(_) => intents[i] = self.decide_one(i, seen, &forecasts, parameters),
+                AgentBehaviour::Walking { velocity } => {
                     let velocity = *velocity;
                     walks[i] = self.may_walk(i, velocity, &forecasts, parameters);
                 }
-                Driver::Parked | Driver::Leaving { .. } | Driver::Reversing | Driver::External => {}
+                AgentBehaviour::Parked
+                | AgentBehaviour::Leaving { .. }
+                | AgentBehaviour::Reversing
+                | AgentBehaviour::External => {}
             }
         }
     }
@@ -223,12 +242,13 @@ impl Traffic {
         let class = if own.kind == AgentKind::Cyclist { &parameters.cyclist } else { &parameters.vehicle };
         let around =
             Surroundings { index: i, actors: &self.actors, forecasts, road: seen.start().road(), settings };
-        let Driver::OnPath(driver) = &mut self.drivers[i] else { return Intent::default() };
+        let AgentBehaviour::OnPath(driver) = &mut self.behaviours[i] else { return Intent::default() };
         if let Some((offset, quiet)) = driver.aside {
-            // Back to the own lane when nothing has been in the way for a while, and nothing will be on the way back.
+            // Return to the lane when nothing has been in the way for a while, and nothing will be on
+            // the way back.
             driver.aside = Some((offset, quiet + 1));
-            if quiet >= QUIET {
-                let back = around.course(&own, driver, class, 0.0, f64::INFINITY);
+            if quiet >= QUIET_DECISIONS {
+                let back = around.path_at_offset(&own, driver, class, 0.0, f64::INFINITY);
                 if !around.meets_av(&own, &back, 0.0, 0.0) {
                     driver.take(back, class);
                     driver.aside = None;
@@ -239,34 +259,34 @@ impl Traffic {
         let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let wanted = following(driver, &own, &intent, 0.0);
-        driver.waits = own.speed < WAITING && wanted > WILLING;
-        let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
+        driver.waits = own.speed < WAITING_SPEED && wanted > WAITING_ACCELERATION;
+        let AgentBehaviour::OnPath(driver) = &self.behaviours[i] else { return intent };
         let situation = Situation {
             index: i,
             own: &own,
             driver,
             corridor: &intent.corridor,
             actors: &self.actors,
-            drivers: &self.drivers,
+            behaviours: &self.behaviours,
             parameters,
         };
         intent.chosen = decide(&situation, wanted);
         intent.hurries = intent.chosen.is_some_and(|a| a > wanted);
-        // Who would brake for an AV head on would stand in its way: first it is seen whether there is room to pass. Not so for one
-        // that turns across.
-        let av = self.actors.first().filter(|av| av.is_av && self.av_curvature.abs() < TURNS);
-        let head_on = av.is_some_and(|av| wrap(av.pose.heading - own.pose.heading).abs() > HEAD_ON)
+        // A driver who brakes for an AV head on would block it. First it is checked whether there is
+        // room to pass. This does not apply to an AV that turns across.
+        let av = self.actors.first().filter(|av| av.is_av && self.av_curvature.abs() < HEAD_ON_CURVATURE);
+        let head_on = av.is_some_and(|av| wrap(av.pose.heading - own.pose.heading).abs() > HEAD_ON_ANGLE)
             && intent.corridor.crossings.iter().any(|c| c.actor == 0 && !c.from_behind);
         let planned = if head_on { wanted } else { intent.chosen.unwrap_or(wanted) };
         let a = planned.max(-parameters.limits.emergency_deceleration);
         let Some(escape) = around.escape(&own, driver, class, a, intent.stop) else { return intent };
         intent.chosen = Some(escape.acceleration);
         intent.escaping = true;
-        let Driver::OnPath(driver) = &mut self.drivers[i] else { return intent };
+        let AgentBehaviour::OnPath(driver) = &mut self.behaviours[i] else { return intent };
         if let Some((offset, path)) = escape.course {
             driver.take(path, class);
             driver.aside = Some((offset, 0));
-            let Driver::OnPath(driver) = &self.drivers[i] else { return intent };
+            let AgentBehaviour::OnPath(driver) = &self.behaviours[i] else { return intent };
             intent.corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
             intent.stop = None;
         } else if let Some((_, quiet)) = &mut driver.aside {
@@ -275,7 +295,8 @@ impl Traffic {
         intent
     }
 
-    /// Whether a walker can go on without walking into a vehicle or standing in the way of none.
+    /// Returns whether a pedestrian can go on: false if walking leads into a vehicle and standing does
+    /// not.
     fn may_walk(
         &self,
         index: usize,
@@ -289,7 +310,7 @@ impl Traffic {
         let around = reactsim::geometry::Bounds::around(own.pose.position, reach);
         let meets = |forecast: &Forecast, velocity: Vec2, clearance: f64| {
             let other = &self.actors[forecast.actor];
-            // Who stands is in the way for as long as it stands: one second ahead is soon enough to stop.
+            // A standing vehicle stays in the way: looking one second ahead is soon enough to stop.
             let standing = forecast.samples.len() == 1;
             let last = if standing { 1.0 } else { settings.look_ahead };
             let steps = (last / parameters.conflict.sample).round() as usize;
@@ -325,36 +346,42 @@ impl Traffic {
     /// Moves one agent by one step.
     fn step(&mut self, i: usize, intent: &Intent, walks: bool, since: f64, parameters: &Parameters) {
         let own = &mut self.actors[i];
-        match &mut self.drivers[i] {
-            Driver::Parked | Driver::External => own.speed = if i == 0 { own.speed } else { 0.0 },
-            Driver::Reversing => {
-                let slower = (own.speed + 2.0 * DT).min(0.0);
-                let way = 0.5 * (own.speed + slower) * DT;
-                own.speed = slower;
-                own.pose = own.pose.advance(way, 0.0);
+        match &mut self.behaviours[i] {
+            AgentBehaviour::Parked | AgentBehaviour::External => {
+                own.speed = if i == 0 { own.speed } else { 0.0 }
             }
-            Driver::Walking { velocity } => {
-                // A walker stops and starts within half a second.
+            AgentBehaviour::Reversing => {
+                let slower = (own.speed + 2.0 * DT).min(0.0);
+                let distance = 0.5 * (own.speed + slower) * DT;
+                own.speed = slower;
+                own.pose = own.pose.advance(distance, 0.0);
+            }
+            AgentBehaviour::Walking { velocity } => {
+                // A pedestrian stops and starts within half a second.
                 let full = velocity.norm();
                 let change = 2.0 * full * DT;
                 own.speed = (own.speed + if walks { change } else { -2.0 * change }).clamp(0.0, full);
                 own.pose.position += *velocity * (own.speed / full * DT);
             }
-            Driver::Leaving { velocity, way, then } => {
+            AgentBehaviour::Leaving { velocity, distance, then } => {
                 let step = *velocity * DT;
                 own.pose.position += step;
-                *way -= step.norm();
-                if *way <= 0.0 {
+                *distance -= step.norm();
+                if *distance <= 0.0 {
                     own.speed = 0.0;
                     let then = *then;
                     let walks = then.norm() >= parameters.pedestrian.standing_speed;
-                    self.drivers[i] = if walks { Driver::Walking { velocity: then } } else { Driver::Parked };
+                    self.behaviours[i] = if walks {
+                        AgentBehaviour::Walking { velocity: then }
+                    } else {
+                        AgentBehaviour::Parked
+                    };
                 }
             }
-            Driver::OnPath(driver) => {
+            AgentBehaviour::OnPath(driver) => {
                 let mut wanted = following(driver, own, intent, since);
                 if let Some(chosen) = intent.chosen {
-                    // An escape may be faster than car following would go, but never into a leader.
+                    // An evasion may be faster than car following, but never into a leader.
                     wanted = if chosen > wanted && intent.corridor.leaders.is_empty() {
                         chosen
                     } else {
@@ -363,18 +390,19 @@ impl Traffic {
                 }
                 let a = limited(own.acceleration, wanted, intent.escaping, &parameters.limits);
                 let next = (own.speed + a * DT).max(0.0);
-                let way = 0.5 * (own.speed + next) * DT;
+                let distance = 0.5 * (own.speed + next) * DT;
                 own.acceleration = if next > 0.0 { a } else { 0.0 };
                 own.speed = next;
-                driver.s += way;
+                driver.s += distance;
                 own.pose = driver.path.at(driver.s);
             }
         }
     }
 }
 
-/// The acceleration that leaders, stops and the road ask for, `since` seconds after they were looked at.
-fn following(driver: &OnPath, own: &Actor, intent: &Intent, since: f64) -> f64 {
+/// Returns the acceleration required by leaders, stops and the road, `since` seconds after they were
+/// observed.
+fn following(driver: &PathFollower, own: &Actor, intent: &Intent, since: f64) -> f64 {
     let style = &driver.style;
     let v = own.speed;
     let front = driver.s + own.half_length;
@@ -398,11 +426,11 @@ fn following(driver: &OnPath, own: &Actor, intent: &Intent, since: f64) -> f64 {
     a
 }
 
-/// The acceleration of the next step: within the limits, and not too far from the last one.
+/// Returns the acceleration of the next step: within the limits, and with bounded jerk.
 fn limited(last: f64, wanted: f64, escaping: bool, limits: &Limits) -> f64 {
     let wanted = wanted.clamp(-limits.emergency_deceleration, 3.5);
     let jerk = if wanted < -3.0 || escaping { limits.emergency_jerk } else { limits.jerk };
-    // Brakes are let go faster than comfort asks when the reason is gone.
+    // Brakes are released faster than comfort requires once the reason is gone.
     let up = if escaping || last < 0.0 { 2.5 * limits.jerk } else { limits.jerk };
     wanted.clamp(last - jerk * DT, last + up * DT)
 }
@@ -419,7 +447,7 @@ fn actor(agent: &Agent, now: &AgentState, speed: f64, acceleration: f64) -> Acto
     }
 }
 
-/// Acceleration over the last half second, within what drivers do on purpose, m/s².
+/// Returns the acceleration over the last half second, clamped to deliberate driving, m/s².
 fn recent(start: &Start, agent: usize) -> f64 {
     let track = &start.history[agent];
     let last = track.len() - 1;

@@ -1,9 +1,9 @@
-//! Parameters, read from the card.
+//! Parameters of the card.
 
 use reactsim::dynamics::Pursuit;
 use serde::Deserialize;
 
-/// Everything that the card sets.
+/// All parameters of the card.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Parameters {
@@ -12,37 +12,41 @@ pub(super) struct Parameters {
     pub(super) pedestrian: Pedestrian,
     pub(super) limits: Limits,
     pub(super) conflict: Conflict,
-    pub(super) parked: Parked,
+    pub(super) parked: ParkedCriteria,
 }
 
-/// How a class of vehicles drives.
+/// Parameters of a class of vehicles.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Class {
-    /// Time headway T, s, and its relative spread over drivers.
+    /// Time headway T, s.
     pub(super) headway: f64,
+    /// Relative spread of the headway over drivers.
     pub(super) headway_spread: f64,
-    /// Gap at standstill s0, m.
+    /// Standstill gap s0, m.
     pub(super) standstill_gap: f64,
-    /// Maximum acceleration a and comfortable deceleration b, m/s².
+    /// Largest acceleration a, m/s².
     pub(super) acceleration: f64,
+    /// Comfortable deceleration b, m/s².
     pub(super) deceleration: f64,
     /// Coolness c of the ACC extension.
     pub(super) coolness: f64,
     /// Comfortable lateral acceleration in curves, m/s².
     pub(super) lateral_acceleration: f64,
-    /// Steering: largest curvature, 1/m, and its change along the path, 1/m².
+    /// Largest curvature, 1/m.
     pub(super) max_curvature: f64,
+    /// Largest change of the curvature along the path, 1/m².
     pub(super) curvature_rate: f64,
-    /// Desired speed where the limit is unknown, m/s: other roads, freeways.
+    /// Desired speed on roads other than freeways without a known limit, m/s.
     pub(super) speed_unknown_limit: f64,
+    /// Desired speed on freeways without a known limit, and largest limit that is used, m/s.
     pub(super) speed_freeway: f64,
     /// Relative spread of the desired speed over drivers.
     pub(super) speed_spread: f64,
 }
 
 impl Class {
-    /// How a path is steered onto a lane at this speed, m/s.
+    /// Returns the parameters of pure pursuit onto a lane at a speed in m/s.
     pub(super) fn pursuit(&self, speed: f64) -> Pursuit {
         Pursuit {
             look_ahead: (0.9 * speed).clamp(5.0, 18.0),
@@ -52,15 +56,15 @@ impl Class {
     }
 }
 
-/// How pedestrians walk.
+/// Parameters of pedestrians.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Pedestrian {
-    /// Slower ones stand, m/s.
+    /// Speed in m/s below which a pedestrian stands.
     pub(super) standing_speed: f64,
-    /// Room that they want to vehicles, m.
+    /// Clearance to vehicles, m.
     pub(super) clearance: f64,
-    /// How far they look ahead, s.
+    /// Look-ahead time, s.
     pub(super) look_ahead: f64,
 }
 
@@ -68,42 +72,46 @@ pub(super) struct Pedestrian {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Limits {
-    /// m/s².
+    /// Largest deceleration, m/s².
     pub(super) emergency_deceleration: f64,
-    /// m/s³, in normal driving and in emergencies.
+    /// Largest jerk in normal driving, m/s³.
     pub(super) jerk: f64,
+    /// Largest jerk in emergencies, m/s³.
     pub(super) emergency_jerk: f64,
 }
 
-/// Crossing and merging.
+/// Parameters of crossing and merging.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Conflict {
-    /// How far others are predicted, s, and at which times.
+    /// Horizon of forecasts, s.
     pub(super) horizon: f64,
-    /// How far the AV is predicted for those who may have to get out of its way, s.
+    /// Horizon of the AV's forecasts for evasion, s.
     pub(super) av_horizon: f64,
+    /// Sampling interval of forecasts, s.
     pub(super) sample: f64,
-    /// Room along the path to the AV and to others, m.
+    /// Margin along the path to the AV, m.
     pub(super) av_margin: f64,
+    /// Margin along the path to other agents, m.
     pub(super) margin: f64,
-    /// Room in time to the AV, s: grows the room with the own speed.
+    /// Time margin to the AV, s: adds to the margin in proportion to the own speed.
     pub(super) av_time_margin: f64,
-    /// Handicap of turning vehicles and of those that come from a stop sign when it is decided who goes first, s.
+    /// Handicap of turning vehicles when precedence is decided, s.
     pub(super) turn_penalty: f64,
+    /// Handicap of vehicles from a stop sign when precedence is decided, s.
     pub(super) stop_penalty: f64,
 }
 
-/// When a standing vehicle is taken for parked.
+/// Criteria by which a standing vehicle counts as parked.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Parked {
-    /// Travel in the history below this, m.
+pub(super) struct ParkedCriteria {
+    /// Largest displacement in the history, m.
     pub(super) travel: f64,
-    /// Current speed below this, m/s.
+    /// Largest present speed, m/s.
     pub(super) speed: f64,
-    /// Farther than this from the lane's centre line, m …
+    /// Lateral offset from the centre line above which it is parked, m …
     pub(super) offset: f64,
-    /// … or at a larger angle to it, rad.
+    /// … or angle to the centre line above which it is parked, rad.
     pub(super) heading: f64,
 }

@@ -1,81 +1,83 @@
-//! Routes over the lane graph: chosen from where a vehicle is, how it turns and a random stream, never from the future.
+//! Routes over the lane graph, chosen by position, motion and a random stream, never by the future.
 
 use rand::RngExt;
 use reactsim::geometry::{Polyline, Vec2, direction, math, wrap};
 use reactsim::rollout::Stream;
 use reactsim::scene::{LaneClass, LaneHit, Road};
 
-/// How a vehicle moves now: what a route is chosen from.
+/// Present motion of a vehicle, from which a route is chosen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     pub(super) position: Vec2,
     pub(super) heading: f64,
-    /// m/s.
+    /// Speed, m/s.
     pub(super) speed: f64,
-    /// 1/m.
+    /// Curvature, 1/m.
     pub(super) curvature: f64,
 }
 
-/// A chain of lanes, entered at `s0` of the first one.
+/// A sequence of lanes, entered at arc length `s0` of the first one.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Route {
     pub(super) lanes: Vec<usize>,
     pub(super) s0: f64,
 }
 
-/// The widest lateral offset at which a moving vehicle is taken to follow a lane, metres.
-const REACH: f64 = 3.2;
-/// The largest angle to a lane that is followed, rad.
-const ANGLE: f64 = 1.0;
-/// How far ahead branches are told apart by the motion, metres at least and seconds.
-const BRANCH_METRES: f64 = 12.0;
-const BRANCH_SECONDS: f64 = 2.0;
-/// No more alternatives than this are weighed.
+/// Largest distance at which a moving vehicle follows a lane, metres.
+const MAX_DISTANCE: f64 = 3.2;
+/// Largest angle to a lane that a vehicle follows, rad.
+const MAX_ANGLE: f64 = 1.0;
+/// Smallest distance ahead within which the motion decides between branches, metres.
+const MIN_BRANCH_DISTANCE: f64 = 12.0;
+/// Time ahead within which the motion decides between branches, seconds.
+const BRANCH_TIME: f64 = 2.0;
+/// Largest number of alternatives.
 const MAX_ALTERNATIVES: usize = 48;
-/// Cost at which an alternative is e times less likely.
+/// Cost difference at which an alternative is e times less likely.
 const TEMPERATURE: f64 = 0.35;
-/// Angle at which a branch is e times less likely when the motion does not tell, rad.
-const STRAIGHT: f64 = 0.35;
-/// Lateral distance after 30 m by which it is e times less likely than the branch that leads least aside, metres.
-const ASIDE: f64 = 1.5;
-/// Weight that every branch has, however sharply it turns.
-const LEAST_WEIGHT: f64 = 1e-6;
-/// How far beyond its beginning a branch tells where it leads, metres.
-const TELLING: f64 = 30.0;
-/// No route has more lanes than this.
+/// Turning angle at which a branch is e times less likely when the motion does not decide, rad.
+const TURN_SCALE: f64 = 0.35;
+/// Additional lateral offset after 30 m at which a branch is e times less likely, metres.
+const OFFSET_SCALE: f64 = 1.5;
+/// Smallest weight of a branch, however sharply it turns.
+const MIN_WEIGHT: f64 = 1e-6;
+/// Distance beyond its beginning at which the direction of a branch is measured, metres.
+const BRANCH_SAMPLE_DISTANCE: f64 = 30.0;
+/// Largest number of lanes of a route.
 const MAX_LANES: usize = 64;
 
-/// Whether vehicles (or cyclists) may drive on a lane.
+/// Returns whether vehicles (or cyclists) may drive on a lane.
 fn usable(road: &Road<'_>, lane: usize, cyclist: bool) -> bool {
     cyclist || road.lane(lane).class != LaneClass::Bike
 }
 
-/// The lane under or beside a vehicle that suits its heading best, with the projection onto it.
+/// Returns the lane at or near a vehicle that suits its heading best, with the projection onto it.
 pub(super) fn nearest_lane(road: &Road<'_>, p: Vec2, heading: f64, cyclist: bool) -> Option<LaneHit> {
     let mut hits = Vec::new();
-    road.lanes_near(p, REACH, &mut hits);
+    road.lanes_near(p, MAX_DISTANCE, &mut hits);
     let cost = |h: &LaneHit| {
         let angle = wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - heading).abs();
-        (usable(road, h.lane, cyclist) && angle < ANGLE).then_some(h.projection.distance + 2.0 * angle)
+        (usable(road, h.lane, cyclist) && angle < MAX_ANGLE).then_some(h.projection.distance + 2.0 * angle)
     };
     let best = hits.iter().filter_map(|h| Some((cost(h)?, h))).min_by(|a, b| a.0.total_cmp(&b.0));
     best.map(|(_, h)| *h)
 }
 
-/// Every way on from where a vehicle is, as far as its motion can tell them apart, with its cost: how far the lanes lie from where
-/// the vehicle would come at its present speed and curvature.
+/// Returns all routes ahead of a vehicle, as far as its motion can distinguish them, with their costs:
+/// the distance of the lanes from its positions at its present speed and curvature.
 pub(super) fn alternatives(road: &Road<'_>, motion: &Motion, cyclist: bool) -> Vec<(f64, Route)> {
     let mut hits = Vec::new();
-    road.lanes_near(motion.position, REACH, &mut hits);
-    let reach = BRANCH_METRES.max(motion.speed * BRANCH_SECONDS);
+    road.lanes_near(motion.position, MAX_DISTANCE, &mut hits);
+    let reach = MIN_BRANCH_DISTANCE.max(motion.speed * BRANCH_TIME);
     let mut found = Vec::new();
     for hit in &hits {
         let lane = road.lane(hit.lane);
         let angle = wrap(lane.baseline.heading(hit.projection.segment) - motion.heading);
-        if !usable(road, hit.lane, cyclist) || angle.abs() > ANGLE {
+        if !usable(road, hit.lane, cyclist) || angle.abs() > MAX_ANGLE {
             continue;
         }
-        // A lane that the vehicle has already left behind, or has not yet reached, is found through its neighbour in the chain.
+        // A lane that the vehicle has left or not yet reached is found through its neighbour in the
+        // sequence.
         let beyond = hit.projection.t >= 1.0 && hit.projection.segment + 1 == lane.baseline.segments();
         if beyond && !lane.successors.is_empty() {
             continue;
@@ -107,12 +109,13 @@ pub(super) fn alternatives(road: &Road<'_>, motion: &Motion, cyclist: bool) -> V
     found
 }
 
-/// Mean distance of the route from where the vehicle comes in the next two seconds, plus the angle there in equal measure.
+/// Returns the mean over the next two seconds of the distance between the route and the extrapolated
+/// position, plus a weighted angle there.
 fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
     let mut total = 0.0;
     let times = [0.0, 0.5, 1.0, 1.5];
     for t in times {
-        // A turn is not kept up for ever: the curvature counts for one second.
+        // A turn does not last: the curvature counts for one second.
         let along = motion.speed * t;
         let turning = motion.speed * t.min(1.0);
         let heading = motion.heading + motion.curvature * turning;
@@ -140,7 +143,7 @@ fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
     total / times.len() as f64
 }
 
-/// Draws one of the alternatives, likelier the less it costs.
+/// Draws one of the alternatives; the lower its cost, the likelier it is.
 pub(super) fn choose(alternatives: Vec<(f64, Route)>, stream: &mut Stream) -> Option<Route> {
     let least = alternatives.iter().map(|a| a.0).fold(f64::INFINITY, f64::min);
     let weights = alternatives.iter().map(|a| math::exp(-(a.0 - least) / TEMPERATURE));
@@ -148,18 +151,20 @@ pub(super) fn choose(alternatives: Vec<(f64, Route)>, stream: &mut Stream) -> Op
     alternatives.into_iter().nth(chosen).map(|(_, route)| route)
 }
 
-/// Draws an index with a probability in proportion to its weight; `None` where there is no weight. Draws one number in any case.
+/// Draws an index with a probability proportional to its weight; `None` if there are no weights. Draws
+/// one number in any case.
 fn draw(weights: &[f64], stream: &mut Stream) -> Option<usize> {
     let mut rest = stream.random::<f64>() * weights.iter().sum::<f64>();
     let reached = weights.iter().position(|weight| {
         rest -= weight;
         rest <= 0.0
     });
-    // Rounding may leave a trace of the sum beyond the last.
+    // Rounding may leave a remainder of the sum after the last weight.
     reached.or(weights.len().checked_sub(1))
 }
 
-/// Extends a route until it is `length` metres long from where it is entered, straight on more often than round a corner.
+/// Extends a route until it is `length` metres long from its entry, straight on more often than around
+/// a corner.
 pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: bool, stream: &mut Stream) {
     let mut ahead: f64 = route.lanes.iter().map(|&l| road.lane(l).baseline.length()).sum::<f64>() - route.s0;
     while ahead < length && route.lanes.len() < MAX_LANES {
@@ -167,17 +172,18 @@ pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: b
         let end = last.baseline.heading(last.baseline.segments() - 1);
         let next: Vec<usize> =
             last.successors.iter().copied().filter(|&l| usable(road, l, cyclist)).collect();
-        // How far a branch turns, and how far aside it leads, well after it begins: connectors and turn pockets begin alike.
+        // Turning angle and lateral offset of a branch well after its beginning: connectors and turn
+        // pockets begin alike.
         let (origin, ahead_axis) = (last.baseline.at(last.baseline.length()), direction(end));
         let leads = |l: usize| {
             let line = &road.lane(l).baseline;
-            let s = line.length().min(TELLING);
+            let s = line.length().min(BRANCH_SAMPLE_DISTANCE);
             (wrap(line.heading_at(s) - end).abs(), ahead_axis.perp(&(line.at(s) - origin)))
         };
         let least = next.iter().map(|&l| leads(l).1.abs()).fold(f64::INFINITY, f64::min);
         let weight = |&l: &usize| {
             let (turn, aside) = leads(l);
-            math::exp(-turn / STRAIGHT - (aside.abs() - least) / ASIDE) + LEAST_WEIGHT
+            math::exp(-turn / TURN_SCALE - (aside.abs() - least) / OFFSET_SCALE) + MIN_WEIGHT
         };
         let weights: Vec<f64> = next.iter().map(weight).collect();
         let Some(lane) = draw(&weights, stream).map(|k| next[k]) else { return };
@@ -186,7 +192,8 @@ pub(super) fn extend(road: &Road<'_>, route: &mut Route, length: f64, cyclist: b
     }
 }
 
-/// The centre line of a route from a little behind where it is entered, and for each lane the arc length at which it begins on it.
+/// Returns the centre line of a route from a little behind its entry, and the arc length at which each
+/// lane begins on it.
 pub(super) fn center_line(
     road: &Road<'_>,
     route: &Route,
@@ -203,7 +210,7 @@ pub(super) fn center_line(
         if k == 0 {
             points.push(line.at(behind));
         }
-        // The recorded points lie half a metre apart; a metre is enough to steer by.
+        // Recorded points are half a metre apart; a metre is enough for steering.
         let mut last = f64::NEG_INFINITY;
         for (i, (&p, &arc)) in line.points().iter().zip(line.arc()).enumerate() {
             let end = i + 1 == line.points().len();

@@ -1,38 +1,44 @@
-//! Lights and stop signs on a path.
+//! Traffic lights and stop signs on a path.
 
 use reactsim::rollout::Observation;
 use reactsim::scene::{LightState, StopKind};
 
 use super::actor::Actor;
-use super::driver::OnPath;
+use super::driver::PathFollower;
 
-/// The gentlest braking that a yellow light is still worth, m/s².
-const YELLOW: f64 = 3.0;
-/// Slower than this is a stop, m/s, if it is nearer to the line than this, m.
-const STOPPED: f64 = 0.3;
-const AT_LINE: f64 = 3.0;
+/// Largest deceleration at which a driver stops for a yellow light, m/s².
+const YELLOW_DECELERATION: f64 = 3.0;
+/// Speed in m/s below which a vehicle has stopped at a line.
+const STOPPED_SPEED: f64 = 0.3;
+/// Distance in metres to a line within which a stop counts.
+const STOP_DISTANCE: f64 = 3.0;
 
-/// The last known state of the light of a lane: lights that are out of sight keep their colour.
-fn shown(seen: &Observation<'_>, lane: usize) -> Option<LightState> {
+/// Returns the last known state of the light of a lane: lights out of sight keep their state.
+fn last_state(seen: &Observation<'_>, lane: usize) -> Option<LightState> {
     let start = seen.start();
     let light = start.lights.iter().position(|l| l.lane == lane)?;
     seen.light(light).iter().rev().flatten().find(|s| **s != LightState::Unknown).copied()
 }
 
-/// Where the front must stop, and how strictly.
+/// Position at which the front must stop.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MustStop {
+pub(super) struct RequiredStop {
     /// Arc length, metres.
     pub(super) s: f64,
-    /// A stop sign may be passed to get out of the AV's way; a red light, or the end of the ground, hardly.
+    /// Whether the line may hardly be crossed to evade the AV: true for a red light and the end of the
+    /// drivable area, false for a stop sign.
     pub(super) strict: bool,
 }
 
-/// The next obligation to stop, if there is one; notes obeyed stop signs.
-pub(super) fn next_stop(seen: &Observation<'_>, own: &Actor, driver: &mut OnPath) -> Option<MustStop> {
+/// Returns the next required stop, if any, and marks stop signs at which the vehicle has stopped.
+pub(super) fn next_stop(
+    seen: &Observation<'_>,
+    own: &Actor,
+    driver: &mut PathFollower,
+) -> Option<RequiredStop> {
     let front = driver.s + own.half_length;
     let reach = 20.0 + 6.0 * own.speed;
-    let mut next = driver.ground_ends.map(|s| MustStop { s: s - own.half_length, strict: true });
+    let mut next = driver.ground_ends.map(|s| RequiredStop { s: s - own.half_length, strict: true });
     for stop in &mut driver.stops {
         let gap = stop.s - front;
         if gap < -0.5 || gap > reach {
@@ -40,20 +46,20 @@ pub(super) fn next_stop(seen: &Observation<'_>, own: &Actor, driver: &mut OnPath
         }
         let needed = own.speed * own.speed / (2.0 * gap.max(0.1));
         let obliged = match stop.kind {
-            StopKind::Light => match shown(seen, stop.lane) {
+            StopKind::Light => match last_state(seen, stop.lane) {
                 Some(s) if s.is_red() => needed < 5.5,
-                Some(s) if s.is_yellow() => needed < YELLOW,
+                Some(s) if s.is_yellow() => needed < YELLOW_DECELERATION,
                 Some(LightState::FlashingStop) => !stop.done && needed < 5.5,
                 _ => false,
             },
             StopKind::Sign => !stop.done && needed < 5.5,
             StopKind::Yield => false,
         };
-        if own.speed < STOPPED && gap < AT_LINE {
+        if own.speed < STOPPED_SPEED && gap < STOP_DISTANCE {
             stop.done = true;
         }
         if obliged && next.is_none_or(|n| stop.s < n.s) {
-            next = Some(MustStop { s: stop.s, strict: stop.kind == StopKind::Light });
+            next = Some(RequiredStop { s: stop.s, strict: stop.kind == StopKind::Light });
         }
     }
     next

@@ -1,7 +1,8 @@
-//! What networks that learn from scenarios have in common: scenes and their variants, samples of bounded size.
+//! Shared parts of networks that learn from scenarios: scenes and their variants, and reservoir
+//! samples.
 
-mod sample;
+mod reservoir;
 mod scene;
 
-pub(crate) use sample::Sample;
+pub(crate) use reservoir::Reservoir;
 pub(crate) use scene::{LearningMap, LearningScene};

@@ -1,32 +1,32 @@
-//! A scenario as it is learnt from, and its variants: mirrored, stretched.
+//! A scenario as training data, with its mirrored and stretched variants.
 
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
 
-/// What a network is shown of a map.
+/// Map data of a network that can be transformed together with a scene.
 pub(crate) trait LearningMap {
-    /// Moves every point by this map, which turns left into right.
+    /// Applies `flip` to every point; it swaps left and right.
     fn mirror(&mut self, flip: fn(Vec2) -> Vec2);
 
-    /// Multiplies all distances and speeds.
+    /// Multiplies all distances and speeds by `factor`.
     fn stretch(&mut self, factor: f64);
 }
 
-/// A logged scene: agents, their whole tracks, the map, what lights showed.
+/// A logged scene: agents, their complete tracks, the map and the light states.
 #[derive(Clone, Debug)]
 pub(crate) struct LearningScene<M> {
-    /// Slot 0 is the AV.
+    /// Agents; slot 0 is the AV.
     pub agents: Vec<Agent>,
-    /// Per agent 91 frames.
+    /// 91 frames per agent.
     pub tracks: Vec<Vec<Frame>>,
-    /// The map.
+    /// Map data.
     pub map: M,
-    /// Per light what it showed in 91 frames.
+    /// State of every light in 91 frames.
     pub lights: Vec<Vec<Option<LightState>>>,
 }
 
 impl<M: LearningMap> LearningScene<M> {
-    /// The scene of a scenario, with what is shown of its map.
+    /// Builds the scene of a scenario with the given map data.
     pub(crate) fn of(scenario: &Scenario, map: M) -> Self {
         let start = &scenario.start;
         Self {
@@ -37,7 +37,7 @@ impl<M: LearningMap> LearningScene<M> {
         }
     }
 
-    /// The scene seen in a mirror along the x axis.
+    /// Returns the scene mirrored about the x axis.
     pub(crate) fn mirrored(mut self) -> Self {
         for state in self.tracks.iter_mut().flatten().flatten() {
             *state = AgentState { y: -state.y, heading: -state.heading, vy: -state.vy, ..*state };
@@ -46,7 +46,8 @@ impl<M: LearningMap> LearningScene<M> {
         self
     }
 
-    /// The scene with all distances and speeds multiplied; boxes keep their sizes.
+    /// Returns the scene with all distances and speeds multiplied by `factor`; boxes keep their
+    /// sizes.
     pub(crate) fn stretched(mut self, factor: f64) -> Self {
         for state in self.tracks.iter_mut().flatten().flatten() {
             let heading = state.heading;

@@ -1,4 +1,5 @@
-//! Log replay: every agent does what it did in the log, whatever the AV does. An oracle: it is shown the future.
+//! Log replay: every agent follows its log, whatever the AV does. An oracle, because it sees the
+//! future.
 
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, Episode, Memory, Oracle, PlanError};
@@ -17,7 +18,7 @@ fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Oracle(Box::new(LogReplay)))
 }
 
-/// Replays the log; agents are absent where the log has none.
+/// Simulator that replays the log; an agent is absent where its log is.
 #[derive(Clone, Copy, Debug)]
 pub struct LogReplay;
 

@@ -1,4 +1,5 @@
-//! Gated attention over neighbours, with a vector for every pair: the one block of the SMART family.
+//! Gated attention over neighbours with a relation vector per pair: the basic block of the SMART
+//! family.
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
@@ -9,40 +10,43 @@ use serde::{Deserialize, Serialize};
 
 use super::{FeedForward, FeedForwardConfig, Initializer, Neighbors, Noise, Relations};
 
-/// Layer norms of the published networks add this to variances.
-const EPSILON: f64 = 1e-5;
+/// Variance offset of layer norms, dimensionless; value of the published networks.
+const NORM_EPSILON: f64 = 1e-5;
 
-/// With at most this many times as many sources as slots, products are taken with all sources.
-const DENSE: usize = 3;
+/// Largest ratio of sources to slots at which products are computed with all sources instead of
+/// gathered ones.
+const DENSE_SOURCES_PER_SLOT: usize = 3;
 
-/// The measures of a [`RelationalAttention`].
+/// Dimensions and options of a [`RelationalAttention`] layer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AttentionConfig {
-    /// Width h of the features.
+    /// Feature width h.
     pub width: usize,
     /// Number of heads.
     pub heads: usize,
     /// Width of a head; heads × head_dim need not be the width.
     pub head_dim: usize,
-    /// Width of the relation vectors (SMART: as the features).
+    /// Width of relation vectors (SMART: the feature width).
     pub relation_width: usize,
-    /// The feed-forward half.
+    /// Feed-forward network.
     pub feed_forward: FeedForwardConfig,
-    /// Whether sources and destinations have norms of their own (SMART: map to agents), or one norm for both.
+    /// Whether sources and destinations have separate norms (SMART: map to agents) or share one.
     pub bipartite: bool,
-    /// Whether relations pass a layer norm (SMART: yes). The caller normalises them, once for all layers: see
-    /// [`RelationalAttention::forward`].
+    /// Whether relations go through a layer norm (SMART: yes). The caller normalizes them, once for
+    /// all layers: see [`RelationalAttention::forward`].
     pub relation_norm: bool,
-    /// Share of attention weights and hidden features that training drops.
+    /// Dropout rate of attention weights and hidden features in training.
     pub dropout: f64,
 }
 
-/// Attention of destinations to their neighbours, where a relation vector is added to key and value of every pair; a gate between what
-/// came in and the destination's own transform; a feed-forward network. Norms before and after both halves.
+/// Attention of destinations to their neighbours. A relation vector is added to the key and value
+/// of every pair; a gate mixes the message with the destination's own transform; a feed-forward
+/// network follows. Both halves have norms before and after.
 ///
-/// With k = Wk s + Wkr n and v = Wv s + Wvr n + b, a score is q·k = (Wkᵀq)·s + (Wkrᵀq)·n, and the sum of weighted values is
-/// Wv Σws + Wvr Σwn + b Σw: nothing is projected per pair. The gain of the relation's norm goes into Wkr and Wvr, its bias is the same for
-/// all neighbours of a destination, so that it falls out of the softmax and enters the values through Σw.
+/// With k = Wk s + Wkr n and v = Wv s + Wvr n + b, a score is q·k = (Wkᵀq)·s + (Wkrᵀq)·n, and the
+/// sum of weighted values is Wv Σws + Wvr Σwn + b Σw, so nothing is projected per pair. The gain of
+/// the relation norm goes into Wkr and Wvr. Its bias is the same for all neighbours of a
+/// destination: it cancels in the softmax and enters the values through Σw.
 #[derive(Module, Debug)]
 pub struct RelationalAttention {
     attn_prenorm_x_src: LayerNorm,
@@ -66,7 +70,7 @@ pub struct RelationalAttention {
 }
 
 impl AttentionConfig {
-    /// A layer of these measures.
+    /// Builds the layer with initial weights.
     pub fn init(&self, init: &mut Initializer) -> RelationalAttention {
         let (h, a, r) = (self.width, self.heads * self.head_dim, self.relation_width);
         RelationalAttention {
@@ -92,25 +96,28 @@ impl AttentionConfig {
     }
 }
 
-/// Zero mean and unit variance along the last axis, without gain and bias: what relations pass once, before all layers.
+/// Normalizes the last axis to zero mean and unit variance, without gain and bias. Relations go
+/// through this once, before all layers.
 pub fn normalize<const D: usize>(x: Tensor<D>) -> Tensor<D> {
     let dims = x.dims();
     let ones = Tensor::ones([dims[D - 1]], &x.device());
-    layer_norm(x, ones, None, EPSILON)
+    layer_norm(x, ones, None, NORM_EPSILON)
 }
 
 impl RelationalAttention {
-    /// Source features [M, h], normed as this layer wants them. Sources that do not change (a map, earlier steps) can be normed once.
+    /// Applies this layer's source norm to source features [M, h]. Constant sources (a map, earlier
+    /// steps) need this only once.
     pub fn sources(&self, features: Tensor<2>) -> Tensor<2> {
         self.attn_prenorm_x_src.forward(features)
     }
 
-    /// New features of the destinations.
+    /// Returns the new features of the destinations.
     ///
     /// - `destinations`: [N, h], raw; `sources`: [M, h], from [`RelationalAttention::sources`].
-    /// - `neighbors`: up to K sources for each destination. A destination without one keeps to its own transform.
-    /// - `relations`: [N, K, r], the vector of each slot. If the layer was made with `relation_norm` they must have been
-    ///   [`normalize`]d, else not.
+    /// - `neighbors`: up to K sources for each destination. A destination without sources uses only
+    ///   its own transform.
+    /// - `relations`: [N, K, r], one vector per slot. They must be [`normalize`]d if and only if
+    ///   the layer has `relation_norm`.
     pub fn forward(
         &self,
         destinations: Tensor<2>,
@@ -122,7 +129,7 @@ impl RelationalAttention {
         self.forward_with(destinations, sources, neighbors, &Relations::new(relations), noise)
     }
 
-    /// As [`RelationalAttention::forward`], with relations that several layers share.
+    /// Like [`RelationalAttention::forward`], with relations that several layers share.
     pub fn forward_with(
         &self,
         destinations: Tensor<2>,
@@ -141,7 +148,8 @@ impl RelationalAttention {
         x + self.ff_postnorm.forward(ff)
     }
 
-    /// What comes in from the neighbours: [N, heads · head_dim], exactly 0 where there is none.
+    /// Returns the messages from the neighbours, [N, heads · head_dim]; exactly 0 for a destination
+    /// without neighbours.
     fn attend(
         &self,
         own: Tensor<2>,
@@ -159,26 +167,28 @@ impl RelationalAttention {
         let (key_r, value_r) = (self.folded(&self.to_k_r), self.folded(&self.to_v_r));
         let to_sources = query.clone().matmul(self.keys(self.to_k.weight.val())).swap_dims(0, 1);
         let to_relations = query.matmul(self.keys(key_r)).swap_dims(0, 1);
-        let near = Near::new(sources, neighbors);
-        let scores =
-            near.scores(to_sources) + to_relations.matmul(relations.columns.clone()) + neighbors.closed();
+        let slot_sources = SlotSources::new(sources, neighbors);
+        let scores = slot_sources.scores(to_sources)
+            + to_relations.matmul(relations.columns.clone())
+            + neighbors.closed();
         let weights = noise.drop(softmax(scores, 2), self.dropout);
 
-        let of_sources = near.sum(weights.clone()).swap_dims(0, 1);
+        let of_sources = slot_sources.sum(weights.clone()).swap_dims(0, 1);
         let of_relations = weights.clone().matmul(relations.rows.clone()).swap_dims(0, 1);
         let message = of_sources.matmul(self.values(self.to_v.weight.val()))
             + of_relations.matmul(self.values(value_r));
         let message = message.swap_dims(0, 1);
         let bias = self.value_bias(&message.device()).reshape([1, heads, self.head_dim]);
         let message = if noise.active() {
-            message + bias * weights.sum_dim(2) // Weights that were dropped do not sum to 1.
+            message + bias * weights.sum_dim(2) // After dropout the weights do not sum to 1.
         } else {
             message + bias
         };
         message.reshape([count, width]) * neighbors.any()
     }
 
-    /// The weights of a relation's projection [r, a] with the gain of its norm.
+    /// Returns the weights [r, a] of a relation projection, multiplied by the gain of the relation
+    /// norm.
     fn folded(&self, projection: &Linear) -> Tensor<2> {
         match &self.attn_prenorm_r {
             Some(norm) => projection.weight.val() * norm.gamma.val().unsqueeze_dim::<2>(1),
@@ -186,19 +196,20 @@ impl RelationalAttention {
         }
     }
 
-    /// [in, a] to [heads, head_dim, in]: what turns queries into vectors that inputs are compared with.
+    /// Reshapes key weights from [in, a] to [heads, head_dim, in], to project queries into input
+    /// space.
     fn keys(&self, weight: Tensor<2>) -> Tensor<3> {
         let inputs = weight.dims()[0];
         weight.reshape([inputs, self.heads, self.head_dim]).permute([1, 2, 0])
     }
 
-    /// [in, a] to [heads, in, head_dim].
+    /// Reshapes value weights from [in, a] to [heads, in, head_dim].
     fn values(&self, weight: Tensor<2>) -> Tensor<3> {
         let inputs = weight.dims()[0];
         weight.reshape([inputs, self.heads, self.head_dim]).swap_dims(0, 1)
     }
 
-    /// [a]: what every neighbour's value has in common.
+    /// Returns the bias [a] that the values of all neighbours have in common.
     fn value_bias(&self, device: &Device) -> Tensor<1> {
         let mut sum = Tensor::zeros([self.heads * self.head_dim], device);
         for projection in [&self.to_v, &self.to_v_r] {
@@ -214,29 +225,30 @@ impl RelationalAttention {
     }
 }
 
-/// The sources of all slots.
-enum Near<'a> {
-    /// Gathered, [N, K, h]: for few neighbours of many.
+/// Sources of all slots.
+enum SlotSources<'a> {
+    /// Gathered per slot, [N, K, h]: used if each destination has few of many sources.
     Gathered(Tensor<3>),
-    /// All of them, [M, h], when most are neighbours of most: one large product and a gather of its results take less time than a gather
-    /// of features and many small products.
+    /// All sources, [M, h]: used if most are neighbours of most destinations. One large product and
+    /// a gather of its results take less time than a gather of features and many small products.
     All(Tensor<2>, &'a Neighbors),
 }
 
-impl<'a> Near<'a> {
+impl<'a> SlotSources<'a> {
     fn new(sources: Tensor<2>, neighbors: &'a Neighbors) -> Self {
-        // Not where rows are of a fixed length: what is computed for a scene must not depend on how many share the batch.
-        if !neighbors.is_fixed() && sources.dims()[0] <= DENSE * neighbors.slots() {
+        // Not with rows of fixed length: results for a scene must not depend on the number of
+        // scenes in the batch.
+        if !neighbors.is_fixed() && sources.dims()[0] <= DENSE_SOURCES_PER_SLOT * neighbors.slots() {
             Self::All(sources, neighbors)
         } else {
             Self::Gathered(neighbors.sources(sources))
         }
     }
 
-    /// What vectors [N, heads, h] and sources have in common, [N, heads, K].
+    /// Returns the products of vectors [N, heads, h] with the sources, [N, heads, K].
     fn scores(&self, vectors: Tensor<3>) -> Tensor<3> {
         match self {
-            Self::Gathered(near) => vectors.matmul(near.clone().swap_dims(1, 2)),
+            Self::Gathered(sources) => vectors.matmul(sources.clone().swap_dims(1, 2)),
             Self::All(sources, neighbors) => {
                 let [count, heads, width] = vectors.dims();
                 let table = sources.clone().matmul(vectors.reshape([count * heads, width]).transpose());
@@ -246,10 +258,10 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// Sums of sources with weights [N, heads, K], [N, heads, h].
+    /// Returns the sums of sources weighted by [N, heads, K], [N, heads, h].
     fn sum(&self, weights: Tensor<3>) -> Tensor<3> {
         match self {
-            Self::Gathered(near) => weights.matmul(near.clone()),
+            Self::Gathered(sources) => weights.matmul(sources.clone()),
             Self::All(sources, neighbors) => {
                 let [count, heads, _] = weights.dims();
                 let [all, width] = sources.dims();

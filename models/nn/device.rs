@@ -1,8 +1,8 @@
-//! Where networks run: the one file that chooses a backend.
+//! Device of the networks: the one file that selects a backend.
 
 use burn::tensor::Device;
 
-/// Name of the backend that [`device`] belongs to, as provenance states it.
+/// Returns the name of the backend of [`device`], as recorded in provenance.
 pub const fn backend() -> &'static str {
     if cfg!(feature = "cuda") {
         "cuda"
@@ -15,10 +15,11 @@ pub const fn backend() -> &'static str {
     }
 }
 
-/// The device of every network: the first of CUDA, wgpu, flex and ndarray that this program was built with.
+/// Returns the device of every network: the first of CUDA, wgpu, flex and ndarray that the program
+/// was built with.
 ///
-/// flex and ndarray are built without threads of their own: an operation gives the same bits whatever else runs, and the program
-/// shares work among threads by scenarios.
+/// flex and ndarray are built without threads of their own. An operation gives the same bits
+/// whatever else runs; the program distributes scenarios among threads.
 pub fn device() -> Device {
     #[cfg(feature = "cuda")]
     return Device::cuda(0);

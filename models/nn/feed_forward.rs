@@ -1,4 +1,4 @@
-//! The second half of an attention layer.
+//! Feed-forward half of an attention layer.
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -8,23 +8,24 @@ use serde::{Deserialize, Serialize};
 
 use super::{Initializer, Noise};
 
-/// Which feed-forward network a layer has.
+/// Type and width of a feed-forward network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeedForwardConfig {
-    /// Linear to this width, ReLU, linear (SMART, CATK: four times the width of the layer).
+    /// Linear to this hidden width, ReLU, linear (SMART, CATK: four times the width of the layer).
     Relu(usize),
     /// SwiGLU with this hidden width (TrajTok: see [`FeedForwardConfig::swiglu`]).
     SwiGlu(usize),
 }
 
 impl FeedForwardConfig {
-    /// SwiGLU that has about as many weights as a ReLU network of `hidden`: two thirds of it, rounded up to a multiple of 8.
+    /// Returns a SwiGLU network with about as many weights as a ReLU network of width `hidden`: two
+    /// thirds of that width, rounded up to a multiple of 8.
     pub fn swiglu(hidden: usize) -> Self {
         Self::SwiGlu((hidden * 2 / 3).next_multiple_of(8))
     }
 
-    /// The network for features of this width.
+    /// Builds the network for features of this width.
     pub fn init(self, width: usize, init: &mut Initializer) -> FeedForward {
         match self {
             Self::Relu(hidden) => FeedForward::Relu(ReluLayers {
@@ -45,7 +46,7 @@ impl FeedForwardConfig {
 pub enum FeedForward {
     /// Linear, ReLU, dropout, linear.
     Relu(ReluLayers),
-    /// A gate times a value, then linear; no dropout, as published.
+    /// Gate times value, then linear; no dropout, as published.
     SwiGlu(SwiGluLayers),
 }
 
@@ -64,7 +65,7 @@ pub struct SwiGluLayers {
 }
 
 impl FeedForward {
-    /// [N, width] to [N, width].
+    /// Maps [N, width] to [N, width].
     pub fn forward(&self, x: Tensor<2>, dropout: f64, noise: &mut Noise) -> Tensor<2> {
         match self {
             Self::Relu(layers) => layers.narrow.forward(noise.drop(relu(layers.wide.forward(x)), dropout)),

@@ -1,4 +1,4 @@
-//! Numbers as vectors: learned frequencies, one perceptron per number.
+//! Embedding of scalars: learned frequencies and one perceptron per scalar.
 
 use std::f32::consts::TAU;
 
@@ -10,21 +10,22 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::Initializer;
 use super::turns::cos_sin_rows;
 
-/// How many rows go through the layers at a time, so that what is between them stays in the processor's caches.
-const CHUNK: usize = 1024;
+/// Rows per pass through the layers, so that intermediate results stay in the processor's caches.
+const CHUNK_ROWS: usize = 1024;
 
-/// The Fourier embedding of the SMART family: every scalar u gives cos(2πfu) and sin(2πfu) for its own learned frequencies f, and u
-/// itself; a perceptron per scalar; the sum, with categorical vectors added, through norm, ReLU and a last linear layer.
+/// Fourier embedding of the SMART family. Every scalar u is expanded to cos(2πfu) and sin(2πfu) for
+/// its own learned frequencies f, and u itself, and passes its own perceptron. The sum of the
+/// results and of categorical vectors passes a norm, ReLU and a last linear layer.
 #[derive(Module, Debug)]
 pub struct FourierEmbedding {
-    /// [scalars, frequencies]
+    /// Shape [scalars, frequencies].
     freqs: Param<Tensor<2>>,
     mlps: Vec<ScalarLayers>,
     merge_norm: LayerNorm,
     merge: Linear,
 }
 
-/// What one scalar goes through: linear, layer norm, ReLU, linear.
+/// Layers for one scalar: linear, layer norm, ReLU, linear.
 #[derive(Module, Debug)]
 pub struct ScalarLayers {
     lift: Linear,
@@ -33,7 +34,8 @@ pub struct ScalarLayers {
 }
 
 impl FourierEmbedding {
-    /// For this many scalars, with this many frequencies each, into vectors of this width.
+    /// Builds an embedding of `scalars` scalars with `frequencies` frequencies each into vectors of
+    /// width `width`.
     pub fn init(scalars: usize, frequencies: usize, width: usize, init: &mut Initializer) -> Self {
         let layers = |init: &mut Initializer| ScalarLayers {
             lift: init.linear(2 * frequencies + 1, width, true),
@@ -48,10 +50,11 @@ impl FourierEmbedding {
         }
     }
 
-    /// Scalars [E, D] and, if there are any, the sum of the categorical vectors [E, width] to [E, width].
+    /// Embeds scalars [E, D], and the sum [E, width] of categorical vectors if there are any, into
+    /// [E, width].
     ///
     /// # Panics
-    /// If the scalars are not as many as the embedding was made for.
+    /// If the number of scalars differs from that of the embedding.
     pub fn forward(&self, scalars: Tensor<2>, categorical: Option<Tensor<2>>) -> Tensor<2> {
         let [rows, count] = scalars.dims();
         let [own, frequencies] = self.freqs.dims();
@@ -65,12 +68,13 @@ impl FourierEmbedding {
         self.embed_features(rows, features, categorical, &scalars.device())
     }
 
-    /// As [`FourierEmbedding::forward`], of scalars that are still on the host, row by row. Cosines and sines are worked out there, many
-    /// at a time, unless gradients are wanted or the device is another machine: the backends for processors ask the system's library for
-    /// one after the other, which takes longer than all products of the embedding.
+    /// Like [`FourierEmbedding::forward`], for scalars on the host, row by row. Cosines and sines
+    /// are computed on the host, many at a time, unless gradients are needed or the device is a
+    /// GPU: the CPU backends call the system's math library once per value, which takes longer than
+    /// all products of the embedding.
     ///
     /// # Panics
-    /// If the scalars are no whole rows of as many as the embedding was made for.
+    /// If the scalars are not whole rows of the embedding's number of scalars.
     pub fn forward_host(
         &self,
         scalars: &[f32],
@@ -86,14 +90,14 @@ impl FourierEmbedding {
         }
         let frequency: Vec<f32> = self.freqs.val().into_data().iter::<f32>().collect();
         let mut parts = Vec::new();
-        for (i, scalars) in scalars.chunks(CHUNK * count).enumerate() {
+        for (i, scalars) in scalars.chunks(CHUNK_ROWS * count).enumerate() {
             let rows = scalars.len() / count;
             let features = |d: usize| {
                 let own = scalars.iter().skip(d).step_by(count).copied();
                 let values = cos_sin_rows(own, &frequency[d * frequencies..][..frequencies]);
                 Tensor::from_data(TensorData::new(values, [rows, 2 * frequencies + 1]), device)
             };
-            let categorical = categorical.clone().map(|c| c.narrow(0, i * CHUNK, rows));
+            let categorical = categorical.clone().map(|c| c.narrow(0, i * CHUNK_ROWS, rows));
             parts.push(self.embed_features(rows, features, categorical, device));
         }
         match parts.len() {
@@ -122,7 +126,7 @@ impl FourierEmbedding {
         self.merge.forward(relu(self.merge_norm.forward(sum)))
     }
 
-    /// The width of its vectors.
+    /// Returns the width of the embedded vectors.
     pub fn width(&self) -> usize {
         self.merge.weight.dims()[1]
     }

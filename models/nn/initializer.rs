@@ -1,4 +1,4 @@
-//! Initial weights that are a function of a seed.
+//! Initial weights as a function of a seed.
 
 use burn::module::Param;
 use burn::nn::{Embedding, EmbeddingConfig, LayerNorm, LayerNormConfig, Linear};
@@ -8,8 +8,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use reactsim::geometry::math;
 
-/// Draws initial weights, one layer after the other, from one stream. burn's own initialisation is not used: its seed belongs to the
-/// whole process.
+/// Draws initial weights from one stream, layer by layer. burn's own initialization is not used
+/// because its seed is global to the process.
 #[derive(Debug)]
 pub struct Initializer {
     stream: ChaCha8Rng,
@@ -17,32 +17,34 @@ pub struct Initializer {
 }
 
 impl Initializer {
-    /// The stream of this seed; weights are made on this device. The same seed gives the same weights on every machine.
+    /// Starts the stream of this seed for weights on this device. The same seed gives the same
+    /// weights on every machine.
     pub fn new(seed: u64, device: &Device) -> Self {
         let mut name = Vec::from(b"reactsim weights");
         name.extend_from_slice(&seed.to_le_bytes());
         Self { stream: ChaCha8Rng::from_seed(*blake3::hash(&name).as_bytes()), device: device.clone() }
     }
 
-    /// Where the weights are.
+    /// Returns the device of the weights.
     pub fn device(&self) -> &Device {
         &self.device
     }
 
-    /// Between 0 (not included) and 1.
+    /// Draws a number between 0 (exclusive) and 1.
     fn unit(&mut self) -> f64 {
-        // 53 bits, moved by half a step so that 0, whose logarithm is not finite, cannot come.
+        // 53 bits, shifted by half a step so that 0, whose logarithm is not finite, cannot occur.
         ((self.stream.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
     }
 
-    /// Uniform between `-bound` and `bound`, in this shape.
+    /// Draws a tensor of this shape uniformly between `-bound` and `bound`.
     pub fn uniform<const D: usize>(&mut self, shape: [usize; D], bound: f64) -> Param<Tensor<D>> {
         let values =
             (0..shape.iter().product()).map(|_| ((2.0 * self.unit() - 1.0) * bound) as f32).collect();
         self.param(values, shape)
     }
 
-    /// Normal with mean 0 and this deviation, in this shape.
+    /// Draws a tensor of this shape from a normal distribution with mean 0 and this standard
+    /// deviation.
     pub fn normal<const D: usize>(&mut self, shape: [usize; D], deviation: f64) -> Param<Tensor<D>> {
         let draw = |_| {
             let radius = (-2.0 * math::ln(self.unit())).sqrt();
@@ -52,7 +54,7 @@ impl Initializer {
         self.param(values, shape)
     }
 
-    /// A linear layer: weights uniform after Glorot (bound √(6 / (in + out))), bias 0.
+    /// Builds a linear layer with uniform Glorot weights (bound √(6 / (in + out))) and bias 0.
     pub fn linear(&mut self, inputs: usize, outputs: usize, bias: bool) -> Linear {
         let bound = (6.0 / (inputs + outputs) as f64).sqrt();
         let weight = self.uniform([inputs, outputs], bound);
@@ -60,14 +62,14 @@ impl Initializer {
         Linear { weight, bias }
     }
 
-    /// A table of `rows` learned vectors, normal with deviation 0.02.
+    /// Builds a table of `rows` learned vectors, normally distributed with standard deviation 0.02.
     pub fn embedding(&mut self, rows: usize, width: usize) -> Embedding {
         let mut table = EmbeddingConfig::new(rows, width).init(&self.device);
         table.weight = self.normal([rows, width], 0.02);
         table
     }
 
-    /// A layer norm with gains 1 and biases 0, epsilon 1e-5.
+    /// Builds a layer norm with gain 1, bias 0 and epsilon 1e-5.
     pub fn norm(&self, width: usize) -> LayerNorm {
         LayerNormConfig::new(width).init(&self.device)
     }

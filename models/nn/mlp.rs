@@ -1,4 +1,4 @@
-//! The two small perceptrons of the SMART family (models: SMART, CATK, TrajTok).
+//! The two small perceptrons of the SMART family (SMART, CATK, TrajTok).
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
@@ -16,7 +16,7 @@ pub struct MlpLayer {
 }
 
 impl MlpLayer {
-    /// Widths of input, hidden layer and output.
+    /// Builds the layers with these widths of input, hidden layer and output.
     pub fn init(inputs: usize, hidden: usize, outputs: usize, init: &mut Initializer) -> Self {
         Self {
             hidden: init.linear(inputs, hidden, true),
@@ -25,13 +25,14 @@ impl MlpLayer {
         }
     }
 
-    /// [.., inputs] to [.., outputs].
+    /// Maps [.., inputs] to [.., outputs].
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
         self.output.forward(relu(self.hidden_norm.forward(self.hidden.forward(x))))
     }
 }
 
-/// Two times linear, layer norm and ReLU, then linear. The published networks have 128 as the first width, whatever the second.
+/// Linear, layer norm and ReLU twice, then linear. The first width is 128 in all published
+/// networks, independent of the second.
 #[derive(Module, Debug)]
 pub struct MlpEmbedding {
     first: Linear,
@@ -42,7 +43,8 @@ pub struct MlpEmbedding {
 }
 
 impl MlpEmbedding {
-    /// Widths of input, first layer, and of second layer and output.
+    /// Builds the layers with these widths of input and first layer; second layer and output have
+    /// width `outputs`.
     pub fn init(inputs: usize, first: usize, outputs: usize, init: &mut Initializer) -> Self {
         Self {
             first: init.linear(inputs, first, true),
@@ -53,7 +55,7 @@ impl MlpEmbedding {
         }
     }
 
-    /// [.., inputs] to [.., outputs].
+    /// Maps [.., inputs] to [.., outputs].
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
         let x = relu(self.first_norm.forward(self.first.forward(x)));
         let x = relu(self.second_norm.forward(self.second.forward(x)));

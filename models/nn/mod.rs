@@ -1,7 +1,8 @@
-//! Layers and tools that several networks share: where they run, how their weights are read, what they are built of.
+//! Layers and tools that several networks share: devices, weights files and building blocks.
 //!
-//! Everything here is a function of its inputs: initial weights come from a seed ([`Initializer`]), dropout from a stream that the
-//! caller names ([`Noise`]), and no layer asks for the time or draws numbers of its own.
+//! Everything here is a function of its inputs. Initial weights come from a seed ([`Initializer`])
+//! and dropout from a stream of the caller ([`Noise`]); no layer reads the time or draws its own
+//! random numbers.
 
 mod attention;
 mod device;

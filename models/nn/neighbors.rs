@@ -1,32 +1,35 @@
-//! Who attends to whom: lists of edges as rows of equal length.
+//! Neighbour lists of attention: edges as rows of equal length.
 
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
 
-/// For every one of N destinations up to K sources, the rest of the row closed. It is what a list of edges becomes so that attention is
-/// made of gathers and dense products.
+/// Up to K sources for each of N destinations; the remaining slots of a row are closed. A list of
+/// edges is converted to this form so that attention consists of gathers and dense products.
 #[derive(Clone, Debug)]
 pub struct Neighbors {
     destinations: usize,
     slots: usize,
-    /// Whether the length of rows was given, not found.
+    /// Whether the row length was given by the caller, not derived from edges.
     fixed: bool,
-    /// Row of the source of each slot, [N·K]; closed slots hold 0.
+    /// Row of the source of each slot, [N·K]; 0 for closed slots.
     source: Tensor<1, Int>,
-    /// Row of each slot in a table of all sources with all destinations, [N·K]: source · N + destination.
+    /// Row of each slot in a table of all pairs of sources and destinations, [N·K]: source · N +
+    /// destination.
     pair: Tensor<1, Int>,
-    /// Row of the edge of each slot in the list of edges, [N·K]; closed slots hold 0.
+    /// Row of the edge of each slot in the list of edges, [N·K]; 0 for closed slots.
     edge: Tensor<1, Int>,
-    /// Added to scores, [N, 1, K]: 0 where open, very negative where closed.
+    /// Offset added to scores, [N, 1, K]: 0 for open slots, very negative for closed ones.
     closed: Tensor<3>,
-    /// [N, 1]: 1 where a destination has a source, else 0.
+    /// 1 if a destination has a source, else 0; [N, 1].
     any: Tensor<2>,
 }
 
-/// Added to the score of a closed slot: the exponential of what is left of it is exactly 0 in f32.
-const CLOSED: f32 = -1e9;
+/// Offset added to the score of a closed slot, large enough that the exponential is exactly 0 in
+/// f32.
+const CLOSED_SCORE: f32 = -1e9;
 
 impl Neighbors {
-    /// From edges (source, destination) in any order; slots of a destination are in the order of its edges.
+    /// Builds rows from edges (source, destination) in any order; the slots of a destination follow
+    /// the order of its edges.
     ///
     /// # Panics
     /// If a destination is not below `destinations`, or the two lists differ in length.
@@ -39,7 +42,7 @@ impl Neighbors {
         let slots = degree.iter().copied().max().unwrap_or(0);
         let mut source = vec![0i32; destinations * slots];
         let mut edge = vec![0i32; destinations * slots];
-        let mut closed = vec![CLOSED; destinations * slots];
+        let mut closed = vec![CLOSED_SCORE; destinations * slots];
         let mut filled = vec![0usize; destinations];
         for (row, (&from, &to)) in sources.iter().zip(targets).enumerate() {
             let to = to as usize;
@@ -62,8 +65,8 @@ impl Neighbors {
         }
     }
 
-    /// From rows of equal length: sources [N, K] and which of them count (1 or 0) [N, K], row by row. Slots are edges: the relation of
-    /// slot k of destination n is row n·K + k.
+    /// Builds rows from row-major lists [N, K] of sources and of flags for open slots. Slots are
+    /// edges: the relation of slot k of destination n is row n·K + k.
     ///
     /// # Panics
     /// If the lengths are not N·K.
@@ -82,7 +85,7 @@ impl Neighbors {
         let any = (0..destinations)
             .map(|n| if open[n * slots..(n + 1) * slots].contains(&true) { 1.0f32 } else { 0.0 })
             .collect::<Vec<_>>();
-        let closed = open.iter().map(|&o| if o { 0.0 } else { CLOSED }).collect::<Vec<_>>();
+        let closed = open.iter().map(|&o| if o { 0.0 } else { CLOSED_SCORE }).collect::<Vec<_>>();
         let source: Vec<i32> =
             sources.iter().zip(open).map(|(&s, &o)| if o { s as i32 } else { 0 }).collect();
         Self {
@@ -97,27 +100,28 @@ impl Neighbors {
         }
     }
 
-    /// N: how many destinations there are.
+    /// Returns N, the number of destinations.
     pub fn destinations(&self) -> usize {
         self.destinations
     }
 
-    /// Whether rows are of a length that was given.
+    /// Returns whether the row length was given by the caller.
     pub(super) fn is_fixed(&self) -> bool {
         self.fixed
     }
 
-    /// K: the length of a row.
+    /// Returns K, the row length.
     pub fn slots(&self) -> usize {
         self.slots
     }
 
-    /// What each slot's edge has: [E, d] to [N, K, d]. Closed slots get the first edge's, which counts for nothing.
+    /// Gathers the edge vectors of all slots: [E, d] to [N, K, d]. Closed slots get the vector of
+    /// the first edge, which has no effect.
     pub fn relations(&self, edges: Tensor<2>) -> Tensor<3> {
         self.gather(edges, &self.edge)
     }
 
-    /// What each slot's source has: [M, h] to [N, K, h].
+    /// Gathers the source features of all slots: [M, h] to [N, K, h].
     pub fn sources(&self, nodes: Tensor<2>) -> Tensor<3> {
         self.gather(nodes, &self.source)
     }
@@ -130,13 +134,15 @@ impl Neighbors {
         rows.select(0, index.clone()).reshape([self.destinations, self.slots, width])
     }
 
-    /// What each slot has in a table of all sources with all destinations: [M·N, w] to [N, K, w].
+    /// Gathers the rows of all slots from a table of all pairs of sources and destinations: [M·N,
+    /// w] to [N, K, w].
     pub(super) fn pairs(&self, table: Tensor<2>) -> Tensor<3> {
         self.gather(table, &self.pair)
     }
 
-    /// The other way round: [N, K, w] to a table of `sources` · N rows that is 0 elsewhere. What closed slots hold is added to their
-    /// destination's pair with the first source.
+    /// Scatters [N, K, w] into a table of `sources` · N rows that is 0 elsewhere; the inverse of
+    /// [`Self::pairs`]. Values of closed slots are added to the pair of their destination and the
+    /// first source.
     pub(super) fn spread(&self, slots: Tensor<3>, sources: usize) -> Tensor<2> {
         let width = slots.dims()[2];
         let table = Tensor::zeros([sources * self.destinations, width], &slots.device());
@@ -144,12 +150,12 @@ impl Neighbors {
         table.select_assign(0, self.pair.clone(), rows, IndexingUpdateOp::Add)
     }
 
-    /// [N, 1, K]: to be added to scores.
+    /// Returns the offsets of scores, [N, 1, K].
     pub(super) fn closed(&self) -> Tensor<3> {
         self.closed.clone()
     }
 
-    /// [N, 1]: 1 where there is a source.
+    /// Returns 1 for destinations with a source, else 0; [N, 1].
     pub(super) fn any(&self) -> Tensor<2> {
         self.any.clone()
     }

@@ -1,9 +1,9 @@
-//! Which kind of processor networks run on: kinds differ in the last bits of products and exponentials.
+//! Processor class of the networks: classes differ in the last bits of products and exponentials.
 
-/// Class of the processor that this program runs on: for x86-64 its microarchitecture level (`x86_64`, `x86_64-v2`, `x86_64-v3`,
-/// `x86_64-v4`), otherwise the architecture, such as `aarch64`.
+/// Returns the class of the processor: for x86-64 its microarchitecture level (`x86_64`,
+/// `x86_64-v2`, `x86_64-v3`, `x86_64-v4`), otherwise the architecture, such as `aarch64`.
 ///
-/// On processors of one class, networks give the same bits on the same backend.
+/// Networks give the same bits on processors of one class with the same backend.
 pub fn cpu_class() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     return x86_64_level();
@@ -11,7 +11,7 @@ pub fn cpu_class() -> &'static str {
     return std::env::consts::ARCH;
 }
 
-/// The highest level of the x86-64 psABI all of whose instructions the processor has.
+/// Returns the highest level of the x86-64 psABI whose instructions the processor supports.
 #[cfg(target_arch = "x86_64")]
 fn x86_64_level() -> &'static str {
     macro_rules! has {

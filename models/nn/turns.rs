@@ -1,13 +1,14 @@
-//! Cosines and sines of many angles at a time, in turns instead of radians.
+//! Cosines and sines of many angles at a time, computed in turns instead of radians.
 
 use std::f32::consts::TAU;
 
 use reactsim::geometry::math;
 
-/// Above this many turns a quarter is no more told apart below.
-const MANY: f32 = 1_048_576.0;
+/// Number of turns above which f32 can no longer resolve quarter turns accurately enough for
+/// [`cos_sin`].
+const MAX_TURNS: f32 = 1_048_576.0;
 
-/// For every scalar u a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u.
+/// Returns, for every scalar u, a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u.
 pub(super) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequencies: &[f32]) -> Vec<f32> {
     let count = frequencies.len();
     let fastest = frequencies.iter().fold(0.0f32, |most, f| most.max(f.abs()));
@@ -17,7 +18,7 @@ pub(super) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequenc
         let (sines, last) = rest.split_at_mut(count);
         last[0] = u;
         let each = cosines.iter_mut().zip(sines).zip(frequencies);
-        if (u * fastest).abs() < MANY {
+        if (u * fastest).abs() < MAX_TURNS {
             each.for_each(|((cos, sin), f)| (*cos, *sin) = cos_sin(f * u));
         } else {
             each.for_each(|((cos, sin), f)| {
@@ -29,14 +30,16 @@ pub(super) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequenc
     rows
 }
 
-/// Cosine and sine of so many turns, fewer than [`MANY`]; to 2e-7. Without branches, so that a processor does several at once.
+/// Returns cosine and sine of `turns` turns, fewer than [`MAX_TURNS`], to 2e-7. It has no branches,
+/// so that a processor computes several at once.
 #[inline(always)]
 fn cos_sin(turns: f32) -> (f32, f32) {
-    // Adding 1.5 · 2²³ leaves no room for fractions: the last bits are the nearest whole number of quarter turns.
-    const WHOLE: f32 = 12_582_912.0;
-    let quarters = turns * 4.0 + WHOLE;
-    let angle = (turns - (quarters - WHOLE) * 0.25) * TAU;
-    // Taylor's series; the angle is at most π/4, so that what is left out is below 2e-9 and 3e-8.
+    // Adding 1.5 · 2²³ removes the fraction: the last bits are the nearest whole number of quarter
+    // turns.
+    const ROUNDING_OFFSET: f32 = 12_582_912.0;
+    let quarters = turns * 4.0 + ROUNDING_OFFSET;
+    let angle = (turns - (quarters - ROUNDING_OFFSET) * 0.25) * TAU;
+    // Taylor series; the angle is at most π/4, so the truncation errors are below 2e-9 and 3e-8.
     let square = angle * angle;
     let sin = angle
         * (1.0

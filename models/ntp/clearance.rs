@@ -1,47 +1,50 @@
-//! Whether a token leads into others.
+//! Clearance to other agents while a token is executed.
 
 use reactsim::geometry::{OrientedBox, Vec2, rounded_distance};
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
-/// Boxes are rounded as in the metrics (Waymo sim-agents convention).
-const ROUNDING: f64 = 0.7;
+/// Corner rounding of boxes, as a fraction, as in the metrics (Waymo sim-agents convention).
+const CORNER_ROUNDING: f64 = 0.7;
 
-/// Everybody as they stand at a frame, going on as they do.
+/// Boxes of all agents at a frame, extrapolated at constant velocity.
 #[derive(Debug)]
 pub(crate) struct Traffic {
-    going: Vec<Option<Going>>,
+    boxes: Vec<Option<MovingBox>>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Going {
+struct MovingBox {
     footprint: OrientedBox,
-    /// m/s.
+    /// Velocity, m/s.
     velocity: Vec2,
 }
 
 impl Traffic {
-    /// The agents at `frame` of their tracks. `av_next` is the AV one frame later, where the protocol shows it; slot 0 is the AV.
+    /// Builds the traffic at `frame` of the tracks. `av_next` is the AV one frame later, if the protocol
+    /// shows it; slot 0 is the AV.
     pub(crate) fn at(
         agents: &[Agent],
         tracks: &[Vec<Frame>],
         frame: usize,
         av_next: Option<AgentState>,
     ) -> Self {
-        let going = agents.iter().zip(tracks).enumerate().map(|(slot, (agent, track))| {
+        let boxes = agents.iter().zip(tracks).enumerate().map(|(slot, (agent, track))| {
             let state = track.get(frame).copied().flatten()?;
             let before = frame.checked_sub(1).and_then(|f| track[f]);
             let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
             let shown = av_next.filter(|_| slot == 0).map(|next| step(state, next));
             let velocity = shown.or(before.map(|b| step(b, state))).or(state.velocity());
-            Some(Going { footprint: state.footprint(agent), velocity: velocity.unwrap_or_default() })
+            Some(MovingBox { footprint: state.footprint(agent), velocity: velocity.unwrap_or_default() })
         });
-        Self { going: going.collect() }
+        Self { boxes: boxes.collect() }
     }
 
-    /// The least distance to others of an agent that takes `planned` for its next frames, while they go on as they do; metres, below 0 in
-    /// contact. Only those count to whom it comes nearer than it is: who overlaps another may leave. Infinite where nobody is near.
-    pub(crate) fn room(&self, slot: usize, agent: &Agent, planned: &[Frame]) -> f64 {
-        let Some(me) = self.going[slot] else { return f64::INFINITY };
+    /// Returns the smallest distance in metres to the other agents, below 0 in contact, if an agent
+    /// takes the states `planned` in its next frames and the others keep their velocities. Only
+    /// distances below the present one to the same agent count, so that overlapping agents can separate.
+    /// Infinite if no other agent is near.
+    pub(crate) fn clearance(&self, slot: usize, agent: &Agent, planned: &[Frame]) -> f64 {
+        let Some(me) = self.boxes[slot] else { return f64::INFINITY };
         let mut least = f64::INFINITY;
         for other in self.others(slot) {
             let reach = me.footprint.radius() + other.footprint.radius();
@@ -54,9 +57,10 @@ impl Traffic {
                     continue;
                 }
                 let there = OrientedBox { center, ..other.footprint };
-                let distance = rounded_distance(&state.footprint(agent), &there, ROUNDING);
-                let now =
-                    *now.get_or_insert_with(|| rounded_distance(&me.footprint, &other.footprint, ROUNDING));
+                let distance = rounded_distance(&state.footprint(agent), &there, CORNER_ROUNDING);
+                let now = *now.get_or_insert_with(|| {
+                    rounded_distance(&me.footprint, &other.footprint, CORNER_ROUNDING)
+                });
                 if distance < now {
                     least = least.min(distance);
                 }
@@ -65,8 +69,8 @@ impl Traffic {
         least
     }
 
-    fn others(&self, slot: usize) -> impl Iterator<Item = &Going> {
-        self.going.iter().enumerate().filter(move |(j, _)| *j != slot).filter_map(|(_, other)| other.as_ref())
+    fn others(&self, slot: usize) -> impl Iterator<Item = &MovingBox> {
+        self.boxes.iter().enumerate().filter(move |(j, _)| *j != slot).filter_map(|(_, other)| other.as_ref())
     }
 }
 
@@ -91,18 +95,19 @@ mod tests {
         vec![at(x - speed * DT), at(x)]
     }
 
-    fn straight(way: f64) -> TokenPoses {
+    fn straight(length: f64) -> TokenPoses {
         std::array::from_fn(|k| {
-            let x = way * k as f64 / TOKEN_FRAMES as f64;
+            let x = length * k as f64 / TOKEN_FRAMES as f64;
             Pose { position: Vec2::new(x, 0.0), ..ORIGIN }
         })
     }
 
-    /// Where the second car goes with tokens of these lengths, the other one in its way or not.
-    fn driven(tracks: &[Vec<Frame>], av_next: Option<AgentState>, ways: &[f64], clear: bool) -> f64 {
+    /// Returns how far the second car goes with tokens of these lengths, in metres, with or without
+    /// regard to the first car.
+    fn driven(tracks: &[Vec<Frame>], av_next: Option<AgentState>, lengths: &[f64], clear: bool) -> f64 {
         let agents = [car("a"), car("b")];
         let traffic = clear.then(|| Traffic::at(&agents, tracks, NOW, av_next));
-        let tokens: Vec<TokenPoses> = ways.iter().map(|way| straight(*way)).collect();
+        let tokens: Vec<TokenPoses> = lengths.iter().map(|length| straight(*length)).collect();
         let mut own = tracks[1].clone();
         let from = own[NOW].unwrap().x;
         Executor::new(false).execute_clear(
@@ -119,20 +124,20 @@ mod tests {
 
     #[test]
     fn the_likeliest_token_that_keeps_clear_is_driven() {
-        // A gap of 1 m to a car that stands.
+        // A gap of 1 m to a stationary car.
         let tracks = [track(5.0, 0.0), track(0.0, 2.0)];
         assert_eq!(driven(&tracks, None, &[1.5, 1.0, 0.5, 0.2], false), 1.5);
         assert_eq!(driven(&tracks, None, &[1.5, 1.0, 0.5, 0.2], true), 0.5);
         assert_eq!(driven(&tracks, None, &[0.2, 0.5], true), 0.2);
-        assert_eq!(driven(&tracks, None, &[1.5, 1.0], true), 0.0, "stands where no token does");
-        // It drives away, or will have, as far as is shown.
+        assert_eq!(driven(&tracks, None, &[1.5, 1.0], true), 0.0, "stands still if no token keeps clear");
+        // The other car drives away, or does so in its next frame that is shown.
         assert_eq!(driven(&[track(5.0, 4.0), track(0.0, 2.0)], None, &[1.5], true), 1.5);
         let leaving = AgentState { x: 5.4, y: 0.0, heading: 0.0, vx: 4.0, vy: 0.0 };
         assert_eq!(driven(&tracks, Some(leaving), &[1.5], true), 1.5);
     }
 
     #[test]
-    fn who_overlaps_another_may_leave() {
+    fn an_overlapping_agent_can_leave() {
         let tracks = [track(3.0, 0.0), track(0.0, 0.0)];
         assert_eq!(driven(&tracks, None, &[1.0, -1.0], true), -1.0);
         assert_eq!(driven(&tracks, None, &[-1.0, 1.0], true), -1.0);
@@ -140,8 +145,8 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_keeps_clear_the_farthest_is_driven() {
-        // Somebody comes from behind, faster than any token.
+    fn the_largest_clearance_wins_if_nothing_keeps_clear() {
+        // A car approaches from behind, faster than any token.
         let tracks = [track(-4.5, 8.0), track(0.0, 2.0)];
         assert_eq!(driven(&tracks, None, &[0.5, 2.0, 1.0], true), 2.0);
     }

@@ -7,22 +7,22 @@ use reactsim::rollout::Controller;
 use super::reactive::{Policy, ReactiveSimulator};
 use super::smart::{SmartPolicy, SmartSimulator};
 
-/// Ours, with vehicles inside kinematic limits.
+/// Our network, with vehicles within kinematic limits.
 pub(in crate::models) const REACTIVE: Baseline =
     entry("ntp-reactive", include_str!("cards/reactive.toml"), reactive);
 
-/// Ours, with vehicles that jump as tokens do.
+/// Our network, with tokens executed exactly.
 pub(in crate::models) const REACTIVE_RAW: Baseline =
     entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), reactive);
 
-/// The published network, with tokens as they are.
+/// The published network, with tokens executed exactly.
 pub(in crate::models) const SMART: Baseline = entry("smart", include_str!("cards/smart.toml"), smart);
 
-/// The published network, with vehicles inside kinematic limits.
+/// The published network, with vehicles within kinematic limits.
 pub(in crate::models) const SMART_PROJECTED: Baseline =
     entry("smart-projected", include_str!("cards/smart_projected.toml"), smart);
 
-/// A network's baseline: fair, and in need of weights.
+/// Returns the baseline of a network: not an oracle, and in need of weights.
 const fn entry(
     id: &'static str,
     card: &'static str,

@@ -1,4 +1,5 @@
-//! Next-token prediction: agents move by tokens of half a second, drawn from what a network thinks probable.
+//! Next-token prediction: agents move by tokens of half a second, drawn from the distribution that a
+//! network predicts.
 
 pub(super) mod entries;
 mod clearance;

@@ -1,17 +1,17 @@
-//! Which token is taken.
+//! Sampling of tokens.
 
 use rand::RngExt;
 use reactsim::geometry::math;
 use reactsim::rollout::Stream;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// How tokens are drawn from the network's distribution.
+/// Settings for drawing tokens from the network's distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
-    /// Only so many of the likeliest tokens are drawn from; 1 is greedy, 0 all.
+    /// Number of likeliest tokens to draw from; 1 is greedy, 0 means all.
     pub top_k: usize,
-    /// Logits are divided by this; above 0.
+    /// Temperature by which logits are divided; above 0.
     #[serde(deserialize_with = "above_zero")]
     pub temperature: f64,
 }
@@ -21,29 +21,32 @@ fn above_zero<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     if value > 0.0 && value.is_finite() {
         return Ok(value);
     }
-    Err(serde::de::Error::custom(format!("{value} is no temperature; expected a number above 0")))
+    Err(serde::de::Error::custom(format!("invalid temperature {value}; expected a number above 0")))
 }
 
-/// How tokens become motion: the parameters of the cards of this family.
+/// Settings for turning tokens into motion: the parameters on the cards of this family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Driving {
-    /// Whether vehicles drive tokens within the limits of the benchmark, or jump as tokens do.
+    /// Whether vehicles drive tokens within the limits of the benchmark; otherwise tokens are executed
+    /// exactly.
     pub projection: bool,
-    /// Whether a drawn token that leads into others gives way to a likely one that does not, or as it was drawn.
+    /// Whether a drawn token that leads too close to other agents is replaced by a likely one that does
+    /// not.
     pub keep_clear: bool,
-    /// How tokens are drawn.
+    /// Settings for drawing tokens.
     pub sampling: Sampling,
 }
 
 impl Sampling {
-    /// Draws a token. One number is drawn from the stream whatever the settings. `None` where a logit is no number.
+    /// Draws a token. One number is drawn from the stream whatever the settings. `None` if a logit is
+    /// NaN or +∞.
     pub(crate) fn draw(&self, logits: &[f32], stream: &mut Stream) -> Option<usize> {
         self.draw_first(logits, stream).map(|order| order[0])
     }
 
-    /// The tokens that can be drawn: first the one that is, then the others, the likeliest first. Of equal logits the lower index counts as
-    /// the likelier.
+    /// Returns the tokens that can be drawn: the drawn one first, then the others, likeliest first. Of
+    /// equal logits, the lower index counts as likelier. `None` as for [`Self::draw`].
     pub(crate) fn draw_first(&self, logits: &[f32], stream: &mut Stream) -> Option<Vec<usize>> {
         let u: f64 = stream.random();
         if logits.is_empty() || logits.iter().any(|l| l.is_nan() || *l == f32::INFINITY) {
@@ -92,8 +95,8 @@ mod tests {
     fn follows_the_distribution() {
         let logits = [2.0f32.ln(), 0.0, 5.0f32.ln(), 0.0];
         let all = shares(Sampling { top_k: 0, temperature: 1.0 }, &logits);
-        for (share, wanted) in all.iter().zip([2.0 / 9.0, 1.0 / 9.0, 5.0 / 9.0, 1.0 / 9.0]) {
-            assert!((share - wanted).abs() < 0.015, "{all:?}");
+        for (share, expected) in all.iter().zip([2.0 / 9.0, 1.0 / 9.0, 5.0 / 9.0, 1.0 / 9.0]) {
+            assert!((share - expected).abs() < 0.015, "{all:?}");
         }
         let two = shares(Sampling { top_k: 2, temperature: 1.0 }, &logits);
         assert!((two[2] - 5.0 / 7.0).abs() < 0.015 && two[1] == 0.0 && two[3] == 0.0, "{two:?}");
@@ -102,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn greedy_takes_the_first_of_the_likeliest() {
+    fn greedy_sampling_returns_the_first_likeliest_token() {
         let mut stream = stream(0, "sampling", 0, Purpose::Plan);
         let greedy = Sampling { top_k: 1, temperature: 1.0 };
         assert_eq!(greedy.draw(&[0.0, 3.0, 3.0, 1.0], &mut stream), Some(1));

@@ -1,38 +1,42 @@
-//! What is kept of an episode: the road in pieces, and each vehicle's way and LSTM state.
+//! Memory of an episode: the pieces of the road, and the route and LSTM state of each vehicle.
 
 use reactsim::scene::{AgentKind, CURRENT, Start};
 
 use super::Parameters;
 use super::network::HIDDEN;
-use super::road::Pieces;
+use super::road::RoadPieces;
 use super::route::Route;
 
 /// A vehicle that the network drives.
 #[derive(Debug)]
 pub(super) struct Vehicle {
+    /// Index of the agent.
     pub(super) agent: usize,
+    /// Length, metres.
     pub(super) length: f64,
     pub(super) route: Route,
-    /// m/s.
+    /// Speed limit, m/s.
     pub(super) limit: f64,
+    /// Hidden state of the LSTM.
     pub(super) hidden: Vec<f32>,
+    /// Cell state of the LSTM.
     pub(super) cell: Vec<f32>,
 }
 
-/// An episode.
+/// Memory of an episode.
 #[derive(Debug)]
-pub(super) struct Drive {
-    pub(super) road: Pieces,
-    /// In the order of the agents; the AV first.
+pub(super) struct EpisodeMemory {
+    pub(super) road: RoadPieces,
+    /// Vehicles in the order of the agents, the AV first.
     pub(super) vehicles: Vec<Vehicle>,
 }
 
-impl Drive {
+impl EpisodeMemory {
     pub(super) fn begin(start: &Start, parameters: &Parameters) -> Self {
         let vehicles = (0..start.agents.len()).filter_map(|agent| {
-            let what = &start.agents[agent];
+            let properties = &start.agents[agent];
             // The AV drives in the realism protocol, parked or not.
-            if what.kind != AgentKind::Vehicle {
+            if properties.kind != AgentKind::Vehicle {
                 return None;
             }
             let now = start.now(agent);
@@ -43,13 +47,14 @@ impl Drive {
             let speed = now.velocity().map_or(0.0, |v| v.norm());
             let limit = route.limit.unwrap_or(parameters.speed_limit).max(speed);
             let zeros = || vec![0.0; HIDDEN];
-            Some(Vehicle { agent, length: what.length, route, limit, hidden: zeros(), cell: zeros() })
+            Some(Vehicle { agent, length: properties.length, route, limit, hidden: zeros(), cell: zeros() })
         });
-        Self { vehicles: vehicles.collect(), road: Pieces::of(&start.map) }
+        Self { vehicles: vehicles.collect(), road: RoadPieces::of(&start.map) }
     }
 }
 
-/// Whether a vehicle stands beside the lanes or across them, and has not moved in the history.
+/// Returns whether a vehicle is parked: it has not moved in the history, and it is next to the lanes or
+/// at an angle to them.
 fn is_parked(start: &Start, agent: usize, route: &Route, parameters: &Parameters) -> bool {
     let bounds = &parameters.parked;
     let now = start.now(agent);

@@ -1,7 +1,8 @@
-//! PufferDrive 2.0: a policy that others trained by self-play, as a simulator.
+//! PufferDrive 2.0: an externally trained self-play policy as a simulator.
 //!
-//! The network acts every 0.1 s. A plan of n steps is n steps of its own environment: the vehicles that it drives move by their actions
-//! and see one another do so; the AV goes on from its next state, if that is known, at its velocity, as everybody else does.
+//! The network acts every 0.1 s. A plan of n steps is n steps of its own environment. The vehicles that
+//! it drives move by their actions and observe each other's motion. All other agents keep their
+//! velocity; so does the AV, after its next state, if that is known.
 
 mod memory;
 mod motion;
@@ -20,7 +21,7 @@ use reactsim::rollout::{Controller, Episode, Memory, PlanError, Simulator, Strea
 use reactsim::scene::{AgentKind, Start};
 use serde::Deserialize;
 
-use self::memory::{Drive, Vehicle};
+use self::memory::{EpisodeMemory, Vehicle};
 use self::motion::{Body, actions, keeps_limit};
 use self::network::{ACTIONS, EGO, HIDDEN, Network, PARTNER, ROAD, Recurrent};
 use self::world::World;
@@ -34,7 +35,7 @@ pub(super) const ENTRY: Baseline = Baseline {
     make,
 };
 
-/// What the card sets.
+/// Parameters of the card.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
@@ -44,13 +45,13 @@ struct Parameters {
     goal_nearest: f64,
     goal_farthest: f64,
     speed_limit: f64,
-    parked: Parked,
+    parked: ParkedCriteria,
 }
 
-/// What counts as parked.
+/// Criteria by which a standing vehicle counts as parked.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Parked {
+struct ParkedCriteria {
     travel: f64,
     speed: f64,
     offset: f64,
@@ -66,7 +67,7 @@ fn make(setup: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(PufferDrive { parameters, network, device })))
 }
 
-/// Vehicles driven by the network.
+/// Simulator whose vehicles are driven by the network.
 #[derive(Debug)]
 pub struct PufferDrive {
     parameters: Parameters,
@@ -75,18 +76,20 @@ pub struct PufferDrive {
 }
 
 /// A vehicle in the course of one plan.
-struct Driven {
-    /// Index in the batch.
+struct DrivenVehicle {
+    /// Index of the episode in the batch.
     episode: usize,
     /// Index among the vehicles that the episode's memory holds.
     vehicle: usize,
+    /// Index of the agent.
     agent: usize,
+    /// Planned poses so far.
     path: Vec<Pose>,
 }
 
 impl Simulator for PufferDrive {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
-        Memory::new(Drive::begin(start, &self.parameters))
+        Memory::new(EpisodeMemory::begin(start, &self.parameters))
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
@@ -94,7 +97,7 @@ impl Simulator for PufferDrive {
         let mut driven = Vec::new();
         for (index, episode) in batch.iter_mut().enumerate() {
             let (seen, moves_av) = (episode.seen, episode.moves_av);
-            let Some(drive) = episode.memory.get::<Drive>() else {
+            let Some(drive) = episode.memory.get::<EpisodeMemory>() else {
                 episode.error = Some(PlanError::ForeignMemory(ENTRY.id));
                 worlds.push(World::now(&seen, |_| true));
                 continue;
@@ -106,16 +109,16 @@ impl Simulator for PufferDrive {
             worlds.push(World::now(&seen, stays));
             for agent in usize::from(!moves_av)..episode.plan.agents() {
                 if let (Some(vehicle), Some(_)) = (vehicle(agent), seen.state(agent)) {
-                    driven.push(Driven { episode: index, vehicle, agent, path: Vec::new() });
+                    driven.push(DrivenVehicle { episode: index, vehicle, agent, path: Vec::new() });
                 }
             }
         }
         // All episodes of a batch are planned for the same number of steps.
         let steps = batch.iter().map(|e| e.plan.steps()).max().unwrap_or(0);
-        let mut kept = self.recall(batch, &driven);
+        let mut states = self.load_states(batch, &driven);
         for step in 0..steps {
             let logits;
-            (logits, kept) = self.look(batch, &worlds, &driven, kept);
+            (logits, states) = self.run_network(batch, &worlds, &driven, states);
             let mut moves = vec![Vec::new(); batch.len()];
             for (one, logits) in driven.iter_mut().zip(logits.chunks_exact(ACTIONS)) {
                 let world = &worlds[one.episode];
@@ -133,7 +136,7 @@ impl Simulator for PufferDrive {
                 }
             }
         }
-        keep(batch, &driven, kept);
+        store_states(batch, &driven, states);
         if self.parameters.projection {
             project(batch, &driven);
         }
@@ -142,8 +145,8 @@ impl Simulator for PufferDrive {
 }
 
 impl PufferDrive {
-    /// The LSTM states of the vehicles.
-    fn recall(&self, batch: &mut [Episode<'_>], driven: &[Driven]) -> Recurrent {
+    /// Returns the LSTM states of the vehicles.
+    fn load_states(&self, batch: &mut [Episode<'_>], driven: &[DrivenVehicle]) -> Recurrent {
         let (mut hidden, mut cell) = (Vec::new(), Vec::new());
         for one in driven {
             if let Some(vehicle) = vehicle(batch, one) {
@@ -156,17 +159,18 @@ impl PufferDrive {
         Recurrent { hidden: tensor(hidden), cell: tensor(cell) }
     }
 
-    /// What the network says to what every vehicle sees: [`ACTIONS`] logits for each.
-    fn look(
+    /// Runs the network on the observations of all vehicles: [`ACTIONS`] logits for each, and the next
+    /// LSTM states.
+    fn run_network(
         &self,
         batch: &mut [Episode<'_>],
         worlds: &[World],
-        driven: &[Driven],
-        kept: Recurrent,
+        driven: &[DrivenVehicle],
+        states: Recurrent,
     ) -> (Vec<f32>, Recurrent) {
         let n = driven.len();
         if n == 0 {
-            return (Vec::new(), kept);
+            return (Vec::new(), states);
         }
         let (road_size, partners_size) = (road::ROWS * ROAD, world::ROWS * PARTNER);
         let mut ego = vec![0.0; n * EGO];
@@ -177,7 +181,7 @@ impl PufferDrive {
         for (one, ((ego, road), partners)) in driven.iter().zip(rows) {
             let world = &worlds[one.episode];
             let Some(body) = world.body(one.agent) else { continue };
-            let Some(drive) = batch[one.episode].memory.get::<Drive>() else { continue };
+            let Some(drive) = batch[one.episode].memory.get::<EpisodeMemory>() else { continue };
             let Parameters { goal_seconds, goal_nearest, goal_farthest, .. } = self.parameters;
             let distance = (body.speed * goal_seconds).min(goal_farthest).max(goal_nearest);
             let goal = drive.vehicles[one.vehicle].route.ahead(body.pose.position, distance);
@@ -192,29 +196,30 @@ impl PufferDrive {
             Tensor::from_data(flat(ego), &self.device),
             table(road, road::ROWS, ROAD),
             table(partners, world::ROWS, PARTNER),
-            kept,
+            states,
         );
         (output.logits.into_data().iter::<f32>().collect(), output.next)
     }
 
-    /// Where a vehicle comes to by the action that it takes; `None` where there is none, which is noted.
+    /// Returns a vehicle after the action that it takes; `None` if it is absent, or if the network
+    /// output is not finite, which is an error of the episode.
     fn act(
         &self,
         episode: &mut Episode<'_>,
         world: &World,
-        one: &mut Driven,
+        one: &mut DrivenVehicle,
         logits: &[f32],
     ) -> Option<Body> {
         let body = world.body(one.agent)?;
         if logits.iter().any(|l| !l.is_finite()) {
             let text = format!(
-                "the network has no answer for agent `{}`",
+                "the network output for agent `{}` is not finite",
                 episode.seen.start().agents[one.agent].id
             );
             episode.error.get_or_insert(PlanError::Failed(text));
             return None;
         }
-        let vehicle = &episode.memory.get::<Drive>()?.vehicles[one.vehicle];
+        let vehicle = &episode.memory.get::<EpisodeMemory>()?.vehicles[one.vehicle];
         let (limit, length) = (vehicle.limit, vehicle.length);
         let allowed: Vec<usize> = actions().filter(|&a| keeps_limit(a, body.speed, limit)).collect();
         let best =
@@ -226,7 +231,7 @@ impl PufferDrive {
     }
 }
 
-/// Draws one of the allowed actions, each as probable as the network thinks it among them.
+/// Draws one of the allowed actions by its probability among them.
 fn draw(allowed: &[usize], logits: &[f32], best: usize, stream: &mut Stream) -> usize {
     let weight = |a: usize| math::exp(f64::from(logits[a]) - f64::from(logits[best]));
     let mut left = stream.random::<f64>() * allowed.iter().map(|&a| weight(a)).sum::<f64>();
@@ -239,14 +244,14 @@ fn draw(allowed: &[usize], logits: &[f32], best: usize, stream: &mut Stream) -> 
     best
 }
 
-fn vehicle<'a>(batch: &'a mut [Episode<'_>], one: &Driven) -> Option<&'a mut Vehicle> {
-    batch[one.episode].memory.get::<Drive>()?.vehicles.get_mut(one.vehicle)
+fn vehicle<'a>(batch: &'a mut [Episode<'_>], one: &DrivenVehicle) -> Option<&'a mut Vehicle> {
+    batch[one.episode].memory.get::<EpisodeMemory>()?.vehicles.get_mut(one.vehicle)
 }
 
-/// Keeps the LSTM states for the next plan.
-fn keep(batch: &mut [Episode<'_>], driven: &[Driven], kept: Recurrent) {
+/// Stores the LSTM states for the next plan.
+fn store_states(batch: &mut [Episode<'_>], driven: &[DrivenVehicle], states: Recurrent) {
     let values = |tensor: Tensor<2>| tensor.into_data().iter::<f32>().collect::<Vec<f32>>();
-    let (hidden, cell) = (values(kept.hidden), values(kept.cell));
+    let (hidden, cell) = (values(states.hidden), values(states.cell));
     let states = hidden.chunks_exact(HIDDEN).zip(cell.chunks_exact(HIDDEN));
     for (one, (hidden, cell)) in driven.iter().zip(states) {
         if let Some(vehicle) = vehicle(batch, one) {
@@ -256,18 +261,19 @@ fn keep(batch: &mut [Episode<'_>], driven: &[Driven], kept: Recurrent) {
     }
 }
 
-/// Drives the planned poses within the limits of the metrics. The environment's vehicles turn about their rear end.
-fn project(batch: &mut [Episode<'_>], driven: &[Driven]) {
+/// Drives the planned poses within the limits of the metrics. The environment's vehicles turn about
+/// their rear end.
+fn project(batch: &mut [Episode<'_>], driven: &[DrivenVehicle]) {
     let mut tracker = Tracker::new(Ability::of_vehicle(0.0));
-    let mut made = Vec::new();
+    let mut moves = Vec::new();
     for one in driven {
         let Some(length) = vehicle(batch, one).map(|v| v.length) else { continue };
         let episode = &mut batch[one.episode];
         let Some(now) = Moving::after(episode.seen.track(one.agent)) else { continue };
         tracker.set_ability(Ability::of_vehicle(0.5 * length));
-        tracker.track(now, &one.path, &mut made);
+        tracker.track(now, &one.path, &mut moves);
         let mut from = now.pose.position;
-        for (step, moving) in made.iter().enumerate().take(episode.plan.steps()) {
+        for (step, moving) in moves.iter().enumerate().take(episode.plan.steps()) {
             episode.plan.set(one.agent, step, Some(moving.state(from)));
             from = moving.pose.position;
         }

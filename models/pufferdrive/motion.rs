@@ -6,36 +6,37 @@ use reactsim::scene::DT;
 
 use super::network::ACTIONS;
 
-/// Steering angles of the joint actions: from -1 to 1 rad.
+/// Number of steering angles of the joint actions, from -1 to 1 rad.
 const STEERING: usize = 13;
 
-/// A vehicle as the policy's environment moves it.
+/// State of a vehicle in the policy's environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Body {
     pub(super) pose: Pose,
-    /// m/s, negative backwards.
+    /// Speed, m/s, negative backwards.
     pub(super) speed: f64,
 }
 
-/// What a joint action asks for: acceleration (m/s²) and steering (rad).
+/// Returns the acceleration (m/s²) and the steering angle (rad) of a joint action.
 pub(super) fn action(index: usize) -> (f64, f64) {
     let (acceleration, steering) = (index / STEERING, index % STEERING);
     (4.0 * (acceleration as f64 - 3.0) / 3.0, (steering as f64 - 6.0) / 6.0)
 }
 
-/// Whether an action keeps below a speed limit or comes nearer to it.
+/// Returns whether an action keeps the speed below a limit or brings it closer to the limit.
 pub(super) fn keeps_limit(index: usize, speed: f64, limit: f64) -> bool {
     let (acceleration, _) = action(index);
     acceleration <= 0.0 && speed <= limit || acceleration < 0.0 || speed + acceleration * DT <= limit
 }
 
-/// The actions, in order.
+/// Returns all actions in order.
 pub(super) fn actions() -> std::ops::Range<usize> {
     0..ACTIONS
 }
 
 impl Body {
-    /// After one step of 0.1 s; `length` is the vehicle's, which the model takes for its wheelbase.
+    /// Returns the vehicle after one step of 0.1 s; `length` is its length, which the model uses as
+    /// wheelbase.
     pub(super) fn moved(&self, index: usize, length: f64) -> Self {
         let (acceleration, steering) = action(index);
         let speed = self.speed + acceleration * DT;

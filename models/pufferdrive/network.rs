@@ -1,4 +1,5 @@
-//! The network of PufferDrive 2.0: three encoders of rows, an LSTM cell, a policy over joint actions and a value.
+//! The network of PufferDrive 2.0: three encoders of rows, an LSTM cell, a policy over joint actions,
+//! and a value.
 
 use burn::module::{Module, Param};
 use burn::nn::{Gelu, LayerNorm, Linear};
@@ -7,23 +8,24 @@ use burn::tensor::{Device, Tensor};
 
 use crate::models::nn::Initializer;
 
-/// Numbers that describe the vehicle itself.
+/// Number of features of the vehicle itself.
 pub const EGO: usize = 7;
-/// Numbers that describe a partner.
+/// Number of features of a partner.
 pub const PARTNER: usize = 7;
-/// Numbers that describe a piece of the road, its type one-hot.
+/// Number of features of a piece of the road, its type one-hot.
 pub const ROAD: usize = 13;
 /// Width of the LSTM.
 pub const HIDDEN: usize = 256;
-/// Joint actions: 7 accelerations times 13 steering angles.
+/// Number of joint actions: 7 accelerations times 13 steering angles.
 pub const ACTIONS: usize = 91;
 
-const CODE: usize = 64;
+/// Width of the encoders.
+const ENCODER_WIDTH: usize = 64;
 
-/// Linear, layer norm, linear, with nothing between.
+/// Linear layer, layer norm, linear layer, with nothing in between.
 type Encoder = (Linear, LayerNorm, Linear);
 
-/// The network. Fields are named as in the file.
+/// The network. Field names are the tensor names of the file.
 #[derive(Module, Debug)]
 pub struct Network {
     policy: Policy,
@@ -49,7 +51,7 @@ struct Lstm {
     bias_hh_l0: Param<Tensor<1>>,
 }
 
-/// What the LSTM keeps, each [vehicles, [`HIDDEN`]].
+/// State of the LSTM, each tensor [vehicles, [`HIDDEN`]].
 #[derive(Clone, Debug)]
 pub struct Recurrent {
     /// Hidden state.
@@ -58,22 +60,27 @@ pub struct Recurrent {
     pub cell: Tensor<2>,
 }
 
-/// What the network says.
+/// Output of the network.
 #[derive(Clone, Debug)]
 pub struct Output {
     /// Logits of the joint actions, [vehicles, [`ACTIONS`]].
     pub logits: Tensor<2>,
     /// Values, [vehicles, 1].
     pub value: Tensor<2>,
-    /// What the LSTM keeps for the next step.
+    /// State of the LSTM for the next step.
     pub next: Recurrent,
 }
 
 impl Network {
-    /// A network with weights from a stream, to be replaced by those of a file.
+    /// Creates a network with random weights, to be replaced by those of a file.
     pub fn init(init: &mut Initializer, device: &Device) -> Self {
-        let mut encoder =
-            |inputs| (init.linear(inputs, CODE, true), init.norm(CODE), init.linear(CODE, CODE, true));
+        let mut encoder = |inputs| {
+            (
+                init.linear(inputs, ENCODER_WIDTH, true),
+                init.norm(ENCODER_WIDTH),
+                init.linear(ENCODER_WIDTH, ENCODER_WIDTH, true),
+            )
+        };
         let (ego_encoder, road_encoder, partner_encoder) = (encoder(EGO), encoder(ROAD), encoder(PARTNER));
         let weight = || Param::from_tensor(Tensor::zeros([4 * HIDDEN, HIDDEN], device));
         let bias = || Param::from_tensor(Tensor::zeros([4 * HIDDEN], device));
@@ -82,7 +89,7 @@ impl Network {
                 ego_encoder,
                 road_encoder,
                 partner_encoder,
-                shared_embedding: (Gelu::new(), init.linear(3 * CODE, HIDDEN, true)),
+                shared_embedding: (Gelu::new(), init.linear(3 * ENCODER_WIDTH, HIDDEN, true)),
                 actor: init.linear(HIDDEN, ACTIONS, true),
                 value_fn: init.linear(HIDDEN, 1, true),
             },
@@ -95,16 +102,17 @@ impl Network {
         }
     }
 
-    /// One step of 0.1 s for every vehicle: `ego` [vehicles, [`EGO`]], `road` [vehicles, rows, [`ROAD`]], `partners` [vehicles, rows,
-    /// [`PARTNER`]]. Unused rows are zero and count all the same.
-    pub fn forward(&self, ego: Tensor<2>, road: Tensor<3>, partners: Tensor<3>, kept: Recurrent) -> Output {
+    /// Runs one step of 0.1 s for every vehicle: `ego` [vehicles, [`EGO`]], `road` [vehicles, rows,
+    /// [`ROAD`]], `partners` [vehicles, rows, [`PARTNER`]]. Unused rows are zero and count all the
+    /// same.
+    pub fn forward(&self, ego: Tensor<2>, road: Tensor<3>, partners: Tensor<3>, state: Recurrent) -> Output {
         let policy = &self.policy;
         let ego = encode(&policy.ego_encoder, ego);
         let road = encode(&policy.road_encoder, road).max_dim(1).squeeze_dim(1);
         let partners = encode(&policy.partner_encoder, partners).max_dim(1).squeeze_dim(1);
         let joined = Tensor::cat(vec![ego, road, partners], 1);
         let (gelu, linear) = &policy.shared_embedding;
-        let next = self.lstm.forward(relu(linear.forward(gelu.forward(joined))), kept);
+        let next = self.lstm.forward(relu(linear.forward(gelu.forward(joined))), state);
         Output {
             logits: policy.actor.forward(next.hidden.clone()),
             value: policy.value_fn.forward(next.hidden.clone()),
@@ -118,13 +126,13 @@ fn encode<const D: usize>((first, norm, second): &Encoder, x: Tensor<D>) -> Tens
 }
 
 impl Lstm {
-    fn forward(&self, x: Tensor<2>, kept: Recurrent) -> Recurrent {
+    fn forward(&self, x: Tensor<2>, state: Recurrent) -> Recurrent {
         let from_input = x.matmul(self.weight_ih_l0.val().transpose());
-        let from_hidden = kept.hidden.matmul(self.weight_hh_l0.val().transpose());
+        let from_hidden = state.hidden.matmul(self.weight_hh_l0.val().transpose());
         let bias = self.bias_ih_l0.val() + self.bias_hh_l0.val();
         let gates = from_input + from_hidden + bias.unsqueeze();
         let gate = |i: usize| gates.clone().narrow(1, i * HIDDEN, HIDDEN);
-        let cell = sigmoid(gate(1)) * kept.cell + sigmoid(gate(0)) * gate(2).tanh();
+        let cell = sigmoid(gate(1)) * state.cell + sigmoid(gate(0)) * gate(2).tanh();
         Recurrent { hidden: sigmoid(gate(3)) * cell.clone().tanh(), cell }
     }
 }

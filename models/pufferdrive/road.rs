@@ -1,4 +1,4 @@
-//! The road as the policy sees it: straight pieces of lanes, lines and edges, by cells of 5 m.
+//! The road as the policy observes it: straight pieces of lanes, lines and edges, in cells of 5 m.
 
 use reactsim::geometry::{Bounds, Grid, Vec2};
 use reactsim::scene::RoadMap;
@@ -6,44 +6,50 @@ use reactsim::scene::RoadMap;
 use super::network::ROAD;
 use crate::models::ntp::tokens::edge_rings;
 
-/// Rows for pieces of the road.
+/// Number of rows for pieces of the road.
 pub(super) const ROWS: usize = 200;
 /// Side of a cell, metres.
 const CELL: f64 = 5.0;
-/// Cells that are looked at on each side of the vehicle's own.
+/// Number of observed cells on each side of the vehicle's own cell.
 const SIDE: i32 = 10;
-/// Corners of lines are dropped while the triangle with their neighbours is smaller, m².
-const CORNER: f64 = 0.1;
-/// Longer pieces are cut, metres: where lines are exactly straight no corner would be left.
-const LONGEST: f64 = 20.0;
-/// Half of the width that every piece is said to have, in the units of its row.
-const WIDTH: f32 = 0.001;
-/// First of the entries that tell the type.
-const TYPE: usize = 6;
+/// Area in m² of the triangle of a corner and its neighbours below which the corner is dropped.
+const MIN_CORNER_AREA: f64 = 0.1;
+/// Length in metres above which pieces are cut: exactly straight lines would lose all their corners.
+const MAX_PIECE_LENGTH: f64 = 20.0;
+/// Half width of every piece, in the units of its row.
+const HALF_WIDTH: f32 = 0.001;
+/// First entry of the one-hot type.
+const FIRST_TYPE: usize = 6;
 
-/// Types of pieces, as in the row.
+/// Type of lane pieces.
 const LANE: usize = 0;
+/// Type of painted lines.
 const LINE: usize = 1;
+/// Type of road edges.
 const EDGE: usize = 2;
 
+/// A straight piece of the road.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     middle: Vec2,
+    /// Unit vector along the piece.
     direction: Vec2,
+    /// Half length, metres.
     half: f64,
+    /// Type: [`LANE`], [`LINE`] or [`EDGE`].
     kind: usize,
 }
 
 /// The pieces of a map.
 #[derive(Debug)]
-pub(super) struct Pieces {
+pub(super) struct RoadPieces {
     pieces: Vec<Piece>,
     grid: Grid,
-    /// Ways from the own cell to the others, nearest ring first.
+    /// Offsets from the vehicle's own cell to the others, nearest ring first, metres.
     around: Vec<Vec2>,
 }
 
-impl Pieces {
+impl RoadPieces {
     pub(super) fn of(map: &RoadMap) -> Self {
         let mut pieces = Vec::new();
         for lane in &map.lanes {
@@ -55,7 +61,7 @@ impl Pieces {
         for edge in &map.road_edges {
             cut(&edge.points, EDGE, &mut pieces);
         }
-        // Maps that have no edges have drivable ground.
+        // Maps without edges have drivable areas.
         if map.road_edges.is_empty() {
             for (ring, _) in edge_rings(map) {
                 cut(&ring, EDGE, &mut pieces);
@@ -65,13 +71,14 @@ impl Pieces {
         let mut around: Vec<(i32, i32)> =
             (-SIDE..=SIDE).flat_map(|i| (-SIDE..=SIDE).map(move |j| (i, j))).collect();
         around.sort_by_key(|(i, j)| (i.abs().max(j.abs()), *i, *j));
-        let way = |(i, j): (i32, i32)| Vec2::new(f64::from(i), f64::from(j)) * CELL;
-        Self { grid: Grid::new(&bounds, CELL), pieces, around: around.into_iter().map(way).collect() }
+        let offset = |(i, j): (i32, i32)| Vec2::new(f64::from(i), f64::from(j)) * CELL;
+        Self { grid: Grid::new(&bounds, CELL), pieces, around: around.into_iter().map(offset).collect() }
     }
 
-    /// Fills [`ROWS`] rows of [`ROAD`] numbers, which are zero before, with the pieces around a vehicle. Unused rows are of the first type.
+    /// Fills [`ROWS`] rows of [`ROAD`] numbers with the pieces around a vehicle. The rows must be zero
+    /// before; unused ones get the first type.
     pub(super) fn fill(&self, position: Vec2, ahead: Vec2, rows: &mut [f32]) {
-        let found = self.around.iter().flat_map(|way| self.grid.at(position + way)).take(ROWS);
+        let found = self.around.iter().flat_map(|offset| self.grid.at(position + offset)).take(ROWS);
         let mut used = 0;
         for (row, &index) in rows.chunks_exact_mut(ROAD).zip(found) {
             let piece = self.pieces[index as usize];
@@ -79,14 +86,14 @@ impl Pieces {
             row[0] = (ahead.dot(&to) * 0.02) as f32;
             row[1] = (ahead.perp(&to) * 0.02) as f32;
             row[2] = (piece.half / 100.0) as f32;
-            row[3] = WIDTH;
+            row[3] = HALF_WIDTH;
             row[4] = ahead.dot(&piece.direction) as f32;
             row[5] = ahead.perp(&piece.direction) as f32;
-            row[TYPE + piece.kind] = 1.0;
+            row[FIRST_TYPE + piece.kind] = 1.0;
             used += 1;
         }
         for row in rows.chunks_exact_mut(ROAD).skip(used) {
-            row[TYPE] = 1.0;
+            row[FIRST_TYPE] = 1.0;
         }
     }
 }
@@ -97,19 +104,19 @@ fn cut(points: &[Vec2], kind: usize, pieces: &mut Vec<Piece>) {
     let mut from = first;
     for (i, &to) in rest.iter().enumerate() {
         if let Some(&next) = rest.get(i + 1)
-            && 0.5 * (to - from).perp(&(next - from)).abs() < CORNER
-            && (next - from).norm() < LONGEST
+            && 0.5 * (to - from).perp(&(next - from)).abs() < MIN_CORNER_AREA
+            && (next - from).norm() < MAX_PIECE_LENGTH
         {
             continue;
         }
-        let way = to - from;
-        let length = way.norm();
+        let chord = to - from;
+        let length = chord.norm();
         if length > 0.0 {
-            let count = (length / LONGEST).ceil().max(1.0);
-            let part = way / count;
+            let count = (length / MAX_PIECE_LENGTH).ceil().max(1.0);
+            let part = chord / count;
             for k in 0..count as usize {
                 let middle = from + part * (k as f64 + 0.5);
-                pieces.push(Piece { middle, direction: way / length, half: 0.5 * length / count, kind });
+                pieces.push(Piece { middle, direction: chord / length, half: 0.5 * length / count, kind });
             }
         }
         from = to;
@@ -150,7 +157,7 @@ mod tests {
             holes: Vec::new(),
         };
         let area = Some(vec![surface(0.0, 30.0), surface(20.0, 50.0)]);
-        let pieces = Pieces::of(&RoadMap { drivable_area: area, ..RoadMap::default() }).pieces;
+        let pieces = RoadPieces::of(&RoadMap { drivable_area: area, ..RoadMap::default() }).pieces;
         assert!(!pieces.is_empty());
         for piece in &pieces {
             let inward = piece.middle + left(piece.direction);

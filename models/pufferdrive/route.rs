@@ -1,51 +1,52 @@
-//! Where the policy is to go: along the lane, never to where the log went.
+//! Routes from which the policy's goals are taken: along the lane, never towards the log's destination.
 
 use reactsim::geometry::{Polyline, Vec2, direction, wrap};
 use reactsim::scene::{LaneClass, Road};
 
-/// How far the way is laid out, metres: 8 s at more than 35 m/s.
-const REACH: f64 = 300.0;
-/// Lanes whose centre line is farther away are not the vehicle's, metres.
-const BESIDE: f64 = 3.2;
-/// Lanes at a larger angle are not the vehicle's, rad.
-const ANGLE: f64 = 1.0;
-/// Metres of offset that an angle of 1 rad is worth in the choice of the lane.
+/// Length of a route, metres: 8 s at more than 35 m/s.
+const ROUTE_LENGTH: f64 = 300.0;
+/// Largest distance of a vehicle from the centre line of its lane, metres.
+const MAX_OFFSET: f64 = 3.2;
+/// Largest angle of a vehicle to its lane, rad.
+const MAX_ANGLE: f64 = 1.0;
+/// Cost of an angle in the choice of the lane, metres of offset per rad.
 const ANGLE_COST: f64 = 2.0;
-/// Branches are told apart so far beyond their beginning, metres.
-const TELLING: f64 = 20.0;
-/// No way has more lanes.
-const MOST_LANES: usize = 64;
+/// Distance beyond its beginning at which the direction of a branch is measured, metres.
+const BRANCH_SAMPLE_DISTANCE: f64 = 20.0;
+/// Largest number of lanes of a route.
+const MAX_LANES: usize = 64;
 
-/// The way of a vehicle.
+/// Route of a vehicle.
 #[derive(Clone, Debug)]
 pub(super) struct Route {
     line: Polyline,
-    /// The segment where the vehicle was seen last.
+    /// Segment where the vehicle was observed last.
     segment: usize,
-    /// The speed limit of its first lane, m/s.
+    /// Speed limit of its first lane, m/s.
     pub(super) limit: Option<f64>,
-    /// How far the vehicle stands from the centre line, metres, and at which angle to it, rad; `None` off the lanes.
+    /// Initial distance to the centre line, metres, and angle to it, rad; `None` off the lanes.
     pub(super) offset: Option<(f64, f64)>,
 }
 
 impl Route {
-    /// The way from a place: along the lane there, straight on at branches; straight ahead off the lanes.
+    /// Returns the route from a position: along the lane there, straight on at branches; straight ahead
+    /// off the lanes.
     pub(super) fn from(road: &Road<'_>, position: Vec2, heading: f64) -> Self {
         let mut hits = Vec::new();
-        road.lanes_near(position, BESIDE, &mut hits);
+        road.lanes_near(position, MAX_OFFSET, &mut hits);
         let angle =
             |lane: usize, segment: usize| wrap(road.lane(lane).baseline.heading(segment) - heading).abs();
         let usable = hits.iter().filter(|h| road.lane(h.lane).class != LaneClass::Bike);
         let near = usable.filter_map(|h| {
             let angle = angle(h.lane, h.projection.segment);
-            (angle < ANGLE).then_some((h.projection.distance + ANGLE_COST * angle, angle, h))
+            (angle < MAX_ANGLE).then_some((h.projection.distance + ANGLE_COST * angle, angle, h))
         });
         let Some((_, angle, hit)) = near.min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return Self { line: ray(position, heading), segment: 0, limit: None, offset: None };
         };
         let mut chain = vec![hit.lane];
         let mut length = road.lane(hit.lane).baseline.length() - hit.projection.s;
-        while length < REACH && chain.len() < MOST_LANES {
+        while length < ROUTE_LENGTH && chain.len() < MAX_LANES {
             let Some(next) = straight_on(road, chain[chain.len() - 1]) else { break };
             length += road.lane(next).baseline.length();
             chain.push(next);
@@ -57,7 +58,7 @@ impl Route {
         Self { line, segment: hit.projection.segment, limit, offset: Some((hit.projection.distance, angle)) }
     }
 
-    /// The point so many metres ahead; past its end the way goes on straight.
+    /// Returns the point `distance` metres ahead; the route continues straight beyond its end.
     pub(super) fn ahead(&mut self, position: Vec2, distance: f64) -> Vec2 {
         let nearest = self.line.project_between(position, self.segment.saturating_sub(10), self.segment + 60);
         self.segment = nearest.segment;
@@ -72,18 +73,18 @@ impl Route {
     }
 }
 
-/// The successor that turns least.
+/// Returns the successor that turns least.
 fn straight_on(road: &Road<'_>, lane: usize) -> Option<usize> {
     let line = &road.lane(lane).baseline;
     let heading = line.heading(line.segments() - 1);
     let usable = road.lane(lane).successors.iter().filter(|&&l| road.lane(l).class != LaneClass::Bike);
-    let turn = |l: usize| wrap(road.lane(l).baseline.heading_at(TELLING) - heading).abs();
+    let turn = |l: usize| wrap(road.lane(l).baseline.heading_at(BRANCH_SAMPLE_DISTANCE) - heading).abs();
     usable.copied().min_by(|&a, &b| turn(a).total_cmp(&turn(b)))
 }
 
 fn ray(position: Vec2, heading: f64) -> Polyline {
-    let ahead = direction(heading) * REACH;
-    // So far out that a few hundred metres are lost in rounding there is no way.
-    let nowhere = |_| Polyline::new(&[Vec2::zeros(), Vec2::new(REACH, 0.0)]);
+    let ahead = direction(heading) * ROUTE_LENGTH;
+    // At coordinates so large that a few hundred metres are lost in rounding there is no route.
+    let nowhere = |_| Polyline::new(&[Vec2::zeros(), Vec2::new(ROUTE_LENGTH, 0.0)]);
     Polyline::new(&[position, position + ahead]).or_else(nowhere).expect("two points that lie apart")
 }

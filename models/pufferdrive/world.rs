@@ -1,4 +1,4 @@
-//! The world of one episode as the policy's environment has it: everybody now, and everybody in a moment.
+//! State of one episode in the policy's environment: all agents now, and during a plan.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, direction};
@@ -8,75 +8,76 @@ use reactsim::scene::{AgentState, DT};
 use super::motion::Body;
 use super::network::{EGO, PARTNER};
 
-/// Rows for partners.
+/// Number of rows for partners.
 pub(super) const ROWS: usize = 63;
-/// Partners farther away are not seen, metres.
+/// Distance in metres within which partners are observed.
 const SIGHT: f64 = 50.0;
 
-/// One who is there.
+/// A present agent.
 #[derive(Clone, Copy, Debug)]
-struct Being {
+struct PresentAgent {
     body: Body,
     velocity: Vec2,
     length: f64,
     width: f64,
 }
 
-/// Everybody at one instant, by agent.
+/// All agents at one instant, by index.
 #[derive(Clone, Debug)]
 pub(super) struct World {
-    beings: Vec<Option<Being>>,
+    agents: Vec<Option<PresentAgent>>,
 }
 
 impl World {
-    /// Everybody as realised. Whoever `stays` stands from now on.
+    /// Takes all agents as realised. Agents for which `stays` is true stand from now on.
     pub(super) fn now(seen: &Observation<'_>, stays: impl Fn(usize) -> bool) -> Self {
         let agents = &seen.start().agents;
-        let being = |(i, agent): (usize, &reactsim::scene::Agent)| {
+        let agent_state = |(i, agent): (usize, &reactsim::scene::Agent)| {
             let state = seen.state(i)?;
             let velocity = if stays(i) { Vec2::zeros() } else { state.velocity().unwrap_or_default() };
             let speed = velocity.norm().copysign(velocity.dot(&direction(state.heading)));
             let pose = Pose::from(state);
             let body = Body { pose, speed };
-            Some(Being { body, velocity, length: agent.length, width: agent.width })
+            Some(PresentAgent { body, velocity, length: agent.length, width: agent.width })
         };
-        Self { beings: agents.iter().enumerate().map(being).collect() }
+        Self { agents: agents.iter().enumerate().map(agent_state).collect() }
     }
 
-    /// Where an agent is, `None` where it is absent.
+    /// Returns the state of an agent; `None` if it is absent.
     pub(super) fn body(&self, agent: usize) -> Option<Body> {
-        self.beings[agent].map(|b| b.body)
+        self.agents[agent].map(|b| b.body)
     }
 
-    /// Everybody 0.1 s later: those that drive where they have come to (`driven`, by agent), the AV where it is known to come, the others at
-    /// their velocities.
+    /// Advances all agents by 0.1 s: those in `driven` (by agent index) to the given states, the AV to
+    /// its next state if known, the others at their velocities.
     pub(super) fn advance(&mut self, driven: &[(usize, Body)], av: Option<AgentState>) {
-        for (i, being) in self.beings.iter_mut().enumerate() {
-            let Some(being) = being else { continue };
+        for (i, agent_state) in self.agents.iter_mut().enumerate() {
+            let Some(agent_state) = agent_state else { continue };
             if let Some((_, body)) = driven.iter().find(|(agent, _)| *agent == i) {
-                being.velocity = (body.pose.position - being.body.pose.position) / DT;
-                being.body = *body;
+                agent_state.velocity = (body.pose.position - agent_state.body.pose.position) / DT;
+                agent_state.body = *body;
             } else if let (0, Some(next)) = (i, av) {
                 let pose = Pose::from(next);
-                being.velocity = (pose.position - being.body.pose.position) / DT;
-                let along = being.velocity.dot(&direction(next.heading));
-                being.body = Body { pose, speed: being.velocity.norm().copysign(along) };
+                agent_state.velocity = (pose.position - agent_state.body.pose.position) / DT;
+                let along = agent_state.velocity.dot(&direction(next.heading));
+                agent_state.body = Body { pose, speed: agent_state.velocity.norm().copysign(along) };
             } else {
-                being.body.pose.position += being.velocity * DT;
+                agent_state.body.pose.position += agent_state.velocity * DT;
             }
         }
     }
 
-    /// The state of an agent, where it is.
+    /// Returns the state of an agent for a plan; `None` if it is absent.
     pub(super) fn state(&self, agent: usize) -> Option<AgentState> {
-        let Being { body, velocity, .. } = self.beings[agent]?;
+        let PresentAgent { body, velocity, .. } = self.agents[agent]?;
         let Pose { position, heading } = body.pose;
         Some(AgentState { x: position.x, y: position.y, heading, vx: velocity.x, vy: velocity.y })
     }
 
-    /// Fills the rows of a vehicle that makes for `goal`, which are zero before: its own, and those of its partners.
+    /// Fills the rows of a vehicle that heads for `goal`: its own, and those of its partners. The rows
+    /// must be zero before.
     pub(super) fn fill(&self, agent: usize, goal: Vec2, ego: &mut [f32], partners: &mut [f32]) {
-        let Some(own) = self.beings[agent] else { return };
+        let Some(own) = self.agents[agent] else { return };
         let Pose { position, heading } = own.body.pose;
         let ahead = direction(heading);
         let to = goal - position;
@@ -90,7 +91,7 @@ impl World {
             0.0,
         ];
         write(&numbers, ego);
-        let others = self.beings.iter().enumerate().filter(|(i, _)| *i != agent).filter_map(|(_, b)| *b);
+        let others = self.agents.iter().enumerate().filter(|(i, _)| *i != agent).filter_map(|(_, b)| *b);
         let near = others.filter(|b| (b.body.pose.position - position).norm() < SIGHT);
         for (row, other) in partners.chunks_exact_mut(PARTNER).zip(near) {
             let to = other.body.pose.position - position;

@@ -1,78 +1,85 @@
-//! The path: a quadratic program over curvatures, linearised about the path that was found last.
+//! Path planning: a quadratic program over curvatures, linearised about the previous path.
 //!
-//! The curvature of the rear axle's path is linear between knots; the first one is what the wheel is at now. Where the box centre comes
-//! to lie aside of a station is linear in small changes of the curvatures: turns add up to headings, headings to ways aside. The path is
-//! driven exactly with what is found, and linearised anew where it moved much.
+//! The curvature of the rear axle's path is linear between knots; its first value is the present
+//! curvature. The lateral position of the box centre at a station is linear in small changes of the
+//! curvatures: turns add up to headings, and headings to lateral offsets. The path is driven exactly
+//! with the solution, and linearised again where it moved much.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Polyline, Vec2, left};
 
+use super::path::{Path, STATIONS};
 use super::program::{CONTROLS, Controls, Pattern, Program, Quadratic, Solve};
 use super::settings::Settings;
-use super::way::{STATIONS, Way};
 
-/// Stations at which the curvature is a control; at station 0 it is known.
+/// Stations at which the curvature is a control. At station 0 the curvature is given.
 const KNOTS: [usize; CONTROLS] = [1, 2, 4, 6, 9, 12, 16, 20, 25, 30];
-/// Stations at which the sides are kept.
-pub(super) const SIDES: usize = STATIONS / 2;
-/// Errors that cost as much as one another: of the acceleration across, m/s², and of its change, m/s³.
+/// Number of stations with lateral bounds: every second one.
+pub(super) const LATERAL_BOUNDS: usize = STATIONS / 2;
+/// Lateral acceleration, in m/s², that costs as much as a lateral jerk of [`JERK_SCALE`].
 const ACCELERATION_SCALE: f64 = 9.0;
+/// Lateral jerk, in m/s³, that costs as much as a lateral acceleration of [`ACCELERATION_SCALE`].
 const JERK_SCALE: f64 = 12.0;
-/// Slower vehicles are taken to be so fast, m/s: otherwise bends would cost nothing.
-const SLOWEST: f64 = 4.0;
-/// Penalty of a metre aside.
-const PENALTY: f64 = 150.0;
-/// A path that moved less than this is not linearised anew, metres.
-const SETTLED: f64 = 0.25;
-/// Times that a path is linearised.
-const ROUNDS: usize = 4;
-/// Largest change of the curvature per second and per metre, 1/m.
-const STEERING_SPEED: f64 = 0.4;
-const STEERING_RATE: f64 = 0.25;
+/// Smallest speed, in m/s, at which comfort is judged: at lower speeds bends would cost nothing.
+const MIN_COMFORT_SPEED: f64 = 4.0;
+/// Penalty per metre by which a lateral bound is exceeded.
+const BOUND_PENALTY: f64 = 150.0;
+/// Displacement in metres below which the path is not linearised again.
+const CONVERGED_SHIFT: f64 = 0.25;
+/// Largest number of linearisations.
+const MAX_ROUNDS: usize = 4;
+/// Largest change of the curvature per second, 1/(m s).
+const MAX_CURVATURE_SPEED: f64 = 0.4;
+/// Largest change of the curvature per metre of path, 1/m².
+const MAX_CURVATURE_RATE: f64 = 0.25;
 
-/// How far the box centre may go aside of a station, metres, left positive: the least and the most.
-pub(super) type Sides = [(f64, f64); SIDES];
+/// Smallest and largest lateral offset of the box centre at each bounded station, metres, left
+/// positive.
+pub(super) type LateralBounds = [(f64, f64); LATERAL_BOUNDS];
 
-/// The station whose sides these are.
-pub(super) fn station_of_side(side: usize) -> usize {
+/// Returns the station of a lateral bound.
+pub(super) fn station_of_bound(side: usize) -> usize {
     2 * side + 2
 }
 
-/// What a path has to do.
-pub(super) struct Course<'a> {
+/// Input of the path program.
+pub(super) struct PathProblem<'a> {
     pub(super) from: Pose,
-    /// How far the rear axle lies behind the centre, metres.
+    /// Distance from the rear axle forward to the box centre, metres.
     pub(super) rear: f64,
-    /// Curvature now, 1/m; `None` for one that may be chosen (a vehicle that stands).
+    /// Present curvature, 1/m; `None` if it is free (a vehicle at standstill).
     pub(super) curvature: Option<f64>,
     /// Present speed, m/s.
     pub(super) speed: f64,
-    /// What is followed by the box centre.
+    /// Line that the box centre follows.
     pub(super) guide: &'a Polyline,
     /// Length of the path, metres.
     pub(super) reach: f64,
-    /// How uncertain the guide is at each station, metres.
+    /// Lateral standard deviation of the guide at each station, metres.
     pub(super) sigma: &'a [f64; STATIONS + 1],
 }
 
-/// A path, and how it was found.
-pub(super) struct Laid {
-    pub(super) way: Way,
+/// Solution of the path program.
+pub(super) struct PathSolution {
+    pub(super) path: Path,
     pub(super) solve: Solve,
-    /// How often it was minimised.
+    /// Number of programs minimised.
     pub(super) programs: u64,
-    /// Iterations of every time that the solver was needed.
+    /// Solver iterations, one entry per program that needed the solver.
     pub(super) iterations: Vec<u32>,
 }
 
-pub(super) struct Bends {
+/// The path program and its limits.
+pub(super) struct PathProgram {
     program: Program,
-    limit: f64,
-    lateral: f64,
+    /// Largest curvature, 1/m.
+    max_curvature: f64,
+    /// Largest lateral acceleration, m/s².
+    max_lateral_acceleration: f64,
 }
 
-impl Bends {
-    /// `None` where the solver refuses the pattern.
+impl PathProgram {
+    /// Creates the program; `None` if the solver rejects its pattern.
     pub(super) fn new(settings: &Settings) -> Option<Self> {
         let mut patterns = Vec::new();
         for i in 0..CONTROLS {
@@ -82,47 +89,55 @@ impl Bends {
             let controls = i.saturating_sub(1)..i + 1;
             patterns.extend([controls.clone(), controls].map(|controls| Pattern { controls, slack: None }));
         }
-        for side in 0..SIDES {
-            let station = station_of_side(side);
+        for side in 0..LATERAL_BOUNDS {
+            let station = station_of_bound(side);
             let last = KNOTS.partition_point(|&knot| knot < station).min(CONTROLS - 1);
             let controls = 0..last + 1;
             patterns
                 .extend([controls.clone(), controls].map(|controls| Pattern { controls, slack: Some(0) }));
         }
-        let program = Program::new(patterns, vec![PENALTY])?;
-        Some(Self { program, limit: settings.curvature, lateral: settings.lateral_acceleration })
+        let program = Program::new(patterns, vec![BOUND_PENALTY])?;
+        Some(Self {
+            program,
+            max_curvature: settings.curvature,
+            max_lateral_acceleration: settings.lateral_acceleration,
+        })
     }
 
-    /// Lays a path along the guide; `sides` says how far aside of the stations of a path it may go.
-    pub(super) fn lay(&mut self, course: &Course<'_>, mut sides: impl FnMut(&Way) -> Sides) -> Laid {
-        let spacing = course.reach / STATIONS as f64;
-        let (mut controls, start) = self.pursue(course, spacing);
-        let course = Course { curvature: Some(start), ..*course };
-        let limits = self.limits(&course, spacing, start);
-        let scale = 10.0 / (course.reach * course.reach);
-        let mut way = drive(&course, spacing, start, &controls);
-        let mut laid = (Solve::ClosedForm, Vec::new());
+    /// Plans a path along the guide. `sides` returns the lateral bounds at the stations of a path.
+    pub(super) fn plan(
+        &mut self,
+        problem: &PathProblem<'_>,
+        mut sides: impl FnMut(&Path) -> LateralBounds,
+    ) -> PathSolution {
+        let spacing = problem.reach / STATIONS as f64;
+        let (mut controls, start) = self.pursue(problem, spacing);
+        let problem = PathProblem { curvature: Some(start), ..*problem };
+        let limits = self.limits(&problem, spacing, start);
+        let scale = 10.0 / (problem.reach * problem.reach);
+        let mut path = drive(&problem, spacing, start, &controls);
+        let mut outcome = (Solve::ClosedForm, Vec::new());
         let mut programs = 0;
         let mut narrowed = false;
-        for round in 0..ROUNDS {
-            let gains = gains(&way, course.rear);
-            let errors = errors(&way, course.guide);
-            let asides = sides(&way);
-            // A path that was pushed aside is not let go of again.
-            narrowed |= asides.iter().any(|s| s.0 > -1e3 || s.1 < 1e3);
-            let speed = course.speed.max(SLOWEST);
+        for round in 0..MAX_ROUNDS {
+            let gains = gains(&path, problem.rear);
+            let errors = errors(&path, problem.guide);
+            let bounds = sides(&path);
+            // If bounds narrow the path, the first round never counts as converged.
+            narrowed |= bounds.iter().any(|s| s.0 > -1e3 || s.1 < 1e3);
+            let speed = problem.speed.max(MIN_COMFORT_SPEED);
             let mut cost = Quadratic::ZERO;
             let share = 1.0 / STATIONS as f64;
             for j in 1..=STATIONS {
                 let row = gains[j].map(|g| g * scale);
                 let now: f64 = gains[j].iter().zip(&controls).map(|(g, c)| g * c).sum();
-                cost.add(&row, errors[j] + now, share / (course.sigma[j] * course.sigma[j]));
+                cost.add(&row, errors[j] + now, share / (problem.sigma[j] * problem.sigma[j]));
             }
             self.comfort(&mut cost, speed, spacing, start, scale);
-            self.bound(&limits, spacing, start, scale, course.speed);
+            self.bound(&limits, spacing, start, scale, problem.speed);
             let mut row = 4 * CONTROLS;
-            for (side, (low, high)) in asides.into_iter().enumerate() {
-                let j = station_of_side(side);
+            for (side, (low, high)) in bounds.into_iter().enumerate() {
+                let j = station_of_bound(side);
                 let values = gains[j].map(|g| g * scale);
                 let now: f64 = gains[j].iter().zip(&controls).map(|(g, c)| g * c).sum();
                 self.program.set(row, &values, high + now);
@@ -130,44 +145,45 @@ impl Bends {
                 row += 2;
             }
             programs += 1;
-            let found = match cost.minimum() {
+            let solution = match cost.minimum() {
                 Some(free) => self.program.solve(&cost, &free),
                 None => self.program.solve_by_solver(&cost),
             };
-            if found.iterations > 0 {
-                laid.1.push(found.iterations);
+            if solution.iterations > 0 {
+                outcome.1.push(solution.iterations);
             }
-            laid.0 = laid.0.max(found.solve);
-            if found.solve == Solve::Failed {
+            outcome.0 = outcome.0.max(solution.solve);
+            if solution.solve == Solve::Failed {
                 break;
             }
-            controls = std::array::from_fn(|i| (found.controls[i] * scale).clamp(-limits[i], limits[i]));
-            let next = drive(&course, spacing, start, &controls);
+            controls = std::array::from_fn(|i| (solution.controls[i] * scale).clamp(-limits[i], limits[i]));
+            let next = drive(&problem, spacing, start, &controls);
             let moved = (1..=STATIONS)
-                .map(|j| (next.stations[j].centre - way.stations[j].centre).norm())
+                .map(|j| (next.stations[j].centre - path.stations[j].centre).norm())
                 .fold(0.0_f64, f64::max);
-            way = next;
-            if moved < SETTLED && !(narrowed && round == 0) {
+            path = next;
+            if moved < CONVERGED_SHIFT && !(narrowed && round == 0) {
                 break;
             }
         }
-        Laid { way, solve: laid.0, programs, iterations: laid.1 }
+        PathSolution { path, solve: outcome.0, programs, iterations: outcome.1 }
     }
 
-    /// A first path, by pure pursuit from station to station (Coulter, 1992): curvatures at the knots, and the one now.
-    fn pursue(&self, course: &Course<'_>, spacing: f64) -> (Controls, f64) {
-        let mut axis = reactsim::geometry::direction(course.from.heading);
-        let mut axle = course.from.position - axis * course.rear;
-        let ahead = (0.6 * course.speed).clamp(3.0, 12.0).max(1.5 * spacing);
-        let limit = self.limit;
-        let mut known = course.curvature.map(|c| c.clamp(-2.0 * limit, 2.0 * limit));
+    /// Returns an initial path by pure pursuit from station to station (Coulter, 1992): the curvatures
+    /// at the knots, and the present curvature.
+    fn pursue(&self, problem: &PathProblem<'_>, spacing: f64) -> (Controls, f64) {
+        let mut axis = reactsim::geometry::direction(problem.from.heading);
+        let mut axle = problem.from.position - axis * problem.rear;
+        let ahead = (0.6 * problem.speed).clamp(3.0, 12.0).max(1.5 * spacing);
+        let limit = self.max_curvature;
+        let mut known = problem.curvature.map(|c| c.clamp(-2.0 * limit, 2.0 * limit));
         let (mut bends, mut segment) = ([0.0; STATIONS + 1], 0);
         for (j, bend) in bends.iter_mut().enumerate() {
-            let near = course.guide.project_between(axle, segment, segment + 12);
+            let near = problem.guide.project_between(axle, segment, segment + 12);
             segment = near.segment;
-            let to = course.guide.at(near.s + ahead) - axle;
-            let wanted = (2.0 * axis.perp(&to) / to.norm_squared().max(1.0)).clamp(-limit, limit);
-            *bend = if j == 0 { known.take().unwrap_or(wanted) } else { wanted };
+            let to = problem.guide.at(near.s + ahead) - axle;
+            let curvature = (2.0 * axis.perp(&to) / to.norm_squared().max(1.0)).clamp(-limit, limit);
+            *bend = if j == 0 { known.take().unwrap_or(curvature) } else { curvature };
             let turn = *bend * spacing;
             let half = turned(axis, 0.5 * turn);
             axle += half * spacing;
@@ -176,15 +192,16 @@ impl Bends {
         (KNOTS.map(|knot| bends[knot]), bends[0])
     }
 
-    /// Largest curvatures at the knots: those that the vehicle is able to have at the least speed that it can have there, and those that
-    /// the wheel can have reached.
-    fn limits(&self, course: &Course<'_>, spacing: f64, start: f64) -> Controls {
-        let rate = rate(course.speed);
+    /// Returns the largest curvatures at the knots: the limit at the lowest speed that the vehicle can
+    /// have reached there, but at least what remains of the present curvature after straightening at
+    /// the largest rate.
+    fn limits(&self, problem: &PathProblem<'_>, spacing: f64, start: f64) -> Controls {
+        let rate = curvature_rate(problem.speed);
         KNOTS.map(|knot| {
-            let way = spacing * knot as f64;
-            let slowest = (course.speed * course.speed - 2.0 * 4.5 * way).max(1.0);
-            let most = self.limit.min(self.lateral / slowest);
-            most.max(start.abs() - rate * way)
+            let distance = spacing * knot as f64;
+            let slowest = (problem.speed * problem.speed - 2.0 * 4.5 * distance).max(1.0);
+            let most = self.max_curvature.min(self.max_lateral_acceleration / slowest);
+            most.max(start.abs() - rate * distance)
         })
     }
 
@@ -197,7 +214,7 @@ impl Bends {
             let mut one = [0.0; CONTROLS];
             one[i] = across * scale;
             cost.add(&one, 0.0, length / (total * ACCELERATION_SCALE * ACCELERATION_SCALE));
-            // The change of the acceleration across per second, at this speed.
+            // Lateral jerk at this speed per unit of curvature change.
             let per = across * speed / (length * spacing);
             let mut change = [0.0; CONTROLS];
             change[i] = per * scale;
@@ -216,36 +233,36 @@ impl Bends {
             self.program.set(2 * i, &one(i), limit / scale);
             self.program.set(2 * i + 1, &one(i).map(|x| -x), limit / scale);
         }
-        let rate = rate(speed);
+        let rate = curvature_rate(speed);
         let mut before = 0;
         for (i, &knot) in KNOTS.iter().enumerate() {
-            let most = rate * spacing * (knot - before) as f64 / scale;
+            let max_change = rate * spacing * (knot - before) as f64 / scale;
             let mut change = one(i);
             let from = if i == 0 { start / scale } else { 0.0 };
             if i > 0 {
                 change[i - 1] = -1.0;
             }
             let row = 2 * CONTROLS + 2 * i;
-            self.program.set(row, &change, most + from);
-            self.program.set(row + 1, &change.map(|x| -x), most - from);
+            self.program.set(row, &change, max_change + from);
+            self.program.set(row + 1, &change.map(|x| -x), max_change - from);
             before = knot;
         }
     }
 }
 
-/// Largest change of the curvature per metre.
-fn rate(speed: f64) -> f64 {
-    STEERING_RATE.min(STEERING_SPEED / speed.max(0.1))
+/// Returns the largest change of the curvature per metre at a speed, 1/m².
+fn curvature_rate(speed: f64) -> f64 {
+    MAX_CURVATURE_RATE.min(MAX_CURVATURE_SPEED / speed.max(0.1))
 }
 
-/// A unit vector turned by a small angle.
+/// Rotates a unit vector by a small angle.
 fn turned(v: Vec2, angle: f64) -> Vec2 {
     let w = v + left(v) * angle;
     w / w.norm()
 }
 
-/// The path with these curvatures at the knots.
-fn drive(course: &Course<'_>, spacing: f64, start: f64, controls: &Controls) -> Way {
+/// Drives the path with these curvatures at the knots.
+fn drive(problem: &PathProblem<'_>, spacing: f64, start: f64, controls: &Controls) -> Path {
     let mut curvatures = [start; STATIONS + 1];
     let (mut before, mut from) = (0, start);
     for (&knot, &to) in KNOTS.iter().zip(controls) {
@@ -254,11 +271,12 @@ fn drive(course: &Course<'_>, spacing: f64, start: f64, controls: &Controls) -> 
         }
         (before, from) = (knot, to);
     }
-    Way::drive(course.from, course.rear, spacing, &curvatures)
+    Path::drive(problem.from, problem.rear, spacing, &curvatures)
 }
 
-/// How far the box centre goes to the left at each station for every curvature, metres per 1/m.
-fn gains(way: &Way, rear: f64) -> [Controls; STATIONS + 1] {
+/// Returns the sensitivity of the lateral position of the box centre at each station to each curvature,
+/// metres per 1/m, left positive.
+fn gains(path: &Path, rear: f64) -> [Controls; STATIONS + 1] {
     let mut weights = [[0.0; CONTROLS]; STATIONS + 1];
     let mut before = 0;
     for (i, &knot) in KNOTS.iter().enumerate() {
@@ -274,12 +292,12 @@ fn gains(way: &Way, rear: f64) -> [Controls; STATIONS + 1] {
     let mut gains = [[0.0; CONTROLS]; STATIONS + 1];
     let (mut turn, mut axle) = ([0.0; CONTROLS], [Vec2::zeros(); CONTROLS]);
     for j in 0..STATIONS {
-        let (a, b) = (&way.stations[j], &way.stations[j + 1]);
+        let (a, b) = (&path.stations[j], &path.stations[j + 1]);
         let across = left(a.axis + b.axis) * 0.5;
         let side = left(b.axis);
         for i in 0..CONTROLS {
-            let bend = 0.5 * (weights[j][i] + weights[j + 1][i]) * way.spacing;
-            axle[i] += across * ((turn[i] + 0.5 * bend) * way.spacing);
+            let bend = 0.5 * (weights[j][i] + weights[j + 1][i]) * path.spacing;
+            axle[i] += across * ((turn[i] + 0.5 * bend) * path.spacing);
             turn[i] += bend;
             gains[j + 1][i] = axle[i].dot(&side) + rear * turn[i];
         }
@@ -287,20 +305,20 @@ fn gains(way: &Way, rear: f64) -> [Controls; STATIONS + 1] {
     gains
 }
 
-/// How far to the left of each station the guide lies, metres.
-fn errors(way: &Way, guide: &Polyline) -> [f64; STATIONS + 1] {
+/// Returns the lateral offset of the guide from each station, metres, left positive.
+fn errors(path: &Path, guide: &Polyline) -> [f64; STATIONS + 1] {
     let mut segment = 0;
     std::array::from_fn(|j| {
-        let station = &way.stations[j];
+        let station = &path.stations[j];
         let near = guide.project_between(station.centre, segment, segment + 16);
         segment = near.segment;
         let mut to = guide.on_segment(near.s, near.segment) - station.centre;
         if near.t >= 1.0 && near.segment + 1 == guide.segments() {
-            // Beyond its end the guide goes on straight.
+            // The guide continues straight beyond its end.
             let (a, b) = guide.segment(near.segment);
             let along = (b - a) / (b - a).norm();
             to += along * (station.centre - b).dot(&along);
         }
-        to.dot(&way.side(j))
+        to.dot(&path.side(j))
     })
 }

@@ -1,27 +1,29 @@
-//! How plans ended: data, counted and reported.
+//! Outcomes of plans, counted and reported.
 
 use std::collections::BTreeMap;
 
 use super::program::Solve;
 
-/// How the plan of one vehicle came about.
+/// Outcome of the plan of one vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ending {
-    /// It stands and wants to stand: nothing was solved.
+    /// The vehicle stands and its most probable mode stays there: nothing was solved.
     Standing,
-    /// Every program had its minimum inside all bounds: no solver was needed.
+    /// Every program had its unconstrained minimum within all bounds: the solver was not needed.
     ClosedForm,
-    /// A solver was needed, and solved.
+    /// The solver was needed, and solved to its full tolerance.
     Solved,
-    /// A solver was needed, and ended at its reduced tolerance.
+    /// The solver was needed, and stopped at its reduced tolerance.
     AlmostSolved,
-    /// A mode that is less probable was taken, since the most probable one is not kept clear.
+    /// A less probable mode was chosen: the most probable one could not be kept clear.
     OtherMode,
-    /// No mode is kept clear; the one that fails by the least was taken.
+    /// No mode could be kept clear; the one with the smallest violation was chosen.
     HighSlack,
-    /// Nothing else was left, or a solver failed: it brakes as hard as it can along the path.
+    /// No mode was usable, the solver failed, or braking violates less: the vehicle brakes as hard as
+    /// it can along the path.
     Braking,
-    /// It goes backwards, or wants to: it follows its wish within the limits, without a program.
+    /// The vehicle reverses or its mode leads backwards: it follows the mode within the limits, without
+    /// a program.
     Backwards,
 }
 
@@ -38,7 +40,7 @@ impl Ending {
         Self::Backwards,
     ];
 
-    /// The name in files.
+    /// Returns the id used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Standing => "qp-standing",
@@ -62,14 +64,14 @@ impl Ending {
     }
 }
 
-/// How many plans ended how, and what the solver did.
+/// Counts of plan outcomes and of solver statistics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Endings {
-    /// Plans by how they ended.
+    /// Plans by outcome.
     pub plans: BTreeMap<Ending, u64>,
-    /// Programs that were minimised, with a solver or without.
+    /// Programs minimised, with or without the solver.
     pub programs: u64,
-    /// Solves that the solver gave up, or found to have no solution.
+    /// Solves that the solver gave up or found infeasible.
     pub failed: u64,
     /// Solves by their number of iterations.
     pub iterations: BTreeMap<u32, u64>,
@@ -80,7 +82,7 @@ impl Endings {
         *self.plans.entry(ending).or_default() += 1;
     }
 
-    /// Adds what is counted here to the outcomes of a rollout.
+    /// Adds these counts to the outcomes of a rollout.
     pub fn report(&self, outcomes: &mut BTreeMap<&'static str, u64>) {
         for (ending, n) in &self.plans {
             *outcomes.entry(ending.name()).or_default() += n;

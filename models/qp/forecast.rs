@@ -1,4 +1,4 @@
-//! Where others will be, as far as can be seen now.
+//! Forecasts of other agents from what has been observed.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{OrientedBox, Vec2, direction, math, wrap};
@@ -9,23 +9,32 @@ use super::obstacle::{Obstacle, TIMES, step_of};
 use super::settings::Settings;
 use super::speed::STEPS;
 
-/// Frames over which the acceleration and the turn rate of the AV are taken.
+/// Frames over which the acceleration of the AV is measured.
 const ACCELERATION_FRAMES: usize = 3;
+/// Frames over which the curvature of the AV is measured.
 const TURN_FRAMES: usize = 5;
-/// How long an acceleration lasts, s: that of who speeds up fades, that of who brakes goes on.
-const SPEEDING_UP_FADES: f64 = 1.0;
-const BRAKING_LASTS: f64 = 3.0;
-/// Way over which a bend fades, metres.
-const BEND_FADES: f64 = 20.0;
-/// How an uncertain box grows per second and how far at most, metres: ahead and behind, and at the sides.
-const GROWTH: (f64, f64) = (0.25, 0.08);
-const MOST_GROWTH: (f64, f64) = (1.0, 0.3);
-/// Times up to which the AV's forecast is waited for where it crosses.
-const AV_SIGHT: usize = 19;
-/// Slower ones stand, m/s.
-const STANDING: f64 = 0.1;
+/// Time constant, in seconds, with which a positive acceleration of the AV decays.
+const ACCELERATION_DECAY_TIME: f64 = 1.0;
+/// Duration of a deceleration of the AV, seconds.
+const BRAKING_DURATION: f64 = 3.0;
+/// Distance constant, in metres, with which the curvature of the AV decays.
+const CURVATURE_DECAY_DISTANCE: f64 = 20.0;
+/// Growth of the AV's box per second at the front and at the rear, m/s.
+const LENGTH_GROWTH: f64 = 0.25;
+/// Growth of the AV's box per second at each side, m/s.
+const WIDTH_GROWTH: f64 = 0.08;
+/// Largest growth of the AV's box at the front and at the rear, metres.
+const MAX_LENGTH_GROWTH: f64 = 1.0;
+/// Largest growth of the AV's box at each side, metres.
+const MAX_WIDTH_GROWTH: f64 = 0.3;
+/// Last index of [`TIMES`] at which a vehicle waits for a crossing AV; later forecasts are too
+/// uncertain.
+const AV_CROSSING_HORIZON: usize = 19;
+/// Speed in m/s below which the AV stands.
+const STANDSTILL_SPEED: f64 = 0.1;
 
-/// The AV: constant turn rate and acceleration from what was seen of it, which fade; its box grows with time. `None` where it is absent.
+/// Forecasts the AV from its observed motion, with decaying acceleration and curvature and a box that
+/// grows with time. `None` if the AV is absent.
 pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle> {
     let agent = &seen.start().agents[0];
     let now = seen.state(0)?;
@@ -35,7 +44,7 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle
     let first = known.len() - seen.track(0).len();
     let (acceleration, curvature) = motion(&known);
     let mut speed = forward(&last);
-    if speed.abs() < STANDING && acceleration.abs() < 0.5 {
+    if speed.abs() < STANDSTILL_SPEED && acceleration.abs() < 0.5 {
         let mut standing = Obstacle::standing(last.footprint(agent));
         standing.is_av = true;
         standing.side = settings.av_side;
@@ -44,7 +53,7 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle
     let mut poses = [Pose { position: now.position(), heading: now.heading }; STEPS + 1];
     let mut speeds = [forward(&now); STEPS + 1];
     let mut pose = Pose { position: last.position(), heading: last.heading };
-    let mut way = 0.0;
+    let mut distance = 0.0;
     for k in first..=STEPS {
         if k == 0 {
             continue;
@@ -52,21 +61,21 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle
         if k > first {
             let t = (k - first) as f64 * DT;
             let a = match acceleration {
-                a if a > 0.0 => a * math::exp(-t / SPEEDING_UP_FADES),
-                a if t <= BRAKING_LASTS => a,
+                a if a > 0.0 => a * math::exp(-t / ACCELERATION_DECAY_TIME),
+                a if t <= BRAKING_DURATION => a,
                 _ => 0.0,
             };
             speed = if speed >= 0.0 { (speed + a * DT).max(0.0) } else { speed };
-            pose = pose.advance(speed * DT, curvature * math::exp(-way / BEND_FADES));
-            way += speed.abs() * DT;
+            pose = pose.advance(speed * DT, curvature * math::exp(-distance / CURVATURE_DECAY_DISTANCE));
+            distance += speed.abs() * DT;
         }
         (poses[k], speeds[k]) = (pose, speed);
     }
     let boxes = std::array::from_fn(|time| {
         let k = step_of(time);
         let t = k as f64 * DT;
-        let length = agent.length + 2.0 * (GROWTH.0 * t).min(MOST_GROWTH.0);
-        let width = agent.width + 2.0 * (GROWTH.1 * t).min(MOST_GROWTH.1);
+        let length = agent.length + 2.0 * (LENGTH_GROWTH * t).min(MAX_LENGTH_GROWTH);
+        let width = agent.width + 2.0 * (WIDTH_GROWTH * t).min(MAX_WIDTH_GROWTH);
         OrientedBox::new(poses[k].position, poses[k].heading, length, width)
     });
     let velocities = std::array::from_fn(|time| {
@@ -75,7 +84,7 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle
     });
     let mut obstacle = Obstacle::new(boxes, velocities);
     obstacle.is_av = true;
-    obstacle.sight = AV_SIGHT;
+    obstacle.crossing_horizon = AV_CROSSING_HORIZON;
     obstacle.side = settings.av_side;
     Some(obstacle)
 }
@@ -83,10 +92,10 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle
 fn forward(state: &AgentState) -> f64 {
     let along = state.forward_speed();
     let speed = state.velocity().map_or(0.0, |v| v.norm());
-    if along < -STANDING { -speed } else { speed }
+    if along < -STANDSTILL_SPEED { -speed } else { speed }
 }
 
-/// Acceleration, m/s², and curvature, 1/m, of who moved like this.
+/// Returns the acceleration, m/s², and the curvature, 1/m, of observed motion.
 fn motion(known: &[Frame]) -> (f64, f64) {
     let at = |back: usize| known.len().checked_sub(back + 1).and_then(|i| known[i]);
     let Some(last) = at(0) else { return (0.0, 0.0) };
@@ -99,21 +108,22 @@ fn motion(known: &[Frame]) -> (f64, f64) {
     (acceleration, curvature.clamp(-0.25, 0.25))
 }
 
-/// Curvature of the last frames' way, 1/m; `None` where that is shorter than `least` metres or has gaps.
+/// Returns the curvature of the motion over the last `frames` frames, 1/m; `None` if the distance is
+/// shorter than `least` metres or frames are missing.
 pub(super) fn curvature(track: &[Frame], frames: usize, least: f64) -> Option<f64> {
     let from = track.len().checked_sub(frames + 1)?;
-    let (mut way, mut turn) = (0.0, 0.0);
+    let (mut distance, mut turn) = (0.0, 0.0);
     for pair in track[from..].windows(2) {
         let (a, b) = (pair[0]?, pair[1]?);
-        way += (b.position() - a.position()).norm();
+        distance += (b.position() - a.position()).norm();
         turn += wrap(b.heading - a.heading);
     }
-    let curvature = turn / way;
-    (way >= least && curvature.is_finite()).then_some(curvature)
+    let curvature = turn / distance;
+    (distance >= least && curvature.is_finite()).then_some(curvature)
 }
 
-/// Who moves as it is known: the centre and heading after every step.
-pub(super) fn known(agent: &Agent, now: &AgentState, poses: impl Fn(usize) -> Pose) -> Obstacle {
+/// Returns the obstacle of an agent whose poses after every step are known.
+pub(super) fn known_obstacle(agent: &Agent, now: &AgentState, poses: impl Fn(usize) -> Pose) -> Obstacle {
     let at = |k: usize| {
         if k == 0 { Pose { position: now.position(), heading: now.heading } } else { poses(k - 1) }
     };
@@ -128,8 +138,8 @@ pub(super) fn known(agent: &Agent, now: &AgentState, poses: impl Fn(usize) -> Po
     Obstacle::new(boxes, velocities)
 }
 
-/// The states that somebody will have by its own plan, which goes on as it ended.
-pub(super) fn going_on(now: &AgentState, planned: &[AgentState]) -> [Pose; STEPS] {
+/// Returns the poses of an agent that follows its own plan and then keeps its last velocity.
+pub(super) fn continued_poses(now: &AgentState, planned: &[AgentState]) -> [Pose; STEPS] {
     let last = planned.last().copied().unwrap_or(*now);
     let velocity = match planned.len() {
         0 => now.velocity().unwrap_or_default(),

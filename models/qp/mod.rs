@@ -1,7 +1,9 @@
-//! Plans of vehicles as quadratic programs: smooth, within the limits of the benchmark, on the road, and clear of others.
+//! Vehicle plans by quadratic programs: smooth, within the limits of the benchmark, on the road, and
+//! clear of other agents.
 //!
-//! A stage between a simulator's wishes and what vehicles do. Read [`Stage`] first; [`Smoothing`] puts it behind a simulator. Why the
-//! programs are as they are, and figures: `models/qp/README.md`.
+//! The stage sits between the modes that a simulator proposes and the motion of the vehicles. Read
+//! [`Stage`] first; [`Smoothing`] puts it behind a simulator. `models/qp/README.md` explains the design
+//! and has figures.
 
 mod bends;
 mod drive;
@@ -9,6 +11,7 @@ mod ending;
 mod forecast;
 mod mode;
 mod obstacle;
+mod path;
 mod program;
 mod rows;
 mod settings;
@@ -20,7 +23,6 @@ mod stage;
 mod tests;
 mod vehicle;
 mod walkers;
-mod way;
 
 pub use ending::{Ending, Endings};
 pub use mode::Mode;

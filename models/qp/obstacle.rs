@@ -1,62 +1,76 @@
-//! What is in the way: boxes at the times at which bounds are kept.
+//! Obstacles: boxes at the times at which bounds are checked, and the parts of a path that they occupy.
 
 use reactsim::geometry::{Bounds, OrientedBox, Vec2, left};
 
+use super::path::{Path, STATIONS};
 use super::speed::CHECKED;
-use super::way::{STATIONS, Way};
 
-/// Times at which an obstacle is known: now, and those at which bounds are kept.
+/// Number of times at which an obstacle is known: now, and the checked steps.
 pub(super) const TIMES: usize = CHECKED.len() + 1;
 
-/// The step of a time.
+/// Returns the step of a time index.
 pub(super) fn step_of(time: usize) -> usize {
     if time == 0 { 0 } else { CHECKED[time - 1] }
 }
 
-/// Somebody, or something that stands, over the next seconds.
+/// A moving agent or a static object over the next seconds.
 #[derive(Clone, Debug)]
 pub(super) struct Obstacle {
     pub(super) boxes: [OrientedBox; TIMES],
-    /// m/s.
+    /// Velocities at the same times, m/s.
     pub(super) velocities: [Vec2; TIMES],
+    /// Bounds of all boxes.
     pub(super) bounds: Bounds,
-    /// Whether it is the AV.
+    /// Whether the obstacle is the AV.
     pub(super) is_av: bool,
-    /// Times after this one are too uncertain to wait for, unless one follows.
-    pub(super) sight: usize,
-    /// Only followed, not waited for: it makes way itself, or it is not known what it will do.
+    /// Last time index at which a vehicle waits for this obstacle when it crosses; not used for
+    /// leaders.
+    pub(super) crossing_horizon: usize,
+    /// Whether the obstacle counts only as a leader: vehicles follow it but do not wait for it when it
+    /// crosses, because it yields itself or its plan is unknown.
     pub(super) leader_only: bool,
-    /// Distance to be kept at its sides, metres.
+    /// Lateral clearance, metres.
     pub(super) side: f64,
 }
 
 impl Obstacle {
-    /// An obstacle from its boxes.
+    /// Creates an obstacle from its boxes.
     pub(super) fn new(boxes: [OrientedBox; TIMES], velocities: [Vec2; TIMES]) -> Self {
         let mut bounds = Bounds::EMPTY;
         for b in &boxes {
             bounds = bounds.union(&Bounds::around(b.center, b.radius()));
         }
-        Self { boxes, velocities, bounds, is_av: false, sight: TIMES, leader_only: false, side: 0.0 }
+        Self {
+            boxes,
+            velocities,
+            bounds,
+            is_av: false,
+            crossing_horizon: TIMES,
+            leader_only: false,
+            side: 0.0,
+        }
     }
 
-    /// Something that stands.
+    /// Creates a static obstacle.
     pub(super) fn standing(b: OrientedBox) -> Self {
         Self::new([b; TIMES], [Vec2::zeros(); TIMES])
     }
 
-    /// Whether it moves at no time.
+    /// Returns whether the obstacle never moves.
     pub(super) fn stands(&self) -> bool {
         self.velocities.iter().all(|v| v.norm_squared() < 0.04)
     }
 }
 
-/// The part of the way that an obstacle takes at a time: a vehicle whose centre is between the two touches it.
+/// The part of a path that an obstacle occupies at a time: a vehicle whose centre is between the two
+/// arc lengths touches it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Span {
+    /// First arc length, metres.
     pub(super) from: f64,
+    /// Last arc length, metres.
     pub(super) to: f64,
-    /// Speed of the obstacle along the way, m/s.
+    /// Speed of the obstacle along the path, m/s.
     pub(super) speed: f64,
 }
 
@@ -67,12 +81,12 @@ pub(super) struct Extent {
     pub(super) width: f64,
 }
 
-/// What an obstacle takes of a way at each time.
-pub(super) fn spans(way: &Way, me: Extent, obstacle: &Obstacle, side: f64) -> [Option<Span>; TIMES] {
+/// Returns the part of a path that an obstacle occupies at each time.
+pub(super) fn spans(path: &Path, me: Extent, obstacle: &Obstacle, side: f64) -> [Option<Span>; TIMES] {
     let mut spans = [None; TIMES];
     let reach = me.length + me.width + side;
     let mut near = Bounds::EMPTY;
-    for station in &way.stations {
+    for station in &path.stations {
         near = near.union(&Bounds::around(station.centre, reach));
     }
     if !near.intersects(&obstacle.bounds) {
@@ -85,8 +99,8 @@ pub(super) fn spans(way: &Way, me: Extent, obstacle: &Obstacle, side: f64) -> [O
             continue;
         }
         let b = &obstacle.boxes[time];
-        let limit = reach + b.half_length + b.half_width + way.spacing;
-        for (j, station) in way.stations.iter().enumerate() {
+        let limit = reach + b.half_length + b.half_width + path.spacing;
+        for (j, station) in path.stations.iter().enumerate() {
             let d = b.center - station.centre;
             if d.norm_squared() > limit * limit {
                 continue;
@@ -94,9 +108,9 @@ pub(super) fn spans(way: &Way, me: Extent, obstacle: &Obstacle, side: f64) -> [O
             let Some((low, high)) = extent_between(b, station.centre, station.axis, me.width + side) else {
                 continue;
             };
-            // The stretch of the way that this station speaks for.
-            let before = if j == 0 { f64::INFINITY } else { 0.6 * way.spacing };
-            let after = if j == STATIONS { f64::INFINITY } else { 0.6 * way.spacing };
+            // The stretch of the path that this station represents.
+            let before = if j == 0 { f64::INFINITY } else { 0.6 * path.spacing };
+            let after = if j == STATIONS { f64::INFINITY } else { 0.6 * path.spacing };
             if high < -me.length - before || low > me.length + after {
                 continue;
             }
@@ -115,7 +129,8 @@ pub(super) fn spans(way: &Way, me: Extent, obstacle: &Obstacle, side: f64) -> [O
     spans
 }
 
-/// How far a box reaches along an axis through `centre`, from and to, of its part within `width` of that axis.
+/// Returns the extent of a box along an axis through `centre`, limited to its part within `width` of
+/// the axis: the smallest and the largest coordinate.
 fn extent_between(b: &OrientedBox, centre: Vec2, axis: Vec2, width: f64) -> Option<(f64, f64)> {
     let aside = left(axis);
     let corners = b.corners().map(|c| {
@@ -138,9 +153,9 @@ fn extent_between(b: &OrientedBox, centre: Vec2, axis: Vec2, width: f64) -> Opti
     (low <= high).then_some((low, high))
 }
 
-/// How far an obstacle reaches to the sides of a box's axis where it is beside it: the least and the most, metres, left positive.
-pub(super) fn beside(b: &OrientedBox, centre: Vec2, axis: Vec2, length: f64) -> Option<(f64, f64)> {
-    // The same with the axes exchanged.
+/// Returns the lateral extent of an obstacle next to a box of half length `length`: smallest and
+/// largest offset from the axis, metres, left positive.
+pub(super) fn lateral_extent(b: &OrientedBox, centre: Vec2, axis: Vec2, length: f64) -> Option<(f64, f64)> {
     extent_between(b, centre, left(axis), length)
 }
 
@@ -149,12 +164,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_part_of_a_box_beside_an_axis_is_cut_exactly() {
+    fn the_part_of_a_box_near_an_axis_is_cut_exactly() {
         let b = OrientedBox::new(Vec2::new(10.0, 0.0), 0.0, 4.0, 2.0);
         let x = Vec2::new(1.0, 0.0);
         assert_eq!(extent_between(&b, Vec2::zeros(), x, 1.0), Some((8.0, 12.0)));
         assert_eq!(extent_between(&b, Vec2::new(0.0, 2.5), x, 1.0), None);
-        // Turned by a quarter, 2 m long and 4 m wide: two corners are cut off.
+        // Rotated by 90 degrees, 2 m long and 4 m wide: two corners are cut off.
         let b = OrientedBox::new(Vec2::new(10.0, 2.5), std::f64::consts::FRAC_PI_2, 4.0, 2.0);
         let (low, high) = extent_between(&b, Vec2::zeros(), x, 1.0).unwrap();
         assert!((low - 9.0).abs() < 1e-9 && (high - 11.0).abs() < 1e-9);

@@ -1,8 +1,11 @@
-//! Small quadratic programs of one pattern, solved by clarabel again and again.
+//! Small quadratic programs of a fixed sparsity pattern, solved by clarabel again and again.
 //!
-//! `minimise ½ uᵀPu + qᵀu + Σ ρᵢ ξᵢ` over controls `u` and slacks `ξ ≥ 0`, subject to rows `aᵀu − ξᵢ ≤ b`. States are eliminated: a row has
-//! the controls up to its time and no more. Pattern, ordering and symbolic factorisation are made once. clarabel computes no scaling of
-//! its own here, which would be that of the first problem: what is found depends on the problem alone, not on those before it.
+//! A program is `minimise ½ uᵀPu + qᵀu + Σ ρᵢ ξᵢ` over controls `u` and slacks `ξ ≥ 0`, with rows
+//! `aᵀu − ξᵢ ≤ b`.
+//! States are eliminated: a row has the controls up to its time and no more. The pattern, the ordering
+//! and the symbolic factorisation are computed once. clarabel's own equilibration is off, because it
+//! would be that of the first problem: a solution must depend on its problem alone, not on earlier
+//! ones.
 
 use std::ops::Range;
 
@@ -10,40 +13,40 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::NonnegativeConeT;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus};
 
-/// Controls of every program.
+/// Number of controls of every program.
 pub(super) const CONTROLS: usize = 10;
 
-/// A row of controls, or their values.
+/// One number per control: a row of coefficients, or the values of the controls.
 pub(super) type Controls = [f64; CONTROLS];
 
-/// A bound that stands for none; metres, in which programs are small.
+/// Value of an absent bound; the numbers of the programs are much smaller.
 const NO_BOUND: f64 = 1e3;
 
-/// Which unknowns a row may have.
+/// Unknowns that a row may have.
 #[derive(Clone, Debug)]
 pub(super) struct Pattern {
-    /// Controls.
+    /// Range of controls.
     pub(super) controls: Range<usize>,
-    /// Slack that loosens it.
+    /// Slack that relaxes the row.
     pub(super) slack: Option<usize>,
 }
 
-/// How a solve ended.
+/// Outcome of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Solve {
-    /// The minimum without constraints keeps all of them.
+    /// The unconstrained minimum satisfies all rows.
     ClosedForm,
-    /// To the solver's full tolerance.
+    /// Solved to the solver's full tolerance.
     Solved,
-    /// To its reduced tolerance.
+    /// Solved to the solver's reduced tolerance.
     AlmostSolved,
-    /// The solver gave up, or says that there is no solution.
+    /// The solver gave up or found the program infeasible.
     Failed,
 }
 
-/// What a solve found.
+/// Solution of a program.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(super) struct Solution {
     pub(super) controls: Controls,
     pub(super) solve: Solve,
     /// Iterations of the interior-point method.
@@ -75,13 +78,13 @@ impl Quadratic {
         }
     }
 
-    /// Where it is smallest; `None` unless `P` is positive definite.
+    /// Returns the minimiser; `None` unless `P` is positive definite.
     pub(super) fn minimum(&self) -> Option<Controls> {
         Some(Cholesky::of(&self.p)?.solve(&self.q.map(|q| -q)))
     }
 }
 
-/// The factor of a positive definite matrix.
+/// Cholesky factor of a positive definite matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Cholesky([Controls; CONTROLS]);
 
@@ -120,11 +123,11 @@ impl Cholesky {
     }
 }
 
-/// A program of one pattern.
+/// A program of a fixed pattern.
 pub(super) struct Program {
     solver: DefaultSolver<f64>,
     patterns: Vec<Pattern>,
-    /// Where the values of row `r` begin in `places`.
+    /// Start of row `r` in `places`.
     starts: Vec<usize>,
     /// Index into the values of `A` of every entry, row by row.
     places: Vec<usize>,
@@ -136,7 +139,8 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// A program of these rows; `penalties` are the costs of a slack of 1. `None` where clarabel refuses it, which a test excludes.
+    /// Creates a program with these rows; `penalties` are the costs of a slack of 1. `None` if clarabel
+    /// rejects it, which a test rules out.
     pub(super) fn new(patterns: Vec<Pattern>, penalties: Vec<f64>) -> Option<Self> {
         let (rows, slacks) = (patterns.len(), penalties.len());
         let (n, m) = (CONTROLS + slacks, rows + slacks);
@@ -199,7 +203,8 @@ impl Program {
         Some(Self { solver, patterns, starts, places, p, q, a, b, penalties })
     }
 
-    /// Sets a row; entries outside its pattern count as 0. A bound that is not finite stands for none.
+    /// Sets a row; entries outside its pattern count as 0. A bound of [`NO_BOUND`] or more, or one that
+    /// is not a number, removes the row.
     pub(super) fn set(&mut self, row: usize, values: &Controls, bound: f64) {
         let none = !(bound < NO_BOUND);
         let places = &self.places[self.starts[row]..self.starts[row + 1]];
@@ -209,7 +214,7 @@ impl Program {
         self.b[row] = if none { NO_BOUND } else { bound };
     }
 
-    /// How far controls leave a row that has no slack or needs it, at most 0 where they keep it.
+    /// Returns by how much controls violate a row without slack; at most 0 if they satisfy it.
     fn excess(&self, row: usize, controls: &Controls) -> f64 {
         let places = &self.places[self.starts[row]..self.starts[row + 1]];
         let range = self.patterns[row].controls.clone();
@@ -217,21 +222,21 @@ impl Program {
         sum - self.b[row]
     }
 
-    /// Whether controls keep every row without any slack.
-    pub(super) fn keeps(&self, controls: &Controls) -> bool {
+    /// Returns whether controls satisfy every row without slack.
+    pub(super) fn satisfies(&self, controls: &Controls) -> bool {
         (0..self.patterns.len()).all(|row| self.excess(row, controls) <= 1e-9)
     }
 
-    /// The minimum of a cost in these rows; `free` is its minimum without them.
-    pub(super) fn solve(&mut self, cost: &Quadratic, free: &Controls) -> Found {
-        if self.keeps(free) {
-            return Found { controls: *free, solve: Solve::ClosedForm, iterations: 0 };
+    /// Minimises a cost subject to the rows; `free` is its unconstrained minimum.
+    pub(super) fn solve(&mut self, cost: &Quadratic, free: &Controls) -> Solution {
+        if self.satisfies(free) {
+            return Solution { controls: *free, solve: Solve::ClosedForm, iterations: 0 };
         }
         self.solve_by_solver(cost)
     }
 
-    /// As [`Self::solve`], by the solver whatever the minimum without rows may be.
-    pub(super) fn solve_by_solver(&mut self, cost: &Quadratic) -> Found {
+    /// Minimises as [`Self::solve`] does, but always with the solver.
+    pub(super) fn solve_by_solver(&mut self, cost: &Quadratic) -> Solution {
         let mut k = 0;
         for c in 0..CONTROLS {
             for r in 0..=c {
@@ -241,24 +246,24 @@ impl Program {
         }
         self.q[..CONTROLS].copy_from_slice(&cost.q);
         self.q[CONTROLS..].copy_from_slice(&self.penalties);
-        let failed = Found { controls: [0.0; CONTROLS], solve: Solve::Failed, iterations: 0 };
+        let failed = Solution { controls: [0.0; CONTROLS], solve: Solve::Failed, iterations: 0 };
         let solver = &mut self.solver;
         if solver.update_data(&self.p, &self.q, &self.a, &self.b).is_err() {
             return failed;
         }
         solver.solve();
-        let solution = &solver.solution;
-        let solve = match solution.status {
+        let result = &solver.solution;
+        let solve = match result.status {
             SolverStatus::Solved => Solve::Solved,
             SolverStatus::AlmostSolved => Solve::AlmostSolved,
             _ => Solve::Failed,
         };
         let mut controls = [0.0; CONTROLS];
-        controls.copy_from_slice(&solution.x[..CONTROLS]);
+        controls.copy_from_slice(&result.x[..CONTROLS]);
         if controls.iter().any(|c| !c.is_finite()) {
-            return Found { iterations: solution.iterations, ..failed };
+            return Solution { iterations: result.iterations, ..failed };
         }
-        Found { controls, solve, iterations: solution.iterations }
+        Solution { controls, solve, iterations: result.iterations }
     }
 }
 
@@ -269,15 +274,16 @@ mod tests {
 
     use super::*;
 
-    /// Live controls of a tiny problem; the others are kept at 0 by their cost.
+    /// Number of free controls of a tiny problem; the cost keeps the others at 0.
     const LIVE: usize = 3;
 
     fn rows(count: usize) -> Vec<Pattern> {
         vec![Pattern { controls: 0..LIVE, slack: None }; count]
     }
 
-    /// The best of all points at which some of the rows are equalities and the cost is least: the solution is one of them.
-    fn by_force(cost: &Quadratic, rows: &[(Controls, f64)]) -> Option<(f64, Vec<f64>)> {
+    /// Returns the solution by brute force: the best feasible point among the minima with some rows as
+    /// equalities.
+    fn by_brute_force(cost: &Quadratic, rows: &[(Controls, f64)]) -> Option<(f64, Vec<f64>)> {
         let value = |x: &[f64]| -> f64 {
             let quadratic: f64 = (0..LIVE)
                 .flat_map(|i| (0..LIVE).map(move |j| (i, j)))
@@ -308,10 +314,10 @@ mod tests {
             }
             let Some(x) = m.lu().solve(&b) else { continue };
             let x: Vec<f64> = x.iter().take(LIVE).copied().collect();
-            let keeps = |(row, bound): &(Controls, f64)| {
+            let satisfied = |(row, bound): &(Controls, f64)| {
                 (0..LIVE).map(|i| row[i] * x[i]).sum::<f64>() <= bound + 1e-9
             };
-            if x.iter().all(|v| v.is_finite()) && rows.iter().all(keeps) {
+            if x.iter().all(|v| v.is_finite()) && rows.iter().all(satisfied) {
                 let v = value(&x);
                 if best.as_ref().is_none_or(|b| v < b.0) {
                     best = Some((v, x));
@@ -338,7 +344,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(300))]
 
         #[test]
-        fn tiny_programs_are_solved_as_by_force(
+        fn tiny_programs_are_solved_as_by_brute_force(
             entries in prop::collection::vec(-3.0..3.0_f64, 8),
             bounds in prop::collection::vec((prop::array::uniform3(-2.0..2.0_f64), -0.5..2.0_f64), 6),
         ) {
@@ -351,17 +357,17 @@ mod tests {
             for (i, (values, bound)) in rows.iter().enumerate() {
                 program.set(i, values, *bound);
             }
-            let found = program.solve(&cost, &cost.minimum().unwrap());
-            match by_force(&cost, &rows) {
+            let solution = program.solve(&cost, &cost.minimum().unwrap());
+            match by_brute_force(&cost, &rows) {
                 Some((_, x)) => {
-                    prop_assert!(found.solve <= Solve::AlmostSolved, "{found:?}");
+                    prop_assert!(solution.solve <= Solve::AlmostSolved, "{solution:?}");
                     for i in 0..LIVE {
-                        prop_assert!((found.controls[i] - x[i]).abs() < 2e-3, "{found:?} and {x:?}");
+                        prop_assert!((solution.controls[i] - x[i]).abs() < 2e-3, "{solution:?} and {x:?}");
                     }
                 }
-                None => prop_assert_eq!(found.solve, Solve::Failed),
+                None => prop_assert_eq!(solution.solve, Solve::Failed),
             }
-            // Nothing is left of what was solved before.
+            // Earlier solves leave no trace.
             let mut again = Program::new(self::rows(6), vec![1.0]).unwrap();
             for (i, (values, bound)) in rows.iter().enumerate() {
                 again.set(i, values, *bound);
@@ -372,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slack_gives_way_by_as_little_as_possible() {
+    fn a_slack_is_as_small_as_possible() {
         let patterns =
             vec![Pattern { controls: 0..1, slack: None }, Pattern { controls: 0..1, slack: Some(0) }];
         let mut program = Program::new(patterns, vec![100.0]).unwrap();
@@ -380,7 +386,10 @@ mod tests {
         program.set(0, &one.map(|x| -x), -2.0);
         program.set(1, &one, 1.0);
         let cost = cost(&[1.0, 0.0, 0.0, 5.0]);
-        let found = program.solve(&cost, &cost.minimum().unwrap());
-        assert!(found.solve <= Solve::AlmostSolved && (found.controls[0] - 2.0).abs() < 1e-3, "{found:?}");
+        let solution = program.solve(&cost, &cost.minimum().unwrap());
+        assert!(
+            solution.solve <= Solve::AlmostSolved && (solution.controls[0] - 2.0).abs() < 1e-3,
+            "{solution:?}"
+        );
     }
 }

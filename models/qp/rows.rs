@@ -1,53 +1,58 @@
-//! Bounds of the way over time: what keeps a vehicle clear of what is ahead.
+//! Bounds on the distance over time that keep a vehicle clear of what is ahead.
 
 use reactsim::dynamics::Moving;
 use reactsim::geometry::direction;
 
 use super::obstacle::{Obstacle, Span, TIMES, step_of};
 use super::settings::Settings;
-use super::speed::{ANSWERS, Bound, CHECKED, STEPS};
-use super::vehicle::Subject;
+use super::speed::{AV_BRAKING_BOUNDS, Bound, CHECKED, STEPS};
+use super::vehicle::PlannedVehicle;
 
-/// Steps within which a plan must be kept clear.
+/// Number of steps within which a plan must be clear: 3 s.
 const NEAR_STEPS: usize = 30;
 
-/// Bounds of the way at every checked time.
-pub(super) struct Rows {
+/// Bounds on the distance along the path at every checked step.
+pub(super) struct DistanceBounds {
+    /// One bound per entry of [`CHECKED`]; infinite if there is none.
     pub(super) ahead: [Bound; CHECKED.len()],
-    pub(super) answers: Vec<Bound>,
-    /// Way that must not be exceeded at each time, without the part that depends on the speed.
+    /// Bounds that leave room for a response if the AV brakes.
+    pub(super) av_braking: Vec<Bound>,
+    /// Largest distance at each checked step, without the part that depends on the speed, metres.
     caps: [f64; CHECKED.len()],
+    /// Distance, metres, and speed, m/s, after every step of the hardest braking.
     braking: [(f64, f64); STEPS],
 }
 
-impl Rows {
+impl DistanceBounds {
     pub(super) fn new(braking: [(f64, f64); STEPS]) -> Self {
         let ahead = CHECKED.map(|step| Bound { step, time: 0.0, bound: f64::INFINITY });
-        Self { ahead, answers: Vec::new(), caps: [f64::INFINITY; CHECKED.len()], braking }
+        Self { ahead, av_braking: Vec::new(), caps: [f64::INFINITY; CHECKED.len()], braking }
     }
 
-    /// Asks for a way of at most `from` with a time gap, at a checked time; no more than what the hardest braking would reach.
+    /// Bounds the distance at a checked step by `from` with a time gap, but never below what the
+    /// hardest braking reaches.
     fn put(&mut self, i: usize, from: f64, time: f64, speed: f64) {
         let (least, slowest) = self.braking[CHECKED[i] - 1];
         let bound = (from + time * speed).max(least + time * slowest + 0.01);
         self.caps[i] = self.caps[i].min(from.max(least));
-        // Of two bounds with different time gaps the one that asks for less way at the present speed is taken.
-        let worth = |b: f64, t: f64| b - t * slowest;
+        // Of two bounds with different time gaps, keep the one that is tighter at the speed of the
+        // hardest braking.
+        let tightness = |b: f64, t: f64| b - t * slowest;
         let old = &mut self.ahead[i];
-        if worth(bound, time) < worth(old.bound, old.time) {
+        if tightness(bound, time) < tightness(old.bound, old.time) {
             *old = Bound { step: CHECKED[i], time, bound };
         }
     }
 
-    /// Stops before a place of the way.
+    /// Requires a stop before an arc length of the path.
     pub(super) fn stop_at(&mut self, place: f64) {
         for i in 0..CHECKED.len() {
             self.put(i, place, 0.0, 0.0);
         }
     }
 
-    /// Lowers what is wanted to what is allowed; what was not gone in time is not made up for.
-    pub(super) fn cap(&self, wanted: &mut [f64; STEPS]) {
+    /// Lowers the desired distances to the allowed ones. Distance lost this way is not made up later.
+    pub(super) fn cap(&self, desired: &mut [f64; STEPS]) {
         if self.caps.iter().all(|c| c.is_infinite()) {
             return;
         }
@@ -58,32 +63,32 @@ impl Rows {
             let from = if i == 0 { 0 } else { CHECKED[i - 1] };
             allowed[from..CHECKED[i]].fill(least);
         }
-        let (mut before, mut wish_before) = (0.0_f64, 0.0);
-        for (way, most) in wanted.iter_mut().zip(allowed) {
-            let step = *way - wish_before;
-            wish_before = *way;
-            *way = (before + step).min(most).max(before.min(most));
-            before = *way;
+        let (mut before, mut desired_before) = (0.0_f64, 0.0);
+        for (desired, most) in desired.iter_mut().zip(allowed) {
+            let step = *desired - desired_before;
+            desired_before = *desired;
+            *desired = (before + step).min(most).max(before.min(most));
+            before = *desired;
         }
     }
 
-    /// Keeps clear of an obstacle. Whether it is one at all.
+    /// Adds the bounds of an obstacle. Returns whether the obstacle matters.
     pub(super) fn keep_clear(
         &mut self,
-        subject: &Subject<'_>,
+        vehicle: &PlannedVehicle<'_>,
         obstacle: &Obstacle,
         spans: &[Option<Span>; TIMES],
-        wanted: &[f64; STEPS],
+        desired: &[f64; STEPS],
         settings: &Settings,
     ) -> bool {
         let Some(first) = (0..TIMES).find(|&t| spans[t].is_some_and(|s| s.to > 0.0)) else { return false };
         let Some(span) = spans[first] else { return false };
-        let axis = direction(subject.now.pose.heading);
-        let to = obstacle.boxes[0].center - subject.now.pose.position;
+        let axis = direction(vehicle.now.pose.heading);
+        let to = obstacle.boxes[0].center - vehicle.now.pose.position;
         let in_front = to.dot(&axis) > 0.0;
         let pace = obstacle.velocities[first].norm();
         let leads = obstacle.stands() || span.speed >= 0.5 * pace;
-        // Who comes from behind looks out itself.
+        // Agents from behind yield themselves.
         if !in_front && (leads || span.from < 0.0) {
             return false;
         }
@@ -91,11 +96,12 @@ impl Rows {
             return false;
         }
         if !leads {
-            if first > obstacle.sight {
+            if first > obstacle.crossing_horizon {
                 return false;
             }
             let passes = |t: usize| {
-                spans[t].is_none_or(|s| wanted[step_of(t).max(1) - 1] > s.to + 0.5 + 0.02 * step_of(t) as f64)
+                spans[t]
+                    .is_none_or(|s| desired[step_of(t).max(1) - 1] > s.to + 0.5 + 0.02 * step_of(t) as f64)
             };
             if (first.max(1)..TIMES).all(passes) {
                 return false;
@@ -104,7 +110,7 @@ impl Rows {
         let time = if leads { settings.closing_time } else { 0.3 };
         for (t, s) in spans.iter().enumerate().skip(1) {
             let Some(s) = s else { continue };
-            if !leads && t > obstacle.sight || s.to < 0.0 || s.from < 0.0 && !in_front {
+            if !leads && t > obstacle.crossing_horizon || s.to < 0.0 || s.from < 0.0 && !in_front {
                 continue;
             }
             self.put(t - 1, s.from - settings.gap, time, s.speed.max(0.0));
@@ -112,37 +118,39 @@ impl Rows {
         if obstacle.is_av
             && leads
             && !obstacle.stands()
-            && self.answers.len() + 2 <= ANSWERS
+            && self.av_braking.len() + 2 <= AV_BRAKING_BOUNDS
             && let Some(s) = spans[0]
         {
-            self.answer(s, settings);
+            self.bound_for_av_braking(s, settings);
         }
         true
     }
 
-    /// After half a second and after a second, it must still be possible to halt behind an AV that brakes from now on.
-    fn answer(&mut self, span: Span, settings: &Settings) {
+    /// Bounds the distances after 0.5 s and 1 s so that the vehicle can still halt behind an AV that
+    /// brakes from now on.
+    fn bound_for_av_braking(&mut self, span: Span, settings: &Settings) {
         let halt =
             span.from + span.speed.max(0.0) * span.speed / (2.0 * settings.av_brake) - 0.5 * settings.gap;
         for step in [5, 10] {
-            // The way of halting grows with the square of the speed: linear about the hardest braking, which is the least there is.
+            // The halting distance is quadratic in the speed. It is linearised about the hardest
+            // braking, which gives the lowest possible speed.
             let (least, slowest) = self.braking[step - 1];
             let about = slowest + 1.0;
             let time = about / settings.own_brake;
             let bound = halt + about * about / (2.0 * settings.own_brake);
-            self.answers.push(Bound { step, time, bound: bound.max(least + time * slowest + 0.01) });
+            self.av_braking.push(Bound { step, time, bound: bound.max(least + time * slowest + 0.01) });
         }
     }
 }
 
-/// How far a plan goes into what is in the way within the next three seconds, metres.
+/// Returns how far a plan enters obstacles within the next three seconds, metres.
 pub(super) fn excess(now: &Moving, moves: &[Moving], all: &[[Option<Span>; TIMES]]) -> f64 {
     let mut arc = [0.0; STEPS];
-    let (mut way, mut before) = (0.0, now.pose.position);
+    let (mut distance, mut before) = (0.0, now.pose.position);
     for (arc, moving) in arc.iter_mut().zip(moves) {
-        way += (moving.pose.position - before).norm();
+        distance += (moving.pose.position - before).norm();
         before = moving.pose.position;
-        *arc = way;
+        *arc = distance;
     }
     let mut most = 0.0_f64;
     for spans in all {

@@ -1,33 +1,33 @@
-//! What the stage is asked to keep.
+//! Parameters of the stage.
 
 use serde::Deserialize;
 
-/// The parameters of the card of this stage.
+/// Parameters from the card of this stage.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// Largest magnitude of the acceleration, m/s².
     pub acceleration: f64,
-    /// Largest magnitude of the curvature by the metric's formula, 1/m.
+    /// Largest magnitude of the curvature as the metric computes it, 1/m.
     pub curvature: f64,
-    /// Largest change of the acceleration, m/s³.
+    /// Largest magnitude of the jerk, m/s³.
     pub jerk: f64,
-    /// Largest acceleration across the way that a path may ask for, m/s².
+    /// Largest lateral acceleration that a path may require, m/s².
     pub lateral_acceleration: f64,
-    /// Gap that is kept to what is ahead when it stands, metres.
+    /// Standstill gap to the leader or obstacle ahead, metres.
     pub gap: f64,
-    /// Time to collision that is kept, seconds.
+    /// Smallest time to collision with a leader, seconds.
     pub closing_time: f64,
-    /// How hard the AV may brake at any time, m/s².
+    /// Deceleration at which the AV may brake at any time, m/s².
     pub av_brake: f64,
-    /// How hard a vehicle would answer, m/s².
+    /// Deceleration with which a vehicle would respond to a braking AV, m/s².
     pub own_brake: f64,
-    /// Distance that is kept to what is passed, metres.
+    /// Lateral clearance to obstacles, metres.
     pub side: f64,
-    /// The same to the AV, metres.
+    /// Lateral clearance to the AV, metres.
     pub av_side: f64,
-    /// How far inside the drivable ground the box centre stays, metres.
+    /// Distance of the box centre from the edge of the drivable area, metres.
     pub inside: f64,
-    /// A plan that fails to keep clear by more than this is not taken while there are others, metres.
+    /// Violation in metres up to which a plan counts as clear; beyond it other modes are tried.
     pub low_slack: f64,
 }

@@ -1,76 +1,80 @@
-//! How far aside a path may go: the ground, the lanes of others, what stands or drives beside.
+//! Lateral bounds of a path: the drivable area, the lanes of others, and obstacles next to the path.
 
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{LaneHit, Road};
 
-use super::bends::{SIDES, Sides, station_of_side};
-use super::mode::Wish;
-use super::obstacle::{Obstacle, beside};
+use super::bends::{LATERAL_BOUNDS, LateralBounds, station_of_bound};
+use super::mode::Reference;
+use super::obstacle::{Obstacle, lateral_extent};
+use super::path::Path;
 use super::settings::Settings;
 use super::speed::CHECKED;
-use super::vehicle::Subject;
-use super::way::Way;
+use super::vehicle::PlannedVehicle;
 
-/// How far a vehicle makes way aside for what is beside it, metres; what asks for more is waited for.
-const MOST_ASIDE: f64 = 1.5;
-/// Lanes whose direction has at most this part along a path's lead against it.
-const AGAINST: f64 = -0.3;
+/// Largest lateral shift in metres to pass an obstacle; a vehicle waits for one that needs more.
+const MAX_SHIFT: f64 = 1.5;
+/// Cosine below which the direction of a lane opposes the direction of a path.
+const OPPOSING_COSINE: f64 = -0.3;
 
-/// Where a path leaves the drivable ground, metres of the centre's way.
-pub(super) fn road_end(way: &Way, road: Road<'_>) -> Option<f64> {
+/// Returns the arc length at which a path leaves the drivable area, metres.
+pub(super) fn road_end(path: &Path, road: Road<'_>) -> Option<f64> {
     let mut near = None;
-    let off = way.stations.iter().find(|s| road.drivable(s.centre, &mut near) == Some(false))?;
-    Some((off.arc - 0.5 * way.spacing).max(0.0))
+    let off = path.stations.iter().find(|s| road.drivable(s.centre, &mut near) == Some(false))?;
+    Some((off.arc - 0.5 * path.spacing).max(0.0))
 }
 
-/// Where lanes lead, asked at points that follow one another.
+/// Lookup of lane directions for consecutive points.
 struct Directions<'a> {
     road: Option<Road<'a>>,
-    /// The lane that held the last point and leads on: it mostly holds the next one too.
-    with: Option<usize>,
+    /// Lane that contains the last point and does not oppose the path: it mostly contains the next
+    /// point too.
+    lane: Option<usize>,
     hits: Vec<LaneHit>,
 }
 
 impl Directions<'_> {
-    /// Whether a point lies on lanes against this direction alone. Where directions share the ground, as on crossings, nothing is said.
-    fn oppose(&mut self, p: Vec2, axis: Vec2) -> bool {
+    /// Returns whether all lanes at a point oppose this direction. False where lanes of several
+    /// directions overlap, as on crossings.
+    fn opposes(&mut self, p: Vec2, axis: Vec2) -> bool {
         let Some(road) = self.road else { return false };
-        let leads_on =
-            |lane: usize, s: f64| direction(road.lane(lane).baseline.heading_at(s)).dot(&axis) >= AGAINST;
-        if let Some(lane) = self.with
-            && road.lane_at(p, lane).is_some_and(|at| leads_on(lane, at.s))
+        let agrees = |lane: usize, s: f64| {
+            direction(road.lane(lane).baseline.heading_at(s)).dot(&axis) >= OPPOSING_COSINE
+        };
+        if let Some(lane) = self.lane
+            && road.lane_at(p, lane).is_some_and(|at| agrees(lane, at.s))
         {
             return false;
         }
         road.lanes_at(p, &mut self.hits);
-        self.with = self.hits.iter().find(|h| leads_on(h.lane, h.projection.s)).map(|h| h.lane);
-        !self.hits.is_empty() && self.with.is_none()
+        self.lane = self.hits.iter().find(|h| agrees(h.lane, h.projection.s)).map(|h| h.lane);
+        !self.hits.is_empty() && self.lane.is_none()
     }
 }
 
-/// How far aside of the stations a path may go: on the ground, and clear of what is beside it.
-pub(super) fn sides(
-    way: &Way,
-    subject: &Subject<'_>,
-    wish: &Wish,
+/// Returns the lateral bounds at the stations of a path: on the drivable area, and clear of obstacles
+/// next to the path.
+pub(super) fn lateral_bounds(
+    path: &Path,
+    vehicle: &PlannedVehicle<'_>,
+    reference: &Reference,
     obstacles: &[&Obstacle],
     settings: &Settings,
-) -> Sides {
+) -> LateralBounds {
     let mut near = None;
-    let mut drivable = |p: Vec2| subject.road.is_none_or(|road| road.drivable(p, &mut near) != Some(false));
-    let mut directions = Directions { road: subject.road, with: None, hits: Vec::new() };
-    let speed = subject.now.speed.max(2.0);
-    let mut all = [(f64::NEG_INFINITY, f64::INFINITY); SIDES];
+    let mut drivable = |p: Vec2| vehicle.road.is_none_or(|road| road.drivable(p, &mut near) != Some(false));
+    let mut directions = Directions { road: vehicle.road, lane: None, hits: Vec::new() };
+    let speed = vehicle.now.speed.max(2.0);
+    let mut all = [(f64::NEG_INFINITY, f64::INFINITY); LATERAL_BOUNDS];
     for (side, bounds) in all.iter_mut().enumerate() {
-        let j = station_of_side(side);
-        let station = &way.stations[j];
-        let left = way.side(j);
+        let j = station_of_bound(side);
+        let station = &path.stations[j];
+        let left = path.side(j);
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-        if subject.road.is_some() {
+        if vehicle.road.is_some() {
             let inside = settings.inside;
             let mut fits = |o: f64| {
                 [o - inside, o + inside, o].into_iter().all(|x| drivable(station.centre + left * x))
-                    && !directions.oppose(station.centre + left * o, station.axis)
+                    && !directions.opposes(station.centre + left * o, station.axis)
             };
             if !fits(0.0) {
                 let aside = (1..=12).flat_map(|m| [0.4 * f64::from(m), -0.4 * f64::from(m)]);
@@ -81,33 +85,34 @@ pub(super) fn sides(
                 }
             }
         }
-        let step = wish.step_after(station.arc);
+        let step = reference.step_after(station.arc);
         let time = CHECKED.partition_point(|&c| c < step).min(CHECKED.len() - 1) + 1;
         for obstacle in obstacles {
             if obstacle.leader_only && !obstacle.stands() {
                 continue;
             }
             let b = &obstacle.boxes[time];
-            let reach = b.radius() + subject.extent.length + subject.extent.width + 1.0;
+            let reach = b.radius() + vehicle.extent.length + vehicle.extent.width + 1.0;
             if (b.center - station.centre).norm_squared() > reach * reach {
                 continue;
             }
-            let Some((from, to)) = beside(b, station.centre, station.axis, subject.extent.length + 0.3)
+            let Some((from, to)) =
+                lateral_extent(b, station.centre, station.axis, vehicle.extent.length + 0.3)
             else {
                 continue;
             };
-            let apart = subject.extent.width + obstacle.side.max(settings.side);
-            if from > 0.0 && from - apart > -MOST_ASIDE {
-                high = high.min(from - apart);
-            } else if to < 0.0 && to + apart < MOST_ASIDE {
-                low = low.max(to + apart);
+            let clearance = vehicle.extent.width + obstacle.side.max(settings.side);
+            if from > 0.0 && from - clearance > -MAX_SHIFT {
+                high = high.min(from - clearance);
+            } else if to < 0.0 && to + clearance < MAX_SHIFT {
+                low = low.max(to + clearance);
             }
         }
         if low > high {
             let middle = 0.5 * (low + high);
             (low, high) = (middle, middle);
         }
-        // No more than what can be reached without haste.
+        // Never demand a larger shift than the vehicle can reach with gentle steering.
         let t = station.arc / speed;
         let reachable = 1.2 * t * t;
         *bounds = (low.min(reachable), high.max(-reachable));

@@ -1,4 +1,4 @@
-//! A simulator whose plans go through the stage.
+//! A simulator followed by the stage.
 
 use reactsim::rollout::{Controller, Episode, JointPlan, Memory, PlanError, Simulator, Stream};
 use reactsim::scene::{AgentState, Start};
@@ -8,27 +8,28 @@ use super::settings::Settings;
 use super::stage::{Intent, KeepClear, Stage, is_planned};
 use reactsim::models::{Card, ModelError};
 
-/// The stages that can be put behind a simulator: what `--smooth` and ids name.
+/// Variants of the stage that can follow a simulator; `--smooth` and simulator ids name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Smoothing {
-    /// Everything.
+    /// The full stage.
     Full,
-    /// Without keeping clear of anybody: what smoothness, limits and the road alone are worth.
+    /// Without clearance to other agents, to measure the effect of smoothness, limits and the road
+    /// alone.
     WithoutOthers,
 }
 
-/// The text of the card of this stage.
+/// Text of the card of the stage.
 pub const CARD: &str = include_str!("stage.toml");
-/// The id under which errors name the stage.
+/// Id of the stage in errors.
 const ID: &str = "qp";
-/// What is said where there is no stage; a test excludes it.
+/// Error message if the solver rejects the programs of the stage; a test rules this out.
 pub const REFUSED: &str = "the solver refuses the programs of the stage `qp`";
 
 impl Smoothing {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 2] = [Self::Full, Self::WithoutOthers];
 
-    /// The name: `qp` or `qp-alone`.
+    /// Returns the name: `qp` or `qp-alone`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Full => "qp",
@@ -36,26 +37,27 @@ impl Smoothing {
         }
     }
 
-    /// The one of this name.
+    /// Returns the variant of this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|s| s.name() == name)
     }
 
-    /// The id of a simulator with this stage behind it.
+    /// Returns the id of a simulator followed by this stage.
     pub fn id(self, simulator: &str) -> String {
         format!("{simulator}+{}", self.name())
     }
 
-    /// The simulator and the stage that an id names; `None` for one without a stage.
+    /// Splits an id into the simulator and the stage; `None` for an id without a stage.
     pub fn of_id(id: &str) -> Option<(&str, Self)> {
         let (simulator, stage) = id.rsplit_once('+')?;
         Some((simulator, Self::from_name(stage)?))
     }
 
-    /// Puts the stage behind a simulator.
+    /// Returns the simulator followed by the stage.
     ///
     /// # Errors
-    /// [`ModelError::TakesNoStage`] for one that is shown the log's future; what is wrong with the card, which a test excludes.
+    /// [`ModelError::TakesNoStage`] for a simulator that sees the log's future; the error of an invalid
+    /// card, which a test rules out.
     pub fn behind(self, id: &'static str, controller: Controller) -> Result<Controller, ModelError> {
         let Controller::Fair(inner) = controller else { return Err(ModelError::TakesNoStage { id }) };
         let settings = settings()?;
@@ -67,25 +69,25 @@ impl Smoothing {
     }
 }
 
-/// The parameters of the card.
+/// Reads the parameters of the card.
 ///
 /// # Errors
-/// [`ModelError`] for a card that can not be read, which a test excludes.
+/// [`ModelError`] for an invalid card, which a test rules out.
 pub fn settings() -> Result<Settings, ModelError> {
     let parameters = Card::read(ID, CARD)?.parameters;
     let read = parameters.try_into().map_err(|source| reactsim::models::CardError { id: ID, source })?;
     Ok(read)
 }
 
-/// A simulator with the stage behind it.
+/// A simulator followed by the stage.
 struct Smoothed {
     inner: Box<dyn Simulator>,
     settings: Settings,
     keep_clear: KeepClear,
 }
 
-/// What an episode keeps: what the simulator inside does, and the solvers.
-struct Kept {
+/// Memory of an episode: that of the inner simulator, and the stage with its solvers.
+struct EpisodeMemory {
     inner: Memory,
     stage: Option<Stage>,
 }
@@ -93,14 +95,14 @@ struct Kept {
 impl Simulator for Smoothed {
     fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
         let stage = Stage::new(&self.settings, self.keep_clear);
-        Memory::new(Kept { inner: self.inner.begin(start, stream), stage })
+        Memory::new(EpisodeMemory { inner: self.inner.begin(start, stream), stage })
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
         let mut inner: Vec<Episode<'_>> = Vec::with_capacity(batch.len());
         let mut outer: Vec<Outer<'_>> = Vec::with_capacity(batch.len());
         for episode in batch.iter_mut() {
-            let Some(Kept { inner: memory, stage }) = episode.memory.get::<Kept>() else {
+            let Some(EpisodeMemory { inner: memory, stage }) = episode.memory.get::<EpisodeMemory>() else {
                 episode.error = Some(PlanError::ForeignMemory(ID));
                 continue;
             };
@@ -159,7 +161,7 @@ impl Simulator for Smoothed {
     }
 }
 
-/// What of an episode the simulator inside is not handed.
+/// Parts of an episode that the inner simulator does not get.
 struct Outer<'a> {
     plan: &'a mut JointPlan,
     error: &'a mut Option<PlanError>,

@@ -1,84 +1,91 @@
-//! The speed along a path: a quadratic program over accelerations.
+//! Speed planning along a path: a quadratic program over accelerations.
 //!
-//! Time runs in steps of 0.1 s. The acceleration of a step is the change of speed over it, as metrics take it: the speed of a step is the
-//! way of the box centre over 0.1 s. Accelerations are linear between knots, which lie closer now than later: what is executed before the
-//! next plan has a knot every 0.2 s. Costs and bounds are taken at single steps.
+//! Time runs in steps of 0.1 s. As in the metrics, the speed of a step is the distance that the box
+//! centre moves divided by 0.1 s, and the acceleration of a step is its change of speed. Accelerations
+//! are linear between knots, which are denser early on: the part that is executed before the next plan
+//! has a knot every 0.2 s. Costs and bounds apply to single steps.
 
 use reactsim::scene::DT;
 
-use super::program::{CONTROLS, Cholesky, Controls, Found, Pattern, Program, Quadratic};
+use super::program::{CONTROLS, Cholesky, Controls, Pattern, Program, Quadratic, Solution};
 use super::settings::Settings;
 
-/// Steps that are planned: 5 s.
+/// Number of planned steps: 5 s.
 pub const STEPS: usize = 50;
 /// Steps at which the acceleration is a control.
 const KNOTS: [usize; CONTROLS] = [0, 2, 4, 7, 10, 15, 20, 27, 36, 49];
-/// Knots whose distance is so short that the jerk can be too large between them.
-const JERKY: usize = 5;
-/// Steps at which bounds of the way are kept, counted from 1: every 0.1 s for half a second, then every 0.2 s.
+/// Number of knots, from the start, at which the jerk is bounded. Later knots are so far apart that the
+/// bound on the acceleration suffices.
+const JERK_BOUNDS: usize = 5;
+/// Steps, counted from 1, at which distance bounds apply: every 0.1 s up to 0.6 s, then every 0.2 s.
 pub(super) const CHECKED: [usize; 28] =
     [1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30, 32, 34, 36, 38, 40, 42, 44, 46, 48, 50];
-/// Steps at which speeds are kept from being negative.
-const FORWARD: [usize; 13] = [2, 4, 7, 10, 14, 18, 22, 27, 31, 36, 40, 45, 50];
-/// Errors that cost as much as one another: of the acceleration, m/s², and of the jerk, m/s³.
+/// Steps at which speeds are bounded to be non-negative.
+const NON_NEGATIVE_SPEED: [usize; 13] = [2, 4, 7, 10, 14, 18, 22, 27, 31, 36, 40, 45, 50];
+/// Acceleration, in m/s², that costs as much as a jerk of [`JERK_SCALE`].
 const ACCELERATION_SCALE: f64 = 5.0;
+/// Jerk, in m/s³, that costs as much as an acceleration of [`ACCELERATION_SCALE`].
 const JERK_SCALE: f64 = 8.0;
-/// Penalty of a metre that a bound of the way is left by, and of one by which a braking AV could no longer be answered.
+/// Penalties per metre of violation: of the distance bounds, and of the bounds for a braking AV.
 const PENALTIES: [f64; 2] = [400.0, 12.0];
-/// Rows for what would have to be done should the AV brake.
-pub(super) const ANSWERS: usize = 2;
+/// Number of bounds for a braking AV.
+pub(super) const AV_BRAKING_BOUNDS: usize = 2;
 
-/// How uncertain a wish is after so many steps where nothing is said, metres.
-pub(super) fn usual_sigma(step: usize) -> f64 {
+/// Default standard deviation of a mode along its motion at a step, metres.
+pub(super) fn default_sigma(step: usize) -> f64 {
     0.5 + 0.2 * DT * step as f64
 }
 
-/// A bound of the way: `way + time · speed ≤ bound` after a step.
+/// A bound on the distance: `distance + time · speed ≤ bound` after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bound {
+    /// Step, counted from 1.
     pub(super) step: usize,
-    /// Seconds.
+    /// Time gap, seconds.
     pub(super) time: f64,
-    /// Metres.
+    /// Bound, metres.
     pub(super) bound: f64,
 }
 
-/// What is known and wanted of the speed.
+/// Input of the speed program.
 #[derive(Clone, Debug)]
-pub(super) struct Wanted<'a> {
+pub(super) struct SpeedProblem<'a> {
     /// Speed of the last step, m/s, not negative.
     pub(super) speed: f64,
     /// Acceleration of the last step, m/s².
     pub(super) acceleration: f64,
-    /// Way after every step, metres.
-    pub(super) way: &'a [f64; STEPS],
-    /// How uncertain that is, metres; `None` for what is usual.
+    /// Desired distance after every step, metres.
+    pub(super) distances: &'a [f64; STEPS],
+    /// Standard deviation of these distances, metres; `None` for default values.
     pub(super) sigma: Option<&'a [f64; STEPS]>,
-    /// One per entry of [`CHECKED`]; infinite where there is none.
+    /// One bound per entry of [`CHECKED`]; infinite if there is none.
     pub(super) ahead: &'a [Bound; CHECKED.len()],
-    /// What must remain possible should the AV brake.
-    pub(super) answers: &'a [Bound],
+    /// Bounds that leave room for a response if the AV brakes.
+    pub(super) av_braking: &'a [Bound],
 }
 
-/// What does not depend on the problem, and the program.
-pub(super) struct Speeds {
+/// The speed program, with everything that does not depend on the problem.
+pub(super) struct SpeedProgram {
     /// Acceleration of each step as a row of the controls.
     accelerations: [Controls; STEPS],
-    /// Speed after each step, without what the present speed gives.
+    /// Speed after each step as a row of the controls, without the contribution of the present speed.
     speeds: [Controls; STEPS],
-    /// Way after each step, without what the present speed gives.
-    ways: [Controls; STEPS],
-    /// The cost without that of the way.
+    /// Distance after each step as a row of the controls, without the contribution of the present
+    /// speed.
+    distances: [Controls; STEPS],
+    /// Cost of accelerations and jerks.
     comfort: Quadratic,
-    /// The whole quadratic part, with the usual uncertainty, and its factor.
-    usual: ([Controls; CONTROLS], Cholesky),
+    /// Quadratic part of the whole cost for the default standard deviations, and its factor.
+    default_cost: ([Controls; CONTROLS], Cholesky),
     program: Program,
+    /// Largest magnitude of the acceleration, m/s².
     limit: f64,
+    /// Largest magnitude of the jerk, m/s³.
     jerk: f64,
 }
 
-impl Speeds {
-    /// `None` where the solver refuses the pattern.
+impl SpeedProgram {
+    /// Creates the program; `None` if the solver rejects its pattern.
     pub(super) fn new(settings: &Settings) -> Option<Self> {
         let mut accelerations = [[0.0; CONTROLS]; STEPS];
         for (k, row) in accelerations.iter_mut().enumerate() {
@@ -86,14 +93,14 @@ impl Speeds {
             let t = (k - KNOTS[i]) as f64 / (KNOTS[i + 1] - KNOTS[i]) as f64;
             (row[i], row[i + 1]) = (1.0 - t, t);
         }
-        let (mut speeds, mut ways) = ([[0.0; CONTROLS]; STEPS], [[0.0; CONTROLS]; STEPS]);
-        let (mut speed, mut way) = ([0.0; CONTROLS], [0.0; CONTROLS]);
+        let (mut speeds, mut distances) = ([[0.0; CONTROLS]; STEPS], [[0.0; CONTROLS]; STEPS]);
+        let (mut speed, mut distance) = ([0.0; CONTROLS], [0.0; CONTROLS]);
         for k in 0..STEPS {
             for i in 0..CONTROLS {
                 speed[i] += DT * accelerations[k][i];
-                way[i] += DT * speed[i];
+                distance[i] += DT * speed[i];
             }
-            (speeds[k], ways[k]) = (speed, way);
+            (speeds[k], distances[k]) = (speed, distance);
         }
         let share = 1.0 / STEPS as f64;
         let mut comfort = Quadratic::ZERO;
@@ -105,8 +112,8 @@ impl Speeds {
             before = *row;
         }
         let mut whole = comfort.clone();
-        for (k, row) in ways.iter().enumerate() {
-            whole.add(row, 0.0, way_weight(usual_sigma(k + 1)));
+        for (k, row) in distances.iter().enumerate() {
+            whole.add(row, 0.0, distance_weight(default_sigma(k + 1)));
         }
         let factor = Cholesky::of(&whole.p)?;
         let upto = |step: usize| {
@@ -117,78 +124,79 @@ impl Speeds {
         for i in 0..CONTROLS {
             patterns.extend([i..i + 1, i..i + 1].map(|controls| Pattern { controls, slack: None }));
         }
-        for i in 0..JERKY {
+        for i in 0..JERK_BOUNDS {
             let controls = i.saturating_sub(1)..i + 1;
             patterns.extend([controls.clone(), controls].map(|controls| Pattern { controls, slack: None }));
         }
-        patterns.extend(FORWARD.map(|step| Pattern { controls: upto(step), slack: None }));
+        patterns.extend(NON_NEGATIVE_SPEED.map(|step| Pattern { controls: upto(step), slack: None }));
         patterns.extend(CHECKED.map(|step| Pattern { controls: upto(step), slack: Some(0) }));
-        patterns.extend([(); ANSWERS].map(|()| Pattern { controls: 0..CONTROLS, slack: Some(1) }));
+        patterns.extend([(); AV_BRAKING_BOUNDS].map(|()| Pattern { controls: 0..CONTROLS, slack: Some(1) }));
         Some(Self {
             accelerations,
             speeds,
-            ways,
+            distances,
             comfort,
-            usual: (whole.p, factor),
+            default_cost: (whole.p, factor),
             program: Program::new(patterns, PENALTIES.to_vec())?,
             limit: settings.acceleration,
             jerk: settings.jerk,
         })
     }
 
-    /// The acceleration that a vehicle goes on from: that of the last step, as far as it can be left in time.
-    pub(super) fn going_on(&self, speed: f64, acceleration: f64) -> f64 {
+    /// Returns the acceleration that planning starts from: that of the last step, limited so that it
+    /// can end before the vehicle stands.
+    pub(super) fn initial_acceleration(&self, speed: f64, acceleration: f64) -> f64 {
         acceleration.clamp((-speed / (3.0 * DT)).max(-self.limit), self.limit)
     }
 
-    /// The best accelerations of the steps.
-    pub(super) fn solve(&mut self, wanted: &Wanted<'_>) -> (Found, [f64; STEPS]) {
-        let (cost, free) = self.cost(wanted);
-        self.bound(wanted);
-        let found = match free {
+    /// Returns the solution and the acceleration of every step.
+    pub(super) fn solve(&mut self, problem: &SpeedProblem<'_>) -> (Solution, [f64; STEPS]) {
+        let (cost, free) = self.cost(problem);
+        self.bound(problem);
+        let solution = match free {
             Some(free) => self.program.solve(&cost, &free),
             None => self.program.solve_by_solver(&cost),
         };
-        let steps = self.accelerations.map(|row| dot(&row, &found.controls));
-        (found, steps)
+        let steps = self.accelerations.map(|row| dot(&row, &solution.controls));
+        (solution, steps)
     }
 
-    /// The same by the solver, whether or not the closed form would do.
+    /// Solves as [`Self::solve`] does, but always with the solver.
     #[cfg(test)]
-    pub(super) fn solve_by_solver(&mut self, wanted: &Wanted<'_>) -> (Found, [f64; STEPS]) {
-        let (cost, _) = self.cost(wanted);
-        self.bound(wanted);
-        let found = self.program.solve_by_solver(&cost);
-        let steps = self.accelerations.map(|row| dot(&row, &found.controls));
-        (found, steps)
+    pub(super) fn solve_by_solver(&mut self, problem: &SpeedProblem<'_>) -> (Solution, [f64; STEPS]) {
+        let (cost, _) = self.cost(problem);
+        self.bound(problem);
+        let solution = self.program.solve_by_solver(&cost);
+        let steps = self.accelerations.map(|row| dot(&row, &solution.controls));
+        (solution, steps)
     }
 
-    /// The cost and where it is smallest.
-    pub(super) fn cost(&self, wanted: &Wanted<'_>) -> (Quadratic, Option<Controls>) {
+    /// Returns the cost and its minimiser.
+    pub(super) fn cost(&self, problem: &SpeedProblem<'_>) -> (Quadratic, Option<Controls>) {
         let mut cost = self.comfort.clone();
         let share = 1.0 / STEPS as f64;
-        // The first change is one from the acceleration that there is.
+        // The first jerk is relative to the present acceleration.
         let first = 2.0 * share / (JERK_SCALE * JERK_SCALE * DT * DT);
-        let last = self.going_on(wanted.speed, wanted.acceleration);
+        let last = self.initial_acceleration(problem.speed, problem.acceleration);
         for i in 0..CONTROLS {
             cost.q[i] -= first * self.accelerations[0][i] * last;
         }
-        let rest = |k: usize| wanted.way[k] - wanted.speed * DT * (k + 1) as f64;
-        match wanted.sigma {
+        let rest = |k: usize| problem.distances[k] - problem.speed * DT * (k + 1) as f64;
+        match problem.sigma {
             None => {
-                for (k, row) in self.ways.iter().enumerate() {
-                    let w = 2.0 * way_weight(usual_sigma(k + 1)) * rest(k);
+                for (k, row) in self.distances.iter().enumerate() {
+                    let w = 2.0 * distance_weight(default_sigma(k + 1)) * rest(k);
                     for (q, r) in cost.q.iter_mut().zip(row) {
                         *q -= w * r;
                     }
                 }
-                cost.p = self.usual.0;
-                let free = self.usual.1.solve(&cost.q.map(|q| -q));
+                cost.p = self.default_cost.0;
+                let free = self.default_cost.1.solve(&cost.q.map(|q| -q));
                 (cost, Some(free))
             }
             Some(sigma) => {
-                for (k, row) in self.ways.iter().enumerate() {
-                    cost.add(row, rest(k), way_weight(sigma[k]));
+                for (k, row) in self.distances.iter().enumerate() {
+                    cost.add(row, rest(k), distance_weight(sigma[k]));
                 }
                 let free = cost.minimum();
                 (cost, free)
@@ -197,8 +205,8 @@ impl Speeds {
     }
 
     /// Sets all rows.
-    fn bound(&mut self, wanted: &Wanted<'_>) {
-        let last = self.going_on(wanted.speed, wanted.acceleration);
+    fn bound(&mut self, problem: &SpeedProblem<'_>) {
+        let last = self.initial_acceleration(problem.speed, problem.acceleration);
         let mut row = 0;
         let mut put = |values: &Controls, bound: f64| {
             self.program.set(row, values, bound);
@@ -209,7 +217,7 @@ impl Speeds {
             put(&one, self.limit);
             put(&one.map(|x| -x), self.limit);
         }
-        for i in 0..JERKY {
+        for i in 0..JERK_BOUNDS {
             let mut change: Controls = std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 });
             let (from, steps) = if i == 0 {
                 (last, 1)
@@ -217,26 +225,26 @@ impl Speeds {
                 change[i - 1] = -1.0;
                 (0.0, KNOTS[i] - KNOTS[i - 1])
             };
-            let most = self.jerk * DT * steps as f64;
-            put(&change, most + from);
-            put(&change.map(|x| -x), most - from);
+            let max_change = self.jerk * DT * steps as f64;
+            put(&change, max_change + from);
+            put(&change.map(|x| -x), max_change - from);
         }
-        for step in FORWARD {
-            put(&self.speeds[step - 1].map(|x| -x), wanted.speed);
+        for step in NON_NEGATIVE_SPEED {
+            put(&self.speeds[step - 1].map(|x| -x), problem.speed);
         }
-        let along = |bound: &Bound| -> (Controls, f64) {
+        let row_of = |bound: &Bound| -> (Controls, f64) {
             let k = bound.step - 1;
-            let values = std::array::from_fn(|i| self.ways[k][i] + bound.time * self.speeds[k][i]);
-            (values, bound.bound - wanted.speed * (DT * bound.step as f64 + bound.time))
+            let values = std::array::from_fn(|i| self.distances[k][i] + bound.time * self.speeds[k][i]);
+            (values, bound.bound - problem.speed * (DT * bound.step as f64 + bound.time))
         };
-        for bound in wanted.ahead {
-            let (values, rest) = along(bound);
+        for bound in problem.ahead {
+            let (values, rest) = row_of(bound);
             put(&values, rest);
         }
-        for i in 0..ANSWERS {
-            match wanted.answers.get(i) {
+        for i in 0..AV_BRAKING_BOUNDS {
+            match problem.av_braking.get(i) {
                 Some(bound) => {
-                    let (values, rest) = along(bound);
+                    let (values, rest) = row_of(bound);
                     put(&values, rest);
                 }
                 None => put(&[0.0; CONTROLS], f64::INFINITY),
@@ -245,7 +253,7 @@ impl Speeds {
     }
 }
 
-fn way_weight(sigma: f64) -> f64 {
+fn distance_weight(sigma: f64) -> f64 {
     1.0 / (STEPS as f64 * sigma * sigma)
 }
 
@@ -253,14 +261,15 @@ fn dot(a: &Controls, b: &Controls) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Way and speed after every step of the hardest braking that a vehicle of this speed and acceleration is able to do.
+/// Returns distance and speed after every step of the hardest braking that is possible from this speed
+/// and acceleration.
 pub(super) fn hardest_braking(speed: f64, acceleration: f64, settings: &Settings) -> [(f64, f64); STEPS] {
-    let (mut way, mut speed, mut a) = (0.0, speed, acceleration);
+    let (mut distance, mut speed, mut a) = (0.0, speed, acceleration);
     std::array::from_fn(|_| {
         a = (a - settings.jerk * DT).max(-settings.acceleration);
         speed = f64::max(speed + a * DT, 0.0);
-        way += speed * DT;
-        (way, speed)
+        distance += speed * DT;
+        (distance, speed)
     })
 }
 
@@ -269,11 +278,11 @@ mod tests {
     use super::super::program::Solve;
     use super::*;
 
-    fn open() -> [Bound; CHECKED.len()] {
+    fn unbounded() -> [Bound; CHECKED.len()] {
         CHECKED.map(|step| Bound { step, time: 0.0, bound: f64::INFINITY })
     }
 
-    fn ways(speed: f64, accelerations: &[f64; STEPS]) -> [f64; STEPS] {
+    fn distances(speed: f64, accelerations: &[f64; STEPS]) -> [f64; STEPS] {
         let (mut v, mut s) = (speed, 0.0);
         accelerations.map(|a| {
             v += a * DT;
@@ -285,30 +294,30 @@ mod tests {
     #[test]
     fn the_closed_form_is_the_solution_where_no_bound_is_met() {
         let settings = super::super::settings().unwrap();
-        let mut speeds = Speeds::new(&settings).unwrap();
-        let ahead = open();
+        let mut speeds = SpeedProgram::new(&settings).unwrap();
+        let ahead = unbounded();
         for (speed, acceleration, change) in
             [(10.0, 0.0, 0.0), (8.0, 1.0, -1.0), (15.0, -2.0, 0.5), (4.0, 0.5, 1.5)]
         {
             for sigma in [None, Some(std::array::from_fn(|k| 0.3 + 0.05 * k as f64))] {
-                let way = std::array::from_fn(|k| {
+                let desired = std::array::from_fn(|k| {
                     let t = DT * (k + 1) as f64;
                     speed * t + 0.5 * change * t * t
                 });
                 let sigma: Option<[f64; STEPS]> = sigma;
-                let wanted = Wanted {
+                let problem = SpeedProblem {
                     speed,
                     acceleration,
-                    way: &way,
+                    distances: &desired,
                     sigma: sigma.as_ref(),
                     ahead: &ahead,
-                    answers: &[],
+                    av_braking: &[],
                 };
-                let (found, closed) = speeds.solve(&wanted);
-                assert_eq!((found.solve, found.iterations), (Solve::ClosedForm, 0));
-                let (found, solved) = speeds.solve_by_solver(&wanted);
-                assert!(found.iterations > 0 && found.solve == Solve::Solved, "{found:?}");
-                for (a, b) in ways(speed, &closed).iter().zip(ways(speed, &solved)) {
+                let (solution, closed) = speeds.solve(&problem);
+                assert_eq!((solution.solve, solution.iterations), (Solve::ClosedForm, 0));
+                let (solution, solved) = speeds.solve_by_solver(&problem);
+                assert!(solution.iterations > 0 && solution.solve == Solve::Solved, "{solution:?}");
+                for (a, b) in distances(speed, &closed).iter().zip(distances(speed, &solved)) {
                     assert!((a - b).abs() < 1e-3, "{a} and {b} m");
                 }
             }
@@ -318,15 +327,21 @@ mod tests {
     #[test]
     fn bounds_hold_at_all_times_where_they_can() {
         let settings = super::super::settings().unwrap();
-        let mut speeds = Speeds::new(&settings).unwrap();
+        let mut speeds = SpeedProgram::new(&settings).unwrap();
         for (speed, room) in [(10.0, 15.0), (20.0, 45.0), (5.0, 5.0)] {
             let ahead = CHECKED.map(|step| Bound { step, time: 0.0, bound: room });
-            let way = std::array::from_fn(|k| f64::min(speed * DT * (k + 1) as f64, room));
-            let wanted =
-                Wanted { speed, acceleration: 0.0, way: &way, sigma: None, ahead: &ahead, answers: &[] };
-            let (found, accelerations) = speeds.solve(&wanted);
-            assert_eq!(found.solve, Solve::Solved);
-            assert!(ways(speed, &accelerations).iter().all(|s| *s <= room + 0.01));
+            let desired = std::array::from_fn(|k| f64::min(speed * DT * (k + 1) as f64, room));
+            let problem = SpeedProblem {
+                speed,
+                acceleration: 0.0,
+                distances: &desired,
+                sigma: None,
+                ahead: &ahead,
+                av_braking: &[],
+            };
+            let (solution, accelerations) = speeds.solve(&problem);
+            assert_eq!(solution.solve, Solve::Solved);
+            assert!(distances(speed, &accelerations).iter().all(|s| *s <= room + 0.01));
             let mut before = 0.0;
             for a in accelerations {
                 assert!(a.abs() <= 5.5 + 1e-3 && (a - before) / DT <= 30.0 + 0.1, "{before} to {a}");

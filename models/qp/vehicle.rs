@@ -1,97 +1,104 @@
-//! The plan of one vehicle: for each of its modes a path and the speed along it, until one is kept clear.
+//! Planning of one vehicle: a path and the speed along it for each of its modes, until one is clear.
 
 use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
 use reactsim::geometry::{OrientedBox, direction};
 use reactsim::scene::{DT, Road};
 
-use super::bends::{Bends, Course};
+use super::bends::{PathProblem, PathProgram};
 use super::drive::drive;
 use super::ending::{Ending, Endings};
-use super::mode::{Mode, Wish};
+use super::mode::{Mode, Reference};
 use super::obstacle::{Extent, Obstacle, Span, TIMES, spans, step_of};
+use super::path::Path;
 use super::program::Solve;
-use super::rows::{Rows, excess};
+use super::rows::{DistanceBounds, excess};
 use super::settings::Settings;
-use super::sides::{road_end, sides};
-use super::speed::{STEPS, Speeds, Wanted, hardest_braking};
-use super::way::Way;
+use super::sides::{lateral_bounds, road_end};
+use super::speed::{STEPS, SpeedProblem, SpeedProgram, hardest_braking};
 
-/// A vehicle that is to be planned.
-pub(super) struct Subject<'a> {
+/// A vehicle to be planned.
+pub(super) struct PlannedVehicle<'a> {
     pub(super) now: Moving,
-    /// How far the rear axle lies behind the box centre, metres.
+    /// Distance from the rear axle forward to the box centre, metres.
     pub(super) rear: f64,
-    /// Half of length and width.
+    /// Half length and half width.
     pub(super) extent: Extent,
-    /// Curvature of its way now, 1/m; `None` for one that stands or crawls.
+    /// Present curvature of the rear axle's path, 1/m; `None` at standstill or crawling speed.
     pub(super) curvature: Option<f64>,
-    /// The ground, for those who are on the drivable part of it.
+    /// Road, if the vehicle is on its drivable area.
     pub(super) road: Option<Road<'a>>,
 }
 
-/// What was found for one mode.
+/// Plan for one mode.
 struct Attempt {
     moves: Vec<Moving>,
-    way: Way,
+    path: Path,
     solve: Solve,
-    /// How far it goes into what is in the way, metres.
+    /// How far the plan enters obstacles, metres.
     excess: f64,
     spans: Vec<[Option<Span>; TIMES]>,
 }
 
-/// Plans vehicles, one after another.
+/// Planner of vehicles, one after another.
 pub(super) struct Planner {
     pub(super) settings: Settings,
-    speeds: Speeds,
-    bends: Bends,
+    speed_program: SpeedProgram,
+    path_program: PathProgram,
     tracker: Tracker,
     pub(super) endings: Endings,
 }
 
-/// Who is slower and wants to go less far than this stands, m/s and metres.
-pub(super) const STANDS: (f64, f64) = (0.1, 0.15);
-/// Who is slower may turn the wheel as it likes, m/s.
-const DECIDES_TO_REVERSE: f64 = 0.6;
-/// Comfortable accelerations, m/s²: across, and along before bends and the end of the road.
-const COMFORTABLE: (f64, f64) = (4.0, 2.5);
-const AT_ROAD_END: f64 = 4.0;
+/// Speed in m/s below which a vehicle may stand still.
+pub(super) const STANDSTILL_SPEED: f64 = 0.1;
+/// Distance in metres: a mode that ends nearer than this does not set off.
+pub(super) const STANDSTILL_REACH: f64 = 0.15;
+/// Speed in m/s: slower vehicles may change between forwards and reverse, faster reversing goes on.
+const REVERSING_SPEED: f64 = 0.6;
+/// Comfortable lateral acceleration, m/s².
+const COMFORTABLE_LATERAL_ACCELERATION: f64 = 4.0;
+/// Comfortable deceleration before bends, m/s².
+const COMFORTABLE_DECELERATION: f64 = 2.5;
+/// Deceleration from which the distance to the end of the road is judged, m/s².
+const ROAD_END_DECELERATION: f64 = 4.0;
 
 impl Planner {
-    /// `None` where the solver refuses the programs, which a test excludes.
+    /// Creates a planner; `None` if the solver rejects the programs, which a test rules out.
     pub(super) fn new(settings: &Settings) -> Option<Self> {
         Some(Self {
             settings: settings.clone(),
-            speeds: Speeds::new(settings)?,
-            bends: Bends::new(settings)?,
+            speed_program: SpeedProgram::new(settings)?,
+            path_program: PathProgram::new(settings)?,
             tracker: Tracker::new(Ability::of_vehicle(0.0)),
             endings: Endings::default(),
         })
     }
 
-    /// How a vehicle moves in the next steps. `modes` are valid, the most probable ones first, and at least one.
+    /// Plans the next [`STEPS`] steps of a vehicle. `modes` are valid, at least one, the most probable
+    /// first.
     pub(super) fn plan(
         &mut self,
-        subject: &Subject<'_>,
+        vehicle: &PlannedVehicle<'_>,
         modes: &[Mode],
         obstacles: &[&Obstacle],
     ) -> Vec<Moving> {
-        let now = subject.now.pose.position;
-        let axis = direction(subject.now.pose.heading);
+        let now = vehicle.now.pose.position;
+        let axis = direction(vehicle.now.pose.heading);
         let end = modes[0].centres(now)[STEPS - 1] - now;
-        if subject.now.speed.abs() < STANDS.0 && end.norm() < STANDS.1 {
+        if vehicle.now.speed.abs() < STANDSTILL_SPEED && end.norm() < STANDSTILL_REACH {
             self.endings.count(Ending::Standing);
-            return vec![Moving { speed: 0.0, acceleration: 0.0, ..subject.now }; STEPS];
+            return vec![Moving { speed: 0.0, acceleration: 0.0, ..vehicle.now }; STEPS];
         }
-        let back = subject.now.speed < -DECIDES_TO_REVERSE
-            || subject.now.speed < DECIDES_TO_REVERSE && end.dot(&axis) < -0.7 * end.norm();
+        let back = vehicle.now.speed < -REVERSING_SPEED
+            || vehicle.now.speed < REVERSING_SPEED && end.dot(&axis) < -0.7 * end.norm();
         if back {
             self.endings.count(Ending::Backwards);
-            return self.follow_backwards(subject, &modes[0], obstacles);
+            return self.follow_backwards(vehicle, &modes[0], obstacles);
         }
-        let subject = &Subject { now: Moving { speed: subject.now.speed.abs(), ..subject.now }, ..*subject };
+        let vehicle =
+            &PlannedVehicle { now: Moving { speed: vehicle.now.speed.abs(), ..vehicle.now }, ..*vehicle };
         let mut best: Option<(Attempt, usize)> = None;
         for (i, mode) in modes.iter().enumerate() {
-            let Some(attempt) = self.attempt(subject, mode, obstacles) else { continue };
+            let Some(attempt) = self.attempt(vehicle, mode, obstacles) else { continue };
             let clear = attempt.excess <= self.settings.low_slack && attempt.solve != Solve::Failed;
             if clear {
                 let ending = if i == 0 { Ending::of(attempt.solve) } else { Ending::OtherMode };
@@ -104,10 +111,10 @@ impl Planner {
         }
         let Some((attempt, _)) = best else {
             self.endings.count(Ending::Braking);
-            return self.brake(subject, &straight(subject));
+            return self.brake(vehicle, &straight(vehicle));
         };
-        let braked = self.brake(subject, &attempt.way);
-        let excess = excess(&subject.now, &braked, &attempt.spans);
+        let braked = self.brake(vehicle, &attempt.path);
+        let excess = excess(&vehicle.now, &braked, &attempt.spans);
         if attempt.solve == Solve::Failed || excess < attempt.excess - 0.2 {
             self.endings.count(Ending::Braking);
             return braked;
@@ -116,26 +123,26 @@ impl Planner {
         attempt.moves
     }
 
-    /// As hard as it can along a path.
-    fn brake(&self, subject: &Subject<'_>, way: &Way) -> Vec<Moving> {
-        let mut a = self.speeds.going_on(subject.now.speed, subject.now.acceleration);
+    /// Brakes as hard as possible along a path.
+    fn brake(&self, vehicle: &PlannedVehicle<'_>, path: &Path) -> Vec<Moving> {
+        let mut a = self.speed_program.initial_acceleration(vehicle.now.speed, vehicle.now.acceleration);
         let accelerations = [(); STEPS].map(|()| {
             a = (a - self.settings.jerk * DT).max(-self.settings.acceleration);
             a
         });
-        drive(subject.now, subject.rear, way, &accelerations, &self.settings)
+        drive(vehicle.now, vehicle.rear, path, &accelerations, &self.settings)
     }
 
-    /// Follows a wish that goes backwards; halts where somebody is in the way.
+    /// Follows a mode that leads backwards; halts if an obstacle is in the path.
     fn follow_backwards(
         &mut self,
-        subject: &Subject<'_>,
+        vehicle: &PlannedVehicle<'_>,
         mode: &Mode,
         obstacles: &[&Obstacle],
     ) -> Vec<Moving> {
-        let heading = subject.now.pose.heading;
+        let heading = vehicle.now.pose.heading;
         let poses: Vec<Pose> = mode
-            .centres(subject.now.pose.position)
+            .centres(vehicle.now.pose.position)
             .into_iter()
             .map(|position| Pose { position, heading })
             .collect();
@@ -143,13 +150,13 @@ impl Planner {
             acceleration: self.settings.acceleration,
             curvature: self.settings.curvature,
             jerk: self.settings.jerk,
-            rear: subject.rear,
+            rear: vehicle.rear,
         };
         self.tracker.set_ability(ability);
         let mut moves = Vec::with_capacity(STEPS);
-        self.tracker.track(subject.now, &poses, &mut moves);
+        self.tracker.track(vehicle.now, &poses, &mut moves);
         let footprint = |pose: Pose| {
-            let Extent { length, width } = subject.extent;
+            let Extent { length, width } = vehicle.extent;
             OrientedBox::new(pose.position, pose.heading, 2.0 * length, 2.0 * width)
         };
         let hits = |time: usize, pose: Pose| {
@@ -160,101 +167,110 @@ impl Planner {
             })
         };
         let meets = (1..TIMES).any(|t| hits(t, moves[step_of(t) - 1].pose));
-        if meets && !hits(0, subject.now.pose) {
-            let still = vec![subject.now.pose; STEPS];
-            self.tracker.track(subject.now, &still, &mut moves);
+        if meets && !hits(0, vehicle.now.pose) {
+            let still = vec![vehicle.now.pose; STEPS];
+            self.tracker.track(vehicle.now, &still, &mut moves);
         }
         moves
     }
 
-    /// A path and the speed along it for one mode; `None` for one that is no line.
-    fn attempt(&mut self, subject: &Subject<'_>, mode: &Mode, obstacles: &[&Obstacle]) -> Option<Attempt> {
+    /// Plans a path and the speed along it for one mode; `None` if its points are no line.
+    fn attempt(
+        &mut self,
+        vehicle: &PlannedVehicle<'_>,
+        mode: &Mode,
+        obstacles: &[&Obstacle],
+    ) -> Option<Attempt> {
         let settings = self.settings.clone();
-        let Moving { pose, speed, acceleration } = subject.now;
-        let wish = Wish::new(mode, pose.position);
-        let guide = wish.guide(pose.position, direction(pose.heading), subject.rear)?;
+        let Moving { pose, speed, acceleration } = vehicle.now;
+        let reference = Reference::new(mode, pose.position);
+        let guide = reference.guide(pose.position, direction(pose.heading), vehicle.rear)?;
         let stop = speed * speed / (2.0 * settings.acceleration) + 0.3 * speed;
-        let reach = (wish.arc[STEPS - 1].max(stop) + 2.0).clamp(6.0, 300.0);
-        let sigma = wish.sigma_along(reach);
-        let course = Course {
+        let reach = (reference.arc[STEPS - 1].max(stop) + 2.0).clamp(6.0, 300.0);
+        let sigma = reference.lateral_sigma(reach);
+        let path_problem = PathProblem {
             from: pose,
-            rear: subject.rear,
-            curvature: subject.curvature,
+            rear: vehicle.rear,
+            curvature: vehicle.curvature,
             speed,
             guide: &guide,
             reach,
             sigma: &sigma,
         };
-        let laid = self.bends.lay(&course, |way| sides(way, subject, &wish, obstacles, &settings));
-        self.endings.programs += laid.programs + 1;
-        for iterations in &laid.iterations {
+        let planned = self
+            .path_program
+            .plan(&path_problem, |path| lateral_bounds(path, vehicle, &reference, obstacles, &settings));
+        self.endings.programs += planned.programs + 1;
+        for iterations in &planned.iterations {
             *self.endings.iterations.entry(*iterations).or_default() += 1;
         }
-        let way = laid.way;
-        let braking = hardest_braking(speed, self.speeds.going_on(speed, acceleration), &settings);
-        let mut rows = Rows::new(braking);
-        let mut wanted = wish.along(&way);
-        slow_down_for_bends(&mut wanted, speed, &way);
-        if let Some(end) = subject.road.and_then(|road| road_end(&way, road))
-            && end < speed * speed / (2.0 * AT_ROAD_END) + 0.7 * speed + 1.0
+        let path = planned.path;
+        let braking =
+            hardest_braking(speed, self.speed_program.initial_acceleration(speed, acceleration), &settings);
+        let mut bounds = DistanceBounds::new(braking);
+        let mut desired = reference.arcs_along(&path);
+        slow_down_for_bends(&mut desired, speed, &path);
+        if let Some(end) = vehicle.road.and_then(|road| road_end(&path, road))
+            && end < speed * speed / (2.0 * ROAD_END_DECELERATION) + 0.7 * speed + 1.0
         {
-            rows.stop_at(end - 0.3);
+            bounds.stop_at(end - 0.3);
         }
         let mut all = Vec::new();
         for obstacle in obstacles {
-            let found = spans(&way, subject.extent, obstacle, obstacle.side);
-            if rows.keep_clear(subject, obstacle, &found, &wanted, &settings) {
-                all.push(found);
+            let occupied = spans(&path, vehicle.extent, obstacle, obstacle.side);
+            if bounds.keep_clear(vehicle, obstacle, &occupied, &desired, &settings) {
+                all.push(occupied);
             }
         }
-        rows.cap(&mut wanted);
-        let problem = Wanted {
+        bounds.cap(&mut desired);
+        let problem = SpeedProblem {
             speed,
             acceleration,
-            way: &wanted,
-            sigma: wish.along.as_ref(),
-            ahead: &rows.ahead,
-            answers: &rows.answers,
+            distances: &desired,
+            sigma: reference.along.as_ref(),
+            ahead: &bounds.ahead,
+            av_braking: &bounds.av_braking,
         };
-        let (found, accelerations) = self.speeds.solve(&problem);
-        if found.iterations > 0 {
-            *self.endings.iterations.entry(found.iterations).or_default() += 1;
+        let (solution, accelerations) = self.speed_program.solve(&problem);
+        if solution.iterations > 0 {
+            *self.endings.iterations.entry(solution.iterations).or_default() += 1;
         }
-        for solve in [laid.solve, found.solve] {
+        for solve in [planned.solve, solution.solve] {
             self.endings.failed += u64::from(solve == Solve::Failed);
         }
-        let moves = drive(subject.now, subject.rear, &way, &accelerations, &settings);
-        let excess = excess(&subject.now, &moves, &all);
-        // A path on which the solver gave up is that of the round before: it can be driven.
-        let laid = if laid.solve == Solve::Failed { Solve::AlmostSolved } else { laid.solve };
-        Some(Attempt { moves, way, solve: found.solve.max(laid), excess, spans: all })
+        let moves = drive(vehicle.now, vehicle.rear, &path, &accelerations, &settings);
+        let excess = excess(&vehicle.now, &moves, &all);
+        // If the solver gave up on the path, the path is that of the round before, which can be driven.
+        let planned = if planned.solve == Solve::Failed { Solve::AlmostSolved } else { planned.solve };
+        Some(Attempt { moves, path, solve: solution.solve.max(planned), excess, spans: all })
     }
 }
 
-/// Straight on.
-fn straight(subject: &Subject<'_>) -> Way {
-    Way::drive(subject.now.pose, subject.rear, 1.0, &[0.0; super::way::STATIONS + 1])
+/// Returns a straight path.
+fn straight(vehicle: &PlannedVehicle<'_>) -> Path {
+    Path::drive(vehicle.now.pose, vehicle.rear, 1.0, &[0.0; super::path::STATIONS + 1])
 }
 
-/// Makes a wish slower where the path's bends ask for it.
-fn slow_down_for_bends(wanted: &mut [f64; STEPS], speed: f64, way: &Way) {
-    let fastest = wanted.windows(2).map(|w| (w[1] - w[0]) / DT).fold(speed, f64::max);
-    let sharpest = way.stations.iter().map(|s| s.curvature.abs()).fold(0.0, f64::max);
-    if fastest * fastest * sharpest <= COMFORTABLE.0 {
+/// Lowers the desired distances where the bends of the path require a lower speed.
+fn slow_down_for_bends(desired: &mut [f64; STEPS], speed: f64, path: &Path) {
+    let fastest = desired.windows(2).map(|w| (w[1] - w[0]) / DT).fold(speed, f64::max);
+    let sharpest = path.stations.iter().map(|s| s.curvature.abs()).fold(0.0, f64::max);
+    if fastest * fastest * sharpest <= COMFORTABLE_LATERAL_ACCELERATION {
         return;
     }
-    let mut allowed = way.stations.map(|s| (COMFORTABLE.0 / s.curvature.abs().max(1e-6)).sqrt());
+    let mut allowed =
+        path.stations.map(|s| (COMFORTABLE_LATERAL_ACCELERATION / s.curvature.abs().max(1e-6)).sqrt());
     for j in (0..allowed.len() - 1).rev() {
-        let length = way.stations[j + 1].arc - way.stations[j].arc;
-        let before = (allowed[j + 1] * allowed[j + 1] + 2.0 * COMFORTABLE.1 * length).sqrt();
+        let length = path.stations[j + 1].arc - path.stations[j].arc;
+        let before = (allowed[j + 1] * allowed[j + 1] + 2.0 * COMFORTABLE_DECELERATION * length).sqrt();
         allowed[j] = allowed[j].min(before);
     }
-    let (mut arc, mut wish_before) = (0.0, 0.0);
-    for w in wanted.iter_mut() {
-        let (j, t) = way.locate(arc);
+    let (mut arc, mut desired_before) = (0.0, 0.0);
+    for w in desired.iter_mut() {
+        let (j, t) = path.locate(arc);
         let most = allowed[j] + (allowed[j + 1] - allowed[j]) * t.clamp(0.0, 1.0);
-        let step = (*w - wish_before).min(most * DT);
-        wish_before = *w;
+        let step = (*w - desired_before).min(most * DT);
+        desired_before = *w;
         arc += step.max(0.0);
         *w = arc;
     }

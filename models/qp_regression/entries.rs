@@ -8,7 +8,7 @@ use reactsim::rollout::Controller;
 use super::{Policy, QpRegressionSimulator, RegressionSimulator};
 use crate::models::qp;
 
-/// Plans along predictions.
+/// Baseline that plans along predictions.
 pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
     id: "qp-regression",
     card: include_str!("cards/qp_regression.toml"),
@@ -18,7 +18,7 @@ pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
     make: qp_regression,
 };
 
-/// Predictions as they are.
+/// Baseline that executes predictions as they are.
 pub(in crate::models) const REGRESSION: Baseline = Baseline {
     id: "regression",
     card: include_str!("cards/regression.toml"),

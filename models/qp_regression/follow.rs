@@ -1,37 +1,42 @@
-//! What agents do that the network is not asked about: they follow their lane and whoever is ahead.
+//! Motion of agents without a prediction: they follow their lane and their leader.
 
 use reactsim::geometry::{Vec2, direction, heading_of, into_frame, left, math};
 use reactsim::rollout::Observation;
 use reactsim::scene::{AgentKind, AgentState, DT, Frame};
 
-/// Slower agents stand, m/s.
-const STANDS: f64 = 0.3;
-/// A lane that is farther aside, or more across, is not followed, metres and cosine.
-const ASIDE: f64 = 2.5;
-const ALONG: f64 = 0.7;
-/// Points of the way, metres apart.
+/// Speed in m/s below which an agent stands.
+const STANDSTILL_SPEED: f64 = 0.3;
+/// Largest lateral distance to a lane that an agent follows, metres.
+const MAX_LANE_OFFSET: f64 = 2.5;
+/// Smallest cosine of the angle to a lane that an agent follows.
+const MIN_LANE_COSINE: f64 = 0.7;
+/// Distance between points of the path ahead, metres.
 const SPACING: f64 = 2.0;
-/// How far ahead others are looked for, metres.
-const SIGHT: f64 = 60.0;
-/// Lanes that are followed, one after the other, at most.
-const LANES: usize = 20;
-/// The intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 62, 2000): acceleration and comfortable braking, m/s², gap in
-/// seconds and metres.
-const ACCELERATES: f64 = 1.5;
-const BRAKES: f64 = 2.0;
-const GAP_TIME: f64 = 1.2;
-const GAP: f64 = 2.0;
-/// Nobody brakes harder, m/s².
-const HARDEST: f64 = 5.5;
-/// Between turns of a lane the heading changes over so many metres.
-const SMOOTH: f64 = 3.0;
+/// Distance within which leaders are considered, metres.
+const LEADER_RANGE: f64 = 60.0;
+/// Largest number of consecutive lanes in a path.
+const MAX_LANES: usize = 20;
+/// Acceleration of the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 62, 2000),
+/// m/s².
+const ACCELERATION: f64 = 1.5;
+/// Comfortable deceleration of the model, m/s².
+const DECELERATION: f64 = 2.0;
+/// Time gap of the model, seconds.
+const TIME_GAP: f64 = 1.2;
+/// Standstill gap of the model, metres.
+const STANDSTILL_GAP: f64 = 2.0;
+/// Largest deceleration, m/s².
+const MAX_DECELERATION: f64 = 5.5;
+/// Length of the chord, in metres, over which the heading follows the path.
+const HEADING_CHORD: f64 = 3.0;
 
-/// The states of an agent after 0.1 s, 0.2 s and so on. Vehicles and cyclists on a lane go along it at their speed, as far aside as they
-/// are, and keep their distance from whoever is ahead if all go on as they do; everybody else goes straight on. Who stands stays.
+/// Returns the states of an agent after 0.1 s, 0.2 s and so on. Vehicles and cyclists on a lane follow
+/// it at their speed and lateral offset, and keep their distance from the leader, which is assumed to
+/// keep its speed. Other agents go straight on. A standing agent stays.
 pub(super) fn follow(seen: &Observation<'_>, slot: usize, now: AgentState, steps: usize) -> Vec<AgentState> {
-    let velocity = moving(seen.track(slot), now);
+    let velocity = current_velocity(seen.track(slot), now);
     let speed = velocity.norm();
-    if speed < STANDS {
+    if speed < STANDSTILL_SPEED {
         let stand = AgentState { vx: 0.0, vy: 0.0, ..now };
         return vec![stand; steps];
     }
@@ -45,31 +50,31 @@ pub(super) fn follow(seen: &Observation<'_>, slot: usize, now: AgentState, steps
         };
         return (1..=steps).map(at).collect();
     }
-    let length = SIGHT.max(speed * DT * steps as f64 + SMOOTH) + SPACING;
-    let way = way(seen, now, length);
-    let ahead = leader(seen, slot, &way);
-    drive(now, speed, &way, ahead, steps)
+    let length = LEADER_RANGE.max(speed * DT * steps as f64 + HEADING_CHORD) + SPACING;
+    let path = path_ahead(seen, now, length);
+    let ahead = leader(seen, slot, &path);
+    drive(now, speed, &path, ahead, steps)
 }
 
-/// How somebody moves, m/s: by the last two positions, as in rollouts.
-fn moving(track: &[Frame], now: AgentState) -> Vec2 {
+/// Returns the velocity of an agent from its last two positions, as in rollouts, m/s.
+fn current_velocity(track: &[Frame], now: AgentState) -> Vec2 {
     match track {
         [.., Some(before), Some(_)] => (now.position() - before.position()) / DT,
         _ => now.velocity().unwrap_or_default(),
     }
 }
 
-/// Points of the way ahead, the first one where the agent is.
-fn way(seen: &Observation<'_>, now: AgentState, length: f64) -> Vec<Vec2> {
+/// Returns the points of the path ahead, the first at the agent.
+fn path_ahead(seen: &Observation<'_>, now: AgentState, length: f64) -> Vec<Vec2> {
     let (here, ahead) = (now.position(), direction(now.heading));
     let count = (length / SPACING).ceil() as usize + 1;
     let road = seen.start().road();
     let mut hits = Vec::new();
-    road.lanes_near(here, ASIDE, &mut hits);
+    road.lanes_near(here, MAX_LANE_OFFSET, &mut hits);
     let turned = |h: &reactsim::scene::LaneHit| {
         direction(road.lane(h.lane).baseline.heading_at(h.projection.s)).dot(&ahead)
     };
-    let own = hits.iter().filter(|h| turned(h) > ALONG).min_by(|a, b| {
+    let own = hits.iter().filter(|h| turned(h) > MIN_LANE_COSINE).min_by(|a, b| {
         let cost = |h: &reactsim::scene::LaneHit| h.projection.distance + 3.0 * (1.0 - turned(h));
         cost(a).total_cmp(&cost(b)).then(a.lane.cmp(&b.lane))
     });
@@ -84,7 +89,7 @@ fn way(seen: &Observation<'_>, now: AgentState, length: f64) -> Vec<Vec2> {
     while points.len() < count {
         let line = &road.lane(lane).baseline;
         s += SPACING;
-        if s > line.length() && lanes < LANES {
+        if s > line.length() && lanes < MAX_LANES {
             let end = direction(line.heading_at(line.length()));
             let straight = |&next: &usize| {
                 let next = &road.lane(next).baseline;
@@ -102,23 +107,23 @@ fn way(seen: &Observation<'_>, now: AgentState, length: f64) -> Vec<Vec2> {
     points
 }
 
-/// Whoever is next on the way: the gap to him, metres, and his speed along it, m/s.
-fn leader(seen: &Observation<'_>, slot: usize, way: &[Vec2]) -> Option<(f64, f64)> {
+/// Returns the leader on the path: its gap, metres, and its speed along the path, m/s.
+fn leader(seen: &Observation<'_>, slot: usize, path: &[Vec2]) -> Option<(f64, f64)> {
     let agents = &seen.start().agents;
     let me = &agents[slot];
     let mut nearest: Option<(f64, f64)> = None;
     for (other, agent) in agents.iter().enumerate() {
         let Some(state) = seen.state(other).filter(|_| other != slot) else { continue };
         let reach = 0.5 * (me.width + agent.width) + 0.3;
-        let meets = way.windows(2).enumerate().find_map(|(k, pair)| {
+        let meets = path.windows(2).enumerate().find_map(|(k, pair)| {
             let ahead = (pair[1] - pair[0]).try_normalize(1e-9)?;
             let at = into_frame(ahead, state.position() - pair[0]);
             (at.x >= 0.0 && at.x < SPACING && at.y.abs() < reach)
                 .then_some((k as f64 * SPACING + at.x, ahead))
         });
-        if let Some((s, ahead)) = meets.filter(|(s, _)| *s <= SIGHT && *s > 0.5) {
+        if let Some((s, ahead)) = meets.filter(|(s, _)| *s <= LEADER_RANGE && *s > 0.5) {
             let gap = s - 0.5 * (me.length + agent.length);
-            let speed = moving(seen.track(other), state).dot(&ahead);
+            let speed = current_velocity(seen.track(other), state).dot(&ahead);
             if nearest.is_none_or(|n| gap < n.0) {
                 nearest = Some((gap, speed));
             }
@@ -130,13 +135,13 @@ fn leader(seen: &Observation<'_>, slot: usize, way: &[Vec2]) -> Option<(f64, f64
 fn drive(
     now: AgentState,
     speed: f64,
-    way: &[Vec2],
+    path: &[Vec2],
     ahead: Option<(f64, f64)>,
     steps: usize,
 ) -> Vec<AgentState> {
     let point = |s: f64| {
-        let k = ((s / SPACING) as usize).min(way.len() - 2);
-        way[k] + (way[k + 1] - way[k]) * (s / SPACING - k as f64)
+        let k = ((s / SPACING) as usize).min(path.len() - 2);
+        path[k] + (path[k + 1] - path[k]) * (s / SPACING - k as f64)
     };
     let desired = speed;
     let (mut v, mut s, mut gap) = (speed, 0.0, ahead.map(|a| a.0));
@@ -147,14 +152,14 @@ fn drive(
             let u = v / desired;
             u * u * u * u
         };
-        let mut acceleration = ACCELERATES * free;
+        let mut acceleration = ACCELERATION * free;
         if let (Some(gap), Some((_, other))) = (gap, ahead) {
-            let closing = v * (v - other) / (2.0 * (ACCELERATES * BRAKES).sqrt());
-            let wanted = GAP + (GAP_TIME * v + closing).max(0.0);
-            let ratio = wanted / gap.max(0.1);
-            acceleration = ACCELERATES * (free - ratio * ratio);
+            let closing = v * (v - other) / (2.0 * (ACCELERATION * DECELERATION).sqrt());
+            let desired_gap = STANDSTILL_GAP + (TIME_GAP * v + closing).max(0.0);
+            let ratio = desired_gap / gap.max(0.1);
+            acceleration = ACCELERATION * (free - ratio * ratio);
         }
-        v = (v + acceleration.clamp(-HARDEST, ACCELERATES) * DT).max(0.0);
+        v = (v + acceleration.clamp(-MAX_DECELERATION, ACCELERATION) * DT).max(0.0);
         s += v * DT;
         if let (Some(gap), Some((_, other))) = (&mut gap, ahead) {
             *gap += (other - v) * DT;
@@ -163,11 +168,11 @@ fn drive(
         let before = last.position();
         let moved = (at - before) / DT;
         let mut heading = last.heading;
-        if v > STANDS {
-            // The way may bend sharply where lanes meet: a chord over some metres does not.
-            let chord = point(s + SMOOTH) - at;
+        if v > STANDSTILL_SPEED {
+            // The path may bend sharply where lanes meet; a chord over a few metres does not.
+            let chord = point(s + HEADING_CHORD) - at;
             let turn = reactsim::geometry::wrap(heading_of(chord) - heading);
-            heading += turn * (v * DT / SMOOTH).min(1.0);
+            heading += turn * (v * DT / HEADING_CHORD).min(1.0);
         }
         last = AgentState { x: at.x, y: at.y, heading, vx: moved.x, vy: moved.y };
         states.push(last);

@@ -1,4 +1,4 @@
-//! Intention points: where agents may be in eight seconds, one for each motion query.
+//! Intention points: positions that agents may reach within eight seconds, one per motion query.
 
 use reactsim::geometry::Vec2;
 use reactsim::models::nn::weights::{Tables, save_tables};
@@ -6,25 +6,25 @@ use reactsim::models::nn::{Tensors, WeightsError};
 
 use crate::models::ntp::tokens::{Class, Provenance};
 
-/// What the names of the tensors begin with.
+/// Prefix of the tensor names.
 pub(crate) const PREFIX: &str = "intention_points.";
-/// The entry of the metadata that says what the points were made of, as JSON.
-const MADE: &str = "reactsim.intentions";
+/// Metadata key of the provenance of the points, as JSON.
+const PROVENANCE_KEY: &str = "reactsim.intentions";
 
-/// Points per class, metres, in the frame of an agent as it is now; as many of one class as of another.
+/// Points per class, metres, in the current frame of the agent; every class has the same number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Intentions {
     points: [Vec<Vec2>; 3],
     provenance: Provenance,
 }
 
-/// Why something is no set of intention points.
+/// Error of intention points that are invalid or cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum IntentionsError {
-    /// No file of tensors, or a tensor is missing, of another type or not finite.
+    /// The file holds no tensors, or a tensor is missing, of another type or not finite.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// Another shape.
+    /// A tensor has an invalid shape.
     #[error("tensor `{name}` has the shape {found:?}, expected [points, 2] with 1 to 4096 points")]
     Shape {
         /// Name.
@@ -32,40 +32,39 @@ pub enum IntentionsError {
         /// Shape in the file.
         found: Vec<usize>,
     },
-    /// Classes with different numbers of points.
-    #[error(
-        "there are {found:?} intention points of vehicles, pedestrians and cyclists, expected as many of each"
-    )]
+    /// Classes have different numbers of points.
+    #[error("found {found:?} intention points of vehicles, pedestrians and cyclists, expected equal numbers")]
     Counts {
-        /// Points per class.
+        /// Number of points per class.
         found: [usize; 3],
     },
-    /// A number of points that k-means does not make.
-    #[error("{0} intention points can not be made: ask for 2 to 4096")]
+    /// K-means cannot make this number of points.
+    #[error("cannot make {0} intention points: expected 2 to 4096")]
     Number(usize),
-    /// Too little was recorded of a class.
+    /// Too few end points of a class were recorded.
     #[error(
-        "of class `{class}` {found} different places are recorded where agents are after 8 s, expected at least {wanted}: name more \
-         scenarios, or ask for fewer points"
+        "found {found} distinct positions of class `{class}` after 8 s, expected at least {wanted}: \
+         name more scenarios or request fewer points"
     )]
     TooFew {
         /// Class.
         class: Class,
-        /// How many.
+        /// Number of distinct end points.
         found: usize,
-        /// How many are needed.
+        /// Smallest number needed.
         wanted: usize,
     },
-    /// What is said of their making can not be read or written.
-    #[error("what the file says of the making of the intention points is no text that is understood: {0}")]
+    /// The provenance cannot be read or written.
+    #[error("cannot read or write the provenance of the intention points: {0}")]
     Provenance(serde_json::Error),
 }
 
 impl Intentions {
-    /// Points of the classes in the order of [`Class::ALL`], and what they were made of.
+    /// Creates a set from the points of the classes in the order of [`Class::ALL`] and their
+    /// provenance.
     ///
     /// # Errors
-    /// [`IntentionsError`] where classes differ in number or there are none.
+    /// [`IntentionsError`] if classes differ in number or have no points.
     pub fn new(points: [Vec<Vec2>; 3], provenance: Provenance) -> Result<Self, IntentionsError> {
         let found = [points[0].len(), points[1].len(), points[2].len()];
         if found[0] != found[1] || found[0] != found[2] {
@@ -78,7 +77,8 @@ impl Intentions {
         Ok(Self { points, provenance })
     }
 
-    /// Sixteen points per class that need no data: straight on at usual speeds, turns, standing.
+    /// Returns sixteen points per class that need no data: straight on at usual speeds, turns,
+    /// standstill.
     pub fn fan() -> Self {
         let class = |straight: &[f64], aside: &[(f64, f64)]| {
             let pairs = aside.iter().flat_map(|&(x, y)| [Vec2::new(x, y), Vec2::new(x, -y)]);
@@ -100,22 +100,23 @@ impl Intentions {
         Self { points: [vehicle, pedestrian, cyclist], provenance }
     }
 
-    /// The points of a class.
+    /// Returns the points of a class.
     pub fn of(&self, class: Class) -> &[Vec2] {
         &self.points[class.index()]
     }
 
-    /// Points per class.
+    /// Returns the number of points per class.
     pub fn count(&self) -> usize {
         self.points[0].len()
     }
 
-    /// What they were made of.
+    /// Returns the provenance of the points.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 
-    /// The point of a class that is nearest to `p`; of equally near ones the first.
+    /// Returns the index of the point of a class that is nearest to `p`; of equally near ones the
+    /// first.
     pub fn nearest(&self, class: Class, p: Vec2) -> usize {
         let far = |i: &usize| (self.of(class)[*i] - p).norm_squared();
         (0..self.count()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default()
@@ -124,17 +125,17 @@ impl Intentions {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`IntentionsError`] that names the tensor.
+    /// [`IntentionsError`], which names the tensor.
     pub fn read(bytes: &[u8]) -> Result<Self, IntentionsError> {
         Self::from_tables(&Tensors::read(bytes)?)
     }
 
-    /// Reads the points that lie beside weights. Files that do not say what theirs were made of are from elsewhere.
+    /// Reads the points stored with weights. Points without provenance count as foreign.
     ///
     /// # Errors
     /// As [`Self::read`].
     pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, IntentionsError> {
-        let provenance = match tensors.metadata().get(MADE) {
+        let provenance = match tensors.metadata().get(PROVENANCE_KEY) {
             Some(made) => serde_json::from_str(made).map_err(IntentionsError::Provenance)?,
             None => Provenance { method: "foreign".to_owned(), ..Provenance::default() },
         };
@@ -151,7 +152,7 @@ impl Intentions {
         Self::new(points, provenance)
     }
 
-    /// The points as tensors `[points, 2]` by name, and the entry of metadata that says what they were made of.
+    /// Returns the points as tensors `[points, 2]` by name, and the metadata entry of their provenance.
     ///
     /// # Errors
     /// [`IntentionsError::Provenance`].
@@ -161,10 +162,10 @@ impl Intentions {
             let values = self.of(class).iter().flat_map(|p| [p.x as f32, p.y as f32]).collect();
             (format!("{PREFIX}{class}"), (vec![self.count(), 2], values))
         };
-        Ok((Class::ALL.into_iter().map(table).collect(), (MADE.to_owned(), made)))
+        Ok((Class::ALL.into_iter().map(table).collect(), (PROVENANCE_KEY.to_owned(), made)))
     }
 
-    /// The bytes of a file.
+    /// Returns the bytes of a file.
     ///
     /// # Errors
     /// [`IntentionsError::Provenance`].
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_none_is_refused_by_name() {
+    fn invalid_points_are_refused_by_name() {
         let bytes = Intentions::fan().write().unwrap();
         assert!(Intentions::read(&bytes[..40]).is_err());
         let uneven =

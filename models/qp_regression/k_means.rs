@@ -1,4 +1,4 @@
-//! Intention points by k-means: means of the places where recorded agents are after eight seconds.
+//! Intention points by k-means: means of the positions of recorded agents after eight seconds.
 
 use rand::RngExt;
 use reactsim::geometry::{Vec2, into_frame};
@@ -7,37 +7,38 @@ use reactsim::scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
 use super::{Intentions, IntentionsError};
-use crate::models::learning::Sample;
+use crate::models::learning::Reservoir;
 use crate::models::ntp::tokens::{Class, Provenance};
 
-/// Who is within this of where he was is taken to stand, metres: that is a point of its own.
-const STANDS: f64 = 1.0;
-/// Places that are the same to so much are one, metres.
-const SAME: f64 = 1.0 / 64.0;
-/// Frames from which eight seconds are followed.
-const STARTS: [usize; 3] = [0, 5, 10];
-/// Part of the points that lie straight ahead or behind.
-const STRAIGHT: f64 = 0.375;
-/// Rounds at most.
-const ROUNDS: usize = 200;
+/// Displacement in metres below which an agent counts as standing, which has a point of its own.
+const STANDSTILL_DISPLACEMENT: f64 = 1.0;
+/// Resolution in metres at which end points count as equal.
+const RESOLUTION: f64 = 1.0 / 64.0;
+/// Frames from which agents are followed for eight seconds.
+const START_FRAMES: [usize; 3] = [0, 5, 10];
+/// Share of the points that are straight ahead or behind.
+const STRAIGHT_SHARE: f64 = 0.375;
+/// Largest number of iterations.
+const MAX_ROUNDS: usize = 200;
 
-/// Recorded places where agents are after eight seconds, in their frames at the start; left and right are not told apart.
+/// Recorded positions of agents after eight seconds, in their frames at the start. Left and right are
+/// not distinguished.
 #[derive(Debug)]
 pub struct EndPoints {
     seed: u64,
-    classes: [Sample<Vec2>; 3],
+    classes: [Reservoir<Vec2>; 3],
     scenarios: u64,
     digest: blake3::Hasher,
 }
 
 impl EndPoints {
-    /// None yet; at most so many will be kept of every class.
+    /// Creates an empty collection that keeps at most `most` end points of every class.
     pub fn new(most: usize, seed: u64) -> Self {
-        let sample = |class: Class| Sample::new(most, seed, &format!("intentions/ends/{class}"));
+        let sample = |class: Class| Reservoir::new(most, seed, &format!("intentions/ends/{class}"));
         Self { seed, classes: Class::ALL.map(sample), scenarios: 0, digest: blake3::Hasher::new() }
     }
 
-    /// Adds those of all agents of a scenario, those that are not simulated too.
+    /// Adds the end points of all agents of a scenario, including those that are not simulated.
     pub fn add(&mut self, scenario: &Scenario) {
         self.scenarios += 1;
         self.digest.update(scenario.digest().as_bytes());
@@ -52,30 +53,31 @@ impl EndPoints {
     fn add_track(&mut self, kind: AgentKind, track: &[Frame]) {
         let Some(class) = Class::of(kind) else { return };
         let at = |f: usize| track.get(f).copied().flatten().filter(|s| s.is_finite());
-        for (from, to) in STARTS.into_iter().filter_map(|f| Some((at(f)?, at(f + FUTURE)?))) {
+        for (from, to) in START_FRAMES.into_iter().filter_map(|f| Some((at(f)?, at(f + FUTURE)?))) {
             let ahead = reactsim::geometry::direction(from.heading);
             self.add_point(class, into_frame(ahead, to.position() - from.position()));
         }
     }
 
-    /// Adds a place; nothing where it is that of someone who stands.
+    /// Adds an end point, unless the agent stands.
     pub fn add_point(&mut self, class: Class, p: Vec2) {
-        if p.norm() >= STANDS {
+        if p.norm() >= STANDSTILL_DISPLACEMENT {
             let p = Vec2::new(p.x, p.y.abs());
-            self.classes[class.index()].add(p, [p.x, p.y].into_iter(), SAME);
+            self.classes[class.index()].add(p, [p.x, p.y].into_iter(), RESOLUTION);
         }
     }
 
-    /// Different places of a class that were added.
+    /// Returns the number of distinct end points of a class that were added.
     pub fn seen(&self, class: Class) -> u64 {
         self.classes[class.index()].seen
     }
 
-    /// `count` points per class: one where the agent is, some straight ahead, the others in pairs of left and right. Means are found from
-    /// starts drawn by k-means++ (Arthur and Vassilvitskii, SODA 2007) from a stream that is named by seed and class.
+    /// Makes `count` points per class: one at the agent, some straight ahead, the others in pairs of
+    /// left and right. The starting means are drawn by k-means++ (Arthur and Vassilvitskii, SODA 2007)
+    /// from a stream named by seed and class.
     ///
     /// # Errors
-    /// [`IntentionsError`] where too little was recorded.
+    /// [`IntentionsError`] if too few end points were recorded.
     pub fn build(&self, count: usize) -> Result<Intentions, IntentionsError> {
         if !(2..=4096).contains(&count) {
             return Err(IntentionsError::Number(count));
@@ -92,7 +94,12 @@ impl EndPoints {
             if self.scenarios == 0 { String::new() } else { self.digest.finalize().to_hex().to_string() };
         let provenance = Provenance {
             method: "k-means".to_owned(),
-            settings: json!({ "points": count, "seconds": 8, "straight": STRAIGHT, "stands": STANDS }),
+            settings: json!({
+                "points": count,
+                "seconds": 8,
+                "straight": STRAIGHT_SHARE,
+                "stands": STANDSTILL_DISPLACEMENT,
+            }),
             seed: self.seed,
             scenarios: self.scenarios,
             data: digest,
@@ -101,8 +108,8 @@ impl EndPoints {
     }
 
     fn means(&self, class: Class, places: &[Vec2], count: usize) -> Vec<Vec2> {
-        let straight = (count as f64 * STRAIGHT).round().max(1.0) as usize;
-        // Pairs take what is left, so that has to be even.
+        let straight = (count as f64 * STRAIGHT_SHARE).round().max(1.0) as usize;
+        // Pairs take the rest, which has to be even.
         let straight = if (count - straight).is_multiple_of(2) { straight } else { straight + 1 };
         let straight = straight.min(count);
         let pairs = (count - straight) / 2;
@@ -111,7 +118,7 @@ impl EndPoints {
         let flat = |means: &mut Vec<Vec2>| means[..straight].iter_mut().for_each(|m| m.y = 0.0);
         flat(&mut means);
         let mut of = vec![usize::MAX; places.len()];
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let mut moved = false;
             let mut sums = vec![(Vec2::zeros(), 0.0); means.len()];
             for (place, of) in places.iter().zip(&mut of) {
@@ -121,7 +128,7 @@ impl EndPoints {
                 sums[nearest].0 += *place;
                 sums[nearest].1 += 1.0;
             }
-            // The first one stays where the agent is.
+            // The first mean stays at the agent.
             for (mean, (sum, n)) in means.iter_mut().zip(&sums).skip(1) {
                 if *n > 0.0 {
                     *mean = sum / *n;
@@ -138,7 +145,8 @@ impl EndPoints {
         means[..straight].iter().copied().chain(pairs).collect()
     }
 
-    /// The place of the agent, then places drawn by the square of their distance from those drawn before.
+    /// Returns the position of the agent, then end points drawn in proportion to the squared distance
+    /// from those drawn before.
     fn starts(&self, class: Class, places: &[Vec2], count: usize) -> Vec<Vec2> {
         let mut stream = stream(self.seed, &format!("intentions/means/{class}"), 0, Purpose::Begin);
         let mut means = vec![Vec2::zeros()];
@@ -160,7 +168,7 @@ impl EndPoints {
     }
 }
 
-/// The nearest of some means, the first of equally near ones, and its distance squared.
+/// Returns the index of the nearest mean, the first of equally near ones, and its squared distance.
 fn nearest(means: &[Vec2], p: Vec2) -> (usize, f64) {
     let mut best = (0, f64::INFINITY);
     for (i, mean) in means.iter().enumerate() {
@@ -176,7 +184,7 @@ fn nearest(means: &[Vec2], p: Vec2) -> (usize, f64) {
 mod tests {
     use super::*;
 
-    /// Places about `at`, on both sides.
+    /// End points around `at`, on both sides.
     fn ends(at: &[(f64, f64)], seed: u64) -> EndPoints {
         let mut ends = EndPoints::new(10_000, seed);
         for class in Class::ALL {
@@ -194,15 +202,15 @@ mod tests {
     #[test]
     fn clusters_are_found_on_both_sides() {
         let ends = ends(&[(20.0, 0.0), (60.0, 0.0), (15.0, 15.0), (40.0, 8.0)], 3);
-        let made = ends.build(7).unwrap();
-        let points = made.of(Class::Vehicle);
+        let intentions = ends.build(7).unwrap();
+        let points = intentions.of(Class::Vehicle);
         assert_eq!(points[0], Vec2::zeros());
         for wanted in [(20.35, 0.0), (60.35, 0.0), (15.35, 15.2), (15.35, -15.2), (40.35, 8.2), (40.35, -8.2)]
         {
             let wanted = Vec2::new(wanted.0, wanted.1);
             assert!(points.iter().any(|p| (p - wanted).norm() < 0.6), "{wanted} is not among {points:?}");
         }
-        // What is left is in the mirror what is right.
+        // The points on the left mirror those on the right.
         assert!(points.iter().all(|p| points.contains(&Vec2::new(p.x, -p.y)) || p.y == 0.0));
     }
 
@@ -220,7 +228,10 @@ mod tests {
         few.add_point(Class::Vehicle, Vec2::new(5.0, 0.0));
         assert_eq!(few.seen(Class::Vehicle), 1);
         let text = few.build(16).unwrap_err().to_string();
-        assert!(text.contains("`vehicle` 1 ") && text.contains("at least 16"), "{text}");
+        assert!(
+            text.contains("found 1 ") && text.contains("`vehicle`") && text.contains("at least 16"),
+            "{text}"
+        );
         assert!(few.build(1).unwrap_err().to_string().contains("2 to 4096"));
     }
 }

@@ -1,4 +1,4 @@
-//! Regression: a motion predictor in the manner of MTR, whose trajectories agents follow.
+//! Regression: a motion predictor in the manner of MTR, whose predicted trajectories agents follow.
 
 pub(super) mod entries;
 mod follow;
@@ -19,4 +19,4 @@ pub use k_means::EndPoints;
 pub use policy::{Policy, PolicyError};
 pub use predict::{Mode, ModePoint, Prediction};
 pub use simulator::{Driving, RegressionSimulator, predicted_slots};
-pub use smoothed::{QpRegressionSimulator, Smooth};
+pub use smoothed::{PlanningParameters, QpRegressionSimulator};

@@ -9,7 +9,7 @@ use reactsim::rollout::Observation;
 use reactsim::scene::Start;
 use serde::{Deserialize, Serialize};
 
-use super::inputs::{Ground, Scene, Surroundings, Survey};
+use super::inputs::{Ground, SceneContext, Surroundings, Survey};
 use super::intentions::PREFIX;
 use super::network::{Batch, Config, Network, SizeError};
 use super::predict::{Prediction, prediction};
@@ -17,12 +17,12 @@ use super::{Intentions, IntentionsError};
 use crate::models::ntp::reactive::Known;
 use crate::models::ntp::reactive::step::View;
 
-/// What the configuration in the file calls this kind of network.
+/// Kind of this network in the configuration of the file.
 const KIND: &str = "motion-transformer";
-/// Beside batch norms PyTorch keeps a number that nothing hangs on.
+/// Suffix of a counter that PyTorch stores with batch norms and that nothing depends on.
 const COUNTER: &str = ".num_batches_tracked";
 
-/// A network that is ready to predict.
+/// A network ready to predict.
 #[derive(Clone, Debug)]
 pub struct Policy {
     /// Sizes.
@@ -33,43 +33,44 @@ pub struct Policy {
     pub network: Network,
 }
 
-/// The configuration in a file's metadata.
+/// Configuration in a file's metadata.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+struct StoredConfig {
     kind: String,
     network: Sizes,
 }
 
-/// Sizes by number or by name.
+/// Sizes of the network, by name or one by one.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 enum Sizes {
-    Named(Named),
-    Given(Config),
+    Preset(Preset),
+    Explicit(Config),
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Named {
+enum Preset {
     Mtr,
 }
 
-/// Why a file holds no such policy.
+/// Error of a file that holds no valid policy.
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyError {
-    /// Its tensors or its configuration.
+    /// The tensors or the configuration are invalid.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// Its intention points.
+    /// The intention points are invalid.
     #[error(transparent)]
     Intentions(#[from] IntentionsError),
-    /// A network of another kind.
+    /// The network is of another kind.
     #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: give it to the simulator that it was made for"
+        "the file holds a network of kind `{0}`, expected `{KIND}`: \
+         use it with the simulator that it was trained for"
     )]
     Kind(String),
-    /// Sizes that can not be.
+    /// A size is out of range.
     #[error(transparent)]
     Size(#[from] SizeError),
 }
@@ -78,17 +79,17 @@ impl Policy {
     /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// [`PolicyError`] that names the tensor or the field.
+    /// [`PolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
         let tensors = Tensors::read(bytes)?;
-        let kind: Kind = tensors.config()?;
+        let kind: ConfigKind = tensors.config()?;
         if kind.kind != KIND {
             return Err(PolicyError::Kind(kind.kind));
         }
-        let stored: Stored = tensors.config()?;
+        let stored: StoredConfig = tensors.config()?;
         let config = match stored.network {
-            Sizes::Named(Named::Mtr) => Config::mtr(),
-            Sizes::Given(config) => config,
+            Sizes::Preset(Preset::Mtr) => Config::mtr(),
+            Sizes::Explicit(config) => config,
         };
         config.check()?;
         let mut tensors = tensors.without(|name| name.ends_with(COUNTER));
@@ -98,26 +99,27 @@ impl Policy {
         Ok(Self { config, intentions, network })
     }
 
-    /// The bytes of a file; `made` tells how it was made.
+    /// Returns the bytes of a file; `made` is further metadata.
     ///
     /// # Errors
-    /// [`PolicyError`] where what it was made of can not be written as text.
+    /// [`PolicyError`] if the provenance or the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
         let (tables, entry) = self.intentions.tables()?;
-        let stored = Stored { kind: KIND.to_owned(), network: Sizes::Given(self.config) };
+        let stored = StoredConfig { kind: KIND.to_owned(), network: Sizes::Explicit(self.config) };
         let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
         let mut metadata = made.clone();
         metadata.extend([entry, (CONFIG.to_owned(), config)]);
         Ok(save_with(&self.network, tables, &metadata))
     }
 
-    /// What is known of a scenario's map, for [`Self::predict`]: made once per episode.
+    /// Returns the map features of a scenario, for [`Self::predict`]; they are the same for the whole
+    /// episode.
     pub fn ground(&self, start: &Start) -> Ground {
         Survey::of(start, &self.config).ground()
     }
 
-    /// What agents may do from now on, as far as the network knows: a prediction for each of the slots whose agent is present and of a
-    /// class that is simulated, in the order of the slots. `ground` is that of this episode.
+    /// Predicts the agents of these slots that are present and of a simulated class, in the order of
+    /// the slots. `ground` holds the map features of this episode.
     pub fn predict(
         &self,
         seen: &Observation<'_>,
@@ -134,8 +136,8 @@ impl Policy {
         self.predict_view(&view, ground, slots, device)
     }
 
-    /// As [`Self::predict`], of motion that is known, from frame `now` on; nothing after it is looked at but the AV one frame later, where
-    /// agents see that.
+    /// Predicts as [`Self::predict`] does, from frame `now` of known motion. Later frames are ignored,
+    /// except that of the AV one frame later if agents see it.
     pub fn predict_known(
         &self,
         known: &Known<'_>,
@@ -150,7 +152,7 @@ impl Policy {
         self.predict_view(&view, &self.ground(known.start), slots, device)
     }
 
-    /// As [`Self::predict`], for whoever sees a scene otherwise.
+    /// Predicts as [`Self::predict`] does, from a view.
     pub(crate) fn predict_view(
         &self,
         view: &View<'_>,
@@ -158,7 +160,7 @@ impl Policy {
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
-        let seen = Scene::of(view, ground);
+        let seen = SceneContext::of(view, ground);
         let surroundings = |&slot: &usize| Surroundings::of(&seen, slot, &self.config);
         let scenes: Vec<Surroundings> = slots.iter().filter_map(surroundings).collect();
         if scenes.is_empty() {
@@ -171,18 +173,18 @@ impl Policy {
         let scores: Vec<f32> = last.scores.into_data().iter::<f32>().collect();
         let states: Vec<f32> = last.modes.into_data().iter::<f32>().collect();
         let per_scene = (scores.len() / scenes.len(), states.len() / scenes.len());
-        let said = scores.chunks_exact(per_scene.0).zip(states.chunks_exact(per_scene.1));
+        let outputs = scores.chunks_exact(per_scene.0).zip(states.chunks_exact(per_scene.1));
         scenes
             .iter()
-            .zip(said)
+            .zip(outputs)
             .map(|(s, (scores, states))| prediction(s, scores, states, &self.config))
             .collect()
     }
 }
 
-/// The kind of network alone: files of others have other configurations.
+/// Kind of the network alone, since the configurations of other kinds differ.
 #[derive(Deserialize)]
-struct Kind {
+struct ConfigKind {
     #[serde(default)]
     kind: String,
 }

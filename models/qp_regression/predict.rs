@@ -1,60 +1,63 @@
-//! What is predicted of an agent, as others use it.
+//! Predictions of an agent, as other modules use them.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, math};
 use reactsim::scene::DT;
 
-use super::inputs::{Frame2, Surroundings};
+use super::inputs::{AgentFrame, Surroundings};
 use super::network::{Config, STATE, suppress};
 use super::spline::through;
 
-/// Bounds of the logarithms of deviations, and of the correlation, as in learning: 0.2 to 148 m.
-pub(super) const LOG_DEVIATION: (f64, f64) = (-1.609, 5.0);
-pub(super) const CORRELATION: f64 = 0.5;
-/// Deviation of where an agent is now, metres.
-const NOW: f64 = 0.05;
+/// Smallest natural logarithm of a standard deviation, in metres, as in training: 0.2 m.
+pub(super) const MIN_LOG_DEVIATION: f64 = -1.609;
+/// Largest natural logarithm of a standard deviation, in metres, as in training: 148 m.
+pub(super) const MAX_LOG_DEVIATION: f64 = 5.0;
+/// Largest magnitude of the correlation, as in training.
+pub(super) const MAX_CORRELATION: f64 = 0.5;
+/// Standard deviation of the present position, metres.
+const PRESENT_DEVIATION: f64 = 0.05;
 
-/// Where an agent may be at an instant: a normal distribution.
+/// Position of an agent at an instant, as a normal distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModePoint {
-    /// Mean, metres, scenario frame.
+    /// Mean, metres, in the scenario frame.
     pub position: Vec2,
-    /// Variance along x, covariance, variance along y, m², scenario frame.
+    /// Variance along x, covariance, variance along y, m², in the scenario frame.
     pub covariance: [f64; 3],
 }
 
 impl ModePoint {
-    /// The standard deviation along a unit vector, metres.
+    /// Returns the standard deviation along a unit vector, metres.
     pub fn deviation(&self, along: Vec2) -> f64 {
         let [xx, xy, yy] = self.covariance;
         (along.x * along.x * xx + 2.0 * along.x * along.y * xy + along.y * along.y * yy).max(0.0).sqrt()
     }
 }
 
-/// One thing that an agent may do.
+/// A predicted trajectory of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mode {
-    /// Those of an agent's modes add up to 1.
+    /// Probability; those of an agent's modes add up to 1.
     pub probability: f64,
     /// 80 points, after 0.1 s to 8 s.
     pub points: Vec<ModePoint>,
 }
 
-/// What is predicted of an agent.
+/// Prediction of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// Its slot.
+    /// Slot of the agent.
     pub slot: usize,
-    /// Its pose now.
+    /// Present pose.
     pub pose: Pose,
-    /// Its velocity now, m/s, scenario frame.
+    /// Present velocity, m/s, in the scenario frame.
     pub velocity: Vec2,
-    /// The most probable first; none where the network says what are no numbers.
+    /// Modes, the most probable first; empty if the network output is not finite.
     pub modes: Vec<Mode>,
 }
 
-/// The modes that are left of the queries of an agent, as indices, and the probabilities of all queries. `scores` are unnormalised
-/// log-probabilities, `states` is `[queries, states, 7]`.
+/// Returns the query indices of the modes that remain after suppression, and the probabilities of all
+/// queries. `scores` are unnormalised log-probabilities, `states` is `[queries, states, 7]`.
 pub(super) fn kept_modes(scores: &[f32], states: &[f32], config: &Config) -> (Vec<usize>, Vec<f64>) {
     let largest = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let weights: Vec<f64> = scores.iter().map(|s| math::exp(f64::from(s - largest))).collect();
@@ -68,22 +71,22 @@ pub(super) fn kept_modes(scores: &[f32], states: &[f32], config: &Config) -> (Ve
     (suppress(&ends, &probabilities, config.apart, config.modes), probabilities)
 }
 
-/// The prediction of one agent from what the network says of it.
+/// Converts the network output of one agent to a prediction.
 pub(super) fn prediction(
     scene: &Surroundings,
     scores: &[f32],
     states: &[f32],
     config: &Config,
 ) -> Prediction {
-    let frame = Frame2::of(scene.pose);
+    let frame = AgentFrame::of(scene.pose);
     let velocity = frame.vector_out(scene.velocity());
     let (kept, probabilities) = kept_modes(scores, states, config);
     let width = config.states() * STATE;
     let mut modes = Vec::with_capacity(kept.len());
     for query in kept {
-        let said = &states[query * width..(query + 1) * width];
-        if probabilities[query].is_finite() && said.iter().all(|v| v.is_finite()) {
-            let points = points(said, scene.velocity(), &frame, config);
+        let output = &states[query * width..(query + 1) * width];
+        if probabilities[query].is_finite() && output.iter().all(|v| v.is_finite()) {
+            let points = points(output, scene.velocity(), &frame, config);
             modes.push(Mode { probability: probabilities[query], points });
         }
     }
@@ -92,21 +95,21 @@ pub(super) fn prediction(
     Prediction { slot: scene.slots.first().copied().unwrap_or_default(), pose: scene.pose, velocity, modes }
 }
 
-/// The points of a mode at 10 Hz.
-fn points(said: &[f32], velocity: Vec2, frame: &Frame2, config: &Config) -> Vec<ModePoint> {
-    let states: Vec<[f64; STATE]> = said.as_chunks::<STATE>().0.iter().map(|s| s.map(f64::from)).collect();
+/// Returns the points of a mode at 10 Hz.
+fn points(output: &[f32], velocity: Vec2, frame: &AgentFrame, config: &Config) -> Vec<ModePoint> {
+    let states: Vec<[f64; STATE]> = output.as_chunks::<STATE>().0.iter().map(|s| s.map(f64::from)).collect();
     let positions: Vec<Vec2> = states.iter().map(|s| Vec2::new(s[0], s[1])).collect();
     let deviations = |s: &[f64; STATE]| {
-        let deviation = |l: f64| math::exp(l.clamp(LOG_DEVIATION.0, LOG_DEVIATION.1));
-        [deviation(s[2]), deviation(s[3]), s[4].clamp(-CORRELATION, CORRELATION)]
+        let deviation = |l: f64| math::exp(l.clamp(MIN_LOG_DEVIATION, MAX_LOG_DEVIATION));
+        [deviation(s[2]), deviation(s[3]), s[4].clamp(-MAX_CORRELATION, MAX_CORRELATION)]
     };
     let spread: Vec<[f64; 3]> = states.iter().map(deviations).collect();
     let (x, y) = (frame.vector_out(Vec2::x()), frame.vector_out(Vec2::y()));
     let smooth = through(&positions, velocity * DT, config.step);
     let of = |(k, p): (usize, Vec2)| {
-        // Deviations in between are on a line; that of now is small.
+        // Deviations are interpolated linearly; that of the present is small.
         let (next, part) = (k / config.step, ((k % config.step) + 1) as f64 / config.step as f64);
-        let from = next.checked_sub(1).map_or([NOW, NOW, 0.0], |i| spread[i]);
+        let from = next.checked_sub(1).map_or([PRESENT_DEVIATION, PRESENT_DEVIATION, 0.0], |i| spread[i]);
         let [sx, sy, rho] = std::array::from_fn(|i| from[i] + (spread[next][i] - from[i]) * part);
         let (xx, xy, yy) = (sx * sx, rho * sx * sy, sy * sy);
         let about = |a: Vec2, b: Vec2, i: usize, j: usize| {

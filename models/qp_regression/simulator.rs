@@ -1,4 +1,4 @@
-//! Agents that do what is predicted of them.
+//! Agents that execute their predictions.
 
 use burn::tensor::Device;
 use rand::RngExt;
@@ -13,17 +13,18 @@ use super::policy::Policy;
 use super::predict::{Mode, Prediction};
 use crate::models::ntp::reactive::links::Nearest;
 
-/// How predictions become motion.
+/// Parameters of executing predictions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Driving {
-    /// How many agents the network is asked about, nearest to the AV first; the others follow their lane.
+    /// Number of agents that the network predicts, those nearest to the AV first; the others follow
+    /// their lane.
     pub agents: usize,
-    /// Whether the mode is drawn by its probability; else it is the most probable one.
+    /// Whether the mode is drawn by its probability; otherwise it is the most probable one.
     pub sample: bool,
 }
 
-/// Agents that execute what the network predicts, as it is.
+/// Simulator whose agents execute the predictions of the network as they are.
 #[derive(Debug)]
 pub struct RegressionSimulator {
     policy: Policy,
@@ -31,23 +32,29 @@ pub struct RegressionSimulator {
     device: Device,
 }
 
-/// Headings come from motion that is faster than this, m/s: slower it is mostly noise.
-const TURNS: f64 = 0.5;
-/// Who stands now and is predicted to go less far than this in the next second stays, m/s and metres.
-const STANDS: f64 = 0.1;
-const SETS_OFF: f64 = 0.2;
-/// Who has not moved since the first frame is asked about after others who are so much farther away, metres.
-const PARKED: f64 = 40.0;
+/// Speed in m/s above which the heading follows the motion; at lower speeds the direction is mostly
+/// noise.
+const MIN_HEADING_SPEED: f64 = 0.5;
+/// Speed in m/s below which an agent may stay.
+const STANDSTILL_SPEED: f64 = 0.1;
+/// Distance in metres: a standing agent stays if its prediction for the next second is shorter.
+const SET_OFF_DISTANCE: f64 = 0.2;
+/// Displacement in metres since the first frame below which an agent counts as parked.
+const PARKED_DISPLACEMENT: f64 = 0.1;
+/// Distance handicap in metres: parked agents are predicted after others that are up to this much farther
+/// from the AV.
+const PARKED_HANDICAP: f64 = 40.0;
 
 impl RegressionSimulator {
-    /// A simulator of this policy, whose weights are on this device.
+    /// Creates a simulator with a policy whose weights are on this device.
     pub fn new(policy: Policy, driving: Driving, device: Device) -> Self {
         Self { policy, driving, device }
     }
 }
 
-/// The slots of the agents that the network is asked about, at most so many: the AV where the simulator moves it, then those nearest to it,
-/// where who has never moved counts as farther away. In ascending order.
+/// Returns the slots of the agents to predict, at most `most`, in ascending order: the AV if the
+/// simulator moves it, then the agents nearest to it. Agents that have never moved count as farther
+/// away.
 pub fn predicted_slots(seen: &Observation<'_>, moves_av: bool, most: usize) -> Vec<usize> {
     let Some(av) = seen.state(0) else { return Vec::new() };
     let agents = &seen.start().agents;
@@ -58,9 +65,9 @@ pub fn predicted_slots(seen: &Observation<'_>, moves_av: bool, most: usize) -> V
     for (slot, agent) in agents.iter().enumerate().skip(1) {
         let Some(state) = seen.state(slot).filter(|_| agent.kind != AgentKind::Other) else { continue };
         let first = seen.track(slot).iter().flatten().next();
-        let parked = first.is_none_or(|f| (f.position() - state.position()).norm() < STANDS);
-        let farther = if parked { PARKED } else { 0.0 };
-        nearest.offer((state.position() - av.position()).norm() + farther, slot);
+        let parked = first.is_none_or(|f| (f.position() - state.position()).norm() < PARKED_DISPLACEMENT);
+        let handicap = if parked { PARKED_HANDICAP } else { 0.0 };
+        nearest.offer((state.position() - av.position()).norm() + handicap, slot);
     }
     let mut slots: Vec<usize> = nearest.found().collect();
     slots.sort_unstable();
@@ -78,7 +85,8 @@ impl SingleEpisode for RegressionSimulator {
         self.policy.ground(start)
     }
 
-    // One episode at a time: it has a dozen agents, enough for products of a good size, and nothing hangs on what else is in a batch.
+    // One episode at a time: a dozen agents are enough for matrix products of a good size, and the
+    // result does not depend on the rest of a batch.
     fn plan_one(&self, ground: &mut Ground, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.driving.agents);
@@ -120,22 +128,22 @@ impl RegressionSimulator {
     }
 }
 
-/// The states of somebody who does what a mode says.
+/// Returns the states of an agent that follows a mode.
 pub(super) fn execute(mode: &Mode, kind: AgentKind, now: AgentState, steps: usize) -> Vec<AgentState> {
-    let stands = now.velocity().is_none_or(|v| v.norm() < STANDS);
+    let stands = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
     let soon = mode.points.get(9).or(mode.points.last());
-    if stands && soon.is_none_or(|p| (p.position - now.position()).norm() < SETS_OFF) {
+    if stands && soon.is_none_or(|p| (p.position - now.position()).norm() < SET_OFF_DISTANCE) {
         return vec![AgentState { vx: 0.0, vy: 0.0, ..now }; steps];
     }
     let mut last = now;
     let mut states = Vec::with_capacity(steps);
     for k in 0..steps {
-        // Beyond what is predicted everybody stays.
+        // Beyond the prediction every agent stays.
         let at = mode.points.get(k).map_or(last.position(), |p| p.position);
         let velocity = (at - last.position()) / DT;
         let mut heading = last.heading;
-        if velocity.norm() > TURNS {
-            // Wheels may roll backwards; people turn round.
+        if velocity.norm() > MIN_HEADING_SPEED {
+            // Vehicles and cyclists may roll backwards; pedestrians turn around.
             let backwards = velocity.dot(&direction(heading)) < 0.0;
             if !backwards || kind == AgentKind::Pedestrian {
                 heading = heading_of(velocity);

@@ -1,4 +1,4 @@
-//! Vehicles that drive plans made of what is predicted of them.
+//! Vehicles that plan along their predictions.
 
 use burn::tensor::Device;
 use reactsim::models::qp::{Intent, KeepClear, Mode, REFUSED, STEPS, Settings, Stage, is_planned};
@@ -12,46 +12,51 @@ use super::policy::Policy;
 use super::predict::Prediction;
 use super::simulator::{execute, predicted_slots};
 
-/// How predictions become plans.
+/// Parameters of planning along predictions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Smooth {
-    /// How many agents the network is asked about, nearest to the AV first; the others follow their lane.
+pub struct PlanningParameters {
+    /// Number of agents that the network predicts, those nearest to the AV first; the others follow
+    /// their lane.
     pub agents: usize,
-    /// Whether vehicles keep clear of the AV and of others, or are smooth, within limits and on the road alone.
+    /// Whether vehicles keep clear of the AV and of other agents; if not, plans are only smooth, within
+    /// limits and on the road.
     pub keep_clear: bool,
 }
 
-/// Vehicles plan along the modes that the network predicts; people on foot and on bicycles execute the most probable one.
+/// Simulator whose vehicles plan along the predicted modes; pedestrians and cyclists execute the most
+/// probable mode.
 #[derive(Debug)]
 pub struct QpRegressionSimulator {
     policy: Policy,
-    smooth: Smooth,
+    parameters: PlanningParameters,
     settings: Settings,
     device: Device,
 }
 
 impl QpRegressionSimulator {
-    /// A simulator of this policy, whose weights are on this device; `settings` are those of the stage.
-    pub fn new(policy: Policy, smooth: Smooth, settings: Settings, device: Device) -> Self {
-        Self { policy, smooth, settings, device }
+    /// Creates a simulator with a policy whose weights are on this device; `settings` are those of the
+    /// stage.
+    pub fn new(policy: Policy, parameters: PlanningParameters, settings: Settings, device: Device) -> Self {
+        Self { policy, parameters, settings, device }
     }
 
-    /// The stage that plans for this simulator; `None` where the solver refuses its programs, which a test excludes.
+    /// Returns the stage that plans for this simulator; `None` if the solver rejects its programs,
+    /// which a test rules out.
     pub fn stage(&self) -> Option<Stage> {
-        let keep_clear = if self.smooth.keep_clear { KeepClear::Everybody } else { KeepClear::Nobody };
+        let keep_clear = if self.parameters.keep_clear { KeepClear::Everybody } else { KeepClear::Nobody };
         Stage::new(&self.settings, keep_clear)
     }
 
-    /// What is known of a scenario's map, for [`Self::intents`].
+    /// Returns the map features of a scenario, for [`Self::intents`].
     pub fn ground(&self, start: &Start) -> Ground {
         self.policy.ground(start)
     }
 
-    /// What every agent would like to do from now on, one entry per slot.
+    /// Returns the intent of every agent from now on, one entry per slot.
     pub fn intents(&self, ground: &Ground, episode: &mut Planning<'_, '_>) -> Vec<Intent> {
         let seen = episode.seen;
-        let slots = predicted_slots(&seen, episode.moves_av, self.smooth.agents);
+        let slots = predicted_slots(&seen, episode.moves_av, self.parameters.agents);
         let predictions = self.policy.predict(&seen, ground, &slots, &self.device);
         let mut predictions = predictions.into_iter().peekable();
         let agents = &seen.start().agents;
@@ -61,18 +66,18 @@ impl QpRegressionSimulator {
             let prediction = predictions.next_if(|p| p.slot == slot);
             let Some(now) = seen.state(slot).filter(|_| slot > 0 || episode.moves_av) else { continue };
             let kind = agents[slot].kind;
-            let likeliest = prediction.as_ref().and_then(|p| p.modes.first());
-            if prediction.is_some() && likeliest.is_none() {
+            let most_probable = prediction.as_ref().and_then(|p| p.modes.first());
+            if prediction.is_some() && most_probable.is_none() {
                 let what = "predictions that are no numbers: went on as before";
                 *episode.outcomes.entry(what).or_default() += 1;
             }
-            let states = match likeliest {
+            let states = match most_probable {
                 Some(mode) => execute(mode, kind, now, steps),
                 None => follow(&seen, slot, now, steps),
             };
             *intent = match prediction {
                 _ if !is_planned(kind) => Intent::Fixed(states),
-                Some(p) if !p.modes.is_empty() && !stays(&states, &now) => Intent::Vehicle(wishes(&p)),
+                Some(p) if !p.modes.is_empty() && !stays(&states, &now) => Intent::Vehicle(stage_modes(&p)),
                 _ => Intent::Vehicle(vec![Mode::of(states.iter().map(AgentState::position).collect())]),
             };
         }
@@ -80,26 +85,26 @@ impl QpRegressionSimulator {
     }
 }
 
-/// What an episode keeps.
-pub struct Kept {
+/// Memory of an episode.
+pub struct EpisodeMemory {
     ground: Ground,
     stage: Option<Stage>,
 }
 
 impl SingleEpisode for QpRegressionSimulator {
-    type Memory = Kept;
+    type Memory = EpisodeMemory;
 
     fn id(&self) -> &'static str {
         "qp-regression"
     }
 
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> Kept {
-        Kept { ground: self.policy.ground(start), stage: self.stage() }
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> EpisodeMemory {
+        EpisodeMemory { ground: self.policy.ground(start), stage: self.stage() }
     }
 
-    fn plan_one(&self, kept: &mut Kept, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
-        let Some(stage) = &mut kept.stage else { return Err(PlanError::Failed(REFUSED.to_owned())) };
-        let intents = self.intents(&kept.ground, episode);
+    fn plan_one(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        let Some(stage) = &mut memory.stage else { return Err(PlanError::Failed(REFUSED.to_owned())) };
+        let intents = self.intents(&memory.ground, episode);
         let plans = stage.plan(&episode.seen, &intents, episode.plan.steps());
         for (slot, plan) in plans.into_iter().enumerate() {
             for (k, state) in plan.into_iter().flatten().take(episode.plan.steps()).enumerate() {
@@ -111,24 +116,24 @@ impl SingleEpisode for QpRegressionSimulator {
     }
 }
 
-/// Whether somebody who stands is to stay.
+/// Returns whether all states keep the present position.
 fn stays(states: &[AgentState], now: &AgentState) -> bool {
     states.iter().all(|s| s.position() == now.position())
 }
 
-/// The modes of a prediction as the stage takes them.
-fn wishes(prediction: &Prediction) -> Vec<Mode> {
-    let wish = |mode: &super::predict::Mode| {
+/// Converts the modes of a prediction to modes of the stage.
+fn stage_modes(prediction: &Prediction) -> Vec<Mode> {
+    let stage_mode = |mode: &super::predict::Mode| {
         let points = &mode.points[..STEPS.min(mode.points.len())];
-        let mut course = reactsim::geometry::direction(prediction.pose.heading);
+        let mut direction = reactsim::geometry::direction(prediction.pose.heading);
         let mut before = prediction.pose.position;
         let sigmas = points.iter().map(|p| {
             // Slow motion has no direction of its own.
             if let Some(ahead) = (p.position - before).try_normalize(0.02) {
-                course = ahead;
+                direction = ahead;
             }
             before = p.position;
-            [p.deviation(course), p.deviation(reactsim::geometry::left(course))]
+            [p.deviation(direction), p.deviation(reactsim::geometry::left(direction))]
         });
         Mode {
             sigmas: Some(sigmas.collect()),
@@ -136,5 +141,5 @@ fn wishes(prediction: &Prediction) -> Vec<Mode> {
             probability: mode.probability,
         }
     };
-    prediction.modes.iter().map(wish).collect()
+    prediction.modes.iter().map(stage_mode).collect()
 }

@@ -2,8 +2,9 @@
 
 use reactsim::geometry::Vec2;
 
-/// The positions after 1, 2 … `points.len() * step` frames of someone who begins at the origin with `velocity` (per frame), is at the
-/// points after every `step` frames, and whose velocity and acceleration have no jumps: a cubic spline, clamped at its beginning, without
+/// Returns the positions after 1, 2 … `points.len() * step` frames of a motion that begins at the
+/// origin with `velocity` (per frame), passes one of the points after every `step` frames, and has
+/// continuous velocity and acceleration: a cubic spline, clamped at its beginning, with zero
 /// acceleration at its end.
 pub(super) fn through(points: &[Vec2], velocity: Vec2, step: usize) -> Vec<Vec2> {
     if step == 1 || points.is_empty() {
@@ -11,8 +12,8 @@ pub(super) fn through(points: &[Vec2], velocity: Vec2, step: usize) -> Vec<Vec2>
     }
     let (n, h) = (points.len(), step as f64);
     let at = |k: usize| if k == 0 { Vec2::zeros() } else { points[k - 1] };
-    // Accelerations m at the knots: h/6 m[k-1] + 2h/3 m[k] + h/6 m[k+1] = difference of slopes; at the ends as above. The matrix is
-    // tridiagonal and is eliminated from the first row on.
+    // Accelerations m at the knots: h/6 m[k-1] + 2h/3 m[k] + h/6 m[k+1] = difference of slopes; at the
+    // ends as above. The matrix is tridiagonal and is eliminated from the first row on.
     let slope = |k: usize| (at(k) - at(k - 1)) / h;
     let mut upper = vec![0.0; n + 1];
     let mut right = vec![Vec2::zeros(); n + 1];

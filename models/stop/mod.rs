@@ -19,7 +19,7 @@ fn make(setup: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(Stop { parameters })))
 }
 
-/// Brakes along the current velocity at a constant rate.
+/// Simulator whose agents brake along their current velocity at a constant rate.
 #[derive(Clone, Debug)]
 pub struct Stop {
     parameters: Parameters,
@@ -28,7 +28,7 @@ pub struct Stop {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
-    /// m/s².
+    /// Deceleration, m/s².
     deceleration: f64,
 }
 

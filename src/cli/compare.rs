@@ -1,4 +1,4 @@
-//! `reactsim compare`: two results on the same scenarios.
+//! `reactsim compare`: two runs on the same scenarios.
 
 use std::path::PathBuf;
 
@@ -11,12 +11,13 @@ use crate::metrics::{self, Unit};
 use crate::report::comparison;
 
 const AFTER: &str = "\
+Examples:
   reactsim compare runs/before runs/after
   reactsim compare runs/all runs/all --models idm,qp-regression
   reactsim compare runs/before runs/after --worse aav-collision=0.05 --worse offroad=0.5
 
-Bounds are in the units of the tables, per cent for rates. The last command ends with exit code 1 if in
-any comparison a metric got worse by more than its bound.";
+Bounds are in the units of the tables (percent for rates). The last command exits with code 1 if
+a metric got worse by more than its bound in any comparison.";
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -28,27 +29,29 @@ pub(super) struct CompareArgs {
     /// Folder of the second run
     #[arg(value_name = "SECOND")]
     second: PathBuf,
-    /// The simulator of the first run and that of the second [default: all that are in both]
+    /// Simulator of the first run and simulator of the second [default: all that both runs have]
     #[arg(long, value_name = "ID,ID", value_delimiter = ',', num_args = 1)]
     models: Vec<String>,
-    /// End with exit code 1 if this metric got worse by more than this; may be given several times
+    /// Exit with code 1 if METRIC got worse by more than BOUND; may be repeated
     #[arg(long, value_name = "METRIC=BOUND")]
     worse: Vec<String>,
-    /// Scenarios to list per metric that got worse, and better
+    /// Scenarios to list per metric: N that got worse and N that got better
     #[arg(long, value_name = "N", default_value_t = 3)]
     top: usize,
-    /// Seed of resamplings and permutations
+    /// Seed of the resamplings and permutations
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Form of the result
+    /// Output format
     #[arg(long, default_value = "markdown", value_parser = ["markdown", "json"])]
     format: String,
 }
 
-/// A bound of a metric, in the units of its values.
+/// Largest accepted worsening of a metric.
 struct Bound {
     metric: &'static str,
-    worse: f64,
+    /// In the unit of the metric's values; rates as fractions.
+    worsening: f64,
+    /// As given on the command line.
     text: String,
 }
 
@@ -62,7 +65,7 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
         }
         [a, b] => vec![(a, b)],
         _ => bail!(
-            "--models names {} simulators: give that of the first run and that of the second",
+            "--models names {} simulators: give one for the first run and one for the second",
             args.models.len()
         ),
     };
@@ -85,7 +88,7 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
             let Some(paired) = comparison.metrics.get(bound.metric) else {
                 bail!("`{}` has no value for `{}` in any scenario", comparison.second, bound.metric);
             };
-            if paired.worsening(bound.metric) > bound.worse {
+            if paired.worsening(bound.metric) > bound.worsening {
                 say(format_args!("`{}` got worse by more than {}", comparison.second, bound.text));
                 status = ExitStatus::SomeFailed;
             }
@@ -99,11 +102,11 @@ fn bound(text: &str) -> anyhow::Result<Bound> {
         bail!("--worse `{text}`: write METRIC=BOUND, such as aav-collision=0.05");
     };
     let Some(metric) = metrics::metric(id) else {
-        bail!("--worse `{text}`: there is no metric `{id}`; `reactsim list metrics` says which there are");
+        bail!("--worse `{text}`: there is no metric `{id}`; `reactsim list metrics` lists all");
     };
     let bound = value.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-    let Some(bound) = bound else { bail!("--worse `{text}`: `{value}` is no number from 0 up") };
+    let Some(bound) = bound else { bail!("--worse `{text}`: `{value}` is not a number of at least 0") };
     let spec = metric.spec();
-    let worse = if spec.unit == Unit::Rate { bound / 100.0 } else { bound };
-    Ok(Bound { metric: spec.id, worse, text: text.to_owned() })
+    let worsening = if spec.unit == Unit::Rate { bound / 100.0 } else { bound };
+    Ok(Bound { metric: spec.id, worsening, text: text.to_owned() })
 }

@@ -1,4 +1,4 @@
-//! `reactsim convert`: any format to native Parquet.
+//! `reactsim convert`: scenarios of any format to native Parquet.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
-use super::{ExitStatus, Reading, count, say};
+use super::{ExitStatus, ReadingArgs, count, say};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -20,17 +20,18 @@ pub(super) struct ConvertArgs {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
-    reading: Reading,
-    /// Rollouts (`run --keep-rollouts`) that take the place of what was logged after the current frame; scenarios without one are left out
+    reading: ReadingArgs,
+    /// Rollouts (of `run --keep-rollouts`) that replace the logged future; scenarios without a
+    /// rollout are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
     futures: Option<PathBuf>,
-    /// The simulator whose rollouts these are
+    /// Simulator whose rollouts are taken
     #[arg(long, value_name = "ID", requires = "futures")]
     model: Option<String>,
 }
 
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
-    // All inputs are found before the first is read, and before the output is touched.
+    // Find all inputs before reading the first and before touching the output.
     let inputs = args.reading.find_inputs(&args.inputs)?;
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
@@ -44,7 +45,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
-/// Writes every good scenario; counts the good and the bad.
+/// Writes every readable scenario. Returns the numbers of written and of failed scenarios.
 fn stream(
     inputs: &[formats::Input],
     out: &Path,
@@ -87,7 +88,7 @@ fn stream(
             }
         }
     }
-    // The writer leaves no file behind where it is not finished.
+    // Dropped unfinished, the writer leaves no file behind.
     if good == 0 {
         bail!("no scenario could be converted: see the warnings above");
     }

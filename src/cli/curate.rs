@@ -1,4 +1,4 @@
-//! `reactsim curate`: deviated AVs from any logs, their figures, and what people decided about them.
+//! `reactsim curate`: deviated AVs from any logs, their statistics, and the decisions of reviewers.
 
 mod apply;
 mod make;
@@ -13,15 +13,16 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-Step 1 keeps scenarios with vehicles around the AV; step 2 proposes candidates; step 3 drops
-those that are not feasible, press nobody or can not be avoided; step 4 chooses at most one per
-scenario.
+Step 1 keeps scenarios with vehicles around the AV. Step 2 proposes candidates. Step 3 drops
+candidates that are infeasible, do not pressure any agent or cannot be avoided. Step 4 chooses at
+most one candidate per scenario.
 
-  reactsim curate LOGS --out a.parquet             make candidates, filter and choose
-  reactsim curate stats a.parquet                  see what came out
-  reactsim curate review a.parquet                 decide by hand, in a browser
-  reactsim curate apply a.parquet --out b.parquet  fold the decisions in
-  reactsim run LOGS --deviations b.parquet         run simulators against the set";
+Examples:
+  reactsim curate LOGS --out a.parquet             propose, filter and choose candidates
+  reactsim curate stats a.parquet                  print statistics of the result
+  reactsim curate review a.parquet                 verify candidates in a browser
+  reactsim curate apply a.parquet --out b.parquet  apply the decisions
+  reactsim run LOGS --deviations b.parquet         run simulators against the chosen AVs";
 
 /// Arguments of `curate`.
 #[derive(Debug, Args)]
@@ -35,11 +36,11 @@ pub(super) struct CurateArgs {
 
 #[derive(Debug, Subcommand)]
 enum CurateCommand {
-    /// Print what a file of candidates is like: categories, distances to the log, what fell where
+    /// Print statistics of a file of candidates: categories, distances to the log, rejections
     Stats(stats::StatsArgs),
     /// Verify candidates by hand in a browser
     Review(review::ReviewArgs),
-    /// Fold the decisions of a review into a new file of candidates
+    /// Apply the decisions of a review and write a new file of candidates
     Apply(apply::ApplyArgs),
 }
 
@@ -53,7 +54,7 @@ pub(super) fn curate(args: &CurateArgs) -> anyhow::Result<ExitStatus> {
     }
 }
 
-/// Whether two paths lead to the same file.
+/// Returns whether two paths lead to the same file.
 fn is_same(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

@@ -1,14 +1,14 @@
-//! What is said of a run when it is finished, besides its table.
+//! Output of a finished run in addition to its table.
 
 use anyhow::Context;
 
-use super::also::Also;
+use super::also::ExtraColumns;
 use super::{count, say};
 use crate::evaluation::{RunFolder, Summary, TABLE};
 use crate::report::{Run, exporter};
 
-/// Puts the table of a run into its folder, with what failed below it.
-pub(super) fn put_table(folder: &RunFolder, summary: &Summary, also: &Also) -> anyhow::Result<()> {
+/// Writes the table of a run to its folder, followed by plan outcomes and failures.
+pub(super) fn put_table(folder: &RunFolder, summary: &Summary, also: &ExtraColumns) -> anyhow::Result<()> {
     let Some(markdown) = exporter("markdown") else { return Ok(()) };
     let mut text = Vec::new();
     let run = [Run { name: "", summary }];
@@ -19,8 +19,8 @@ pub(super) fn put_table(folder: &RunFolder, summary: &Summary, also: &Also) -> a
     Ok(folder.put(TABLE, &text)?)
 }
 
-/// Says what the file of deviations and the inputs do not have in common.
-pub(super) fn tell_left_out(summary: &Summary) {
+/// Prints how many scenarios have no deviation in the file and how many deviations have no scenario.
+pub(super) fn report_left_out(summary: &Summary) {
     let p = &summary.provenance;
     if p.passed_over > 0 {
         let n = count(p.passed_over, "scenario");
@@ -32,8 +32,8 @@ pub(super) fn tell_left_out(summary: &Summary) {
     }
 }
 
-/// Per simulator that counts them: how parts of plans ended.
-fn endings(summary: &Summary) -> impl Iterator<Item = String> {
+/// Returns one line per simulator that counts plan outcomes.
+fn outcome_lines(summary: &Summary) -> impl Iterator<Item = String> {
     let counting = summary.simulators.iter().filter(|(_, s)| !s.outcomes.is_empty());
     counting.map(|(id, simulator)| {
         let all = simulator.outcomes.iter().map(|(name, n)| format!("{n} {name}"));
@@ -41,13 +41,13 @@ fn endings(summary: &Summary) -> impl Iterator<Item = String> {
     })
 }
 
-/// The same as a list in Markdown, below the table.
+/// Returns the plan outcomes as a Markdown list, printed below the table.
 pub(super) fn outcomes(summary: &Summary) -> String {
-    let lines: String = endings(summary).map(|line| format!("- {line}\n")).collect();
+    let lines: String = outcome_lines(summary).map(|line| format!("- {line}\n")).collect();
     if lines.is_empty() { lines } else { format!("\nHow plans ended:\n\n{lines}") }
 }
 
-/// What failed, as a list in Markdown.
+/// Returns the failures as a Markdown list.
 fn failures(summary: &Summary) -> String {
     let failures = &summary.provenance.failures;
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! Scenarios whose future is a rollout: what agents would have done, in the place of what was logged.
+//! Scenarios whose logged future is replaced by a rollout.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -8,35 +8,36 @@ use anyhow::{Context, bail};
 use crate::formats::rollouts::{self, Reader, RolloutRecord};
 use crate::scene::{FUTURE, Scenario};
 
-/// The rollouts of one simulator, read as far as they are asked for.
+/// Rollouts of one simulator, read on demand.
 pub(super) struct Futures {
     path: PathBuf,
     model: String,
-    /// The scenarios that have a rollout.
-    there: BTreeSet<String>,
+    /// Ids of the scenarios that have a rollout.
+    available: BTreeSet<String>,
     reader: Reader,
-    /// Read on the way to another one. Few, as files are in the order of the scenarios.
+    /// Records read while searching for another one. Few, as files are in the order of the scenarios.
     waiting: BTreeMap<String, RolloutRecord>,
 }
 
 impl Futures {
     /// Opens a file of rollouts.
     pub(super) fn open(path: &Path, model: &str) -> anyhow::Result<Self> {
-        let mut there = BTreeSet::new();
+        let mut available = BTreeSet::new();
         for record in rollouts::read(path)? {
             let record = record?;
-            if is_wanted(&record, model) {
-                there.insert(record.scenario_id);
+            if is_first_rollout(&record, model) {
+                available.insert(record.scenario_id);
             }
         }
-        if there.is_empty() {
+        if available.is_empty() {
             bail!("{}: no rollouts of `{model}`", path.display());
         }
         let (path, model, waiting) = (path.to_owned(), model.to_owned(), BTreeMap::new());
-        Ok(Self { reader: rollouts::read(&path)?, path, model, there, waiting })
+        Ok(Self { reader: rollouts::read(&path)?, path, model, available, waiting })
     }
 
-    /// Gives a scenario the first rollout of it as its future, and a name that says so. False where there is none.
+    /// Replaces the future of a scenario by its first rollout and appends the simulator to its id.
+    /// Returns `false` if there is no rollout.
     pub(super) fn put_into(&mut self, scenario: &mut Scenario) -> anyhow::Result<bool> {
         let Some(record) = self.find(&scenario.id)? else { return Ok(false) };
         let tracks = record.tracks_in(scenario.origin);
@@ -58,7 +59,7 @@ impl Futures {
     }
 
     fn find(&mut self, id: &str) -> anyhow::Result<Option<RolloutRecord>> {
-        if !self.there.contains(id) {
+        if !self.available.contains(id) {
             return Ok(None);
         }
         if let Some(found) = self.waiting.remove(id) {
@@ -66,7 +67,7 @@ impl Futures {
         }
         for record in self.reader.by_ref() {
             let record = record?;
-            if !is_wanted(&record, &self.model) {
+            if !is_first_rollout(&record, &self.model) {
                 continue;
             }
             if record.scenario_id == id {
@@ -78,6 +79,6 @@ impl Futures {
     }
 }
 
-fn is_wanted(record: &RolloutRecord, model: &str) -> bool {
+fn is_first_rollout(record: &RolloutRecord, model: &str) -> bool {
     record.simulator == model && record.rollout == 0
 }

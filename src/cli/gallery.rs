@@ -1,4 +1,4 @@
-//! What `report` and `view` have in common: which runs are shown, and where their scenarios lie.
+//! Runs to show and the location of their scenarios, shared by `report` and `view`.
 
 use std::path::PathBuf;
 
@@ -6,8 +6,8 @@ use super::find_inputs;
 use crate::evaluation::{EvaluationError, Shelf, Source, StudyResults, is_study};
 use crate::report::page::{Gallery, Member};
 
-/// Opens the runs in these folders, those of studies among them, with the scenarios at these paths. The shipped benchmark is always at
-/// hand.
+/// Opens the runs in these folders, members of studies included, with the scenarios at these paths.
+/// The shipped benchmark is always available.
 pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result<Gallery> {
     let mut shelf = Shelf::default();
     shelf.add(Source::shipped(usize::MAX));
@@ -18,10 +18,10 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result
     Ok(Gallery::open(members, studies, shelf)?)
 }
 
-/// Studies by name.
+/// Studies with their names.
 type Studies = Vec<(String, StudyResults)>;
 
-/// The runs in these folders, and the studies that some of them belong to.
+/// Returns the runs in these folders, and the studies that some of them belong to.
 pub(super) fn members(folders: &[PathBuf]) -> Result<(Vec<Member>, Studies), EvaluationError> {
     let (mut members, mut studies) = (Vec::new(), Vec::new());
     for (name, folder) in names(folders).into_iter().zip(folders) {
@@ -40,7 +40,7 @@ pub(super) fn members(folders: &[PathBuf]) -> Result<(Vec<Member>, Studies), Eva
     Ok((members, studies))
 }
 
-/// The names of run folders; their whole paths where the names alone are not unique.
+/// Returns the names of run folders, or their whole paths if the names alone are not unique.
 pub(super) fn names(runs: &[PathBuf]) -> Vec<String> {
     let short: Vec<String> = runs
         .iter()

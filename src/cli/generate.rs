@@ -1,4 +1,4 @@
-//! `reactsim generate`: scenarios that the program makes itself.
+//! `reactsim generate`: synthetic scenarios.
 
 mod bench;
 mod compare;
@@ -12,14 +12,15 @@ use super::ExitStatus;
 
 const AFTER: &str = "\
 The preset train writes scenarios as they are generated. The preset bench curates them and keeps
-those with a deviated AV, until all categories and map types are there; what was found out about
-the deviated AVs is written beside FILE, as `curate` does.
+those with a deviated AV until the quotas of all categories and map types are filled. It writes
+the candidates, as `curate` does, to a second file next to FILE.
 
+Examples:
   reactsim generate --preset bench --count 150 --out bench.parquet
   reactsim run bench.parquet
   reactsim curate stats bench.deviations.parquet
 
-The result on stdout says what was made, and how to make it again (TOML).";
+The manifest entry of the files is printed to stdout (TOML): command, settings and digests.";
 
 /// Arguments of `generate`.
 #[derive(Debug, Args)]
@@ -41,6 +42,6 @@ pub(super) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
     match (&args.command, &args.make) {
         (Some(GenerateCommand::Compare(args)), _) => compare::compare(args),
         (None, Some(args)) => make::make(args),
-        (None, None) => bail!("say what to generate with --preset, --count and --out"),
+        (None, None) => bail!("give --preset, --count and --out to generate scenarios"),
     }
 }

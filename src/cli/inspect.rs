@@ -1,4 +1,4 @@
-//! `reactsim inspect`: what is in a scenario.
+//! `reactsim inspect`: prints and draws a scenario.
 
 mod description;
 mod live;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::{ExitStatus, Reading, say, write_result};
+use super::{ExitStatus, ReadingArgs, say, write_result};
 use crate::evaluation::{CASE_STUDIES, CaseStudy, Source};
 use crate::formats::{self, FormatError};
 use crate::scene::Scenario;
@@ -26,28 +26,29 @@ pub(super) struct InspectArgs {
     #[arg(long)]
     id: Option<String>,
     /// A case study of the shipped benchmark; `list cases` names them
-    #[arg(long = "case", value_name = "NAME", value_parser = case_study, conflicts_with_all = ["scenario", "id"])]
+    #[arg(long = "case", value_name = "NAME",
+          value_parser = case_study, conflicts_with_all = ["scenario", "id"])]
     case_study: Option<&'static CaseStudy>,
     #[command(flatten)]
-    reading: Reading,
-    /// Draw a rollout of this run folder (made with --keep-rollouts)
+    reading: ReadingArgs,
+    /// Draw a rollout of this run folder (written with --keep-rollouts)
     #[arg(long, value_name = "RUN", requires_all = ["simulator", "picture"])]
     rollout: Option<PathBuf>,
-    /// Simulator to draw; for --gif several, separated by commas, side by side. Without --rollout it is
-    /// run against the scenario's deviated AV first
+    /// Simulator to draw; for --gif several, separated by commas, side by side. Without --rollout
+    /// the program first runs it against the scenario's deviated AV
     #[arg(long, value_name = "ID", value_delimiter = ',', requires = "picture")]
     simulator: Vec<String>,
     /// Index of the rollout
     #[arg(long, value_name = "N", default_value_t = 0)]
     index: u32,
-    /// Half of the side of a picture, metres [default: 60; for --gif what the AV's way needs, or 40 with
-    /// --follow]
+    /// Half of the side of a picture, metres [default: 60; for --gif large enough for the AV's path,
+    /// or 40 with --follow]
     #[arg(long, value_name = "M")]
     radius: Option<f64>,
     /// Draw stills to this file
     #[arg(long, value_name = "FILE", group = "picture")]
     svg: Option<PathBuf>,
-    /// Steps of the stills, 0 (now) to 80, separated by commas
+    /// Steps of the stills, 0 (current frame) to 80, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "0", value_name = "STEPS",
           value_parser = clap::value_parser!(u8).range(0..=80))]
     steps: Vec<u8>,
@@ -58,7 +59,7 @@ pub(super) struct InspectArgs {
     #[arg(long, value_name = "PIXELS", default_value_t = 480, requires = "gif",
           value_parser = clap::value_parser!(u32).range(100..=1200))]
     size: u32,
-    /// Show every Nth step only; 1 is 10 frames a second
+    /// Show only every Nth step; 1 is 10 frames per second
     #[arg(long, value_name = "N", default_value_t = 1, requires = "gif",
           value_parser = clap::value_parser!(u8).range(1..=40))]
     every: u8,
@@ -68,10 +69,11 @@ pub(super) struct InspectArgs {
 }
 
 const AFTER: &str = "\
-Without --simulator an animation shows what happens if nobody reacts: the AV drives as the
-scenario's deviated AV does, all others as they were recorded. A scenario without a deviated AV
-is shown as it was recorded.
+Without --simulator an animation shows what happens if nobody reacts: the AV follows the
+scenario's deviated trajectory, and all other agents follow the log. A scenario without a
+deviated AV is shown as recorded.
 
+Example:
   reactsim inspect --case cut-in --simulator log-replay,idm --gif cut-in.gif";
 
 pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
@@ -79,7 +81,7 @@ pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
         bail!("--radius is {radius}, expected 5 to 1000 m");
     }
     if args.svg.is_some() && args.simulator.len() > 1 {
-        bail!("--svg draws one rollout: name one --simulator, or draw all of them with --gif alone");
+        bail!("--svg draws one rollout: give one --simulator, or draw all of them with --gif alone");
     }
     let scenario = find(args)?;
     pictures::draw(args, &scenario)?;
@@ -91,12 +93,12 @@ pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// The scenario with the wanted id, or the first one.
+/// Finds the requested scenario, or the first one if no id is given.
 fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
     let id = args.case_study.map(|c| c.scenario).or(args.id.as_deref());
     let Some(path) = &args.scenario else {
         if args.reading.current_frame.is_some() {
-            bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
+            bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
         }
         let scenarios =
             (Source::shipped(usize::MAX).open)()?.map(|pending| pending.and_then(|decode| decode()));
@@ -106,7 +108,7 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
     pick(formats::open_all(inputs)?, id, &path.display().to_string())
 }
 
-/// The scenario with this id, or the first one; `place` says where they are from.
+/// Returns the scenario with this id, or the first one; `place` names the input in messages.
 fn pick(
     mut scenarios: impl Iterator<Item = Result<Scenario, FormatError>>,
     id: Option<&str>,
@@ -130,11 +132,11 @@ fn pick(
             }
         }
     }
-    let damaged = if bad > 0 { format!(" ({bad} records can not be read)") } else { String::new() };
+    let damaged = if bad > 0 { format!(" ({bad} records cannot be read)") } else { String::new() };
     bail!("{place} holds no scenario `{id}`{damaged}")
 }
 
-/// The case study of a name.
+/// Parses the name of a case study.
 fn case_study(name: &str) -> Result<&'static CaseStudy, String> {
     let all = || CASE_STUDIES.map(|c| c.name).join(", ");
     CaseStudy::from_name(name).ok_or_else(|| format!("expected {}", all()))

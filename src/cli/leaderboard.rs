@@ -1,4 +1,4 @@
-//! `reactsim leaderboard`: references and runs of others in one table.
+//! `reactsim leaderboard`: references and submitted runs in one table.
 
 use std::path::PathBuf;
 
@@ -11,11 +11,12 @@ use crate::evaluation::{BenchmarkRecord, Source};
 use crate::report::leaderboard;
 
 const AFTER: &str = "\
+Examples:
   reactsim leaderboard references/reactsim-bench-v1 entries/*
   reactsim leaderboard references/reactsim-bench-v1 entries/* --html leaderboard.html
 
-An entry is a folder that `reactsim run --out` left, on a whole benchmark and with the settings of the
-first entry. It is verified if it was made with --keep-rollouts and they give its numbers again.";
+An entry is a run folder (`reactsim run --out`) on a whole benchmark, with the settings of the
+first entry. It is verified if it has rollouts (--keep-rollouts) that reproduce its numbers.";
 
 /// Arguments of `leaderboard`.
 #[derive(Debug, Args)]
@@ -24,19 +25,19 @@ pub(super) struct LeaderboardArgs {
     /// Folders of references and runs
     #[arg(required = true, value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// Scenarios of the benchmark, where it does not ship
+    /// Scenarios of the benchmark, unless they ship with the program
     #[arg(long, value_name = "PATH")]
     scenarios: Option<PathBuf>,
-    /// Form of the table on stdout
+    /// Format of the table on stdout
     #[arg(long, default_value = "markdown", value_parser = leaderboard::FORMS)]
     format: String,
-    /// Write the table as a page to this file too
+    /// Also write the table to this file, as an HTML page
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 }
 
 pub(super) fn leaderboard(args: &LeaderboardArgs) -> anyhow::Result<ExitStatus> {
-    let open = |benchmark: &BenchmarkRecord| at_hand(args, benchmark);
+    let open = |benchmark: &BenchmarkRecord| find_scenarios(args, benchmark);
     let mut entries: Vec<Entry> = Vec::new();
     for (name, folder) in gallery::names(&args.folders).into_iter().zip(&args.folders) {
         let entry = Entry::read(folder, name, open)?;
@@ -52,8 +53,8 @@ pub(super) fn leaderboard(args: &LeaderboardArgs) -> anyhow::Result<ExitStatus> 
     Ok(ExitStatus::Done)
 }
 
-/// The scenarios of a benchmark: those that ship, or the given ones.
-fn at_hand(args: &LeaderboardArgs, benchmark: &BenchmarkRecord) -> Option<Source> {
+/// Finds the scenarios of a benchmark among the shipped and the given ones.
+fn find_scenarios(args: &LeaderboardArgs, benchmark: &BenchmarkRecord) -> Option<Source> {
     let given = args.scenarios.iter().filter_map(|path| {
         let inputs = find_inputs(std::slice::from_ref(path)).ok()?;
         open_sources(inputs, usize::MAX).ok()

@@ -1,4 +1,4 @@
-//! `reactsim list`: what there is.
+//! `reactsim list`: models, metrics, formats and the like.
 
 use std::io::{self, Write};
 
@@ -14,12 +14,12 @@ use crate::models::{Card, MODELS, weights};
 /// Arguments of `list`.
 #[derive(Debug, Args)]
 pub(super) struct ListArgs {
-    /// What to list
-    what: What,
+    /// Kind of item to list
+    what: Kind,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum What {
+enum Kind {
     /// The simulators that ship with the program
     Models,
     /// The metrics
@@ -36,7 +36,7 @@ enum What {
 
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
     let rows = match args.what {
-        What::Models => {
+        Kind::Models => {
             let mut rows = Vec::new();
             for model in MODELS {
                 let card = Card::read(model.id, model.card)?;
@@ -47,7 +47,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             }
             rows
         }
-        What::Metrics => METRICS
+        Kind::Metrics => METRICS
             .iter()
             .map(|m| {
                 let spec = m.spec();
@@ -62,8 +62,8 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                 [spec.id, spec.title, unit, better, spec.source].map(str::to_owned).to_vec()
             })
             .collect(),
-        What::Formats => FORMATS.iter().map(|f| vec![f.id().to_owned(), f.title().to_owned()]).collect(),
-        What::Weights => weights::manifest()?
+        Kind::Formats => FORMATS.iter().map(|f| vec![f.id().to_owned(), f.title().to_owned()]).collect(),
+        Kind::Weights => weights::manifest()?
             .into_iter()
             .map(|row| {
                 let whence = if row.shipped { "shipped" } else { "to be given" };
@@ -71,16 +71,16 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                 vec![row.id, row.file, bytes, row.licence, whence.to_owned(), row.sha256, row.title]
             })
             .collect(),
-        What::Cases => {
+        Kind::Cases => {
             CASE_STUDIES.iter().map(|c| [c.name, c.scenario, c.summary].map(str::to_owned).to_vec()).collect()
         }
-        What::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
+        Kind::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
     write_result(None, |out| aligned(&rows, out))?;
     Ok(ExitStatus::Done)
 }
 
-/// Columns under each other; the last one is left as it is.
+/// Writes rows as aligned columns; the last column is not padded.
 fn aligned(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
     let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
     for row in rows {

@@ -1,4 +1,5 @@
-//! The command line: arguments, progress, exit codes. One file per verb. The only room that prints.
+//! The command line: arguments, progress, exit codes. One file per subcommand. The only module that
+//! prints.
 
 mod also;
 mod compare;
@@ -49,7 +50,7 @@ struct Cli {
 const AFTER: &str = "\
 Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
 
-With no arguments at all it runs every baseline on the shipped scenarios.";
+Without arguments the program runs every baseline on the shipped scenarios.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -57,29 +58,29 @@ enum Command {
     Run(run::RunArgs),
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
-    /// Make AV trajectories that leave the log (deviated AVs), review and analyse them
+    /// Create AV trajectories that leave the log (deviated AVs), review and analyse them
     Curate(curate::CurateArgs),
-    /// Generate scenarios: maps, traffic, and for benchmarks deviated AVs
+    /// Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
     Generate(generate::GenerateArgs),
-    /// Train networks, and build what they need
+    /// Train networks, build vocabularies and intention points
     Train(train::TrainArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
-    /// Print the tables of finished runs, or make one page of them
+    /// Print the tables of finished runs, or write them as an HTML page
     Report(report::ReportArgs),
     /// Compare two runs on the same scenarios, scenario by scenario
     Compare(compare::CompareArgs),
-    /// Check that this program gives the numbers of a reference
+    /// Check that this program reproduces the numbers of a reference
     Verify(verify::VerifyArgs),
-    /// Make references, and write their tables into documents
+    /// Create references, and write their tables into documents
     Reference(reference::ReferenceArgs),
-    /// Put references and runs of others into one table
+    /// List references and submitted runs in one table
     Leaderboard(leaderboard::LeaderboardArgs),
-    /// Show run folders in a browser: tables, figures, every scenario from above
+    /// Show run folders in a browser: tables, figures, every scene from above
     View(view::ViewArgs),
-    /// Run studies: replan intervals, both protocols, ablations of simulators
+    /// Run studies: replan interval, reactive against realism protocol, ablations
     Study(study::StudyArgs),
-    /// Print and draw what is in a scenario
+    /// Describe and draw a scenario
     Inspect(inspect::InspectArgs),
     /// List models, metrics, formats, weights, map types or case studies
     List(list::ListArgs),
@@ -89,14 +90,14 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-/// How the program ended.
+/// Outcome of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ExitStatus {
     /// Everything was done.
     Done,
     /// Done, but some scenarios failed.
     SomeFailed,
-    /// Wrong input or settings: nothing usable.
+    /// Wrong input or settings: no usable result.
     BadInput,
     /// Interrupted by the user.
     Interrupted,
@@ -113,9 +114,9 @@ impl From<ExitStatus> for ExitCode {
     }
 }
 
-/// Runs the program: parses the arguments, carries the verb out, prints what went wrong.
+/// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
-    // Called bare, it does its main job.
+    // Without arguments: `run` with its defaults.
     let command = Cli::parse().command.unwrap_or_else(|| {
         let bare = Cli::parse_from(["reactsim", "run"]).command;
         bare.expect("`run` needs no arguments")
@@ -160,19 +161,19 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// What to try next, where the error's own text does not say it.
+/// Suggests what to try next, if the error's own text does not.
 fn hint(error: &anyhow::Error) -> Option<String> {
     if let Some(TrainingError::Write { source, .. }) = error.downcast_ref() {
         let full = source.kind() == io::ErrorKind::StorageFull;
-        return full.then(|| "the last checkpoint is whole; make room and give --resume to go on".to_owned());
+        return full.then(|| "the last checkpoint is intact; free some space and give --resume".to_owned());
     }
     match error.downcast_ref::<EvaluationError>()? {
         EvaluationError::UnknownSimulator { .. } => {
-            Some("`reactsim list models` says what each of them does".to_owned())
+            Some("`reactsim list models` describes each of them".to_owned())
         }
         EvaluationError::Write { source, .. } => match source.kind() {
             io::ErrorKind::StorageFull => {
-                Some("finished rows are kept; make room and give --resume to go on".to_owned())
+                Some("finished rows are kept; free some space and give --resume".to_owned())
             }
             _ => None,
         },
@@ -180,7 +181,7 @@ fn hint(error: &anyhow::Error) -> Option<String> {
     }
 }
 
-/// Writes a result to a file, or to stdout. A reader of stdout that went away has seen enough: that is no error.
+/// Writes a result to a file, or to stdout. A closed stdout (broken pipe) is not an error.
 fn write_result(
     file: Option<&Path>,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -194,7 +195,7 @@ fn write_result(
     let mut out = BufWriter::new(io::stdout().lock());
     match write(&mut out).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
-            // The buffer would be written once more when it is dropped.
+            // Dropping the writer would try to write its buffer again.
             let _ = out.into_parts();
             Ok(())
         }
@@ -202,56 +203,58 @@ fn write_result(
     }
 }
 
-/// Says something to the user without touching the result.
+/// Prints a message to stderr; stdout holds only results.
 fn say(text: std::fmt::Arguments<'_>) {
-    // Where even stderr is gone there is nobody to tell.
+    // A closed stderr is not an error.
     writeln!(io::stderr().lock(), "{text}").ok();
 }
 
-/// A flag that the first ^C (or SIGTERM) sets, which is answered with what happens `then`; the second one ends the program at once.
+/// Returns a flag that the first ^C (or SIGTERM) sets, with a message on what happens `then`. The
+/// second one ends the program at once.
 fn stop_on_interrupt(then: &'static str) -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
-            #[expect(clippy::exit, reason = "the user asked twice, and nothing is left half written")]
+            #[expect(clippy::exit, reason = "second interrupt by the user; files are replaced whole")]
             std::process::exit(130);
         }
-        say(format_args!("\ninterrupted: {then}; once more ends at once"));
+        say(format_args!("\ninterrupted: {then}; interrupt again to end at once"));
     })
-    .context("could not watch for interrupts")?;
+    .context("could not install the interrupt handler")?;
     Ok(stop)
 }
 
-/// A number of things.
+/// Returns a count with its noun in singular or plural.
 fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// The scenario files at all paths, each found and recognised. Files that are only named like scenarios are named on stderr.
+/// Finds the scenario files at all paths and recognises their formats. Warns of files that have the
+/// name of a scenario file only.
 fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
     let mut inputs = Vec::new();
     for path in paths {
         let found = formats::survey(path)?;
         for file in found.passed_over {
-            say(format_args!("warning: {} is passed over: it is no scenario file", file.display()));
+            say(format_args!("warning: {} is skipped: it is not a scenario file", file.display()));
         }
         inputs.extend(found.inputs);
     }
     Ok(inputs)
 }
 
-/// How files of scenarios are read, where they leave a choice.
+/// Options for formats that leave a choice to the reader.
 #[derive(Debug, Args)]
-struct Reading {
-    /// The frame that is the current one, counted from 0, where files leave that open (Argoverse 2,
-    /// ScenarioNet) [default: 49 of Argoverse 2, what ScenarioNet says]
+struct ReadingArgs {
+    /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet)
+    /// [default: 49 for Argoverse 2, the recorded index for ScenarioNet]
     #[arg(long, value_name = "N")]
     current_frame: Option<usize>,
 }
 
-impl Reading {
-    /// As [`find_inputs`], to be read in this way.
+impl ReadingArgs {
+    /// Finds inputs as [`find_inputs`] and sets their current frame.
     fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
         let mut inputs = find_inputs(paths)?;
         inputs.iter_mut().for_each(|input| input.current_frame = self.current_frame);
@@ -259,18 +262,18 @@ impl Reading {
     }
 }
 
-/// The variants of the metrics that were asked for.
-fn metric_options(asked: &[String]) -> anyhow::Result<Options> {
+/// Parses the requested variants of the metrics.
+fn metric_options(requested: &[String]) -> anyhow::Result<Options> {
     let mut options = Options::default();
-    for option in asked {
+    for option in requested {
         let (name, value) = split_option(option)?;
         options.set(name, value)?;
     }
     Ok(options)
 }
 
-/// Name and value of a metric option.
+/// Splits a metric option into name and value.
 fn split_option(option: &str) -> anyhow::Result<(&str, &str)> {
-    let wrong = || anyhow!("`{option}` is no metric option: write name=value, such as fault_order=nuplan");
+    let wrong = || anyhow!("`{option}` is not a metric option: write name=value, such as fault_order=nuplan");
     option.split_once('=').ok_or_else(wrong)
 }

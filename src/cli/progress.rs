@@ -9,10 +9,11 @@ use super::say;
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::{Failure, RunObserver};
 
-/// Failures that are printed as they happen; the folder holds them all.
-const SHOWN: usize = 20;
+/// Maximum number of failures printed as they happen; the run folder lists all.
+const MAX_PRINTED_FAILURES: usize = 20;
 
-/// A spinner with the number of scenarios, hidden where stderr is no terminal; failures are printed in any case.
+/// Spinner with the number of scenarios, hidden if stderr is not a terminal. Failures are always
+/// printed.
 pub(super) struct Progress {
     bar: ProgressBar,
     failures: AtomicUsize,
@@ -33,17 +34,18 @@ impl Progress {
     fn failure(&self, text: std::fmt::Arguments<'_>) {
         let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
         self.bar.set_message(format!(", {n} failed"));
-        if n <= SHOWN {
+        if n <= MAX_PRINTED_FAILURES {
             self.bar.suspend(|| say(format_args!("warning: failed{text}")));
         }
     }
 
-    /// Takes the spinner away and says how many failures were not shown.
+    /// Removes the spinner and prints how many failures were not printed.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
         let failures = self.failures.load(Ordering::Relaxed);
-        if failures > SHOWN {
-            say(format_args!("warning: {} more failures were not shown here", failures - SHOWN));
+        if failures > MAX_PRINTED_FAILURES {
+            let more = failures - MAX_PRINTED_FAILURES;
+            say(format_args!("warning: {more} more failures were not printed"));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `reactsim reference`: makes references, and keeps tables in documents as they say.
+//! `reactsim reference`: creates references and writes their tables into documents.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,9 +17,10 @@ use crate::report::study_tables;
 const FOLDER: &str = "references";
 
 const AFTER: &str = "\
+Examples:
   reactsim run --out runs/bench
-  reactsim reference make runs/bench --name reactsim-bench-v1 --command 'reactsim run --out runs/bench' \\
-      --out references/reactsim-bench-v1
+  reactsim reference make runs/bench --name reactsim-bench-v1 \\
+      --command 'reactsim run --out runs/bench' --out references/reactsim-bench-v1
   reactsim reference tables README.md --check";
 
 /// Arguments of `reference`.
@@ -32,9 +33,9 @@ pub(super) struct ReferenceArgs {
 
 #[derive(Debug, Subcommand)]
 enum ReferenceCommand {
-    /// Make a reference of a finished run or study
+    /// Create a reference from a finished run or study
     Make(MakeArgs),
-    /// Write the tables of references into Markdown files, between their marks
+    /// Write the tables of references into Markdown files, between their markers
     Tables(TablesArgs),
 }
 
@@ -46,16 +47,16 @@ struct MakeArgs {
     /// Name of the reference
     #[arg(long)]
     name: String,
-    /// One line for people [default: the name]
+    /// Title, one line [default: the name]
     #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
-    /// A command that made the run; may be repeated
+    /// Command that produced the run; may be repeated
     #[arg(long = "command", value_name = "COMMAND")]
     commands: Vec<String>,
-    /// Leave rows out: for recordings whose terms allow no more than aggregates
+    /// Leave rows out, for recordings whose terms allow only aggregates
     #[arg(long)]
     aggregates_only: bool,
-    /// Folder of the reference, such as references/NAME
+    /// Folder to write, such as references/NAME
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
 }
@@ -66,17 +67,19 @@ struct TablesArgs {
     /// Markdown files
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Change nothing; exit code 1 if a table is not as its reference says
+    /// Change no file; exit with code 1 if a table differs from its reference
     #[arg(long)]
     check: bool,
 }
 
 const TABLES_AFTER: &str = "\
+Markers in the files:
   <!-- table references/NAME columns=aav-collision,ade models=idm,stop difficulty=hard -->
   <!-- end -->
 
-columns, models, and one of category and difficulty may be left out. Folders of references are
-relative to the current directory. Of the reference of a study all its tables are written.";
+columns, models, category and difficulty are optional; give at most one of the last two. Folders
+of references are relative to the current directory. For the reference of a study, all its tables
+are written.";
 
 pub(super) fn reference(args: &ReferenceArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
@@ -122,7 +125,7 @@ fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
             if old[block.place.clone()] != table {
                 stale += 1;
                 if args.check {
-                    say(format_args!("{}: the table `{}` is not as its reference says", place(), block.name));
+                    say(format_args!("{}: the table `{}` differs from its reference", place(), block.name));
                 }
             }
             new.push_str(&old[written..block.place.start]);
@@ -136,13 +139,13 @@ fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
         }
     }
     if args.check && stale > 0 {
-        say(format_args!("write them with `reactsim reference tables` and the same files"));
+        say(format_args!("update the tables with `reactsim reference tables` and the same files"));
         return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)
 }
 
-/// What tables are written from.
+/// Source of the tables of a document.
 enum Tables {
     Run(Box<Reference>),
     Study(StudyResults),
@@ -162,7 +165,8 @@ impl Tables {
             Self::Run(reference) => Ok(render(reference, selection)?),
             Self::Study(_) if *selection != Selection::default() => {
                 bail!(
-                    "the tables of a study are written whole: leave columns, models, category and difficulty out"
+                    "the tables of a study are written as a whole: \
+                     leave out columns, models, category and difficulty"
                 )
             }
             Self::Study(results) => {
@@ -174,16 +178,16 @@ impl Tables {
     }
 }
 
-/// The references that a name or a folder stands for: several where it is a study.
-pub(super) fn find_all(asked: Option<&str>) -> anyhow::Result<Vec<Reference>> {
-    let folder = asked.map(folder_of);
+/// Finds the references of a name or a folder: all members if it is a study.
+pub(super) fn find_all(requested: Option<&str>) -> anyhow::Result<Vec<Reference>> {
+    let folder = requested.map(folder_of);
     match folder {
         Some(folder) if is_study(&folder) => Ok(StudyReference::open(&folder)?.members),
-        _ => Ok(vec![find(asked)?]),
+        _ => Ok(vec![find(requested)?]),
     }
 }
 
-/// The folder that a name or path stands for: in a checkout the one in `references/`.
+/// Returns the folder of a name or path: in a checkout, the folder of a name in `references/`.
 fn folder_of(name: &str) -> PathBuf {
     let in_checkout = Path::new(FOLDER).join(name);
     if !is_path(name) && in_checkout.is_dir() { in_checkout } else { PathBuf::from(name) }
@@ -193,10 +197,10 @@ fn is_path(name: &str) -> bool {
     name.contains(['/', std::path::MAIN_SEPARATOR]) || name.starts_with('.')
 }
 
-/// The reference of a name or a folder; that of the shipped benchmark where none is named. References that are part of the program go before
-/// folders, unless a path is given.
-pub(super) fn find(asked: Option<&str>) -> anyhow::Result<Reference> {
-    let name = match asked {
+/// Finds the reference of a name or a folder; by default that of the shipped benchmark. Unless a path
+/// is given, references that are part of the program take precedence over folders.
+pub(super) fn find(requested: Option<&str>) -> anyhow::Result<Reference> {
+    let name = match requested {
         Some(name) => name.to_owned(),
         None => {
             let benchmark = shipped_benchmark().context("no benchmark ships with this program")?.record;
@@ -211,7 +215,8 @@ pub(super) fn find(asked: Option<&str>) -> anyhow::Result<Reference> {
     let folder = folder_of(&name);
     if !folder.is_dir() {
         bail!(
-            "there is no reference `{name}`: it is not part of the program, and there is no folder {FOLDER}/{name}"
+            "there is no reference `{name}`: it is not part of the program, \
+             and there is no folder {FOLDER}/{name}"
         );
     }
     Ok(Reference::open(&folder)?)

@@ -1,4 +1,4 @@
-//! `reactsim report`: tables of finished runs, and the page.
+//! `reactsim report`: tables of finished runs, or the HTML page.
 
 use std::path::PathBuf;
 
@@ -6,22 +6,24 @@ use anyhow::bail;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::also::Also;
+use super::also::ExtraColumns;
 use super::{ExitStatus, gallery, say, write_result};
 use crate::evaluation::{Summary, read_summary};
 use crate::report::{EXPORTERS, Run, exporter};
 
-/// The form that is a page.
+/// Format of the page.
 const HTML: &str = "html";
 
 const AFTER: &str = "\
+Examples:
   reactsim report runs/x --format csv
   reactsim report runs/x runs/y --format html --out page.html
   reactsim report runs/x --format html --scenarios logs/ --all --out page.html
   reactsim report studies/replan studies/guards --format html --out studies.html
 
-The page is one file that opens anywhere. Scenes are drawn for runs that were made with --keep-rollouts; the
-shipped benchmark is always at hand, other scenarios are found with --scenarios.";
+The page is one self-contained HTML file. It shows the scenes of runs that kept their rollouts
+(--keep-rollouts). Give the scenarios of the runs with --scenarios, except for the shipped
+benchmark.";
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
@@ -30,30 +32,30 @@ pub(super) struct ReportArgs {
     /// Folders of runs or studies
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Form of the result
+    /// Output format
     #[arg(long, default_value = "markdown",
           value_parser = PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()).chain([HTML])))]
     format: String,
     #[command(flatten)]
-    also: Also,
+    also: ExtraColumns,
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// For the page: where the scenarios of the runs lie; may be repeated
+    /// For the page: file or folder with scenarios of the runs; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
-    /// For the page: so many scenes, of the scenarios in which simulators differ most
+    /// For the page: number of scenes, of the scenarios in which simulators differ most
     #[arg(long, value_name = "N", default_value_t = 12)]
     cases: usize,
-    /// For the page: the scene of this scenario too; may be repeated
+    /// For the page: also show the scene of this scenario; may be repeated
     #[arg(long = "case", value_name = "ID")]
     case: Vec<String>,
-    /// For the page: the scenes of all scenarios
+    /// For the page: show the scenes of all scenarios
     #[arg(long)]
     all: bool,
 }
 
-/// The names of all forms of tables.
+/// Returns the names of all table formats.
 pub(super) fn formats() -> PossibleValuesParser {
     PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()))
 }
@@ -75,11 +77,11 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
 
 fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
     if !args.also.columns().is_empty() {
-        bail!("the page shows every metric on request: leave --also out");
+        bail!("the page has a switch for all metrics: leave --also out");
     }
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
-    for lack in gallery.lacks() {
-        say(format_args!("note: {lack}"));
+    for note in gallery.missing_for_scenes() {
+        say(format_args!("note: {note}"));
     }
     let mut page = Vec::new();
     gallery.write(&args.case, args.cases, args.all, &mut page)?;

@@ -1,65 +1,68 @@
-//! `reactsim run`: simulators on scenarios.
+//! `reactsim run`: runs simulators on scenarios.
 
 use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::Args;
 
-use super::also::Also;
-use super::finished::{outcomes, put_table, tell_left_out};
+use super::also::ExtraColumns;
+use super::finished::{outcomes, put_table, report_left_out};
 use super::progress::Progress;
 use super::report::formats as table_formats;
-use super::subject::{ProtocolName, Subject, Work};
+use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{self, Outcome, Plan, PlannedSimulator, RunFolder, Summary};
 use crate::models::qp::Smoothing;
 use crate::report::{Run, exporter};
 use crate::rollout::{Replan, Settings};
 
-/// A stage behind simulators, or none.
+/// Stage behind simulators, or none. The alias keeps clap from treating it as an optional argument.
 type Stage = std::option::Option<Smoothing>;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
     #[command(flatten)]
-    subject: Subject,
-    /// A stage behind every simulator but log replay: qp (smooth, within limits, on the road and clear of
-    /// others) or qp-alone (clear of nobody). Ids say it: idm+qp; --models takes such ids too
+    subject: EvaluationArgs,
+    /// Smoothing stage after every simulator except log replay: qp (smooth, within limits, on the
+    /// road, clear of other agents) or qp-alone (ignores other agents). It becomes part of the id, as
+    /// in idm+qp; --models takes such ids too
     #[arg(long, default_value = "off", value_name = "STAGE", value_parser = smoothing)]
     smooth: Stage,
-    /// Whether the AV is an external input (Algorithm 1) or moved by the simulator too (2)
+    /// reactive: the AV is an external input (Algorithm 1); realism: the simulator also moves the AV
+    /// (Algorithm 2)
     #[arg(long, value_enum, default_value = "reactive")]
     protocol: ProtocolName,
-    /// How often simulators plan anew, such as 2hz or 5steps
+    /// Replan rate or interval, such as 2hz or 5steps
     #[arg(long, default_value = "2hz", value_name = "RATE")]
     replan: Replan,
-    /// Whether agents at t+1 see the AV at t+1 (1) or only up to t (0)
+    /// For step t+1, agents see the AV up to t+1 (1) or only up to t (0)
     #[arg(long, default_value = "1", value_name = "0|1", value_parser = ["0", "1"])]
     av_lookahead: String,
     /// Rollouts per scenario and simulator
-    #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, default_value_t = 1, value_name = "R",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     rollouts: u32,
-    /// Run folder: provenance, rows, events, summary [default: only the table is printed]
+    /// Run folder to write: provenance, rows, events, summary [default: only print the table]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Continue the run in --out where it was interrupted
+    /// Continue the interrupted run in --out
     #[arg(long, requires = "out")]
     resume: bool,
     /// Keep the rollouts in the run folder
     #[arg(long, requires = "out")]
     keep_rollouts: bool,
     #[command(flatten)]
-    work: Work,
-    /// Form of the table on stdout
+    work: ExecutionArgs,
+    /// Format of the table on stdout
     #[arg(long, default_value = "markdown", value_parser = table_formats())]
     format: String,
     #[command(flatten)]
-    also: Also,
+    also: ExtraColumns,
 }
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before the first scenario.
+    // Report every input error before the first scenario.
     let plan = plan(&args)?;
     let mut tally = plan.tally();
     let provenance = plan.provenance();
@@ -77,7 +80,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
         Outcome::Interrupted => {
             match &args.out {
                 Some(path) => say(format_args!(
-                    "interrupted; finished rows are in {}; go on with the same command and --resume",
+                    "interrupted; finished rows are in {}; to continue, repeat the command with --resume",
                     path.display()
                 )),
                 None => say(format_args!("interrupted; nothing is kept without --out")),
@@ -88,12 +91,12 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     }
 }
 
-/// Prints the table and says how it went.
+/// Writes and prints the table, and prints failures.
 fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyhow::Result<ExitStatus> {
     if let Some(folder) = folder {
         put_table(folder, summary, &args.also)?;
     }
-    tell_left_out(summary);
+    report_left_out(summary);
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }
@@ -124,7 +127,7 @@ fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
     subject.plan(simulators, settings, args.rollouts, args.keep_rollouts)
 }
 
-/// The stage of a name; `off` is none.
+/// Parses the name of a stage; `off` is none.
 fn smoothing(name: &str) -> Result<Option<Smoothing>, String> {
     if name == "off" {
         return Ok(None);

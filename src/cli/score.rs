@@ -1,4 +1,4 @@
-//! `reactsim score`: rollouts that any program produced.
+//! `reactsim score`: scores rollouts that any program produced.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::also::Also;
+use super::also::ExtraColumns;
 use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
@@ -27,14 +27,14 @@ pub(super) struct ScoreArgs {
     /// Scenarios of the rollouts; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
-    /// A variant of the metrics, such as fault_order=nuplan; may be repeated
+    /// Variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
-    /// Form of the table (rollouts in Parquet)
+    /// Format of the table (for rollouts in Parquet)
     #[arg(long, default_value = "markdown", value_parser = table_formats())]
     format: String,
     #[command(flatten)]
-    also: Also,
+    also: ExtraColumns,
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -62,7 +62,7 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     let read = || format!("could not read {}", path.display());
     let text = fs::read_to_string(path).with_context(read)?;
     let mut document = Document::from_json(&text).with_context(read)?;
-    // Options of the command line go before those of the document.
+    // Options of the command line take precedence over those of the document.
     for option in &args.metric_options {
         let (name, value) = super::split_option(option)?;
         document.options.push((name.to_owned(), value.to_owned()));
@@ -119,7 +119,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     for failure in &failures {
         say(format_args!("warning: {}", failure.error));
     }
-    // The files of scenarios come after those of rollouts.
+    // `files` holds the rollout files first, then the scenario files.
     let benchmark = match &files[paths.len()..] {
         [scenarios] => BenchmarkRecord::of(scenarios),
         _ => None,

@@ -10,16 +10,18 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::ExitStatus;
-use super::also::Also;
-use super::subject::{Subject, Work};
+use super::also::ExtraColumns;
+use super::subject::{EvaluationArgs, ExecutionArgs};
 
 const AFTER: &str = "\
+Examples:
   reactsim study replan --out studies/replan
   reactsim study realism logs/ --deviations d.parquet --out studies/realism
   reactsim study guards --models ntp-reactive,idm --out studies/guards
 
 The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim
-report` and `reactsim compare`. An interrupted study goes on with the same command and --resume.";
+report` and `reactsim compare`. To continue an interrupted study, repeat the command with
+--resume.";
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
@@ -31,35 +33,35 @@ pub(super) struct StudyArgs {
 
 #[derive(Debug, Subcommand)]
 enum StudyCommand {
-    /// How often simulators plan anew: collisions with the AV and close calls by interval
+    /// Replan interval: collisions with the AV and close calls by interval
     Replan(replan::ReplanArgs),
-    /// The reactive protocol beside the realism protocol: reaction, displacement, likelihood of the log
+    /// Reactive against realism protocol: reaction, displacement, likelihood of the log
     Realism(realism::RealismArgs),
-    /// What each part of the simulators is worth: projection, keeping clear, QP, seeing the AV a step ahead
+    /// Ablation of the parts of simulators: projection, keeping clear, QP stage, AV look-ahead
     Guards(guards::GuardsArgs),
 }
 
-/// What all studies are asked.
+/// Arguments common to all studies.
 #[derive(Debug, Args)]
-struct Shared {
+struct SharedArgs {
     #[command(flatten)]
-    subject: Subject,
-    /// Folder of the study: its table, and a run folder per member
+    subject: EvaluationArgs,
+    /// Folder of the study to write: its table, and a run folder per member
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Continue the study in --out where it was interrupted
+    /// Continue the interrupted study in --out
     #[arg(long)]
     resume: bool,
     /// Keep the rollouts in the run folders
     #[arg(long)]
     keep_rollouts: bool,
     #[command(flatten)]
-    work: Work,
-    /// Form of the table on stdout
+    work: ExecutionArgs,
+    /// Format of the table on stdout
     #[arg(long, default_value = "markdown", value_parser = ["markdown", "json"])]
     format: String,
     #[command(flatten)]
-    also: Also,
+    also: ExtraColumns,
 }
 
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {

@@ -1,4 +1,4 @@
-//! What `run` and the studies are asked alike: scenarios, simulators, who drives the AV, and how the work is shared.
+//! Arguments that `run` and the studies share: scenarios, simulators, the driver of the AV, threads.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use std::thread;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::{Reading, metric_options};
+use super::{ReadingArgs, metric_options};
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, Registrar, RunSettings,
     Source,
@@ -16,27 +16,26 @@ use crate::formats::Input;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 
-/// Scenarios, simulators and the AV.
+/// Scenarios, simulators and the driver of the AV.
 #[derive(Debug, Args)]
-pub(super) struct Subject {
+pub(super) struct EvaluationArgs {
     /// Files or folders of scenarios [default: the shipped benchmark]
     #[arg(value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
-    /// Simulators, separated by commas [default: all baselines that have what they need]
+    /// Simulators, separated by commas [default: all baselines except those that lack weights]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     pub(super) models: Vec<String>,
     /// Weights of a simulator, such as pufferdrive=puffer.safetensors; may be repeated
     #[arg(long = "model-weights", value_name = "ID=FILE")]
     model_weights: Vec<String>,
-    /// Another value for a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be
-    /// repeated
+    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be repeated
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
-    /// Who drives the AV: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>,
+    /// Driver of the AV: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>,
     /// shift:<m> or file:<path> [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
-    /// Deviated AVs by scenario id, Parquet or JSON; scenarios that it does not name are passed over
+    /// Deviated AVs by scenario id, Parquet or JSON; other scenarios are skipped
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
     /// Seed of all random choices
@@ -46,16 +45,16 @@ pub(super) struct Subject {
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
     #[command(flatten)]
-    reading: Reading,
-    /// A variant of the metrics, such as fault_order=nuplan; may be repeated
+    reading: ReadingArgs,
+    /// Variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
 }
 
-/// The name of a protocol.
+/// Name of a protocol.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum ProtocolName {
-    // Comments here would make the help twice as long; the flag's own says it.
+    // No doc comments here: clap would list them, and the help of the flag explains both.
     Reactive,
     Realism,
 }
@@ -69,40 +68,45 @@ impl From<ProtocolName> for Protocol {
     }
 }
 
-/// How the work is shared; decides no number.
+/// Threads and batches; they do not change any result.
 #[derive(Debug, Args)]
-pub(super) struct Work {
+pub(super) struct ExecutionArgs {
     /// Threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Scenarios that a thread steps together; more need more memory
+    /// Scenarios that a thread steps together; larger batches need more memory
     #[arg(long, default_value = "4", value_name = "N")]
     batch: NonZeroUsize,
 }
 
-impl Work {
+impl ExecutionArgs {
     pub(super) fn execution(&self) -> Execution {
         let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         Execution { jobs: self.jobs.map_or_else(cores, usize::from), batch: self.batch.get() }
     }
 }
 
-impl Subject {
-    /// The weights and parameters that were asked for, and a stage behind all simulators.
+impl EvaluationArgs {
+    /// Returns the requested weights and parameters, with this stage behind all simulators.
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
-        let weights = given_weights(&self.model_weights)?;
-        let mut asked = Adjustments { weights, smoothing, ..Adjustments::default() };
+        let weights = parse_weights(&self.model_weights)?;
+        let mut adjustments = Adjustments { weights, smoothing, ..Adjustments::default() };
         for text in &self.set {
             let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
             let Some(((id, key), value)) = parts else {
                 bail!("--set `{text}`: write ID.KEY=VALUE, such as idm.vehicle.headway=1.5");
             };
-            asked.parameters.push((id.trim().to_owned(), key.trim().to_owned(), value.trim().to_owned()));
+            adjustments.parameters.push((
+                id.trim().to_owned(),
+                key.trim().to_owned(),
+                value.trim().to_owned(),
+            ));
         }
-        Ok(asked)
+        Ok(adjustments)
     }
 
-    /// These simulators on the scenarios. Everything that can be wrong is found here, before the first scenario.
+    /// Plans these simulators on the scenarios. Every input error is reported here, before the first
+    /// scenario.
     pub(super) fn plan(
         &self,
         simulators: Vec<PlannedSimulator>,
@@ -129,8 +133,8 @@ impl Subject {
             (None, Protocol::Reactive) => {
                 if deviations.is_none() && !self.scenarios.is_empty() && !first_is_deviated(&sources) {
                     bail!(
-                        "the scenarios carry no deviated AV: give --deviations <file>, or say with --av who drives: \
-                         {AV_CHOICES}"
+                        "the scenarios have no deviated AV: give --deviations <file>, \
+                         or choose a driver with --av: {AV_CHOICES}"
                     );
                 }
                 AvChoice::Deviated
@@ -141,12 +145,12 @@ impl Subject {
         Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
     }
 
-    /// The files of scenarios, each found and recognised; the shipped benchmark where none is named.
+    /// Finds the files of scenarios and recognises their formats; by default the shipped benchmark.
     fn sources(&self) -> anyhow::Result<Vec<Source>> {
         let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
         if self.scenarios.is_empty() {
             if self.reading.current_frame.is_some() {
-                bail!("the shipped scenarios say which frame is the current one: leave --current-frame out");
+                bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
             }
             return Ok(vec![Source::shipped(most)]);
         }
@@ -154,7 +158,7 @@ impl Subject {
     }
 }
 
-/// These files as sources that give at most `most` scenarios each.
+/// Returns these files as sources of at most `most` scenarios each.
 pub(super) fn open_sources(inputs: Vec<Input>, most: usize) -> anyhow::Result<Vec<Source>> {
     let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
     for input in inputs {
@@ -163,8 +167,8 @@ pub(super) fn open_sources(inputs: Vec<Input>, most: usize) -> anyhow::Result<Ve
     Ok(sources)
 }
 
-/// The ids and files of `--model-weights`.
-pub(super) fn given_weights(texts: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
+/// Parses the ids and files of `--model-weights`.
+pub(super) fn parse_weights(texts: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     let mut weights = Vec::new();
     for text in texts {
         match text.split_once('=') {
@@ -177,7 +181,8 @@ pub(super) fn given_weights(texts: &[String]) -> anyhow::Result<Vec<(String, Pat
     Ok(weights)
 }
 
-/// Whether the first scenario that can be read carries a deviated AV. Where none can be read the run will say so.
+/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable,
+/// which the run reports later.
 fn first_is_deviated(sources: &[Source]) -> bool {
     let scenarios = sources.iter().filter_map(|s| (s.open)().ok()).flatten();
     let mut readable = scenarios.filter_map(|s| s.and_then(|decode| decode()).ok());

@@ -1,4 +1,4 @@
-//! `reactsim view`: run folders in a browser, with every scene.
+//! `reactsim view`: shows run folders in a browser, with every scene.
 
 use std::path::PathBuf;
 
@@ -11,10 +11,10 @@ use crate::web::{Loopback, Stop};
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub(super) struct ViewArgs {
-    /// Folders of runs or studies, made with --keep-rollouts
+    /// Folders of runs or studies, written with --keep-rollouts
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Where the scenarios of the runs lie (the shipped benchmark is at hand); may be repeated
+    /// File or folder with scenarios of the runs, unless they ship with the program; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
     /// Port of the page, on this machine only; 0 for any free one
@@ -24,16 +24,16 @@ pub(super) struct ViewArgs {
 
 pub(super) fn view(args: &ViewArgs) -> anyhow::Result<ExitStatus> {
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
-    for lack in gallery.lacks() {
-        say(format_args!("note: {lack}"));
+    for note in gallery.missing_for_scenes() {
+        say(format_args!("note: {note}"));
     }
     let loopback = Loopback::bind(args.port)?;
     let url = loopback.url();
     let stop = Stop::default();
     let handle = stop.clone();
-    ctrlc::set_handler(move || handle.stop()).context("could not watch for interrupts")?;
+    ctrlc::set_handler(move || handle.stop()).context("could not install the interrupt handler")?;
     write_result(None, |out| writeln!(out, "{url}"))?;
-    say(format_args!("open this address in a browser; ^C ends"));
+    say(format_args!("open this address in a browser; press ^C to end"));
     gallery.serve(loopback, &stop)?;
     Ok(ExitStatus::Done)
 }

@@ -1,43 +1,44 @@
-//! Decisions made by hand, folded into a new file.
+//! Applies review decisions and writes a new file.
 
 use std::path::Path;
 
 use super::{Application, Decision, ReviewMark, ScenarioRecord, store};
 use crate::formats::FormatError;
 
-/// What counts for a scenario after all reviews.
+/// The decision that counts for a scenario after all reviews.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Decided {
-    /// Who decided what.
+pub struct FinalDecision {
+    /// Reviewer and decision.
     pub mark: ReviewMark,
     /// Number of the candidate; `None` for the scenario as a whole.
     pub candidate: Option<u32>,
-    /// Whether the decision is about the very trajectory that the record has under this number.
+    /// Whether the decision refers to the trajectory that the record has under this number.
     pub fits: bool,
 }
 
-/// What became of decisions.
+/// Result of applying decisions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Applied {
-    /// Candidates that were picked.
+pub struct ApplyReport {
+    /// Number of picked candidates.
     pub picked: usize,
-    /// Of these, those that a filter had rejected.
+    /// Number of picked candidates that a filter had rejected.
     pub picked_rejected: usize,
-    /// Picks of candidates that a filter had rejected, where these are not allowed: not applied.
-    pub refused: Vec<Refused>,
-    /// Scenarios that lost their candidate.
+    /// Picks of candidates that a filter had rejected and that are not allowed: not applied.
+    pub refused: Vec<RefusedPick>,
+    /// Number of scenarios that lost their candidate.
     pub dropped: usize,
-    /// Decisions that changed nothing but the marks.
+    /// Number of decisions that changed only the marks.
     pub marked: usize,
-    /// Scenarios whose decision is about another trajectory: made for a file with other settings, and not applied.
+    /// Scenarios whose decision refers to another trajectory, from a file with other settings: not
+    /// applied.
     pub unfit: Vec<String>,
-    /// Scenarios of the new file that have a candidate.
+    /// Number of scenarios in the new file that have a candidate.
     pub chosen: usize,
 }
 
-/// A pick that is not applied.
+/// A pick that was not applied.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refused {
+pub struct RefusedPick {
     /// Id of the scenario.
     pub scenario_id: String,
     /// Number of the candidate.
@@ -46,26 +47,28 @@ pub struct Refused {
     pub rejected_by: String,
 }
 
-/// Writes a file anew with the decisions folded in: a pick takes the place of the automatic choice, a rejected candidate leaves the set
-/// (and no other takes its place), a flag keeps what is chosen. A decision about a
-/// scenario as a whole is marked in all of its candidates. A pick of a candidate that a filter had rejected is not applied, unless
-/// `application` allows it: such a candidate need not be avoidable, or not even feasible. `decided` says what counts for a scenario, if
-/// anything does. Marks of earlier decisions stay in scenarios about which nothing new was decided.
+/// Writes a new file with the decisions applied.
 ///
-/// `application` is added to the provenance.
+/// A pick replaces the automatic choice, a rejected candidate leaves the set (and no other takes its
+/// place), a flag keeps the choice. A decision about a scenario as a whole is marked in all of its
+/// candidates. A pick of a candidate that a filter had rejected is not applied unless `application`
+/// allows it: such a candidate may be unavoidable, or even infeasible.
+///
+/// `decided` returns the decision for a scenario, if any. Marks of earlier decisions stay in scenarios
+/// without a new decision. `application` is added to the provenance.
 ///
 /// # Errors
-/// [`FormatError`] when a file can not be read or written; then there is no new file.
+/// [`FormatError`] when a file cannot be read or written; then there is no new file.
 pub fn apply(
     from: &Path,
     out: &Path,
     application: Application,
-    mut decided: impl FnMut(&ScenarioRecord) -> Option<Decided>,
-) -> Result<Applied, FormatError> {
+    mut decided: impl FnMut(&ScenarioRecord) -> Option<FinalDecision>,
+) -> Result<ApplyReport, FormatError> {
     let records = store::read(from)?;
     let mut provenance = records.provenance().clone();
     let mut writer = store::Writer::create(out)?;
-    let mut applied = Applied::default();
+    let mut applied = ApplyReport::default();
     for record in records {
         let mut record = record?;
         if let Some(decided) = decided(&record) {
@@ -80,9 +83,9 @@ pub fn apply(
     Ok(applied)
 }
 
-impl Applied {
-    /// Folds one decision into its scenario.
-    fn one(&mut self, record: &mut ScenarioRecord, decided: &Decided, allow_rejected: bool) {
+impl ApplyReport {
+    /// Applies one decision to its scenario.
+    fn one(&mut self, record: &mut ScenarioRecord, decided: &FinalDecision, allow_rejected: bool) {
         let decision = decided.mark.decision;
         let chosen = record.candidates.iter().position(|c| c.chosen);
         let named = decided.candidate.map(|n| record.candidates.iter().position(|c| c.candidate.number == n));
@@ -96,7 +99,7 @@ impl Applied {
             && let Some(filter) = &record.candidates[at].rejected_by
         {
             if !allow_rejected {
-                self.refused.push(Refused {
+                self.refused.push(RefusedPick {
                     scenario_id: record.scenario_id.clone(),
                     candidate: record.candidates[at].candidate.number,
                     rejected_by: filter.clone(),
@@ -106,7 +109,7 @@ impl Applied {
             self.picked_rejected += 1;
         }
         match (decision, at) {
-            // Nothing was decided after all: what is there stays.
+            // A cleared decision changes nothing.
             (Decision::Clear, _) => return,
             (Decision::Pick, Some(at)) => {
                 record.candidates.iter_mut().for_each(|c| c.chosen = false);

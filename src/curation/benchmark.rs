@@ -1,51 +1,53 @@
-//! The recipe of a benchmark: scenarios are made and curated until the quotas are full.
+//! The recipe of a benchmark: generates and curates scenarios until the quotas are full.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicBool;
 
 use super::driver::{CurationObserver, count};
 use super::{
-    CandidateSource, Curated, CurationProvenance, CurationSettings, Quota, ScenarioRecord, Strictness,
-    curate_scenario,
+    CandidateSource, CurationOutcome, CurationProvenance, CurationSettings, Quota, ScenarioRecord,
+    Strictness, curate_scenario,
 };
 use crate::formats::FormatError;
 use crate::generation::{Ending, GenerationError, in_order};
 use crate::scene::{DeviatedTrack, Scenario};
 
-/// Usual [`Recipe::patience`]: as rare as one scenario of the rarest group and category together may be.
+/// Default of [`Recipe::patience`], a number of scenarios: about one in so many has the rarest
+/// combination of group and category.
 pub const PATIENCE: u64 = 2000;
 
-/// Why there is no benchmark.
+/// Reason why a benchmark could not be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchmarkError {
-    /// Fewer scenarios are wanted than there are groups, of which each must be there.
+    /// Fewer scenarios are requested than there are groups, each of which must occur.
     #[error(
-        "{wanted} scenarios can not hold all of {groups} map types; ask for {groups} or more, or for fewer map types"
+        "{wanted} scenarios cannot hold all of {groups} map types; \
+         request {groups} or more, or fewer map types"
     )]
     TooFew {
-        /// What was asked for.
+        /// Number of requested scenarios.
         wanted: u64,
-        /// How many there are.
+        /// Number of groups.
         groups: usize,
     },
-    /// The quotas can not be filled.
+    /// The quotas cannot be filled.
     #[error(
-        "{chosen} of {wanted} scenarios were found among {tried}, and none among the last {patience}; still lacking: {lacking}; try another \
-         seed or other map types"
+        "{chosen} of {wanted} scenarios were found among {tried}, and none among the last {patience}; \
+         still missing: {missing}; try another seed or other map types"
     )]
-    Lacking {
-        /// How many were found.
+    Unfilled {
+        /// Number of scenarios found.
         chosen: u64,
-        /// What was asked for.
+        /// Number of requested scenarios.
         wanted: u64,
-        /// Scenarios that were tried.
+        /// Number of scenarios tried.
         tried: u64,
-        /// Scenarios that were tried for the next one.
+        /// Number of scenarios tried since the last one found.
         patience: u64,
-        /// Categories and groups.
-        lacking: String,
+        /// Categories, difficulties and groups that are not full.
+        missing: String,
     },
-    /// What was found could not be written.
+    /// The result could not be written.
     #[error(transparent)]
     Write(#[from] FormatError),
 }
@@ -54,48 +56,53 @@ pub enum BenchmarkError {
 pub struct Entry {
     /// The scenario with its deviated AV.
     pub scenario: Scenario,
-    /// The same AV with what was found out about it, the certificate among it: the one candidate of this record.
+    /// Record of the same AV, its certificate included: the only candidate in it.
     pub record: ScenarioRecord,
 }
 
-/// What is asked of a benchmark.
+/// The specification of a benchmark.
 pub struct Recipe<'a> {
-    /// Scenarios to be found.
+    /// Number of requested scenarios.
     pub wanted: u64,
-    /// What scenarios must come from ([`Scenario::source`]): of each there is one at least, and of none more than twice its share.
+    /// Groups of scenarios, by [`Scenario::source`]: each occurs at least once, and none more often than
+    /// twice its share.
     pub groups: &'a [String],
-    /// Who proposes candidates.
+    /// Source of the candidates.
     pub source: &'a dyn CandidateSource,
-    /// What decides the deviated AVs.
+    /// Settings that determine the deviated AVs.
     pub settings: &'a CurationSettings,
-    /// Scenarios that are tried for the next one, before it is given up.
+    /// Number of scenarios tried in vain for the next one before the quotas are relaxed or the recipe
+    /// fails.
     pub patience: u64,
-    /// Threads; decide no byte of the result.
+    /// Number of threads; does not affect the result.
     pub jobs: usize,
 }
 
-/// How far it got.
+/// Progress of a recipe.
 struct State {
     quota: Quota,
     provenance: CurationProvenance,
     tried: u64,
-    /// Scenarios tried since the last one that was taken.
+    /// Number of scenarios tried since the last one that was taken.
     fruitless: u64,
     chosen: u64,
 }
 
 impl Recipe<'_> {
-    /// Curates the scenarios 0, 1, … and hands those over that are taken, until there are as many as wanted. Where `stop` is set meanwhile,
-    /// it ends before the first scenario that was not finished, and the provenance says so.
+    /// Curates scenarios 0, 1, … and passes the accepted ones to `take`, until the requested number is
+    /// reached. If `stop` is set meanwhile, the run ends before the first unfinished scenario, and the
+    /// provenance records it.
     ///
-    /// The provenance is `base` with what was found. Scenarios that can not be made are failures: told to the observer, listed in
-    /// the provenance. They end nothing. Where as many scenarios as `patience` were tried in vain for the next one, the places that are
-    /// left may be of any difficulty, and where as many were in vain again, of any category too; the provenance counts these places
-    /// (`benchmark.places_of_any_difficulty`, `benchmark.places_of_any_category`). Scenarios of which nothing can be taken any more,
-    /// whatever their candidates, are not counted in the funnel.
+    /// The provenance is `base` plus the results. Scenarios that cannot be generated are failures: they
+    /// are reported to the observer and listed in the provenance, and do not end the run.
+    ///
+    /// After `patience` scenarios in vain the remaining places may be of any difficulty, and after as
+    /// many again of any category too; the provenance counts these places
+    /// (`benchmark.places_of_any_difficulty`, `benchmark.places_of_any_category`). Scenarios of which
+    /// nothing can be taken any more, whatever their candidates, are not counted in the funnel.
     ///
     /// # Errors
-    /// [`BenchmarkError`] when the quotas can not be filled, and the first error of `take`.
+    /// [`BenchmarkError`] when the quotas cannot be filled, and the first error of `take`.
     pub fn run(
         &self,
         scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
@@ -116,8 +123,8 @@ impl Recipe<'_> {
                 .then(|| curate_scenario(&scenario, self.source, self.settings));
             Ok((scenario, curated))
         };
-        let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, _, made| {
-            if let Some(entry) = state.judge(made, observer) {
+        let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, _, generated| {
+            if let Some(entry) = state.judge(generated, observer) {
                 take(entry)?;
                 state.fruitless = 0;
                 state.chosen += 1;
@@ -137,34 +144,35 @@ impl Recipe<'_> {
 }
 
 impl State {
-    /// What is taken of a scenario, where anything is.
+    /// Returns the entry that is taken from a scenario, if any.
     fn judge(
         &mut self,
-        made: Result<(Scenario, Option<Curated>), GenerationError>,
+        generated: Result<(Scenario, Option<CurationOutcome>), GenerationError>,
         observer: &dyn CurationObserver,
     ) -> Option<Entry> {
         self.tried += 1;
         self.fruitless += 1;
-        let (mut scenario, curated) = match made {
-            Ok(made) => made,
+        let (mut scenario, curated) = match generated {
+            Ok(generated) => generated,
             Err(error) => {
                 observer.failed(&error.to_string());
                 self.provenance.failures.push(error.to_string());
                 return None;
             }
         };
-        // Asked again, since what was curated meanwhile for nothing depends on the threads.
+        // Checked again: the quota may have changed while the scenario was curated in parallel, and the
+        // result must not depend on the threads.
         if self.quota.refuses(&scenario.source) {
             return None;
         }
         let funnel = &mut self.provenance.funnel;
         funnel.scenarios += 1;
         let (mut record, unproposed) = match curated? {
-            Curated::Dropped { rule } => {
+            CurationOutcome::Rejected { rule } => {
                 *funnel.preselection.entry(rule).or_default() += 1;
                 return None;
             }
-            Curated::Kept(record, unproposed) => (*record, unproposed),
+            CurationOutcome::Retained(record, unproposed) => (*record, unproposed),
         };
         for (reason, n) in unproposed {
             *funnel.unproposed.entry(reason).or_default() += n;
@@ -181,13 +189,13 @@ impl State {
             track: chosen.candidate.track.iter().skip(1).copied().collect(),
             certificate: chosen.certificate.clone(),
         });
-        // The record goes with the scenario as it is written.
+        // The record refers to the scenario as written, deviation included.
         record.scenario_digest = scenario.digest();
         record.scene = None;
         Some(Entry { scenario, record })
     }
 
-    /// Asks less of the places that are left; whether anything could be given up.
+    /// Relaxes the requirements of the remaining places. Returns whether anything could be relaxed.
     fn relax(&mut self) -> bool {
         let name = match self.quota.relax() {
             Some(Strictness::Category) => "benchmark.places_of_any_difficulty",
@@ -200,12 +208,12 @@ impl State {
     }
 
     fn give_up(&self, wanted: u64, patience: u64) -> BenchmarkError {
-        BenchmarkError::Lacking {
+        BenchmarkError::Unfilled {
             chosen: self.chosen,
             wanted,
             tried: self.tried,
             patience,
-            lacking: self.quota.lacking(),
+            missing: self.quota.missing(),
         }
     }
 }

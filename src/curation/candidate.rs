@@ -1,9 +1,9 @@
-//! Step 2: candidates, and what proposes them.
+//! Step 2: candidates and their sources.
 
 use crate::rollout::Stream;
 use crate::scene::{AgentState, Deviation, FUTURE, Scenario};
 
-/// States of a candidate: the steps 0 to 80.
+/// Number of states of a candidate: steps 0 to 80.
 pub const CANDIDATE_STATES: usize = FUTURE + 1;
 
 /// A trajectory that the AV might have driven.
@@ -13,43 +13,44 @@ pub struct Candidate {
     pub source: String,
     /// Number of its random stream among the candidates of the scenario, from 0.
     pub number: u32,
-    /// What the source meant to do, where it means anything.
+    /// Category that the source intended, if any.
     pub intent: Option<Deviation>,
-    /// What the AV does, in a few words for a reviewer, such as `stop: 3.1 m/s² after 0.8 s`.
+    /// Short description of the maneuver for reviewers, such as `stop: 3.1 m/s² after 0.8 s`.
     pub maneuver: String,
-    /// 81 states, in the scenario frame: step 0 is the AV's recorded current state, the others are driven from it.
+    /// 81 states in the scenario frame: step 0 is the AV's recorded current state, the others are driven
+    /// from it.
     pub track: Vec<AgentState>,
 }
 
 impl Candidate {
-    /// The states at the steps 1 to 80.
+    /// Returns the states at steps 1 to 80.
     pub fn future(&self) -> &[AgentState] {
         &self.track[1..]
     }
 }
 
-/// What a source proposes for one random stream.
+/// A trajectory that a source proposes for one random stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// What is meant, where anything is.
+    /// Intended category, if any.
     pub intent: Option<Deviation>,
-    /// In a few words.
+    /// Short description of the maneuver.
     pub maneuver: String,
-    /// States at the steps 1 to 80, in the scenario frame.
+    /// States at steps 1 to 80, in the scenario frame.
     pub future: Vec<AgentState>,
 }
 
-/// Why a source proposes nothing, such as `no lane to change to`.
+/// Reason why a source proposes nothing, such as `no lane to change to`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct NoProposal(pub String);
 
-/// Proposes trajectories of the AV. A planner that samples is one: it runs once for every stream.
+/// A source of AV trajectories, for example a sampling planner that runs once per stream.
 pub trait CandidateSource: Sync {
-    /// Name in files and settings.
+    /// Returns the name used in files and settings.
     fn id(&self) -> &'static str;
 
-    /// One proposal for every stream; the same streams give the same proposals. A scenario as a whole is handed over so that work for
-    /// all streams is done once.
+    /// Returns one proposal per stream; the same streams give the same proposals. All streams of a
+    /// scenario come in one call, so that shared work is done once.
     fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>>;
 }

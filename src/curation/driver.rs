@@ -1,4 +1,4 @@
-//! Carries the pipeline out over files: scenarios side by side, choice and writing in the order of the inputs.
+//! Runs the pipeline over files: scenarios in parallel, choice and writing in the order of the inputs.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -9,54 +9,56 @@ use rayon::prelude::*;
 use super::stats::{Collector, Statistics};
 use super::store::Writer;
 use super::{
-    CandidateSource, Chooser, Curated, CurationProvenance, CurationSettings, Funnel, InputFile,
+    CandidateSource, Chooser, CurationOutcome, CurationProvenance, CurationSettings, Funnel, InputFile,
     ScenarioRecord, curate_scenario,
 };
-use crate::formats::{FormatError, PendingScenarios, Undecoded};
+use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
 
-/// Scenarios per thread that are in memory at a time: enough that threads seldom wait for the slowest.
-const CHUNK: usize = 8;
-/// More threads than this are never started.
-const MOST_JOBS: usize = 512;
+/// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
+const SCENARIOS_PER_JOB: usize = 8;
+/// Largest number of threads.
+const MAX_JOBS: usize = 512;
 
-/// A file of scenarios.
+/// An input file of scenarios.
 pub struct Input {
     /// Its name and digest.
     pub file: InputFile,
-    /// Opens it for reading from its beginning.
+    /// Opens the file for reading from its beginning.
     pub open: Box<dyn Fn() -> Result<PendingScenarios, FormatError> + Send + Sync>,
 }
 
-/// Is told how a curation goes on.
+/// Receives the progress of a curation.
 pub trait CurationObserver: Sync {
-    /// Records are done, well or not; `done` counts them.
+    /// More records are finished, successful or not; `done` is their total.
     fn scenario_done(&self, _done: usize) {}
     /// A record failed.
     fn failed(&self, _error: &str) {}
 }
 
-/// What is asked of a curation.
+/// A curation run: inputs, source and settings.
 pub struct Curation<'a> {
-    /// Where scenarios come from, in this order.
+    /// Input files, in this order.
     pub inputs: &'a [Input],
-    /// Who proposes candidates.
+    /// Source of the candidates.
     pub source: &'a dyn CandidateSource,
-    /// What decides the result.
+    /// Settings that determine the result.
     pub settings: &'a CurationSettings,
-    /// Threads; decide no byte of the result.
+    /// Number of threads; does not affect the result.
     pub jobs: usize,
 }
 
 impl Curation<'_> {
-    /// Curates all inputs and writes what passes step 1. Where `stop` is set meanwhile, the file holds what comes before the first
-    /// scenario that was not finished. The provenance is `base` with what was found; it is for the caller to finish the file with it.
-    /// Beside it, the figures of the set.
+    /// Curates all inputs and writes the scenarios that pass step 1. Returns the provenance and the
+    /// statistics of the set.
     ///
-    /// Records that can not be read, and scenarios whose id an earlier one has, are failures: told to the observer, listed in the
-    /// provenance. They end nothing.
+    /// If `stop` is set meanwhile, the file holds the scenarios before the first unfinished one. The
+    /// provenance is `base` plus the results; the caller finishes the file with it.
+    ///
+    /// Unreadable records and scenarios with a duplicate id are failures: they are reported to the
+    /// observer and listed in the provenance, and do not end the run.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written.
+    /// [`FormatError`] when the file cannot be written.
     pub fn run(
         &self,
         base: CurationProvenance,
@@ -64,15 +66,15 @@ impl Curation<'_> {
         observer: &dyn CurationObserver,
         stop: &AtomicBool,
     ) -> Result<(CurationProvenance, Statistics), FormatError> {
-        let jobs = self.jobs.clamp(1, MOST_JOBS);
-        // Where the system grants no threads of our own, those that there are do the work.
+        let jobs = self.jobs.clamp(1, MAX_JOBS);
+        // If the system grants no new threads, the existing ones do the work.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
-        let mut desk = Desk::new(base, observer);
+        let mut collector = ResultCollector::new(base, observer);
         let mut records = self.inputs.iter().enumerate().flat_map(|(i, input)| pending(i, input));
         loop {
-            let chunk: Vec<Pending> = records.by_ref().take(jobs * CHUNK).collect();
+            let chunk: Vec<PendingRecord> = records.by_ref().take(jobs * SCENARIOS_PER_JOB).collect();
             if chunk.is_empty() {
-                return Ok(desk.finish());
+                return Ok(collector.finish());
             }
             let curate = || chunk.into_par_iter().map(|record| self.curate(record, stop)).collect::<Vec<_>>();
             let results = match &pool {
@@ -81,55 +83,55 @@ impl Curation<'_> {
             };
             for result in results {
                 let Some(result) = result else {
-                    desk.provenance.interrupted = true;
-                    return Ok(desk.finish());
+                    collector.provenance.interrupted = true;
+                    return Ok(collector.finish());
                 };
-                desk.take(&self.inputs[result.input].file, result, writer)?;
+                collector.take(&self.inputs[result.input].file, result, writer)?;
             }
-            observer.scenario_done(desk.done);
+            observer.scenario_done(collector.done);
         }
     }
 
-    /// Decodes and curates one record, on any thread. `None` where it was not begun because of `stop`.
-    fn curate(&self, record: Pending, stop: &AtomicBool) -> Option<Done> {
+    /// Decodes and curates one record, on any thread. `None` if `stop` was set before it began.
+    fn curate(&self, record: PendingRecord, stop: &AtomicBool) -> Option<CuratedRecord> {
         if stop.load(Ordering::Relaxed) {
             return None;
         }
-        let Pending { input, number, content } = record;
+        let PendingRecord { input, number, content } = record;
         let scenario = content.and_then(|decode| decode());
         let curated = scenario.map(|scenario| {
             let curated = curate_scenario(&scenario, self.source, self.settings);
             (scenario.id, curated)
         });
-        Some(Done { input, number, curated })
+        Some(CuratedRecord { input, number, curated })
     }
 }
 
-/// A record that is still to be decoded.
-struct Pending {
+/// A record that has not been decoded yet.
+struct PendingRecord {
     input: usize,
     number: usize,
-    content: Result<Undecoded, FormatError>,
+    content: Result<UndecodedScenario, FormatError>,
 }
 
-/// The records of a file; of one that can not be opened, the error.
-fn pending(index: usize, input: &Input) -> Box<dyn Iterator<Item = Pending>> {
-    let place = move |(number, content)| Pending { input: index, number, content };
+/// Returns the records of a file, or the error if the file cannot be opened.
+fn pending(index: usize, input: &Input) -> Box<dyn Iterator<Item = PendingRecord>> {
+    let place = move |(number, content)| PendingRecord { input: index, number, content };
     match (input.open)() {
         Ok(records) => Box::new(records.enumerate().map(place)),
         Err(error) => Box::new(std::iter::once(place((0, Err(error))))),
     }
 }
 
-/// A record that is done.
-struct Done {
+/// A curated record.
+struct CuratedRecord {
     input: usize,
     number: usize,
-    curated: Result<(String, Curated), FormatError>,
+    curated: Result<(String, CurationOutcome), FormatError>,
 }
 
-/// Takes results in the order of the inputs.
-struct Desk<'a> {
+/// Collects results in the order of the inputs.
+struct ResultCollector<'a> {
     provenance: CurationProvenance,
     observer: &'a dyn CurationObserver,
     done: usize,
@@ -138,7 +140,7 @@ struct Desk<'a> {
     collector: Collector,
 }
 
-impl<'a> Desk<'a> {
+impl<'a> ResultCollector<'a> {
     fn new(provenance: CurationProvenance, observer: &'a dyn CurationObserver) -> Self {
         let (chooser, collector) = (Chooser::new(), Collector::default());
         Self { provenance, observer, done: 0, ids: BTreeSet::new(), chooser, collector }
@@ -149,12 +151,17 @@ impl<'a> Desk<'a> {
         (self.provenance, statistics)
     }
 
-    fn take(&mut self, file: &InputFile, done: Done, writer: &mut Writer) -> Result<(), FormatError> {
+    fn take(
+        &mut self,
+        file: &InputFile,
+        done: CuratedRecord,
+        writer: &mut Writer,
+    ) -> Result<(), FormatError> {
         self.done += 1;
         let (id, curated) = match done.curated {
             Ok(curated) => curated,
             Err(mut error) => {
-                // Where the file lies is nobody else's concern.
+                // The provenance must not reveal the folder of the file.
                 error.path = PathBuf::from(&file.name);
                 self.fail(error.to_string());
                 return Ok(());
@@ -163,21 +170,23 @@ impl<'a> Desk<'a> {
         if !self.ids.insert(id.clone()) {
             let (name, number) = (&file.name, done.number);
             self.fail(format!(
-                "{name}: record {number}: scenario `{id}`: an earlier one has this id; give each scenario once"
+                "{name}: record {number}: scenario `{id}`: an earlier one has this id; \
+                 give each scenario once"
             ));
             return Ok(());
         }
         let funnel = &mut self.provenance.funnel;
         funnel.scenarios += 1;
         match curated {
-            Curated::Dropped { rule } => *funnel.preselection.entry(rule).or_default() += 1,
-            Curated::Kept(mut record, unproposed) => {
+            CurationOutcome::Rejected { rule } => *funnel.preselection.entry(rule).or_default() += 1,
+            CurationOutcome::Retained(mut record, unproposed) => {
                 self.chooser.choose(&mut record);
                 count(funnel, &record);
                 for (reason, n) in unproposed {
                     *funnel.unproposed.entry(reason).or_default() += n;
                 }
-                // What the file holds is for the writer to say, so that figures of the file are the same.
+                // The writer decides whether the file holds the record, so that statistics and file
+                // agree.
                 if writer.write(&record)? {
                     self.collector.add(&record);
                 }
@@ -192,7 +201,7 @@ impl<'a> Desk<'a> {
     }
 }
 
-/// Counts a scenario that passed step 1.
+/// Adds a scenario that passed step 1 to the funnel.
 pub(super) fn count(funnel: &mut Funnel, record: &ScenarioRecord) {
     funnel.preselected += 1;
     funnel.candidates += record.candidates.len() as u64;

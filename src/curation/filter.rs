@@ -1,4 +1,4 @@
-//! Step 3: what a filter is, and what it judges.
+//! Step 3: the filter interface, and the data that filters judge.
 
 use std::cell::OnceCell;
 
@@ -13,57 +13,59 @@ use crate::metrics::{Case, DeviationStats, Object, Options};
 use crate::rollout::{AvError, LoggedDrive};
 use crate::scene::{AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
 
-/// Judges candidates, one at a time.
+/// A filter that judges one candidate at a time.
 pub trait CandidateFilter: Sync {
-    /// Name in files, such as `log-distance`.
+    /// Returns the name used in files, such as `log-distance`.
     fn id(&self) -> &'static str;
 
-    /// What it asks for, in one sentence with its numbers.
+    /// Returns the requirement in one sentence, with its numbers.
     fn rule(&self, settings: &FilterSettings) -> String;
 
-    /// The verdict, with the figure that decided.
+    /// Returns the verdict, with the figure that decided.
     fn judge(&self, trial: &Trial<'_>) -> Verdict;
 
-    /// Whether it costs so much that it is asked only of candidates that pass all others.
-    fn is_dear(&self) -> bool {
+    /// Returns whether the filter is so expensive that it judges only candidates that pass all others.
+    fn is_expensive(&self) -> bool {
         false
     }
 }
 
-/// What a filter says.
+/// Verdict of a filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The figure that decided, in the filter's unit; `None` where there is nothing to measure.
+    /// The figure that decided, in the filter's unit; `None` if there is nothing to measure.
     pub figure: Option<f64>,
-    /// Why the candidate is rejected; `None` for one that passes.
+    /// Reason for the rejection; `None` for a candidate that passes.
     pub rejected: Option<String>,
 }
 
 impl Verdict {
-    /// Passes where `passes`, else is rejected for `reason`.
+    /// Creates a verdict: a pass if `passes`, else a rejection with `reason`.
     pub fn new(figure: Option<f64>, passes: bool, reason: impl FnOnce() -> String) -> Self {
         Self { figure, rejected: (!passes).then(reason) }
     }
 }
 
-/// Limits of the filters (defaults: 10.4 of the metrics' definition, where it gives any).
+/// Limits of the filters. Defaults are those of section 10.4 of the metrics' definition where it gives
+/// any.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FilterSettings {
-    /// Least ADE to the log, metres.
+    /// Smallest accepted ADE to the log, metres.
     pub min_ade: f64,
-    /// How far a corner of the AV may leave the drivable ground, metres.
+    /// Largest distance by which a corner of the AV may leave the drivable area, metres.
     pub drivable_tolerance: f64,
-    /// Whether nuPlan's comfort bounds hold too.
+    /// Whether nuPlan's comfort bounds are enforced too.
     pub comfort: bool,
-    /// Time to collision below which a vehicle is pressed, seconds.
+    /// Time to collision below which a vehicle is under pressure, seconds.
     pub pressing_ttc: f64,
-    /// Driving into a vehicle that is slower than this, and than the AV, is the AV's doing, m/s.
+    /// Speed threshold, m/s: hitting a vehicle slower than this, and slower than the AV, is the AV's
+    /// fault.
     pub slow: f64,
     /// Largest lateral acceleration of the AV, m/s² (nuPlan's comfort bound).
     pub max_lateral_acceleration: f64,
-    /// No contact before this time, seconds.
+    /// Earliest accepted time of a contact, seconds.
     pub earliest_contact: f64,
-    /// What agents can do to avoid the AV.
+    /// Limits of the agents' responses.
     pub avoidance: AvoidanceSettings,
 }
 
@@ -82,29 +84,29 @@ impl Default for FilterSettings {
     }
 }
 
-/// What is known of a scenario before any candidate is judged.
-pub struct Bench<'a> {
+/// Precomputed data of a scenario, shared by the trials of its candidates.
+pub struct FilterContext<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) replay: LogReplay<'a>,
     pub(super) ground: Ground<'a>,
     pub(super) signals: Signals<'a>,
-    /// The logged way of the AV's centre, gone on with beyond the log's end.
-    pub(super) way: Polyline,
-    /// The logged AV at the steps 0 to 80.
+    /// Logged path of the AV's centre, extended beyond the end of the log.
+    pub(super) logged_path: Polyline,
+    /// States of the logged AV at steps 0 to 80.
     pub(super) log: Vec<AgentState>,
 }
 
-impl<'a> Bench<'a> {
-    /// Prepares a scenario.
+impl<'a> FilterContext<'a> {
+    /// Prepares a scenario for the filters.
     ///
     /// # Errors
     /// [`AvError`] when the logged AV is absent at a step, or jumps.
     pub fn new(scenario: &'a Scenario) -> Result<Self, AvError> {
         let drive = LoggedDrive::new(scenario)?;
         let travel = drive.speeds().iter().sum::<f64>() * DT;
-        let path = drive.path(scenario, None, None, 1.5 * travel + BEYOND);
+        let path = drive.path(scenario, None, None, 1.5 * travel + PATH_EXTENSION);
         Ok(Self {
-            way: path.centre_line(),
+            logged_path: path.centre_line(),
             log: drive.states().to_vec(),
             scenario,
             replay: LogReplay::new(scenario),
@@ -114,19 +116,20 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// How far beyond the log's end the logged way is gone on with, metres, beside half of its length.
-const BEYOND: f64 = 50.0;
+/// Length by which the logged path is extended beyond the end of the log, in addition to half of its own
+/// length, metres.
+const PATH_EXTENSION: f64 = 50.0;
 
-/// One candidate with what the filters measure it by.
+/// A candidate with the data by which the filters judge it.
 pub struct Trial<'a> {
-    pub(super) bench: &'a Bench<'a>,
+    pub(super) context: &'a FilterContext<'a>,
     /// The limits.
     pub settings: &'a FilterSettings,
     /// The candidate.
     pub candidate: &'a Candidate,
-    /// Log replay around the candidate, as the metrics judge it.
+    /// Log replay around the candidate, as judged by the metrics.
     pub replayed: Case<'a>,
-    /// The candidate alone, judged as the metrics judge a vehicle.
+    /// The candidate alone, judged by the metrics like any vehicle.
     pub own: Case<'a>,
     /// First contacts under log replay.
     pub(super) touches: Vec<Touch>,
@@ -134,9 +137,13 @@ pub struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    /// Holds a candidate against its scenario.
-    pub fn new(bench: &'a Bench<'a>, candidate: &'a Candidate, settings: &'a FilterSettings) -> Self {
-        let scenario = bench.scenario;
+    /// Prepares a candidate for the filters.
+    pub fn new(
+        context: &'a FilterContext<'a>,
+        candidate: &'a Candidate,
+        settings: &'a FilterSettings,
+    ) -> Self {
+        let scenario = context.scenario;
         let options = Options::default();
         let mut tracks: Vec<Vec<Frame>> =
             (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
@@ -144,20 +151,21 @@ impl<'a> Trial<'a> {
         tracks[0].truncate(HISTORY);
         tracks[0].extend(states);
         let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone() };
-        // An AV beyond the objects is absent, and so the candidate is a vehicle like any other.
+        // With an AV index beyond the objects the AV is absent, and the candidate is a vehicle like any
+        // other.
         let own = Case::new(scenario.start.road(), vec![av], usize::MAX, options);
         Self {
-            bench,
+            context,
             settings,
             candidate,
             replayed: Case::of_rollout(scenario, tracks, options),
             own,
-            touches: bench.replay.touches(candidate.future()),
+            touches: context.replay.touches(candidate.future()),
             certificate: OnceCell::new(),
         }
     }
 
-    /// What the candidate does to others under log replay.
+    /// Returns the pressure that the candidate puts on others under log replay.
     pub fn pressure(&self) -> Pressure {
         let contacts = || self.replayed.contacts().iter().flatten();
         let approaches = self.replayed.approaches().iter().flatten();
@@ -169,12 +177,14 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// The smallest time to collision of a vehicle with the AV under log replay, seconds; `None` without vehicles.
+    /// Returns the smallest time to collision of any vehicle with the AV under log replay, seconds;
+    /// `None` without vehicles.
     pub fn smallest_ttc(&self) -> Option<f64> {
         self.replayed.approaches().iter().flatten().map(|a| a.min_ttc).reduce(f64::min)
     }
 
-    /// The first conflict: a vehicle touches the AV by its own fault or, if none does, touches it or is risky.
+    /// Returns the first conflict: a vehicle touches the AV by its own fault or, failing that, touches
+    /// it or is risky.
     pub fn conflict(&self) -> Option<Conflict> {
         let contacts = || self.replayed.contacts().iter().enumerate().filter_map(|(i, c)| Some((i, (*c)?)));
         let at_fault = contacts().filter(|(_, c)| c.fault.at_fault()).map(|(i, c)| (c.step, i)).min();
@@ -189,9 +199,9 @@ impl<'a> Trial<'a> {
         Some(Conflict { step, touched: if touches { footprint(agent) } else { None } })
     }
 
-    /// How far the candidate leaves the log.
+    /// Returns the distances between the candidate and the log.
     pub fn offsets(&self) -> Offsets {
-        // Neither track has gaps: the bench refuses such logs, and candidates have none.
+        // Neither track has gaps: the context rejects such logs, and candidates have none.
         let stats = self.replayed.deviation();
         let of =
             |value: fn(&DeviationStats) -> Option<f64>| stats.as_ref().and_then(value).unwrap_or(f64::NAN);
@@ -203,13 +213,14 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// How everybody who is in conflict can avoid it, or why somebody can not. Found at the first call.
+    /// Returns responses with which every agent in conflict can avoid it, or the reason why one cannot.
+    /// Computed at the first call.
     ///
     /// # Errors
     /// [`Unavoidable`] names the agent.
     pub fn certificate(&self) -> &Result<Certificate, Unavoidable> {
         let find = || {
-            let (scenario, candidate) = (self.bench.scenario, &self.candidate.track);
+            let (scenario, candidate) = (self.context.scenario, &self.candidate.track);
             certify_case(scenario, candidate, &self.replayed, &self.settings.avoidance)
         };
         self.certificate.get_or_init(find)

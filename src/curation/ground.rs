@@ -1,9 +1,9 @@
-//! Whether a trajectory keeps to the drivable ground, and what it asks of the tyres.
+//! Checks of the drivable area and of the lateral acceleration of a trajectory.
 
 use crate::geometry::wrap;
 use crate::scene::{Agent, AgentState, DT, Road, Scenario};
 
-/// The drivable ground of a scenario, asked by the corners of the AV.
+/// The drivable area of a scenario, queried with the corners of the AV.
 pub(super) struct Ground<'a> {
     road: Road<'a>,
     av: &'a Agent,
@@ -14,17 +14,17 @@ impl<'a> Ground<'a> {
         Self { road: scenario.start.road(), av: &scenario.start.agents[0] }
     }
 
-    /// How far a corner of the AV leaves the drivable ground at most, metres (0 where none does). The search ends beyond `enough`.
-    /// `None` where the map does not tell.
+    /// Returns the largest distance by which a corner of the AV leaves the drivable area, metres (0 if
+    /// none does). The search stops beyond `enough`. `None` if the map has no drivable area.
     pub(super) fn depth(&self, future: &[AgentState], enough: f64) -> Option<f64> {
-        if !self.road.knows_drivable() {
+        if !self.road.has_drivable_area() {
             return None;
         }
         let mut deepest = 0.0_f64;
         let mut near = [None; 4];
         for state in future {
             for (corner, near) in state.footprint(self.av).corners().into_iter().zip(&mut near) {
-                deepest = deepest.max(self.road.off_road_by(corner, near)?);
+                deepest = deepest.max(self.road.distance_off_road(corner, near)?);
             }
             if deepest > enough {
                 break;
@@ -34,12 +34,12 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// The largest lateral acceleration of a trajectory, m/s²: speed times yaw rate of every step.
+/// Returns the largest lateral acceleration of a trajectory, m/s²: speed times yaw rate of every step.
 pub(super) fn lateral_acceleration(now: &AgentState, future: &[AgentState]) -> f64 {
-    let befores = std::iter::once(now).chain(future);
-    let each = befores.zip(future).map(|(before, state)| {
-        let way = (state.position() - before.position()).norm();
-        way * wrap(state.heading - before.heading).abs() / (DT * DT)
+    let previous = std::iter::once(now).chain(future);
+    let each = previous.zip(future).map(|(before, state)| {
+        let distance = (state.position() - before.position()).norm();
+        distance * wrap(state.heading - before.heading).abs() / (DT * DT)
     });
     each.fold(0.0, f64::max)
 }

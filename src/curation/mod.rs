@@ -1,5 +1,5 @@
-//! Deviated AVs: the four steps of the paper that make a set of them from any logs (ReactSim-Bench, "Data Collection Pipeline"), the
-//! taxonomy, and the certificates.
+//! Curation of deviated AVs: the paper's four steps from logs to a set of deviations (ReactSim-Bench,
+//! "Data Collection Pipeline"), the taxonomy, and the certificates.
 
 pub mod apply;
 mod avoidance;
@@ -25,9 +25,9 @@ mod taxonomy;
 pub use avoidance::{AvoidanceSettings, Unavoidable, certify, certify_case};
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
 pub use choice::{Chooser, score};
-pub use filter::{Bench, CandidateFilter, FilterSettings, Trial, Verdict};
+pub use filter::{CandidateFilter, FilterContext, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;
-pub use pipeline::{Curated, CurationSettings, SOURCES, curate_scenario};
+pub use pipeline::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
 pub use quota::{DIFFICULTIES, PROPORTIONS, Quota, Strictness, in_proportion};
 pub use record::{

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::filter::{Bench, FilterSettings, Trial};
+use super::filter::{FilterContext, FilterSettings, Trial};
 use super::filters::FILTERS;
 use super::rules::Rules;
 use super::{
@@ -14,18 +14,18 @@ use crate::scene::{AgentState, Scenario};
 /// All sources of candidates.
 pub const SOURCES: &[&dyn CandidateSource] = &[&Rules];
 
-/// What decides a set of deviated AVs, besides scenarios and source.
+/// Settings that determine a set of deviated AVs, apart from scenarios and source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurationSettings {
     /// Seed of all random streams.
     pub seed: u64,
     /// Candidates per scenario.
     pub candidates: u32,
-    /// Whether the file holds what the review page draws.
+    /// Whether the file holds the scenes that the review page draws.
     pub scenes: bool,
-    /// Step 1.
+    /// Criteria of step 1.
     pub preselection: Preselection,
-    /// Step 3.
+    /// Limits of step 3.
     pub filters: FilterSettings,
 }
 
@@ -42,7 +42,8 @@ impl Default for CurationSettings {
 }
 
 impl CurationSettings {
-    /// All settings by name, as they stand in files; and beside them what every filter asks for, in words.
+    /// Returns all settings by name, as stored in files, together with the requirement of every filter
+    /// in words.
     pub fn named(&self) -> BTreeMap<String, String> {
         let mut named = BTreeMap::new();
         named.insert("seed".to_owned(), self.seed.to_string());
@@ -56,7 +57,7 @@ impl CurationSettings {
     }
 }
 
-/// Puts the values of nested settings into a list, with their names joined by dots.
+/// Adds the values of nested settings to a map, with their names joined by dots.
 fn flatten(name: &str, value: &serde_json::Value, named: &mut BTreeMap<String, String>) {
     match value {
         serde_json::Value::Object(fields) => {
@@ -68,30 +69,31 @@ fn flatten(name: &str, value: &serde_json::Value, named: &mut BTreeMap<String, S
     }
 }
 
-/// What became of a scenario.
+/// Outcome of steps 1 to 3 for a scenario.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Curated {
-    /// It fell in step 1.
-    Dropped {
-        /// At which rule.
+pub enum CurationOutcome {
+    /// Rejected in step 1.
+    Rejected {
+        /// The rule that rejected it.
         rule: String,
     },
-    /// It has candidates; none is chosen yet. Beside them, how many streams the source had nothing to propose for, by reason.
-    Kept(Box<ScenarioRecord>, BTreeMap<String, u64>),
+    /// The candidates, none of which is chosen yet, and the number of streams without a proposal, by
+    /// reason.
+    Retained(Box<ScenarioRecord>, BTreeMap<String, u64>),
 }
 
-/// Carries out the steps 1 to 3 for one scenario. The result depends on scenario, source and settings only.
+/// Runs steps 1 to 3 for one scenario. The result depends on scenario, source and settings only.
 pub fn curate_scenario(
     scenario: &Scenario,
     source: &dyn CandidateSource,
     settings: &CurationSettings,
-) -> Curated {
-    if let Some(rule) = settings.preselection.falls(scenario) {
-        return Curated::Dropped { rule: rule.to_owned() };
+) -> CurationOutcome {
+    if let Some(rule) = settings.preselection.failed_rule(scenario) {
+        return CurationOutcome::Rejected { rule: rule.to_owned() };
     }
-    let bench = match Bench::new(scenario) {
-        Ok(bench) => bench,
-        Err(_) => return Curated::Dropped { rule: super::preselect::AV_ABSENT.to_owned() },
+    let context = match FilterContext::new(scenario) {
+        Ok(context) => context,
+        Err(_) => return CurationOutcome::Rejected { rule: super::preselect::AV_ABSENT.to_owned() },
     };
     let name = |number| stream(settings.seed, &scenario.id, number, Purpose::Candidate);
     let mut streams: Vec<Stream> = (0..settings.candidates).map(name).collect();
@@ -102,7 +104,7 @@ pub fn curate_scenario(
                 let mut track = vec![scenario.start.now(0)];
                 track.extend(proposal.future);
                 if candidates.iter().any(|c: &CandidateRecord| is_same(&c.candidate.track, &track)) {
-                    *unproposed.entry(REPEATED.to_owned()).or_default() += 1;
+                    *unproposed.entry(REPEATED_PROPOSAL.to_owned()).or_default() += 1;
                     continue;
                 }
                 let candidate = Candidate {
@@ -112,7 +114,7 @@ pub fn curate_scenario(
                     maneuver: proposal.maneuver,
                     track,
                 };
-                candidates.push(judge(&bench, candidate, settings));
+                candidates.push(judge(&context, candidate, settings));
             }
             Err(reason) => *unproposed.entry(reason.0).or_default() += 1,
         }
@@ -124,25 +126,25 @@ pub fn curate_scenario(
         candidates,
         scene: settings.scenes.then(|| crate::web::sketch(scenario)),
     };
-    Curated::Kept(Box::new(record), unproposed)
+    CurationOutcome::Retained(Box::new(record), unproposed)
 }
 
-/// Why a proposal is no candidate.
-const REPEATED: &str = "the same as an earlier candidate";
-/// Two trajectories that are nowhere farther apart are the same, metres.
-const SAME: f64 = 0.2;
+/// Reason for dropping a proposal that repeats an earlier one.
+const REPEATED_PROPOSAL: &str = "the same as an earlier candidate";
+/// Largest distance between two trajectories that count as the same, metres.
+const SAME_TRAJECTORY_DISTANCE: f64 = 0.2;
 
 fn is_same(a: &[AgentState], b: &[AgentState]) -> bool {
-    a.iter().zip(b).all(|(a, b)| (a.position() - b.position()).norm() <= SAME)
+    a.iter().zip(b).all(|(a, b)| (a.position() - b.position()).norm() <= SAME_TRAJECTORY_DISTANCE)
 }
 
-/// Asks all filters about one candidate.
-fn judge(bench: &Bench<'_>, candidate: Candidate, settings: &CurationSettings) -> CandidateRecord {
-    let trial = Trial::new(bench, &candidate, &settings.filters);
+/// Applies all filters to one candidate.
+fn judge(context: &FilterContext<'_>, candidate: Candidate, settings: &CurationSettings) -> CandidateRecord {
+    let trial = Trial::new(context, &candidate, &settings.filters);
     let mut figures = Vec::with_capacity(FILTERS.len());
     let mut rejected: Option<(String, String)> = None;
     for filter in FILTERS {
-        if filter.is_dear() && rejected.is_some() {
+        if filter.is_expensive() && rejected.is_some() {
             figures.push(Figure { filter: filter.id().to_owned(), value: None, passed: None });
             continue;
         }
@@ -154,11 +156,11 @@ fn judge(bench: &Bench<'_>, candidate: Candidate, settings: &CurationSettings) -
         }
     }
     let taxonomy = taxonomy::classify(
-        &bench.scenario.start.road(),
-        &bench.way,
-        &bench.log,
+        &context.scenario.start.road(),
+        &context.logged_path,
+        &context.log,
         &candidate.track,
-        &bench.scenario.start.agents[0],
+        &context.scenario.start.agents[0],
         trial.conflict(),
     );
     let (pressure, offsets) = (trial.pressure(), trial.offsets());

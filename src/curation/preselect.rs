@@ -1,16 +1,17 @@
-//! Step 1: scenarios in which the AV has vehicles around it.
+//! Step 1: scenarios in which vehicles surround the AV.
 
 use crate::geometry::{OrientedBox, Vec2, time_to_impact};
 use crate::scene::{AgentKind, CURRENT, FUTURE, Scenario};
 
-/// Which scenarios are worth proposing candidates for.
+/// Criteria for scenarios that candidates are proposed for.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Preselection {
-    /// At least so many vehicles come near the logged AV in the steps 0 to 80.
+    /// Minimum number of vehicles that come within `radius` of the logged AV in steps 0 to 80.
     pub min_vehicles: u32,
-    /// Near is up to this distance between the centres, metres.
+    /// Largest distance between the centres that counts as near, metres.
     pub radius: f64,
-    /// The smallest time to collision between the AV and a vehicle in the log is below this, seconds (swept boxes at constant velocities).
+    /// Upper bound, in seconds, of the smallest time to collision between the AV and a vehicle in the
+    /// log (swept boxes at constant velocities).
     pub max_ttc: f64,
 }
 
@@ -20,19 +21,20 @@ impl Default for Preselection {
     }
 }
 
-/// Relative speeds below this are none, m/s.
-const STILL: f64 = 0.1;
+/// Relative speed below which two vehicles do not approach each other, m/s: slower motion is recording
+/// noise.
+const MIN_RELATIVE_SPEED: f64 = 0.1;
 
-/// Rule: the logged AV is absent at a step.
+/// Rule: the logged AV is absent at a step, or jumps.
 pub const AV_ABSENT: &str = "the logged AV is absent or jumps";
 /// Rule: too few vehicles.
 pub const FEW_VEHICLES: &str = "too few vehicles near the AV";
-/// Rule: nobody comes close.
+/// Rule: no vehicle approaches within the time to collision.
 pub const NO_APPROACH: &str = "no vehicle comes close in time";
 
 impl Preselection {
-    /// The rule at which a scenario falls, or `None` for one that is kept.
-    pub fn falls(&self, scenario: &Scenario) -> Option<&'static str> {
+    /// Returns the rule that rejects a scenario, or `None` for a scenario that passes.
+    pub fn failed_rule(&self, scenario: &Scenario) -> Option<&'static str> {
         let start = &scenario.start;
         let near: Vec<usize> = (1..start.agents.len())
             .filter(|&i| start.agents[i].kind == AgentKind::Vehicle)
@@ -46,7 +48,7 @@ impl Preselection {
     }
 }
 
-/// Whether the centre of an agent comes that close to the logged AV's at a step.
+/// Returns whether the centre of an agent comes within `radius` of the logged AV's centre at some step.
 fn comes_within(scenario: &Scenario, agent: usize, radius: f64) -> bool {
     (0..=FUTURE).any(|step| {
         let (av, other) = (scenario.logged_at(0, CURRENT + step), scenario.logged_at(agent, CURRENT + step));
@@ -54,10 +56,11 @@ fn comes_within(scenario: &Scenario, agent: usize, radius: f64) -> bool {
     })
 }
 
-/// Whether a vehicle and the logged AV would meet within `most` seconds if both kept their velocities from one of the steps 0 to 80 on
-/// (sharp boxes that do not turn).
+/// Returns whether a vehicle and the logged AV would meet within `most` seconds if both kept their
+/// velocities from one of the steps 0 to 80 on (boxes with sharp corners, without rotation).
 ///
-/// A planar rule, because a crossing vehicle is an interaction too; the front-object rule of the metrics would not see it.
+/// The rule is planar, because a crossing vehicle is an interaction too; the front-object rule of the
+/// metrics would miss it.
 fn would_meet(scenario: &Scenario, agent: usize, most: f64) -> bool {
     let agents = &scenario.start.agents;
     let body = |i: usize, frame: usize| {
@@ -73,13 +76,16 @@ fn would_meet(scenario: &Scenario, agent: usize, most: f64) -> bool {
     })
 }
 
-/// Whether the circles around two boxes meet within `most` seconds at the relative velocity `v` of the second one: quicker to tell, and
-/// true wherever the boxes meet. Boxes that do not approach each other never meet, however close they are.
+/// Returns whether the circles around two boxes meet within `most` seconds at the relative velocity `v`
+/// of the second one.
+///
+/// This is a fast necessary condition for the boxes to meet. Boxes that do not approach each other never
+/// meet, however close they are.
 fn can_meet(a: &OrientedBox, b: &OrientedBox, v: Vec2, most: f64) -> bool {
     let (d, reach) = (b.center - a.center, a.radius() + b.radius());
     let (gap, closing, speed2) = (d.norm_squared() - reach * reach, -d.dot(&v), v.norm_squared());
-    // Who stands still relative to the other one does not close, whatever the noise of the recorder says.
-    if closing <= 0.0 || speed2 < STILL * STILL {
+    // A vehicle at rest relative to the other does not approach it, whatever the recording noise.
+    if closing <= 0.0 || speed2 < MIN_RELATIVE_SPEED * MIN_RELATIVE_SPEED {
         return false;
     }
     let root = closing * closing - speed2 * gap;

@@ -1,85 +1,88 @@
-//! What a benchmark must hold: so many scenarios of each category and of each difficulty, and some of every group of scenarios, but not too many of any.
+//! The quotas of a benchmark: numbers of scenarios by category and by difficulty, with a minimum and a
+//! maximum for each group of scenarios.
 
 use std::collections::BTreeMap;
 
 use super::{Chooser, ScenarioRecord};
 use crate::scene::{Deviation, Difficulty};
 
-/// How many scenarios of each category the benchmark of the paper has (ReactSim-Bench, "Data Analysis").
+/// Numbers of scenarios by category in the paper's benchmark (ReactSim-Bench, "Data Analysis").
 pub const PROPORTIONS: [(Deviation, u64); 3] =
     [(Deviation::Longitudinal, 937), (Deviation::Directional, 799), (Deviation::Lateral, 900)];
 
-/// Shares of the difficulties in a benchmark: as many easy as medium ones, and no fewer hard ones, rounded up.
+/// Shares of the difficulties in a benchmark: equal, except that hard scenarios come first when rounding
+/// up.
 pub const DIFFICULTIES: [(Difficulty, u64); 3] =
     [(Difficulty::Hard, 1), (Difficulty::Medium, 1), (Difficulty::Easy, 1)];
 
-/// A group has at most so many times the share that it had if all had the same.
-const MOST_OF_ONE: u64 = 2;
+/// Largest size of a group, as a multiple of its share if all groups were of equal size.
+const MAX_GROUP_FACTOR: u64 = 2;
 
-/// What the last places of a benchmark must be, where the wanted ones are not found: a scenario of one category, one difficulty and one
-/// group may not exist.
+/// Requirements of the remaining places of a benchmark. They can be relaxed, because there may be no
+/// scenario of one category, one difficulty and one group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strictness {
-    /// Of the categories and of the difficulties that are not full.
+    /// Only categories and difficulties that are not full.
     CategoryAndDifficulty,
-    /// Of the categories that are not full.
+    /// Only categories that are not full.
     Category,
-    /// Of any category and difficulty.
+    /// Any category and difficulty.
     Any,
 }
 
-/// Decides scenario by scenario which candidate is taken, until the benchmark is full. The decision depends on those before it and on
-/// nothing else.
+/// Decides for one scenario after the other which candidate is taken, until the benchmark is full. A
+/// decision depends on the previous ones and on nothing else.
 #[derive(Clone, Debug)]
 pub struct Quota {
-    /// How many are still to be taken, by category.
+    /// Number of open places by category.
     open: BTreeMap<Deviation, u64>,
-    /// How many are still to be taken, by difficulty.
+    /// Number of open places by difficulty.
     open_difficulties: BTreeMap<Difficulty, u64>,
-    /// How many are still to be taken.
+    /// Number of open places.
     left: u64,
     strictness: Strictness,
-    /// How many were taken, by group; those that must be there from the beginning.
+    /// Number of taken scenarios by group; contains all required groups from the beginning.
     groups: BTreeMap<String, u64>,
-    /// Most of one group.
-    most: u64,
+    /// Largest number of scenarios of one group.
+    max_per_group: u64,
     chooser: Chooser,
 }
 
 impl Quota {
-    /// A benchmark of so many scenarios, in the paper's proportions, in which each of the groups is there.
+    /// Creates the quotas of a benchmark of `wanted` scenarios, in the paper's proportions, in which
+    /// each of the groups occurs.
     pub fn new(wanted: u64, groups: &[String]) -> Self {
         let open = in_proportion(wanted, &PROPORTIONS);
         let open_difficulties = in_proportion(wanted, &DIFFICULTIES);
         let chooser = Chooser::with_shares(shares(&open), shares(&open_difficulties));
         let groups: BTreeMap<String, u64> = groups.iter().map(|g| (g.clone(), 0)).collect();
-        let most = (MOST_OF_ONE * wanted).div_ceil(groups.len().max(1) as u64);
+        let max_per_group = (MAX_GROUP_FACTOR * wanted).div_ceil(groups.len().max(1) as u64);
         Self {
             open,
             open_difficulties,
             left: wanted,
             strictness: Strictness::CategoryAndDifficulty,
             groups,
-            most,
+            max_per_group,
             chooser,
         }
     }
 
-    /// How many are still to be taken.
+    /// Returns the number of open places.
     pub fn left(&self) -> u64 {
         self.left
     }
 
-    /// Whether nothing of a group will be taken any more: there are enough of it, or the places that are left are for groups that are not
-    /// there yet. Once true it stays true.
+    /// Returns whether no more scenarios of a group are taken: there are enough of it, or the remaining
+    /// places are reserved for groups that do not occur yet. Once true, it stays true.
     pub fn refuses(&self, group: &str) -> bool {
         let taken = self.groups.get(group).copied().unwrap_or(0);
         let missing = self.groups.iter().filter(|(name, n)| **n == 0 && *name != group).count() as u64;
-        taken >= self.most || self.left() <= missing
+        taken >= self.max_per_group || self.left() <= missing
     }
 
-    /// Marks the candidate that is taken, where one is: of the survivors whose category and difficulty are not full the one that the
-    /// [`Chooser`] takes.
+    /// Marks the candidate that is taken, if any: the choice of the [`Chooser`] among survivors whose
+    /// category and difficulty are not full. Returns whether one was taken.
     pub fn take(&mut self, group: &str, record: &mut ScenarioRecord) -> bool {
         if self.refuses(group) {
             return false;
@@ -106,7 +109,8 @@ impl Quota {
         true
     }
 
-    /// Asks less of the places that are left; what is asked of them from now on, `None` where nothing was left to be given up.
+    /// Relaxes the requirements of the remaining places. Returns the new requirements, `None` if nothing
+    /// is left to relax.
     pub fn relax(&mut self) -> Option<Strictness> {
         self.strictness = match self.strictness {
             Strictness::CategoryAndDifficulty => Strictness::Category,
@@ -116,8 +120,8 @@ impl Quota {
         Some(self.strictness)
     }
 
-    /// What is not full, in words; empty where nothing is lacking.
-    pub fn lacking(&self) -> String {
+    /// Describes the open quotas in words; empty if there are none.
+    pub fn missing(&self) -> String {
         let categories = self.open.iter().filter(|(_, n)| **n > 0).map(|(c, n)| format!("{n} {}", c.name()));
         let left = self.open_difficulties.iter().filter(|(_, n)| **n > 0);
         let difficulties = left.map(|(d, n)| format!("{n} {}", d.name()));
@@ -126,14 +130,14 @@ impl Quota {
     }
 }
 
-/// The share of each of the kinds that are wanted.
+/// Returns the share of each kind.
 fn shares<K: Ord + Copy>(wanted: &BTreeMap<K, u64>) -> BTreeMap<K, f64> {
     let total = wanted.values().sum::<u64>().max(1) as f64;
     wanted.iter().map(|(k, n)| (*k, *n as f64 / total)).collect()
 }
 
-/// Parts of a whole in these proportions, rounded so that the parts sum up to it: the largest remainders are rounded up, of equal ones
-/// the first.
+/// Splits a whole into parts in these proportions, rounded so that the parts add up to it. The largest
+/// remainders are rounded up; of equal ones, the first.
 pub fn in_proportion<K: Ord + Copy>(wanted: u64, proportions: &[(K, u64)]) -> BTreeMap<K, u64> {
     let total: u64 = proportions.iter().map(|(_, n)| n).sum();
     let share = |n: u64| u128::from(wanted) * u128::from(n);

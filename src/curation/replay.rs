@@ -1,4 +1,4 @@
-//! What everybody else does under log replay, laid out so that many AV trajectories can be held against it quickly.
+//! Log replay of all other agents, prepared for fast tests of many AV trajectories.
 
 use std::f64::consts::PI;
 
@@ -6,81 +6,86 @@ use crate::geometry::{OrientedBox, math, rounded_distance, signed_angle_between}
 use crate::metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
 use crate::scene::{Agent, AgentKind, AgentState, FUTURE, HISTORY, Scenario};
 
-/// Who is touched in this angle of the AV's heading is ahead of it, radians.
-const AHEAD: f64 = 0.5;
-/// Headings within this angle lead the same way, radians.
-const ALONG: f64 = 0.8;
-/// Who is touched in this angle is straight ahead, radians.
-const STRAIGHT_AHEAD: f64 = 0.2;
-/// Slower than this is crawling, m/s.
-const CRAWLING: f64 = 1.0;
-/// Headings within this angle of opposite ones lead head on, radians: less than that of a turn across the oncoming lane.
-const HEAD_ON: f64 = 0.35;
+/// Largest angle from the AV's heading at which a touched body is ahead of the AV, radians.
+const AHEAD_ANGLE: f64 = 0.5;
+/// Largest difference of headings that point in the same direction, radians.
+const SAME_DIRECTION_ANGLE: f64 = 0.8;
+/// Largest angle from the AV's heading at which a touched body is straight ahead, radians.
+const STRAIGHT_AHEAD_ANGLE: f64 = 0.2;
+/// Speed below which a body is_crawling, m/s.
+const CRAWLING_SPEED: f64 = 1.0;
+/// Largest deviation from opposite headings that counts as head on, radians: less than in a turn across
+/// the oncoming lane.
+const HEAD_ON_ANGLE: f64 = 0.35;
 
 /// The logged future of all agents but the AV, and the static obstacles, as boxes.
 pub(super) struct LogReplay<'a> {
     av: &'a Agent,
-    /// How far corners are rounded: as the metrics do it.
+    /// Corner radius of the boxes, as in the metrics, metres.
     rounding: f64,
-    others: Vec<Other>,
+    others: Vec<ReplayedBody>,
 }
 
-struct Other {
+/// An agent or static obstacle under log replay.
+struct ReplayedBody {
     /// `None` for static obstacles.
     kind: Option<AgentKind>,
     radius: f64,
-    /// Per step 1 to 80 the box, and the speed, m/s (NaN where unknown).
+    /// Box and speed (m/s, NaN if unknown) at steps 1 to 80.
     steps: Vec<Option<(OrientedBox, f64)>>,
 }
 
-/// The first contact of the AV with somebody.
+/// First contact of the AV with another body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Touch {
     /// Step, 1 to 80.
     pub(super) step: usize,
-    /// Class of the other; `None` for a static obstacle.
+    /// Kind of the other body; `None` for a static obstacle.
     pub(super) kind: Option<AgentKind>,
-    /// Speed of the other, m/s; 0 for obstacles.
+    /// Speed of the other body, m/s; 0 for obstacles.
     pub(super) speed: f64,
     /// Speed of the AV, m/s.
     pub(super) av_speed: f64,
-    /// Whether the metrics would blame the other one (but for ground off the road).
+    /// Whether the metrics would blame the other body (ignoring whether it is off the road).
     pub(super) at_fault: bool,
-    /// Whether the AV's front bumper is in the other one's box.
+    /// Whether the AV's front bumper is inside the other box.
     pub(super) av_bumper: bool,
     /// Angle between the two headings, radians, 0 to pi.
     pub(super) turned: f64,
-    /// Angle between the AV's heading and the direction to the other one's centre, radians, 0 to pi.
+    /// Angle between the AV's heading and the direction to the other centre, radians, 0 to pi.
     pub(super) bearing: f64,
 }
 
 impl Touch {
-    /// Whether the AV's front drives into the rear of somebody who goes the same way.
-    pub(super) fn rear_end(&self) -> bool {
-        self.av_bumper && self.bearing < AHEAD && self.turned < ALONG
+    /// Returns whether the AV's front hits the rear of a body that moves in the same direction.
+    pub(super) fn is_rear_end(&self) -> bool {
+        self.av_bumper && self.bearing < AHEAD_ANGLE && self.turned < SAME_DIRECTION_ANGLE
     }
 
-    /// Whether the AV's front drives into somebody who comes towards it: straight ahead, or at least exactly the other way.
-    pub(super) fn head_on(&self) -> bool {
+    /// Returns whether the AV's front hits an oncoming body: one straight ahead, or one ahead with
+    /// exactly opposite heading.
+    pub(super) fn is_head_on(&self) -> bool {
         let opposite = PI - self.turned;
         self.av_bumper
-            && (self.bearing < STRAIGHT_AHEAD && opposite < ALONG
-                || self.bearing < AHEAD && opposite < HEAD_ON)
+            && (self.bearing < STRAIGHT_AHEAD_ANGLE && opposite < SAME_DIRECTION_ANGLE
+                || self.bearing < AHEAD_ANGLE && opposite < HEAD_ON_ANGLE)
     }
 
-    /// Whether the AV's front drives into somebody who is slower than `slow` (m/s) and than the AV, or whom the metrics would not blame.
-    pub(super) fn driven_into(&self, slow: f64) -> bool {
+    /// Returns whether the AV's front hits a body that is slower than `slow` (m/s) and than the AV, or
+    /// that the metrics would not blame.
+    pub(super) fn is_driven_into(&self, slow: f64) -> bool {
         self.av_bumper && (!self.at_fault || self.speed < slow.min(self.av_speed))
     }
 
-    /// Whether the other one stands.
-    pub(super) fn stands(&self) -> bool {
+    /// Returns whether the other body is at rest.
+    pub(super) fn is_standing(&self) -> bool {
         self.speed <= STOPPED_SPEED
     }
 
-    /// Whether the other one hardly moves, and less than the AV: wherever they touch, the AV came to it.
-    pub(super) fn crawls(&self) -> bool {
-        self.speed < CRAWLING && self.speed < self.av_speed
+    /// Returns whether the other body hardly moves, and less than the AV: in any contact with it, the AV
+    /// came to it.
+    pub(super) fn is_crawling(&self) -> bool {
+        self.speed < CRAWLING_SPEED && self.speed < self.av_speed
     }
 }
 
@@ -93,16 +98,17 @@ impl<'a> LogReplay<'a> {
             let future = scenario.log_future.tracks[i].iter().enumerate();
             let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
             let radius = math::hypot(0.5 * agent.length, 0.5 * agent.width);
-            others.push(Other { kind: Some(agent.kind), radius, steps });
+            others.push(ReplayedBody { kind: Some(agent.kind), radius, steps });
         }
         for obstacle in &start.obstacles {
             let steps = vec![Some((*obstacle, 0.0)); FUTURE];
-            others.push(Other { kind: None, radius: obstacle.radius(), steps });
+            others.push(ReplayedBody { kind: None, radius: obstacle.radius(), steps });
         }
         Self { av: &start.agents[0], rounding: Options::default().corner_rounding, others }
     }
 
-    /// The first contact with everybody whom the AV touches on `future` (states at the steps 1 to 80), in the order of the agents.
+    /// Returns the first contact with every body that the AV touches on `future` (states at steps 1 to
+    /// 80), in the order of the agents.
     pub(super) fn touches(&self, future: &[AgentState]) -> Vec<Touch> {
         let boxes: Vec<OrientedBox> = future.iter().map(|s| s.footprint(self.av)).collect();
         let radius = boxes.first().map_or(0.0, OrientedBox::radius);

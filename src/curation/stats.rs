@@ -1,5 +1,5 @@
-//! What a set of deviations is like (ReactSim-Bench, section 3.2.4): its categories, how far it is from the logs, how much pressure it
-//! puts on the agents, and what was left out on the way.
+//! Statistics of a set of deviations (ReactSim-Bench, section 3.2.4): categories, distances from the
+//! logs, pressure on the agents, and the losses at each stage.
 
 mod distribution;
 
@@ -14,49 +14,50 @@ use crate::scene::{Deviation, Difficulty};
 
 pub use distribution::{Bins, Distribution};
 
-/// The figures of a set.
+/// Statistics of a set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistics {
-    /// How many fell where in steps 1 to 4.
+    /// Numbers of scenarios and candidates at each stage, steps 1 to 4.
     pub funnel: Funnel,
-    /// Ids of the filters of step 3, in the order in which they were asked.
+    /// Ids of the filters of step 3, in the order of evaluation.
     pub filters: Vec<String>,
     /// Whether the curation was interrupted.
     pub interrupted: bool,
-    /// Records that could not be read.
+    /// Number of records that could not be read.
     pub failures: usize,
-    /// Scenarios with candidates.
+    /// Number of scenarios with candidates.
     pub scenarios: usize,
-    /// Scenarios of which a candidate survived step 3.
+    /// Number of scenarios with a candidate that survived step 3.
     pub with_survivor: usize,
-    /// Scenarios with a chosen candidate: the set.
+    /// Number of scenarios with a chosen candidate: the set.
     pub chosen: usize,
-    /// Chosen candidates that somebody decided on by hand, by decision.
+    /// Numbers of chosen candidates with a manual decision, by decision.
     pub reviewed: BTreeMap<&'static str, usize>,
-    /// Chosen candidates that a filter had rejected, by that filter: picked by hand all the same.
+    /// Numbers of chosen candidates that a filter had rejected, by filter: picked by hand nonetheless.
     pub chosen_although_rejected: BTreeMap<String, usize>,
-    /// Chosen candidates of which it is not shown that the agents can avoid them.
+    /// Number of chosen candidates without a certificate that the agents can avoid them.
     pub chosen_without_certificate: usize,
-    /// All chosen candidates.
+    /// Statistics of all chosen candidates.
     pub overall: Part,
-    /// Chosen candidates by category; all categories are there.
+    /// Statistics of chosen candidates by category; contains every category.
     pub categories: BTreeMap<&'static str, Part>,
-    /// Chosen candidates by difficulty; all difficulties are there. Those whose difficulty was not measured are in none.
+    /// Statistics of chosen candidates by difficulty; contains every difficulty. Candidates of
+    /// unmeasured difficulty are in none.
     pub difficulties: BTreeMap<&'static str, Part>,
     /// Bins of the histograms.
     pub bins: QuantityBins,
-    /// The category that was found against what the source meant.
+    /// Agreement between the intended and the determined category.
     pub agreement: Agreement,
-    /// How the conflicts of chosen candidates can be avoided.
+    /// Statistics of the chosen candidates' certificates.
     pub certificates: Certificates,
-    /// Where each chosen candidate ends.
+    /// Endpoint of each chosen candidate.
     pub endpoints: Vec<Endpoint>,
 }
 
-/// The figures of the chosen candidates of one category, or of all.
+/// Statistics of the chosen candidates of one category, of one difficulty, or of all.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Part {
-    /// Candidates.
+    /// Number of candidates.
     pub count: usize,
     /// Share of the set.
     pub share: Option<f64>,
@@ -64,15 +65,16 @@ pub struct Part {
     pub ade: Distribution,
     /// Mean speed minus the log's, m/s.
     pub mean_speed_difference: Distribution,
-    /// Where it ends, ahead of the log along the AV's heading at step 0, metres.
+    /// Endpoint offset from the log along the AV's heading at step 0, ahead positive, metres.
     pub endpoint_longitudinal: Distribution,
-    /// The same to the left of that heading.
+    /// Endpoint offset from the log to the left of that heading, metres.
     pub endpoint_lateral: Distribution,
-    /// What happens under log replay.
+    /// Events under log replay.
     pub pressure: Shares,
 }
 
-/// Shares of scenarios in which something happens at least once under log replay (`None` without scenarios).
+/// Shares of scenarios in which an event occurs at least once under log replay (`None` without
+/// scenarios).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Shares {
     /// An agent hits the AV and is at fault.
@@ -102,19 +104,19 @@ pub struct QuantityBins {
     pub time_to_react: Bins,
 }
 
-/// The category that was found against what the source meant, where it meant anything.
+/// Agreement between the intended category, where a source has one, and the determined category.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Over all candidates.
+    /// All candidates.
     pub candidates: Confusion,
-    /// Over the chosen ones.
+    /// The chosen candidates.
     pub chosen: Confusion,
 }
 
 /// Candidates by intent and category.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Confusion {
-    /// By intent, then by category.
+    /// Counts by intent, then by category.
     pub counts: BTreeMap<&'static str, BTreeMap<&'static str, u64>>,
     /// Share on the diagonal.
     pub share: Option<f64>,
@@ -136,41 +138,41 @@ impl Confusion {
     }
 }
 
-/// What the certificates of chosen candidates ask of the agents.
+/// Statistics of the certificates of chosen candidates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Certificates {
-    /// Chosen candidates with a certificate.
+    /// Number of chosen candidates with a certificate.
     pub certified: usize,
-    /// Responses in them.
+    /// Number of responses in them.
     pub responses: usize,
-    /// Responses that shift sideways.
+    /// Number of responses that shift sideways.
     pub nudged: usize,
     /// Hardest braking of each certificate, m/s².
     pub peak_deceleration: Distribution,
-    /// The least peak deceleration with which all agents can avoid each candidate, m/s².
+    /// Smallest peak deceleration with which all agents can avoid each candidate, m/s².
     pub required_deceleration: Distribution,
     /// Time to react to each candidate, s.
     pub time_to_react: Distribution,
 }
 
-/// Where a chosen candidate ends, relative to the log, in the AV's frame at step 0.
+/// Endpoint of a chosen candidate relative to the log, in the AV's frame at step 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Endpoint {
     /// Id of the scenario.
     pub scenario_id: String,
     /// The category.
     pub category: &'static str,
-    /// Metres, ahead positive; `None` where the log does not say.
+    /// Metres, ahead positive; `None` if the log has no endpoint.
     pub longitudinal: Option<f64>,
     /// Metres, left positive.
     pub lateral: Option<f64>,
 }
 
 impl Statistics {
-    /// The figures of a file.
+    /// Computes the statistics of a file.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be read or no curation wrote it.
+    /// [`FormatError`] when the file cannot be read or was not written by a curation.
     pub fn of_file(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let records = store::read(path)?;
         let provenance = records.provenance().clone();
@@ -182,13 +184,13 @@ impl Statistics {
     }
 }
 
-/// Takes scenarios one by one, so that a file need not be in memory as a whole.
+/// Collects scenarios one by one, so that a file need not be in memory as a whole.
 #[derive(Default)]
 pub struct Collector {
     scenarios: usize,
     with_survivor: usize,
     filters: Vec<String>,
-    chosen: Vec<Kept>,
+    chosen: Vec<ChosenCandidate>,
     agreement: Agreement,
     reviewed: BTreeMap<&'static str, usize>,
     although_rejected: BTreeMap<String, usize>,
@@ -199,8 +201,8 @@ pub struct Collector {
     endpoints: Vec<Endpoint>,
 }
 
-/// What is kept of a chosen candidate.
-struct Kept {
+/// Data of a chosen candidate that the statistics need.
+struct ChosenCandidate {
     category: Deviation,
     difficulty: Option<Difficulty>,
     offsets: Offsets,
@@ -208,7 +210,7 @@ struct Kept {
 }
 
 impl Collector {
-    /// Takes a scenario of the file in.
+    /// Adds a scenario of the file.
     pub fn add(&mut self, record: &ScenarioRecord) {
         self.scenarios += 1;
         self.with_survivor += usize::from(record.candidates.iter().any(|c| c.rejected_by.is_none()));
@@ -223,7 +225,7 @@ impl Collector {
         let Some(chosen) = record.chosen() else { return };
         self.agreement.chosen.add(chosen);
         let CandidateRecord { taxonomy, offsets, pressure, review, certificate, .. } = chosen;
-        self.chosen.push(Kept {
+        self.chosen.push(ChosenCandidate {
             category: taxonomy.category,
             difficulty: chosen.difficulty(),
             offsets: *offsets,
@@ -252,9 +254,9 @@ impl Collector {
         });
     }
 
-    /// Sums up what was taken in.
+    /// Computes the statistics of the scenarios added so far.
     pub fn finish(self, provenance: &CurationProvenance) -> Statistics {
-        let all = |of: fn(&Kept) -> f64| self.chosen.iter().map(of).collect::<Vec<_>>();
+        let all = |of: fn(&ChosenCandidate) -> f64| self.chosen.iter().map(of).collect::<Vec<_>>();
         let bins = QuantityBins {
             ade: Bins::of(&all(|k| k.offsets.ade)),
             mean_speed_difference: Bins::of(&all(|k| k.offsets.mean_speed_difference)),
@@ -264,9 +266,9 @@ impl Collector {
             required_deceleration: Bins::of(&self.required),
             time_to_react: Bins::of(&self.times),
         };
-        let part = |is_in: &dyn Fn(&Kept) -> bool| {
-            let kept: Vec<&Kept> = self.chosen.iter().filter(|k| is_in(k)).collect();
-            Part::of(&kept, self.chosen.len(), &bins)
+        let part = |is_in: &dyn Fn(&ChosenCandidate) -> bool| {
+            let members: Vec<&ChosenCandidate> = self.chosen.iter().filter(|k| is_in(k)).collect();
+            Part::of(&members, self.chosen.len(), &bins)
         };
         let of_category = |c: Deviation| (c.name(), part(&|k| k.category == c));
         let of_difficulty = |d: Difficulty| (d.name(), part(&|k| k.difficulty == Some(d)));
@@ -301,15 +303,15 @@ impl Collector {
 }
 
 impl Part {
-    fn of(kept: &[&Kept], set: usize, bins: &QuantityBins) -> Self {
+    fn of(members: &[&ChosenCandidate], set: usize, bins: &QuantityBins) -> Self {
         let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
-        let pressed = |k: usize| share(kept.iter().filter(|c| c.pressure[k]).count(), kept.len());
+        let pressed = |k: usize| share(members.iter().filter(|c| c.pressure[k]).count(), members.len());
         let spread = |of: fn(&Offsets) -> f64, bins: &Bins| {
-            Distribution::of(&kept.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>(), bins)
+            Distribution::of(&members.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>(), bins)
         };
         Self {
-            count: kept.len(),
-            share: share(kept.len(), set),
+            count: members.len(),
+            share: share(members.len(), set),
             ade: spread(|o| o.ade, &bins.ade),
             mean_speed_difference: spread(|o| o.mean_speed_difference, &bins.mean_speed_difference),
             endpoint_longitudinal: spread(|o| o.endpoint_longitudinal, &bins.endpoint_longitudinal),

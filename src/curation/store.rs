@@ -1,7 +1,9 @@
-//! The file of a curation: Parquet, one row per candidate. Told in `scenarios/README.md`.
+//! The file of a curation: Parquet, one row per candidate. Its format is described in
+//! `scenarios/README.md`.
 //!
-//! It is a file of deviations ([`crate::formats::deviations`]): whoever wants the chosen trajectories only need not know what else
-//! is in it. A row group holds whole scenarios, so that one scenario is read without the others.
+//! It is a file of deviations ([`crate::formats::deviations`]): readers that need only the chosen
+//! trajectories may ignore the other columns. A row group holds whole scenarios, so that one scenario
+//! can be read without the others.
 
 mod columns;
 mod decode;
@@ -20,16 +22,17 @@ use super::CurationProvenance;
 use crate::formats::FormatError;
 use crate::formats::deviations::{KIND, VERSION};
 use crate::formats::error::Cause;
-use crate::formats::table::{FRAME, SAID, TableReader};
+use crate::formats::table::{FRAME, METADATA_CHECKSUM, TableReader};
 
-/// Scenarios in a row group: what a reader holds in memory, and what the review page decodes for one scenario.
-const GROUP: usize = 8;
-/// Key of the file's metadata with the provenance, as JSON.
-const PROVENANCE: &str = "reactsim.curation";
-/// What coordinates are relative to.
+/// Number of scenarios in a row group: a reader holds one group in memory, and the review page decodes
+/// one to show a scenario.
+const SCENARIOS_PER_GROUP: usize = 8;
+/// Key of the file metadata that holds the provenance as JSON.
+const PROVENANCE_KEY: &str = "reactsim.curation";
+/// Value of the frame key: coordinates are relative to the scenario frame.
 const SCENARIO_FRAME: &str = "scenario";
 
-/// Opens a file and makes sure that a curation wrote it.
+/// Opens a file and checks that a curation wrote it.
 fn open(path: &Path) -> Result<(TableReader, CurationProvenance), FormatError> {
     let table = TableReader::open(path)?;
     table.require(KIND, VERSION)?;
@@ -43,11 +46,11 @@ fn provenance(table: &TableReader) -> Result<CurationProvenance, Cause> {
         let expected = "present, as in files that `reactsim curate` writes";
         Cause::schema(of(key), "missing", expected)
     };
-    let text = table.key(PROVENANCE).ok_or_else(|| missing(PROVENANCE))?;
-    table.key(SAID).ok_or_else(|| missing(SAID))?;
+    let text = table.key(PROVENANCE_KEY).ok_or_else(|| missing(PROVENANCE_KEY))?;
+    table.key(METADATA_CHECKSUM).ok_or_else(|| missing(METADATA_CHECKSUM))?;
     match table.key(FRAME).ok_or_else(|| missing(FRAME))? {
         SCENARIO_FRAME => {}
         other => return Err(Cause::schema(of(FRAME), format!("`{other}`"), format!("`{SCENARIO_FRAME}`"))),
     }
-    serde_json::from_str(text).map_err(|e| Cause::Undecodable(format!("{}: {e}", of(PROVENANCE))))
+    serde_json::from_str(text).map_err(|e| Cause::Undecodable(format!("{}: {e}", of(PROVENANCE_KEY))))
 }

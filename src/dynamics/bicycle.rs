@@ -1,9 +1,9 @@
-//! The kinematic bicycle model, in terms of the curvature of its path.
+//! The kinematic bicycle model, parametrised by path curvature.
 
 use crate::geometry::{Vec2, direction, math, wrap};
 use crate::scene::AgentState;
 
-/// Where a vehicle is and where it points.
+/// Position and heading of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Box centre, metres.
@@ -19,9 +19,10 @@ impl From<AgentState> for Pose {
 }
 
 impl Pose {
-    /// The pose after `distance` metres at constant curvature (1/m, left positive).
+    /// Returns the pose after `distance` metres at constant curvature (1/m, left positive).
     ///
-    /// The chord of the arc points along the mean of the two headings; its length is that of the arc times sinc(half the turn).
+    /// The chord of the arc points along the mean of the two headings; its length is the arc length
+    /// times sinc of half the turn.
     pub fn advance(&self, distance: f64, curvature: f64) -> Self {
         let half = 0.5 * curvature * distance;
         let sinc = if half.abs() < 1e-4 { 1.0 - half * half / 6.0 } else { math::sin(half) / half };

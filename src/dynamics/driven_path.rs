@@ -1,4 +1,4 @@
-//! Paths that a vehicle can drive: chains of short arcs of bounded, slowly changing curvature.
+//! Drivable paths: chains of short arcs of bounded, slowly changing curvature.
 
 use super::Pose;
 use crate::geometry::{Bounds, Polyline, Vec2, direction, math, wrap};
@@ -26,11 +26,11 @@ impl PathPoint {
         Self { pose, axis: direction(pose.heading), curvature }
     }
 
-    /// The point after `distance` metres of the arc that begins here, with the same curvature: [`Pose::advance`], with the axis
-    /// turned along instead of made anew.
+    /// Returns the point `distance` metres along the arc that begins here, with the same curvature:
+    /// [`Pose::advance`], but rotates the axis instead of recomputing it.
     fn next(&self, distance: f64) -> Self {
         let half = 0.5 * self.curvature * distance;
-        // The series are exact to the last digit for the small turns of one step.
+        // For the small turns of one step these series are exact to the last digit.
         let h2 = half * half;
         let (sin, cos) = if half.abs() < 0.15 {
             let sinc = 1.0 - h2 / 6.0 * (1.0 - h2 / 20.0 * (1.0 - h2 / 42.0 * (1.0 - h2 / 72.0)));
@@ -54,10 +54,10 @@ impl PathPoint {
     }
 }
 
-/// Where something lies relative to a path.
+/// Projection of a position onto a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathProjection {
-    /// Arc length, metres; negative before the start, beyond the length after the end.
+    /// Arc length, metres; negative before the start, greater than the length beyond the end.
     pub s: f64,
     /// Lateral offset, metres, left positive.
     pub offset: f64,
@@ -65,10 +65,10 @@ pub struct PathProjection {
     pub index: usize,
 }
 
-/// How a path is steered onto a reference line.
+/// Parameters of pure pursuit along a reference line.
 #[derive(Clone, Copy, Debug)]
 pub struct Pursuit {
-    /// Distance to the point of the reference that is aimed at, metres.
+    /// Distance along the reference line to the target point, metres.
     pub look_ahead: f64,
     /// Largest curvature, 1/m.
     pub max_curvature: f64,
@@ -77,32 +77,34 @@ pub struct Pursuit {
 }
 
 impl Pursuit {
-    /// A pursuer cuts a bend of `turn` radians over its look-ahead by about an eighth of their product: in sharp bends it looks
-    /// less far.
+    /// Returns the look-ahead distance in a bend of `turn` radians, shorter in sharp bends: pure
+    /// pursuit cuts a bend by about an eighth of the product of look-ahead and turn.
     fn look_ahead_in_bend(&self, turn: f64) -> f64 {
         let cut = self.look_ahead * turn / 8.0;
-        if cut <= Self::LARGEST_CUT {
+        if cut <= Self::MAX_CORNER_CUT {
             return self.look_ahead;
         }
-        (self.look_ahead * (Self::LARGEST_CUT / cut).sqrt()).max(Self::SHORTEST.min(self.look_ahead))
+        (self.look_ahead * (Self::MAX_CORNER_CUT / cut).sqrt()).max(Self::MIN_LOOK_AHEAD.min(self.look_ahead))
     }
 
-    /// How far a bend may be cut, metres.
-    const LARGEST_CUT: f64 = 0.4;
-    /// The shortest look-ahead, metres: below it a pursuer swings about the line.
-    const SHORTEST: f64 = 3.5;
+    /// Largest distance by which a bend may be cut, metres.
+    const MAX_CORNER_CUT: f64 = 0.4;
+    /// Smallest look-ahead distance, metres: below it pure pursuit oscillates about the line.
+    const MIN_LOOK_AHEAD: f64 = 3.5;
 }
 
 impl DrivenPath {
     /// Length of every arc, metres.
     pub const STEP: f64 = 1.0;
-    /// Points per block of bounds.
+    /// Number of arcs per bounding box.
     const BLOCK: usize = 8;
 
-    /// Steers from `start` (with curvature `curvature`, 1/m) onto `reference` by pure pursuit, for `length` metres. Beyond the end
-    /// of the reference the path goes on straight. Curvature and its change stay within the limits of `pursuit`.
+    /// Steers from `start` (with curvature `curvature`, 1/m) onto `reference` by pure pursuit, for
+    /// `length` metres. Beyond its end the reference is extended straight. Curvature and its rate
+    /// of change stay within the limits of `pursuit`.
     ///
-    /// Source: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm (CMU-RI-TR-92-01).
+    /// Source: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm
+    /// (CMU-RI-TR-92-01).
     pub fn pursue(start: Pose, curvature: f64, reference: &Polyline, length: f64, pursuit: &Pursuit) -> Self {
         let count = (length / Self::STEP).ceil().max(1.0) as usize + 1;
         let limit = pursuit.max_curvature;
@@ -114,7 +116,7 @@ impl DrivenPath {
         for _ in 0..count {
             let near = reference.project_between(here.pose.position, segment, segment + 12);
             segment = near.segment;
-            // Beyond its end the reference goes on straight, and the vehicle with it.
+            // Beyond its end the reference is extended straight.
             let beyond = if near.segment + 1 == reference.segments() && near.t >= 1.0 {
                 let (a, b) = reference.segment(near.segment);
                 (here.pose.position - b).dot(&(b - a)) / (b - a).norm()
@@ -130,20 +132,21 @@ impl DrivenPath {
             }
             let goal = reference.on_segment(goal_s, aim) - here.pose.position;
             let distance = goal.norm();
-            let wanted = if here.axis.dot(&goal) < 0.0 {
-                // A goal behind the vehicle asks for the tightest turn towards it.
+            let desired = if here.axis.dot(&goal) < 0.0 {
+                // A goal behind the vehicle needs the tightest turn towards it.
                 limit.copysign(here.axis.perp(&goal))
             } else {
                 (2.0 * here.axis.perp(&goal) / (distance * distance.max(1.0)).max(1e-9)).clamp(-limit, limit)
             };
-            here.curvature += (wanted - here.curvature).clamp(-change, change);
+            here.curvature += (desired - here.curvature).clamp(-change, change);
             points.push(here);
             here = here.next(Self::STEP);
         }
         Self::of(points)
     }
 
-    /// Goes on with `curvature`, which fades with the length scale `fade` (metres), for `length` metres.
+    /// Builds a path of `length` metres whose curvature decays from `curvature` with the length
+    /// scale `fade` (metres).
     pub fn fade(start: Pose, curvature: f64, fade: f64, length: f64) -> Self {
         let count = (length / Self::STEP).ceil().max(1.0) as usize + 1;
         let mut points = Vec::with_capacity(count);
@@ -165,27 +168,28 @@ impl DrivenPath {
         Self { points, bounds }
     }
 
-    /// The points, one per metre.
+    /// Returns the points, one per metre.
     pub fn points(&self) -> &[PathPoint] {
         &self.points
     }
 
-    /// Length, metres.
+    /// Returns the length, metres.
     pub fn length(&self) -> f64 {
         (self.points.len() - 1) as f64 * Self::STEP
     }
 
-    /// Index of the arc that holds arc length `s`.
+    /// Returns the index of the arc that contains arc length `s`.
     pub fn index(&self, s: f64) -> usize {
         ((s / Self::STEP).max(0.0) as usize).min(self.points.len() - 1)
     }
 
-    /// The pose at arc length `s`; before the start and beyond the end the path is straight.
+    /// Returns the pose at arc length `s`; before the start and beyond the end the path is
+    /// straight.
     pub fn at(&self, s: f64) -> Pose {
         self.point_at(s).pose
     }
 
-    /// As [`Self::at`], with the unit vector along the heading.
+    /// Like [`Self::at`], but with curvature and the unit vector along the heading.
     pub fn point_at(&self, s: f64) -> PathPoint {
         let i = self.index(s);
         let along = s - i as f64 * Self::STEP;
@@ -194,15 +198,18 @@ impl DrivenPath {
         PathPoint { curvature: if straight { 0.0 } else { point.curvature }, ..point }.next(along)
     }
 
-    /// Bounds of the centre line between two arc lengths (in steps of some metres, so a little too large).
+    /// Returns bounds of the centre line between two arc lengths. They are slightly too large,
+    /// because they are made of blocks of several metres.
     pub fn bounds(&self, from: f64, to: f64) -> Bounds {
         let (first, last) = (self.index(from) / Self::BLOCK, self.index(to) / Self::BLOCK);
         self.bounds[first..=last].iter().fold(Bounds::EMPTY, |a, b| a.union(b))
     }
 
-    /// Projects `p` onto the stretch between the point indices `first` and `last`, beginning the search at `near` where given.
+    /// Projects `p` onto the section between the point indices `first` and `last`, starting the
+    /// search at `near` if given.
     ///
-    /// With `near` the search walks downhill from there, which suffices for a point that moves on step by step.
+    /// With `near` the search only descends from there, which suffices for a point that moves step
+    /// by step.
     pub fn project(&self, p: Vec2, first: usize, last: usize, near: Option<usize>) -> PathProjection {
         let last = last.min(self.points.len() - 1);
         let first = first.min(last);

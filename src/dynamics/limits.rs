@@ -2,5 +2,5 @@
 
 /// Largest feasible magnitude of acceleration, m/s².
 pub const MAX_ACCELERATION: f64 = 6.0;
-/// Largest feasible magnitude of steering curvature, 1/m.
+/// Largest feasible magnitude of path curvature, 1/m.
 pub const MAX_CURVATURE: f64 = 0.3;

@@ -1,5 +1,6 @@
-//! What vehicles can do: the limits of the benchmark, the kinematic bicycle model, paths that a vehicle can drive,
-//! speeds at which it can drive them, and the tracker that follows planned poses within the limits.
+//! Vehicle dynamics: the limits of the benchmark, the kinematic bicycle model, drivable paths and
+//! the speeds at which they can be driven, and the tracker that follows planned poses within the
+//! limits.
 
 mod axle_path;
 mod bicycle;
@@ -9,7 +10,7 @@ mod tracker;
 
 pub mod speeds;
 
-pub use axle_path::{Allowed, AxlePath, CALM_STEERING, Departure, REAR_AXLE, follow, follow_smoothly};
+pub use axle_path::{Allowed, AxlePath, CALM_STEERING_RATE, Departure, REAR_AXLE, follow, follow_smoothly};
 pub use bicycle::Pose;
 pub use driven_path::{DrivenPath, PathPoint, PathProjection, Pursuit};
 pub use limits::{MAX_ACCELERATION, MAX_CURVATURE};

@@ -1,36 +1,45 @@
-//! Speed profiles of the 80 steps, m/s: `speeds[k]` is the distance of step k + 1 over 0.1 s.
+//! Speed profiles of the 80 steps, m/s: `speeds[k]` is the distance travelled in step k + 1 divided
+//! by 0.1 s.
 
 use crate::geometry::math;
 use crate::scene::{DT, FUTURE};
 
-/// Largest change of speed between two steps, m/s: the bound of the acceleration metric, 6 m/s².
-pub const CHANGE: f64 = 0.6;
-/// Largest gain of speed between two steps after a curve, m/s.
-pub const GAIN: f64 = ACCELERATION * DT;
-/// Largest loss of speed between two steps before a curve, m/s.
-pub const LOSS: f64 = DECELERATION * DT;
-/// By how much that gain may grow from step to step, m/s: a jerk of 15 m/s³; it may fall twice as fast.
-pub const EASE: f64 = 0.15;
-/// Longest rise and fall of the braking force, s.
-const BRAKE_RAMP: f64 = 0.5;
-/// Peak deceleration that a ramp may lead to, m/s².
-const BRAKE_PEAK: f64 = 5.9;
-/// Speeding up is kept below this, m/s².
-pub const ACCELERATION: f64 = 4.0;
-/// Slowing down is kept below this, m/s².
-pub const DECELERATION: f64 = 5.0;
-/// Share of the acceleration that changing the time scale may use, m/s².
-const RAMP: f64 = 2.5;
-/// Slower than this is a halt, m/s.
-const HALT: f64 = 0.05;
+/// Largest change of speed in one step, m/s: the bound of the acceleration metric, 6 m/s², over 0.1
+/// s.
+pub const MAX_SPEED_CHANGE: f64 = 0.6;
+/// Largest gain of speed in one step after a curve, m/s.
+pub const MAX_CURVE_SPEED_GAIN: f64 = MAX_PLANNED_ACCELERATION * DT;
+/// Largest loss of speed in one step before a curve, m/s.
+pub const MAX_CURVE_SPEED_LOSS: f64 = MAX_PLANNED_DECELERATION * DT;
+/// Largest increase from step to step of the speed gain per step, m/s: a jerk of 15 m/s³. The gain
+/// may decrease twice as fast.
+pub const SPEED_GAIN_STEP: f64 = 0.15;
+/// Longest duration over which the deceleration builds up or fades, s.
+const MAX_BRAKE_RAMP: f64 = 0.5;
+/// Largest peak deceleration of a braking profile with ramps, m/s².
+const MAX_PEAK_DECELERATION: f64 = 5.9;
+/// Largest planned acceleration, m/s².
+pub const MAX_PLANNED_ACCELERATION: f64 = 4.0;
+/// Largest planned deceleration, m/s².
+pub const MAX_PLANNED_DECELERATION: f64 = 5.0;
+/// Largest acceleration that a change of the time scale may cause, m/s².
+const MAX_RETIMING_ACCELERATION: f64 = 2.5;
+/// Speed below which a vehicle counts as halted, m/s.
+const HALT_SPEED: f64 = 0.05;
 
-/// Brakes from `speed` to a halt in the time `speed / deceleration`: the force rises and falls by a ramp, its mean is what was
-/// asked, and so is the way to the halt, `speed² / (2 deceleration)`.
+/// Returns a profile that brakes from `speed` to a halt in the time `speed / deceleration`.
+///
+/// The deceleration builds up and fades over a ramp. Its mean is exactly `deceleration`, and so the
+/// braking distance is `speed² / (2 deceleration)`.
 pub fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
     let duration = speed / deceleration;
-    let ramp = BRAKE_RAMP.min(duration / 5.0).min(duration * (1.0 - deceleration / BRAKE_PEAK)).max(0.0);
+    let ramp = MAX_BRAKE_RAMP
+        .min(duration / 5.0)
+        .min(duration * (1.0 - deceleration / MAX_PEAK_DECELERATION))
+        .max(0.0);
     let peak = if duration > ramp { speed / (duration - ramp) } else { 0.0 };
-    // Distance after t: the force is a trapezoid, so the distance is a cubic, a parabola and a cubic.
+    // Distance after t: the deceleration is a trapezoid, so the distance is a cubic, a parabola and
+    // a cubic.
     let rise = |t: f64| if ramp > 0.0 { peak * t * t * t / (6.0 * ramp) } else { 0.0 };
     let distance = |t: f64| {
         let t = t.min(duration);
@@ -46,12 +55,14 @@ pub fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
     steps(distance)
 }
 
-/// The speeds of the log with time running faster or slower: the time scale goes from 1 to `factor` by a smooth ramp whose length
-/// keeps the acceleration bounded. After the log's end the last speed goes on.
+/// Returns the speeds of the log with time running faster or slower.
+///
+/// The time scale goes from 1 to `factor` over a smooth ramp that is long enough to keep the
+/// acceleration bounded. After the end of the log its last speed continues.
 pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
     let early = log.iter().take(30).fold(0.0_f64, |a, &v| a.max(v));
     // The steepest slope of the smooth step is 1.5 / duration.
-    let duration = (1.5 * (factor - 1.0).abs() * early / RAMP).max(1.0);
+    let duration = (1.5 * (factor - 1.0).abs() * early / MAX_RETIMING_ACCELERATION).max(1.0);
     let scale = |t: f64| {
         let u = (t / duration).min(1.0);
         1.0 + (factor - 1.0) * u * u * (3.0 - 2.0 * u)
@@ -73,24 +84,24 @@ pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
         times.push(time);
     }
     let mut speeds: Vec<f64> = times.windows(2).map(|t| (travelled(t[1]) - travelled(t[0])) / DT).collect();
-    bound(log[0], &mut speeds, ACCELERATION, DECELERATION);
+    bound(log[0], &mut speeds, MAX_PLANNED_ACCELERATION, MAX_PLANNED_DECELERATION);
     soften(log[0], &mut speeds);
     speeds
 }
 
-/// The mean speeds of the 80 steps of a motion given by its distance over time.
+/// Returns the mean speeds of the 80 steps of a motion given by its distance as a function of time.
 fn steps(distance: impl Fn(f64) -> f64) -> Vec<f64> {
     let at = |k: usize| distance(k as f64 * DT);
     (0..FUTURE).map(|k| halted(((at(k + 1) - at(k)) / DT).max(0.0))).collect()
 }
 
-/// The speed, or 0 where it is a halt.
+/// Returns the speed, or 0 if it is below the threshold of a halt.
 pub fn halted(speed: f64) -> f64 {
-    if speed < HALT { 0.0 } else { speed }
+    if speed < HALT_SPEED { 0.0 } else { speed }
 }
 
-/// Lowers speeds until they can be driven from `now` on with these bounds of the acceleration (m/s²): braking begins earlier, speeding
-/// up takes longer.
+/// Lowers speeds until they can be driven from the speed `now` within these bounds of acceleration
+/// and deceleration (m/s²): braking begins earlier, speeding up takes longer.
 pub fn bound(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64) {
     for k in (0..speeds.len() - 1).rev() {
         speeds[k] = speeds[k].min(speeds[k + 1] + deceleration * DT);
@@ -98,8 +109,9 @@ pub fn bound(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64)
     bound_ahead(now, speeds, acceleration, deceleration);
 }
 
-/// Changes speeds until they can be driven from `now` on with these bounds of the acceleration (m/s²), as by somebody who does not look
-/// ahead: braking begins when it is asked for, and ends later.
+/// Changes speeds until they can be driven from the speed `now` within these bounds of acceleration
+/// and deceleration (m/s²), without anticipation: braking begins when it is demanded, and ends
+/// later.
 pub fn bound_ahead(now: f64, speeds: &mut [f64], acceleration: f64, deceleration: f64) {
     let mut before = now;
     for speed in speeds {
@@ -108,8 +120,10 @@ pub fn bound_ahead(now: f64, speeds: &mut [f64], acceleration: f64, deceleration
     }
 }
 
-/// Averages over five steps, which bounds the jerk and no acceleration grows. Before the first step the speeds are mirrored
-/// at `now` and turned over, so that they go on from it.
+/// Averages speeds over five steps, which bounds the jerk and increases no acceleration.
+///
+/// Before the first step the speeds continue by point reflection about `now`, so that the average
+/// starts from it.
 pub fn soften(now: f64, speeds: &mut [f64]) {
     let raw = speeds.to_vec();
     let at = |k: isize| match k {
@@ -122,24 +136,26 @@ pub fn soften(now: f64, speeds: &mut [f64]) {
     }
 }
 
-/// Steps over which a change of the acceleration is spread.
-const SPREAD: usize = 7;
-/// Time in which an acceleration fades that nobody asks for any more, s.
-const FADE: f64 = 0.4;
+/// Number of steps over which a change of the acceleration is spread.
+const SPREAD_STEPS: usize = 7;
+/// Time constant with which the initial acceleration fades, s.
+const FADE_TIME: f64 = 0.4;
 
-/// Spreads every change of the acceleration over 0.7 s, for a vehicle that speeds up by `acceleration` (m/s²) until now: the speeds go on
-/// from it. They come 0.3 s late, as those of somebody who reacts.
+/// Spreads every change of the acceleration over 0.7 s, starting from the current speed `now` and
+/// its `acceleration` (m/s²). The result lags 0.3 s behind, like a driver who reacts.
 ///
-/// What is averaged, over the last steps, is how far the speeds are from those of a vehicle whose acceleration only fades.
+/// The difference between the speeds and those of a vehicle whose acceleration only fades is
+/// averaged over the last steps.
 pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
-    let faded = |k: usize| now + acceleration * FADE * (1.0 - math::exp(-((k + 1) as f64) * DT / FADE));
+    let faded =
+        |k: usize| now + acceleration * FADE_TIME * (1.0 - math::exp(-((k + 1) as f64) * DT / FADE_TIME));
     let raw = speeds.to_vec();
     for (k, speed) in speeds.iter_mut().enumerate() {
-        let first = (k + 1).saturating_sub(SPREAD);
-        let asked = &raw[first..=k];
-        let apart: f64 = asked.iter().enumerate().map(|(i, v)| v - faded(first + i)).sum();
-        let stands = asked.len() == SPREAD && asked.iter().all(|&v| v == 0.0);
-        *speed = if stands { 0.0 } else { halted((faded(k) + apart / SPREAD as f64).max(0.0)) };
+        let first = (k + 1).saturating_sub(SPREAD_STEPS);
+        let window = &raw[first..=k];
+        let excess: f64 = window.iter().enumerate().map(|(i, v)| v - faded(first + i)).sum();
+        let stationary = window.len() == SPREAD_STEPS && window.iter().all(|&v| v == 0.0);
+        *speed = if stationary { 0.0 } else { halted((faded(k) + excess / SPREAD_STEPS as f64).max(0.0)) };
     }
 }
 

@@ -1,13 +1,17 @@
-//! The kinematic projection: drives a vehicle along planned poses without ever leaving the limits of the benchmark.
+//! The kinematic projection: follows planned poses without ever exceeding the limits of the
+//! benchmark.
 //!
-//! Plans of networks are made of tokens, each of which starts at another speed than the last one ended with; judged by position
-//! differences, such seams are impossible accelerations. The tracker follows the planned poses as a vehicle could: the rear axle moves
-//! along the heading (kinematic bicycle model), acceleration, jerk and curvature are bounded, and the speed that it states is the way of
-//! the box centre over 0.1 s, exactly. The bounds are below those of the metrics, in the metrics' own terms.
+//! Network plans are made of tokens, and each token starts at a different speed from the one at
+//! which the previous token ended. Judged by position differences, such seams are impossible
+//! accelerations. The tracker follows the planned poses as a vehicle could: the rear axle moves
+//! along the heading (kinematic bicycle model); acceleration, jerk and curvature are bounded; and
+//! the stated speed is exactly the distance travelled by the box centre divided by 0.1 s. The
+//! bounds are below those of the metrics, in the metrics' own terms.
 //!
-//! At every step two constants are fitted to the next planned poses, by least squares: the acceleration and its change in time, and the
-//! curvature and its change along the way. What is fitted are positions and speeds, and positions and headings; the fit is then cut to
-//! what the vehicle can do. Beyond its end a plan is thought to go on as it ended.
+//! At every step two linear functions are fitted to the next planned poses by least squares: the
+//! acceleration over time, fitted to positions and speeds, and the curvature along the path, fitted
+//! to positions and headings. The fit is then clamped to the vehicle's limits. Beyond its end a
+//! plan is extrapolated with its final motion.
 
 mod aim;
 mod fit;
@@ -18,54 +22,59 @@ use super::Pose;
 use crate::geometry::{Vec2, direction, left, math, wrap};
 use crate::scene::{AgentState, DT, Frame};
 
-/// Planned poses that are looked at ahead of each step.
-const PREVIEW: usize = 5;
-/// Deceleration at which a vehicle that was behind its plan comes back to the plan's speed, m/s².
-const CATCHING_UP: f64 = 2.5;
-/// A plan that is slower stands, m/s.
-const STANDING: f64 = 0.02;
-/// Largest angle between the heading and a planned heading that the fit takes, radians.
-const LARGEST_ANGLE: f64 = 0.8;
-/// Largest sine of the angle between the way of the box centre and the heading.
-const LARGEST_SLIP: f64 = 0.6;
+/// Number of planned poses considered ahead of each step.
+const PREVIEW_POSES: usize = 5;
+/// Deceleration at which a vehicle that has caught up with its plan returns to the plan's speed,
+/// m/s².
+const CATCH_UP_DECELERATION: f64 = 2.5;
+/// Speed below which a plan counts as stationary, m/s.
+const STANDSTILL_SPEED: f64 = 0.02;
+/// Largest difference between the heading and a planned heading that the fit accepts, radians.
+const MAX_HEADING_DIFFERENCE: f64 = 0.8;
+/// Largest sine of the angle between the motion of the box centre and the heading.
+const MAX_SLIP_SINE: f64 = 0.6;
 
-/// What a vehicle is able to do.
+/// Kinematic limits of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ability {
     /// Largest magnitude of the acceleration, m/s². The metric's bound is [`super::MAX_ACCELERATION`].
     pub acceleration: f64,
-    /// Largest magnitude of the curvature by the metric's formula, 1/m. The metric's bound is [`super::MAX_CURVATURE`].
+    /// Largest magnitude of the curvature by the metric's formula, 1/m. The metric's bound is
+    /// [`super::MAX_CURVATURE`].
     pub curvature: f64,
-    /// Largest change of the acceleration, m/s³. A vehicle that comes to a halt is no longer braked at once.
+    /// Largest change of the acceleration, m/s³. It does not apply when a vehicle comes to a halt:
+    /// braking then ends at once.
     pub jerk: f64,
-    /// How far the rear axle lies behind the box centre, metres: [`super::REAR_AXLE`] times the length for poses like those of
-    /// logs; 0 for poses whose centre moves along the heading.
+    /// Distance from the box centre back to the rear axle, metres: [`super::REAR_AXLE`] times the
+    /// length for poses like those of logs; 0 for poses whose centre moves along the heading.
     pub rear: f64,
 }
 
 impl Ability {
-    /// A vehicle with its rear axle so many metres behind the centre; the bounds leave a margin of a tenth to the metrics'.
+    /// Returns the limits of a vehicle whose rear axle is `rear` metres behind its centre; they
+    /// leave a margin of a tenth to the bounds of the metrics.
     pub fn of_vehicle(rear: f64) -> Self {
         Self { acceleration: 5.5, curvature: 0.27, jerk: 30.0, rear }
     }
 }
 
-/// How a vehicle moves at one instant.
+/// Motion of a vehicle at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moving {
     /// Box centre and heading.
     pub pose: Pose,
-    /// Way of the centre in the last step over 0.1 s, m/s; negative backwards.
+    /// Distance travelled by the centre in the last step divided by 0.1 s, m/s; negative backwards.
     pub speed: f64,
     /// Change of that speed in the last step over 0.1 s, m/s².
     pub acceleration: f64,
 }
 
 impl Moving {
-    /// How a vehicle moves after these states, the last of which is now; `None` where it is absent now.
+    /// Returns the motion of a vehicle after these states, the last of which is the current one;
+    /// `None` if it is absent in that one.
     ///
-    /// The speed is that of the velocity that the states have, as in the metrics; where it is unknown the positions tell it, and where
-    /// those do not, the vehicle stands.
+    /// The speed comes from the velocities of the states, as in the metrics; where they are
+    /// unknown, from position differences; failing that, the vehicle is at rest.
     pub fn after(states: &[Frame]) -> Option<Self> {
         let at = |back: usize| states.len().checked_sub(back + 1).and_then(|i| states[i]);
         let signed = |back: usize| {
@@ -83,23 +92,24 @@ impl Moving {
         Some(Self { pose: Pose::from(now), speed, acceleration })
     }
 
-    /// After a step of 0.1 s at `speed` (way of the centre over 0.1 s, m/s, negative backwards) in which the heading turns by `turn`
-    /// (radians) about a rear axle that lies `rear` metres behind the centre.
+    /// Returns the motion after one more step at `speed` (distance travelled by the centre over 0.1
+    /// s, m/s, negative backwards) in which the heading turns by `turn` (radians) about a rear axle
+    /// `rear` metres behind the centre.
     pub fn moved(&self, speed: f64, turn: f64, rear: f64) -> Self {
         let acceleration = (speed - self.speed) / DT;
         if speed == 0.0 {
             return Self { speed, acceleration, ..*self };
         }
-        // The centre goes aside of the heading as far as it swings about the rear axle.
+        // Lateral displacement of the centre: its swing about the rear axle.
         let aside = 2.0 * rear * math::sin(0.5 * turn);
-        let way = speed.abs() * DT;
-        let along = (way * way - aside * aside).max(0.0).sqrt().copysign(speed);
+        let distance = speed.abs() * DT;
+        let along = (distance * distance - aside * aside).max(0.0).sqrt().copysign(speed);
         let facing = direction(self.pose.heading + 0.5 * turn);
         let position = self.pose.position + facing * along + left(facing) * aside;
         Self { pose: Pose { position, heading: wrap(self.pose.heading + turn) }, speed, acceleration }
     }
 
-    /// The state with the velocity that the last step had, for a step that started at `from`.
+    /// Returns the state, with the velocity of the last step, which started at `from`.
     pub fn state(&self, from: Vec2) -> AgentState {
         let v = (self.pose.position - from) / DT;
         AgentState {
@@ -112,19 +122,20 @@ impl Moving {
     }
 }
 
-/// Follows planned poses within what a vehicle is able to do.
+/// Controller that follows planned poses within a vehicle's limits.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     ability: Ability,
-    /// What positions and speeds ahead weigh in the acceleration of the next step, 1/s² and 1/s.
-    gains: [(f64, f64); PREVIEW],
-    /// How long a way takes that is made up for without haste, seconds.
+    /// Weights of position and speed errors of the next poses in the acceleration of the next step,
+    /// 1/s² and 1/s.
+    gains: [(f64, f64); PREVIEW_POSES],
+    /// Time scale on which a position error is made up without haste, seconds.
     lag: f64,
     aims: Vec<Aim>,
 }
 
 impl Tracker {
-    /// A tracker for vehicles of one ability.
+    /// Creates a tracker for vehicles with these limits.
     pub fn new(ability: Ability) -> Self {
         let gains = gains();
         let (mut place, mut pace) = (0.0, 0.0);
@@ -135,13 +146,13 @@ impl Tracker {
         Self { ability, gains, lag: pace / place, aims: Vec::new() }
     }
 
-    /// Puts a vehicle of another ability in the place of the last one.
+    /// Replaces the limits, for another vehicle.
     pub fn set_ability(&mut self, ability: Ability) {
         self.ability = ability;
     }
 
-    /// Drives from `now` along the planned `poses`, 0.1 s apart, the first of which is due after 0.1 s. Replaces the content of `driven`
-    /// by one instant for each pose. Poses must be finite.
+    /// Drives from `now` along the planned `poses`, 0.1 s apart, the first of which is due after
+    /// 0.1 s. Replaces the content of `driven` by one motion state per pose. Poses must be finite.
     pub fn track(&mut self, now: Moving, poses: &[Pose], driven: &mut Vec<Moving>) {
         driven.clear();
         aim(&self.ability, now.pose, poses, &mut self.aims);
@@ -153,23 +164,24 @@ impl Tracker {
         }
     }
 
-    /// The next instant, `k` steps after the plan's beginning.
+    /// Returns the next motion state, `k` steps after the start of the plan.
     fn step(&self, now: Moving, k: usize) -> Moving {
-        let aims = &self.aims[k..k + PREVIEW];
-        let net: f64 = aims.iter().map(|a| a.speed).sum::<f64>() / PREVIEW as f64;
-        let stands = aims.iter().all(|a| a.speed.abs() < STANDING);
-        // +1 ahead, -1 backwards; a vehicle whose plan stands rolls out the way it goes.
-        let sign = if stands { now.speed } else { net };
+        let aims = &self.aims[k..k + PREVIEW_POSES];
+        let net: f64 = aims.iter().map(|a| a.speed).sum::<f64>() / PREVIEW_POSES as f64;
+        let stationary = aims.iter().all(|a| a.speed.abs() < STANDSTILL_SPEED);
+        // +1 forwards, -1 backwards; a vehicle whose plan is stationary keeps its direction until
+        // it halts.
+        let sign = if stationary { now.speed } else { net };
         let sign = if sign < 0.0 { -1.0 } else { 1.0 };
         let gap = sign * (aims[0].centre - now.pose.position).dot(&aims[0].ahead);
         let speed = sign * now.speed;
         if speed == 0.0 {
             let ahead = gap + aims[1..].iter().map(|a| sign * a.speed * DT).sum::<f64>();
-            if ahead < STANDING * DT * PREVIEW as f64 {
+            if ahead < STANDSTILL_SPEED * DT * PREVIEW_POSES as f64 {
                 return Moving { speed: 0.0, acceleration: 0.0, ..now };
             }
         }
-        let next = self.next_speed(speed, sign * now.acceleration, sign, gap, aims, stands);
+        let next = self.next_speed(speed, sign * now.acceleration, sign, gap, aims, stationary);
         let acceleration = sign * (next - speed) / DT;
         if next == 0.0 {
             return Moving { speed: 0.0, acceleration, ..now };
@@ -178,13 +190,14 @@ impl Tracker {
         Moving { acceleration, ..now.moved(sign * next, turn, self.ability.rear) }
     }
 
-    /// The speed of the next step, towards the plan's side.
-    fn next_speed(&self, speed: f64, last: f64, sign: f64, gap: f64, aims: &[Aim], stands: bool) -> f64 {
+    /// Returns the speed of the next step, positive in the direction of the plan.
+    fn next_speed(&self, speed: f64, last: f64, sign: f64, gap: f64, aims: &[Aim], stationary: bool) -> f64 {
         let mut wanted = 0.0;
-        // How far it is behind the plan now; a long way is made up for no faster than what is then too much speed can be braked away.
+        // Distance by which the vehicle is behind its plan, limited so that the extra speed to make
+        // it up can be braked away again.
         let due = sign * aims[0].speed * DT;
         let behind = gap - due;
-        let most = self.lag * (2.0 * CATCHING_UP * behind.abs()).sqrt();
+        let most = self.lag * (2.0 * CATCH_UP_DECELERATION * behind.abs()).sqrt();
         let mut ahead = due + behind.clamp(-most, most);
         for (j, (aim, (place, pace))) in aims.iter().zip(self.gains).enumerate() {
             if j > 0 {
@@ -199,52 +212,54 @@ impl Tracker {
         if speed >= 0.0 {
             next = next.max(0.0);
         }
-        // Where a plan stands, standing is exact.
-        if stands && speed.abs() <= limit * DT && gap < 0.02 {
+        // If the plan is stationary, the vehicle stops exactly.
+        if stationary && speed.abs() <= limit * DT && gap < 0.02 {
             next = 0.0;
         }
         next
     }
 
-    /// The turn of the next step, radians, which goes from `speed` to `next` (both towards the plan's side, `next` > 0).
+    /// Returns the heading change of the next step, radians, in which the speed goes from `speed`
+    /// to `next` (both positive in the direction of the plan, `next` > 0).
     fn turn(&self, now: Pose, speed: f64, next: f64, sign: f64, k: usize) -> f64 {
         let rear = self.ability.rear;
         let facing = direction(now.heading);
         let axle = now.position - facing * rear;
         let mut bend = Bend::new();
-        let (mut way, mut before, mut taken) = (0.0, axle, 0);
-        for aim in &self.aims[k..k + PREVIEW] {
+        let (mut arc, mut before, mut taken) = (0.0, axle, 0);
+        for aim in &self.aims[k..k + PREVIEW_POSES] {
             let to = (aim.axle - axle) * sign;
             let along = to.dot(&facing);
             let angle = wrap(aim.heading - now.heading);
             if along <= 0.25 * next * DT {
                 continue;
             }
-            if taken > 0 && angle.abs() > LARGEST_ANGLE {
+            if taken > 0 && angle.abs() > MAX_HEADING_DIFFERENCE {
                 break;
             }
-            way += (aim.axle - before).norm();
+            arc += (aim.axle - before).norm();
             before = aim.axle;
-            bend.take(way, facing.perp(&to), angle.clamp(-LARGEST_ANGLE, LARGEST_ANGLE));
+            bend.take(arc, facing.perp(&to), angle.clamp(-MAX_HEADING_DIFFERENCE, MAX_HEADING_DIFFERENCE));
             taken += 1;
         }
         if taken == 0 {
-            // Beyond the plan's end: along the line on which it ended.
+            // Beyond the end of the plan: along the line on which it ended.
             let end = &self.aims[self.aims.len() - 1];
             let line = direction(end.heading) * sign;
             let reach = (0.4 * next).max(2.0);
             let along = (axle - end.axle).dot(&line).max(0.0);
             let to = (end.axle + line * (along + reach) - axle) * sign;
-            let angle = wrap(end.heading - now.heading).clamp(-LARGEST_ANGLE, LARGEST_ANGLE);
+            let angle =
+                wrap(end.heading - now.heading).clamp(-MAX_HEADING_DIFFERENCE, MAX_HEADING_DIFFERENCE);
             bend.take(reach, facing.perp(&to), angle);
         }
-        let way = next * DT;
-        let curvature = bend.curvature(0.5 * way);
+        let distance = next * DT;
+        let curvature = bend.curvature(0.5 * distance);
         let slip = rear * curvature;
-        let turn = curvature * way / (1.0 + slip * slip).sqrt();
+        let turn = curvature * distance / (1.0 + slip * slip).sqrt();
         let mut most = self.ability.curvature * DT * next.min(0.5 * (speed.max(0.0) + next));
         if rear.abs() > 0.0 {
-            most = most.min(LARGEST_SLIP * way / rear.abs());
+            most = most.min(MAX_SLIP_SINE * distance / rear.abs());
         }
         turn.clamp(-most, most)
     }

@@ -1,4 +1,4 @@
-//! A finished run to be looked at: its values, and events and rollouts of any scenario.
+//! Read access to a finished run: its values, and the events and rollouts of any scenario.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,22 +17,23 @@ use super::tally::Tally;
 use crate::formats::rollouts::ByName;
 use crate::scene::{Frame, Scenario};
 
-/// A finished run. In memory are its values, how many events there are, and where the rest lies.
+/// A finished run. Its values, event counts and file offsets are in memory; events and rollouts are read on
+/// demand.
 pub struct Archive {
     folder: PathBuf,
     summary: Summary,
     tally: Tally,
-    /// By scenario and simulator.
-    events: BTreeMap<(Place, usize), Stretch>,
+    /// Event ranges by scenario and simulator.
+    events: BTreeMap<(Place, usize), EventRange>,
     rollouts: Option<ByName>,
 }
 
-/// The events of a pair of scenario and simulator, which lie together.
+/// The contiguous bytes with the events of one scenario and one simulator.
 #[derive(Default)]
-struct Stretch {
-    at: u64,
+struct EventRange {
+    offset: u64,
     length: usize,
-    /// Events that count, by metric, in all rollouts.
+    /// Number of events that count, by metric, over all rollouts.
     counted: BTreeMap<String, u32>,
 }
 
@@ -49,11 +50,11 @@ impl Archive {
     /// Opens the folder of a finished run.
     ///
     /// # Errors
-    /// [`EvaluationError`] when there is no run, it is not finished, or its files are damaged.
+    /// [`EvaluationError`] if there is no run, it is not finished, or its files are damaged.
     pub fn open(folder: &Path) -> Result<Self, EvaluationError> {
         let summary = read_summary(folder)?;
         let tally = read_tally(folder)?;
-        let mut events: BTreeMap<(Place, usize), Stretch> = BTreeMap::new();
+        let mut events: BTreeMap<(Place, usize), EventRange> = BTreeMap::new();
         let path = folder.join(EVENTS);
         if !path.exists() && folder.join(REFERENCE_RECORD).exists() {
             return Err(EvaluationError::NoEvents { path: folder.to_owned() });
@@ -69,13 +70,13 @@ impl Archive {
             };
             let Some(simulator) = tally.simulators.iter().position(|s| *s == head.simulator) else { return };
             let place = Place { input: head.input, record: head.record };
-            let stretch = events.entry((place, simulator)).or_default();
-            if stretch.length == 0 {
-                stretch.at = at;
+            let range = events.entry((place, simulator)).or_default();
+            if range.length == 0 {
+                range.offset = at;
             }
-            stretch.length = (at - stretch.at) as usize + text.len();
+            range.length = (at - range.offset) as usize + text.len();
             if head.counted {
-                *stretch.counted.entry(head.metric).or_default() += 1;
+                *range.counted.entry(head.metric).or_default() += 1;
             }
         })?;
         if let Some(source) = damaged {
@@ -86,38 +87,39 @@ impl Archive {
         Ok(Self { folder: folder.to_owned(), summary, tally, events, rollouts })
     }
 
-    /// Its result.
+    /// Returns the result of the run.
     pub fn summary(&self) -> &Summary {
         &self.summary
     }
 
-    /// Its values by scenario.
+    /// Returns the values of the run, by scenario.
     pub fn tally(&self) -> &Tally {
         &self.tally
     }
 
-    /// Whether its rollouts were kept.
+    /// Returns whether the run kept its rollouts.
     pub fn keeps_rollouts(&self) -> bool {
         self.rollouts.is_some()
     }
 
-    /// How many events of a metric count in a scenario with a simulator (a place in the tally's list), in all rollouts.
+    /// Returns the number of events of a metric that count in a scenario with a simulator (an index into the
+    /// tally's list), over all rollouts.
     pub fn counted(&self, place: Place, simulator: usize, metric: &str) -> u32 {
-        let stretch = self.events.get(&(place, simulator));
-        stretch.and_then(|s| s.counted.get(metric)).copied().unwrap_or(0)
+        let range = self.events.get(&(place, simulator));
+        range.and_then(|r| r.counted.get(metric)).copied().unwrap_or(0)
     }
 
-    /// All events of a scenario with a simulator, of every rollout.
+    /// Reads all events of a scenario with a simulator, of every rollout.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the file can not be read any more.
+    /// [`EvaluationError`] if the file cannot be read any more.
     pub fn events(&self, place: Place, simulator: usize) -> Result<Vec<EventRecord>, EvaluationError> {
-        let Some(stretch) = self.events.get(&(place, simulator)) else { return Ok(Vec::new()) };
+        let Some(range) = self.events.get(&(place, simulator)) else { return Ok(Vec::new()) };
         let path = self.folder.join(EVENTS);
-        let mut bytes = vec![0; stretch.length];
+        let mut bytes = vec![0; range.length];
         let mut read = || {
             let mut file = File::open(&path)?;
-            file.seek(SeekFrom::Start(stretch.at))?;
+            file.seek(SeekFrom::Start(range.offset))?;
             file.read_exact(&mut bytes)
         };
         read().map_err(cannot_read(&path))?;
@@ -130,10 +132,11 @@ impl Archive {
             .collect()
     }
 
-    /// The realised tracks of a rollout: per agent of the scenario 91 frames. `None` where rollouts were not kept.
+    /// Reads the realised tracks of a rollout: 91 frames per agent of the scenario. `None` if it was not
+    /// kept.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the file can not be read, or its rollout is none of this scenario.
+    /// [`EvaluationError`] if the file cannot be read, or its rollout does not match the scenario.
     pub fn tracks(
         &self,
         scenario: &Scenario,

@@ -1,4 +1,4 @@
-//! Which AV a run has.
+//! The AV policy of a run.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -6,11 +6,11 @@ use std::str::FromStr;
 
 use crate::rollout::{ParseScriptError, Script};
 
-/// The choices, as help and error texts name them.
+/// The choices, for help and error texts.
 pub const AV_CHOICES: &str =
     "deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>";
 
-/// Who moves the AV in the reactive protocol.
+/// The AV policy in the reactive protocol.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AvChoice {
     /// The deviated trajectory that comes with the scenario or in a file of deviations.
@@ -23,16 +23,16 @@ pub enum AvChoice {
     File(PathBuf),
 }
 
-/// Why a text names no AV.
+/// The reason why a text does not name an AV policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParseAvError {
     /// There is no such policy.
-    #[error("`{0}` is no AV policy: choose {AV_CHOICES}")]
+    #[error("`{0}` is not an AV policy: choose {AV_CHOICES}")]
     Unknown(String),
     /// The parameter of a script is missing or out of range.
     #[error(transparent)]
     Script(ParseScriptError),
-    /// The file is not named.
+    /// The file name is missing.
     #[error("`file:` names no file: write `file:<path>`")]
     NoFile,
 }
@@ -57,7 +57,8 @@ impl FromStr for AvChoice {
 }
 
 impl fmt::Display for AvChoice {
-    /// The name in files. A file of deviations is named by its digest in the provenance, not by its path.
+    /// Writes the name used in files. The provenance identifies a file of deviations by its digest, not by
+    /// its path.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Deviated | Self::File(_) => f.write_str("deviated"),
@@ -72,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_come_back() {
+    fn names_round_trip() {
         for text in ["deviated", "log", "constant-velocity", "brake:4", "retime:1.6", "shift:-2"] {
             assert_eq!(text.parse::<AvChoice>().unwrap().to_string(), text);
         }
@@ -80,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_the_mend() {
+    fn errors_name_the_fix() {
         let text = |t: &str| t.parse::<AvChoice>().unwrap_err().to_string();
         assert!(text("brake").contains("above 0 and at most 6 m/s²"));
         assert!(text("shift:inf").contains("from -5 to 5 m"));

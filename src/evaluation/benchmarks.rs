@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file_record::FileRecord;
 
-/// The benchmark that a run is on.
+/// The benchmark of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BenchmarkRecord {
@@ -24,20 +24,20 @@ pub struct KnownBenchmark {
     pub record: BenchmarkRecord,
     /// Name of its file.
     pub file: String,
-    /// Number of its scenarios.
+    /// Number of scenarios.
     pub scenarios: usize,
-    /// Whether it is part of the program.
+    /// Whether it is embedded in the program.
     pub shipped: bool,
 }
 
 impl BenchmarkRecord {
-    /// The known benchmark that a file holds.
+    /// Returns the known benchmark that a file contains.
     pub fn of(file: &FileRecord) -> Option<Self> {
         let known = known_benchmarks().into_iter().map(|known| known.record);
         known.into_iter().find(|record| record.blake3 == file.blake3 && file.current_frame.is_none())
     }
 
-    /// The known benchmark that this is; `None` if the program does not know it.
+    /// Returns the known benchmark of this record; `None` if the program does not know it.
     pub fn known(&self) -> Option<KnownBenchmark> {
         known_benchmarks().into_iter().find(|known| known.record == *self)
     }
@@ -51,47 +51,47 @@ impl std::fmt::Display for BenchmarkRecord {
 
 #[derive(Deserialize)]
 struct Manifest {
-    #[serde(default)]
-    made: Vec<Made>,
+    #[serde(default, rename = "made")]
+    entries: Vec<ManifestEntry>,
 }
 
 /// An entry of the manifest; only benchmarks have a name and a version.
 #[derive(Deserialize)]
-struct Made {
+struct ManifestEntry {
     benchmark: Option<String>,
     version: Option<String>,
     shipped: Option<bool>,
     #[serde(default)]
     count: usize,
-    files: Vec<MadeFile>,
+    files: Vec<ManifestFile>,
 }
 
 #[derive(Deserialize)]
-struct MadeFile {
+struct ManifestFile {
     name: String,
     blake3: String,
 }
 
-/// All benchmarks of the manifest, in its order.
+/// Returns all benchmarks of the manifest, in its order.
 pub fn known_benchmarks() -> Vec<KnownBenchmark> {
-    // A test reads the manifest too; a program with a damaged one knows no benchmark.
+    // A test ensures that the manifest is valid; with a damaged one the program knows no benchmarks.
     of_manifest(MANIFEST).unwrap_or_default()
 }
 
-/// The benchmark that is part of the program.
+/// Returns the benchmark that is embedded in the program.
 pub fn shipped_benchmark() -> Option<KnownBenchmark> {
     known_benchmarks().into_iter().find(|known| known.shipped)
 }
 
 fn of_manifest(text: &str) -> Result<Vec<KnownBenchmark>, toml::de::Error> {
-    let made = toml::from_str::<Manifest>(text)?.made;
-    let known = made.into_iter().filter_map(|made| {
-        let file = made.files.into_iter().next()?;
+    let entries = toml::from_str::<Manifest>(text)?.entries;
+    let known = entries.into_iter().filter_map(|entry| {
+        let file = entry.files.into_iter().next()?;
         Some(KnownBenchmark {
-            record: BenchmarkRecord { name: made.benchmark?, version: made.version?, blake3: file.blake3 },
+            record: BenchmarkRecord { name: entry.benchmark?, version: entry.version?, blake3: file.blake3 },
             file: file.name,
-            scenarios: made.count,
-            shipped: made.shipped.unwrap_or(true),
+            scenarios: entry.count,
+            shipped: entry.shipped.unwrap_or(true),
         })
     });
     Ok(known.collect())

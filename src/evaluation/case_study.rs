@@ -1,13 +1,13 @@
-//! Scenarios of the shipped benchmark that stand for a kind of deviation.
+//! Representative scenarios of the shipped benchmark, one for each kind of deviation.
 
-/// A scenario of the shipped benchmark that shows one kind of deviation well.
+/// A scenario of the shipped benchmark that is a clear example of one kind of deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CaseStudy {
-    /// The name by which it is asked for.
+    /// Name on the command line.
     pub name: &'static str,
     /// Id of the scenario.
     pub scenario: &'static str,
-    /// What the AV does.
+    /// Behaviour of the AV.
     pub summary: &'static str,
 }
 
@@ -26,7 +26,8 @@ pub const CASE_STUDIES: [CaseStudy; 4] = [
     CaseStudy {
         name: "turn-across",
         scenario: "bench-2-000012",
-        summary: "directional: the AV turns left across oncoming lanes instead of going straight on, and stops there",
+        summary: "directional: the AV turns left across oncoming lanes instead of going straight on, \
+                  and stops there",
     },
     CaseStudy {
         name: "merge",
@@ -36,7 +37,7 @@ pub const CASE_STUDIES: [CaseStudy; 4] = [
 ];
 
 impl CaseStudy {
-    /// The case study with this name.
+    /// Returns the case study with this name.
     pub fn from_name(name: &str) -> Option<&'static Self> {
         CASE_STUDIES.iter().find(|c| c.name == name)
     }

@@ -1,4 +1,4 @@
-//! Two results on the same scenarios, scenario by scenario.
+//! Comparison of two results on the same scenarios, scenario by scenario.
 
 use std::collections::BTreeMap;
 
@@ -11,27 +11,28 @@ use super::tally::Tally;
 use crate::metrics;
 use crate::rollout::{Purpose, stream};
 
-/// Draws of signs of a permutation test.
-const DRAWS: u32 = 20_000;
-/// With so few differences all signs are gone through.
-const EXACT: usize = 14;
-/// Sums that differ by no more than this part of the sum of magnitudes are equal.
-const EQUAL: f64 = 1e-12;
+/// Number of random sign assignments in a permutation test.
+const PERMUTATIONS: u32 = 20_000;
+/// Number of nonzero differences up to which all sign assignments are enumerated.
+const MAX_ENUMERATED: usize = 14;
+/// Difference of two sums, relative to the sum of magnitudes, up to which they are equal.
+const RELATIVE_TOLERANCE: f64 = 1e-12;
 
-/// One metric of two simulators.
+/// The difference of one metric between two simulators.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Paired {
-    /// Mean of the first one over the scenarios in which both have a value.
+pub struct PairedDifference {
+    /// Mean of the first simulator over the scenarios in which both have a value.
     pub first: f64,
-    /// Mean of the second one over the same scenarios.
+    /// Mean of the second simulator over the same scenarios.
     pub second: f64,
-    /// The second one minus the first one: mean over scenarios with its bootstrap interval.
+    /// Second minus first: mean over scenarios with its bootstrap interval.
     pub difference: Estimate,
-    /// How often signs drawn at random give a mean at least as far from 0 (two-sided permutation test over scenarios).
+    /// p-value: share of random sign assignments whose mean is at least as far from 0 (two-sided permutation
+    /// test over scenarios).
     pub p: f64,
-    /// Ids of scenarios in which the second one is better, most first, and by how much.
+    /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
     pub better: Vec<(String, f64)>,
-    /// The same for those in which it is worse.
+    /// Ids of the scenarios in which the second simulator is worse, largest change first, with the change.
     pub worse: Vec<(String, f64)>,
 }
 
@@ -42,21 +43,21 @@ pub struct Comparison {
     pub first: String,
     /// Id of the second one.
     pub second: String,
-    /// Scenarios that both have a result for.
+    /// Number of scenarios for which both have a result.
     pub scenarios: usize,
-    /// Scenarios that only one of them has a result for.
+    /// Number of scenarios for which only one of them has a result.
     pub unpaired: usize,
-    /// By metric; those without a scenario in which both have a value are left out.
-    pub metrics: BTreeMap<&'static str, Paired>,
+    /// Differences by metric; metrics without a scenario in which both have a value are left out.
+    pub metrics: BTreeMap<&'static str, PairedDifference>,
 }
 
 impl Comparison {
-    /// Compares a simulator of one run with one of another, or of the same. Scenarios are paired by their ids. `seed` names what
-    /// resamplings and permutations draw.
+    /// Compares a simulator of one run with one of another run, or of the same run. Scenarios are paired by
+    /// their ids. `seed` selects the random streams of resamplings and permutations.
     ///
     /// # Errors
-    /// [`EvaluationError`] for a simulator that is not in its run, an id that stands for different scenarios in the two runs, and for
-    /// runs without a scenario in common.
+    /// [`EvaluationError`] for a simulator that is not in its run, an id that names different scenarios in
+    /// the two runs, and runs without a scenario in common.
     pub fn of(first: (&Tally, &str), second: (&Tally, &str), seed: u64) -> Result<Self, EvaluationError> {
         let cells = |(tally, id): (&Tally, &str)| {
             let unknown =
@@ -79,7 +80,7 @@ impl Comparison {
         let metrics = first.0.metrics.iter().enumerate().filter_map(|(m, &metric)| {
             let both: Vec<(&str, f64, f64)> =
                 pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[m]?))).collect();
-            Some((metric, Paired::of(metric, &both, seed)?))
+            Some((metric, PairedDifference::of(metric, &both, seed)?))
         });
         Ok(Self {
             first: first.1.to_owned(),
@@ -91,18 +92,18 @@ impl Comparison {
     }
 }
 
-/// The scenarios that a simulator has a result for: digest and values by id.
+/// Returns the scenarios for which a simulator has a result: digest and values by id.
 fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&str, &[Option<f64>])> {
     let entries = tally.entries.values();
-    let whole = entries.filter_map(|e| {
+    let with_result = entries.filter_map(|e| {
         let values = e.cells[simulator].as_ref()?.values.as_slice();
         Some((e.scenario.as_str(), (e.digest.as_str(), values)))
     });
-    whole.collect()
+    with_result.collect()
 }
 
-impl Paired {
-    /// From the values of both by scenario; `None` where there is no scenario.
+impl PairedDifference {
+    /// Computes the difference from the values of both by scenario; `None` without scenarios.
     fn of(metric: &str, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
         if values.is_empty() {
             return None;
@@ -112,7 +113,7 @@ impl Paired {
         let less_is_better = metrics::metric(metric).is_none_or(|m| m.spec().lower_is_better);
         let mut changed: Vec<(String, f64)> =
             values.iter().filter(|(_, a, b)| a != b).map(|(id, a, b)| ((*id).to_owned(), b - a)).collect();
-        // What got better most, first; equal changes by the order of the ids.
+        // Largest improvement first; equal changes stay in the order of the ids.
         changed.sort_by(|a, b| if less_is_better { a.1.total_cmp(&b.1) } else { b.1.total_cmp(&a.1) });
         let good = changed.partition_point(|c| (c.1 < 0.0) == less_is_better);
         let mut worse = changed.split_off(good);
@@ -127,7 +128,7 @@ impl Paired {
         })
     }
 
-    /// By how much the second one is worse; negative where it is better.
+    /// Returns the amount by which the second simulator is worse; negative if it is better.
     pub fn worsening(&self, metric: &str) -> f64 {
         let less_is_better = metrics::metric(metric).is_none_or(|m| m.spec().lower_is_better);
         let difference = self.second - self.first;
@@ -135,31 +136,32 @@ impl Paired {
     }
 }
 
-/// The part of all assignments of signs to the differences whose sum is at least as far from 0 as theirs: all of them where there are few,
-/// else as many as are drawn, and theirs.
+/// Returns the share of sign assignments to the differences whose sum is at least as far from 0 as the
+/// observed sum. Few differences: all assignments are enumerated; else random assignments and the observed
+/// one are counted.
 fn permutation(differences: &[f64], seed: u64, metric: &str) -> f64 {
     let nonzero: Vec<f64> = differences.iter().copied().filter(|d| *d != 0.0).collect();
     let observed = nonzero.iter().sum::<f64>().abs();
-    let least = observed - EQUAL * nonzero.iter().map(|d| d.abs()).sum::<f64>();
+    let least = observed - RELATIVE_TOLERANCE * nonzero.iter().map(|d| d.abs()).sum::<f64>();
     let signed = |signs: &mut dyn FnMut(usize) -> bool| {
         let sum: f64 = nonzero.iter().enumerate().map(|(i, d)| if signs(i) { *d } else { -d }).sum();
         sum.abs() >= least
     };
-    if nonzero.len() <= EXACT {
+    if nonzero.len() <= MAX_ENUMERATED {
         let all = 1_u32 << nonzero.len();
         let far = (0..all).filter(|bits| signed(&mut |i| bits >> i & 1 == 1)).count();
         return far as f64 / f64::from(all);
     }
-    let mut names = stream(seed, &format!("permutation {metric}"), 0, Purpose::Bootstrap);
+    let mut random = stream(seed, &format!("permutation {metric}"), 0, Purpose::Bootstrap);
     let mut bits = 0_u64;
     let mut draw = |i: usize| {
         if i.is_multiple_of(64) {
-            bits = names.next_u64();
+            bits = random.next_u64();
         }
         bits >> (i % 64) & 1 == 1
     };
-    let far = (0..DRAWS).filter(|_| signed(&mut draw)).count();
-    (far + 1) as f64 / f64::from(DRAWS + 1)
+    let far = (0..PERMUTATIONS).filter(|_| signed(&mut draw)).count();
+    (far + 1) as f64 / f64::from(PERMUTATIONS + 1)
 }
 
 #[cfg(test)]
@@ -183,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn many_differences_are_judged_as_the_normal_distribution_says() {
+    fn many_differences_agree_with_the_normal_distribution() {
         // A mean of 2 standard errors: 4.6 % of a normal distribution are as far from 0.
         let n = 400;
         let differences: Vec<f64> = (0..n).map(|i| if i % 2 == 0 { 1.1 } else { -0.9 }).collect();
@@ -195,13 +197,13 @@ mod tests {
     }
 
     #[test]
-    fn better_and_worse_are_told_apart_by_the_metric() {
+    fn the_metric_decides_which_changes_are_better() {
         let values = [("a", 1.0, 0.0), ("b", 0.0, 2.0), ("c", 1.0, 1.0), ("d", 3.0, 0.5), ("e", 0.0, 1.0)];
-        let less = Paired::of("aav-collision", &values, 0).unwrap();
+        let less = PairedDifference::of("aav-collision", &values, 0).unwrap();
         assert_eq!(less.better, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
         assert_eq!(less.worse, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
         assert!((less.worsening("aav-collision") + 0.1).abs() < 1e-12);
-        let more = Paired::of("progress", &values, 0).unwrap();
+        let more = PairedDifference::of("progress", &values, 0).unwrap();
         assert_eq!(more.better, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
         assert_eq!(more.worse, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
         assert_eq!((more.first, more.second), (1.0, 0.9));

@@ -10,7 +10,7 @@ use crate::metrics::{
 };
 use crate::scene::{MapIndex, Road};
 
-/// Count metrics: name in the result and metric id.
+/// Count metrics: name in the result, metric id.
 const COUNTS: [(&str, &str); 3] = [
     ("a_av_collision_count", "aav-collision"),
     ("a_av_overlap_count", "aav-overlap"),
@@ -27,16 +27,17 @@ const RATES: [(&str, &str, &str); 6] = [
 ];
 /// Number of features of the kinematic likelihood.
 const FEATURES: usize = 4;
-/// Shares of scenarios in which a count is at least 1 (reactive pressure): name in the result and metric id.
+/// Shares of scenarios in which a count is at least 1 (reactive pressure): name in the result, metric id.
 const SHARES: [(&str, &str); 3] = [
     ("share_at_fault_collision", "aav-collision"),
     ("share_any_overlap", "aav-overlap"),
     ("share_risky", "aav-ttc"),
 ];
 
-/// Scores every scenario of a document and aggregates: counts over all scenarios, rates over those where they are defined.
+/// Scores every scenario of a document and aggregates: counts over all scenarios, rates over those where they
+/// are defined.
 ///
-/// In documents `dir_tracking` is `route` unless the document asks for another.
+/// For documents `dir_tracking` is `route` unless the document sets another value.
 ///
 /// # Errors
 /// [`OptionError`] names an unknown option, or an option with an unknown value.
@@ -65,7 +66,7 @@ pub fn score_document(document: &Document) -> Result<Value, OptionError> {
     }))
 }
 
-/// The case of one scenario of a document.
+/// Returns the case of one scenario of a document.
 fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
     let objects =
         scenario.agents.iter().map(|a| Object { agent: &a.agent, track: a.track.clone() }).collect();
@@ -171,18 +172,18 @@ fn agent_json(case: &Case<'_>, object: usize) -> Value {
         "a_a_collision": [scores.overlaps.hits, scores.overlaps.valid],
         "collision": contact,
         "min_ttc": scores.approach.map(|a| a.min_ttc),
-        "offroad": [scores.ground.hits, scores.ground.valid],
+        "offroad": [scores.off_road.hits, scores.off_road.valid],
         "direction": {
             "candidate": scores.direction.candidate,
-            "violation": !scores.direction.spells.is_empty(),
-            "first_step": scores.direction.spells.first().map(|s| s.first),
+            "violation": !scores.direction.intervals.is_empty(),
+            "first_step": scores.direction.intervals.first().map(|s| s.first),
         },
         "accel": [moves.acceleration.hits, moves.valid],
         "steer": [steer.hits, moves.valid],
     })
 }
 
-/// Means over scenarios, and over how many of them each was taken.
+/// Returns the means over scenarios, and the number of scenarios of each mean.
 fn aggregate(all: &[Scores]) -> (Map<String, Value>, Map<String, Value>) {
     let (mut means, mut valid) = (Map::new(), Map::new());
     let mut put = |name: &str, values: &mut dyn Iterator<Item = Option<f64>>| {

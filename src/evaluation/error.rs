@@ -1,4 +1,4 @@
-//! Why a run can not be made, or not be finished.
+//! Errors that prevent or abort a run.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,32 +6,32 @@ use std::path::PathBuf;
 use crate::formats::FormatError;
 use crate::models::ModelError;
 
-/// Why a run can not be made, or not be finished. What concerns one scenario is a [`super::Failure`] instead.
+/// The reason why a run cannot start or finish. A problem with one scenario is a [`super::Failure`] instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
-    /// A file can not be read.
+    /// A file cannot be read.
     #[error("could not read {path}")]
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: io::Error,
     },
-    /// A file can not be written.
+    /// A file cannot be written.
     #[error("could not write {path}")]
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: io::Error,
     },
     /// A file of a run folder is damaged.
-    #[error("{path} can not be read: {source}")]
+    #[error("{path} cannot be read: {source}")]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: serde_json::Error,
     },
     /// A run folder is not finished.
@@ -40,14 +40,14 @@ pub enum EvaluationError {
         /// The folder.
         path: PathBuf,
     },
-    /// A folder is no run folder.
-    #[error("{path} is no run folder: it has no provenance.json")]
+    /// A folder is not a run folder.
+    #[error("{path} is not a run folder: it has no provenance.json")]
     NoRun {
         /// The folder.
         path: PathBuf,
     },
-    /// A folder is no folder of a study.
-    #[error("{path} is no study: it has no study.json")]
+    /// A folder is not the folder of a study.
+    #[error("{path} is not a study: it has no study.json")]
     NoStudy {
         /// The folder.
         path: PathBuf,
@@ -72,7 +72,8 @@ pub enum EvaluationError {
     },
     /// The run folder holds a run with other settings.
     #[error(
-        "can not resume {path}: `{setting}` is {old} there and {new} now; give the same settings or another folder"
+        "cannot resume {path}: `{setting}` is {old} there and {new} now; \
+         give the same settings or another folder"
     )]
     OtherSettings {
         /// The folder.
@@ -91,12 +92,12 @@ pub enum EvaluationError {
         path: PathBuf,
     },
     /// A reference has no events and no rollouts.
-    #[error("{path} is a reference, which has no events: pages need the folder of its run")]
+    #[error("{path} is a reference, which has no events: use the folder of its run for pages")]
     NoEvents {
         /// The folder.
         path: PathBuf,
     },
-    /// Another run writes to the folder.
+    /// Another run is writing to the folder.
     #[error("another run is writing to {path}")]
     Busy {
         /// The folder.
@@ -118,19 +119,20 @@ pub enum EvaluationError {
     },
     /// Weights or a parameter are for a simulator that does not run.
     #[error(
-        "weights or parameters are given for the simulator `{id}`, which does not run: name it in --models too"
+        "weights or parameters are given for the simulator `{id}`, which does not run: \
+         name it in --models too"
     )]
     NotRun {
         /// The id.
         id: String,
     },
-    /// Two files of weights for one simulator.
+    /// There are two weights files for one simulator.
     #[error("the simulator `{id}` is given weights twice")]
     WeightsTwice {
         /// The id.
         id: String,
     },
-    /// Two values for one parameter.
+    /// There are two values for one parameter.
     #[error("the parameter `{key}` of `{id}` is set twice")]
     ParameterTwice {
         /// The id.
@@ -146,7 +148,7 @@ pub enum EvaluationError {
         /// Ids of its simulators.
         known: String,
     },
-    /// One id stands for different scenarios in two runs.
+    /// One id names different scenarios in two runs.
     #[error(
         "the scenario `{id}` is not the same in both runs: only runs on the same scenarios can be compared"
     )]
@@ -155,21 +157,22 @@ pub enum EvaluationError {
         id: String,
     },
     /// Two runs have no scenario in common.
-    #[error("the runs have no scenario in common that both have a result for")]
+    #[error("the runs have no scenario in common for which both have a result")]
     NothingInCommon,
-    /// A kept rollout is none of its scenario.
-    #[error("{path}: the rollout of scenario `{scenario}` is none of it: {source}; make the run again")]
+    /// A kept rollout does not match its scenario.
+    #[error("{path}: the rollout of scenario `{scenario}` does not match it: {source}; make the run again")]
     ForeignRollout {
         /// The file.
         path: PathBuf,
         /// Id of the scenario.
         scenario: String,
-        /// Why.
+        /// Underlying error.
         source: super::ForeignRollout,
     },
-    /// A file of scenarios does not hold what a run found there.
+    /// A record of a scenario file is not the scenario that a run read there.
     #[error(
-        "{file}: record {record} is not the scenario with the digest {digest} that the run found there; was it read by another version of the program?"
+        "{file}: record {record} is not the scenario with the digest {digest} that the run found there; \
+         was it read by another version of the program?"
     )]
     NotThatScenario {
         /// Name of the file.
@@ -179,10 +182,10 @@ pub enum EvaluationError {
         /// Digest of the scenario that was expected.
         digest: String,
     },
-    /// A simulator can not be made.
+    /// A simulator cannot be created.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// A file of scenarios, deviations or rollouts can not be used.
+    /// A file of scenarios, deviations or rollouts cannot be used.
     #[error("{0}")]
     Format(#[from] FormatError),
 }

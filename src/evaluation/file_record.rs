@@ -1,4 +1,4 @@
-//! Files by what they hold.
+//! Records of files: name, size and digest.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,36 +14,36 @@ use crate::formats::Input;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FileRecord {
-    /// Name without its folder, so that a moved folder is no other input.
+    /// Name without its folder, so that moving the folder does not change the input.
     pub name: String,
     /// Id of its format.
     pub format: String,
-    /// Size.
+    /// Size, bytes.
     pub bytes: u64,
     /// BLAKE3 digest of its content.
     pub blake3: String,
-    /// The current frame that was asked for; left out where it is the one that the format says.
+    /// The requested current frame; absent if it is the one defined by the format.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub current_frame: Option<usize>,
-    /// What else its scenarios are read from, such as maps.
+    /// Other files from which its scenarios are read, such as maps.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub companions: Vec<CompanionRecord>,
 }
 
-/// A file that scenarios of another file are read from too.
+/// An additional file from which the scenarios of another file are read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CompanionRecord {
     /// Name without its folder.
     pub name: String,
-    /// Size.
+    /// Size, bytes.
     pub bytes: u64,
     /// BLAKE3 digest of its content.
     pub blake3: String,
 }
 
 impl FileRecord {
-    /// Reads a file to its end for size and digest.
+    /// Creates the record of a file, which is read to its end for size and digest.
     ///
     /// # Errors
     /// [`EvaluationError::Read`] names the file.
@@ -53,7 +53,7 @@ impl FileRecord {
         Ok(Self { name, format, bytes, blake3, current_frame: None, companions: Vec::new() })
     }
 
-    /// The record of a file whose content is part of the program.
+    /// Creates the record of a file whose content is embedded in the program.
     pub fn of_content(name: &str, format: &str, content: &[u8]) -> Self {
         Self {
             name: name.to_owned(),
@@ -65,7 +65,8 @@ impl FileRecord {
         }
     }
 
-    /// Digest of all that decides which scenarios are read: that of the content where nothing else does.
+    /// Returns the digest of everything that determines the scenarios: the content, and the current frame and
+    /// companions if there are any.
     pub fn digest(&self) -> String {
         if self.current_frame.is_none() && self.companions.is_empty() {
             return self.blake3.clone();
@@ -100,18 +101,18 @@ impl CompanionRecord {
     }
 }
 
-/// Makes the records of inputs. Files that several of them share, such as maps, are read once.
+/// Creates the records of inputs. Files that several of them share, such as maps, are read once.
 #[derive(Default)]
 pub struct Registrar {
     companions: BTreeMap<PathBuf, CompanionRecord>,
 }
 
 impl Registrar {
-    /// The record of an input with all that it is read from.
+    /// Creates the record of an input with all files that it is read from.
     ///
     /// # Errors
-    /// [`EvaluationError::Read`] names the file that can not be read. A companion that is missing is none: reading the scenarios will say
-    /// what lacks.
+    /// [`EvaluationError::Read`] names the file that cannot be read. A missing companion is not an error
+    /// here: reading the scenarios will report it.
     pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
         let mut record = FileRecord::of(&input.path, input.format.id())?;
         record.current_frame = input.current_frame;

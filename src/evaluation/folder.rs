@@ -1,4 +1,4 @@
-//! The run folder: what a run leaves, and how it goes on after a kill.
+//! The run folder: the files of a run, and how the run resumes after being killed.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -19,11 +19,11 @@ use super::tally::Tally;
 pub const PROVENANCE: &str = "provenance.json";
 /// Name of the file with one row per scenario, simulator and rollout.
 pub const ROWS: &str = "rows.jsonl";
-/// Name of the file with the same rows in a reference.
+/// Name of the file with the rows in a reference.
 pub const ROWS_TABLE: &str = "rows.parquet";
 /// Name of the file with the counted events.
 pub const EVENTS: &str = "events.jsonl";
-/// Name of the file with what failed.
+/// Name of the file with the failures.
 pub const FAILURES: &str = "failures.jsonl";
 /// Name of the file with the result.
 pub const SUMMARY: &str = "summary.json";
@@ -31,28 +31,29 @@ pub const SUMMARY: &str = "summary.json";
 pub const TABLE: &str = "summary.md";
 /// Name of the file with the rollouts.
 pub const ROLLOUTS: &str = "rollouts.parquet";
-/// Name of the folder of rollouts that are not yet put together.
+/// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
 
-/// The files that are written beside their place first.
-const FILES: [&str; 6] = [PROVENANCE, ROWS, EVENTS, FAILURES, SUMMARY, TABLE];
+/// Files that are first written to a temporary file next to them.
+const REPLACED_FILES: [&str; 6] = [PROVENANCE, ROWS, EVENTS, FAILURES, SUMMARY, TABLE];
 
-/// A run folder that is being written. Rows and events are appended as they come; [`RunFolder::finish`] puts them in order.
+/// A run folder that is being written. Rows and events are appended as they are produced;
+/// [`RunFolder::finish`] sorts them.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
     rows: Mutex<Appender>,
     events: Mutex<Appender>,
     failures: Mutex<Appender>,
-    /// Held while the run lasts: two runs must not write to one folder.
+    /// Lock held during the run: two runs must not write to one folder.
     _lock: File,
 }
 
 impl RunFolder {
-    /// Makes a folder for a new run; it may exist if it is empty.
+    /// Creates a folder for a new run. It may exist if it is empty.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the folder is not empty or can not be written.
+    /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
         fs::create_dir_all(path).map_err(cannot_write(path))?;
         if !is_unbegun(path) {
@@ -64,26 +65,26 @@ impl RunFolder {
         Self::open(path)
     }
 
-    /// Opens the folder of an earlier run with the same settings: drops torn lines and pairs that are not whole, and takes
-    /// the whole ones into the tally.
+    /// Opens the folder of an earlier run with the same settings: drops truncated lines and incomplete pairs,
+    /// and adds the complete pairs to the tally.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the folder holds no run, a run with other settings, or can not be written.
+    /// [`EvaluationError`] if the folder has no run or a run with other settings, or cannot be written.
     pub fn resume(path: &Path, provenance: &Provenance, tally: &mut Tally) -> Result<Self, EvaluationError> {
         if is_unbegun(path) {
             return Self::create(path, provenance);
         }
         Self::is_of(path, provenance)?;
         let folder = Self::open(path)?;
-        folder.remove_halves()?;
-        folder.keep_whole_pairs(tally, provenance)?;
+        folder.remove_temporary_files()?;
+        folder.keep_complete_pairs(tally, provenance)?;
         Ok(folder)
     }
 
-    /// Whether a folder holds a run with these settings, or none that was begun: what [`Self::resume`] asks.
+    /// Checks that a folder contains a run with these settings, or no run yet, as [`Self::resume`] requires.
     ///
     /// # Errors
-    /// [`EvaluationError`] when it holds something else, or a run with other settings, which are named.
+    /// [`EvaluationError`] if it contains anything else, or a run with other settings; names the setting.
     pub fn is_of(path: &Path, provenance: &Provenance) -> Result<(), EvaluationError> {
         if is_unbegun(path) {
             return Ok(());
@@ -99,7 +100,7 @@ impl RunFolder {
     fn open(path: &Path) -> Result<Self, EvaluationError> {
         let at = path.join(PROVENANCE);
         let lock = File::open(&at).map_err(cannot_read(&at))?;
-        // Where the file system knows no locks there is nothing to be done about it.
+        // On file systems without locks the run continues unlocked.
         if let Err(TryLockError::WouldBlock) = lock.try_lock() {
             return Err(EvaluationError::Busy { path: path.to_owned() });
         }
@@ -108,15 +109,16 @@ impl RunFolder {
         Ok(Self { path: path.to_owned(), rows, events, failures, _lock: lock })
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Appends the events and then the rows of one scenario and one simulator, so that whole rows mean whole events.
+    /// Appends the events and then the rows of one scenario and one simulator, so that complete rows imply
+    /// complete events.
     ///
     /// # Errors
-    /// [`EvaluationError::Write`]; nothing more is written after it, so that only the last line can be torn.
+    /// [`EvaluationError::Write`]; nothing is written after it, so that only the last line can be truncated.
     pub fn append(&self, rows: &str, events: &str) -> Result<(), EvaluationError> {
         write_to(&self.events, events)?;
         write_to(&self.rows, rows)
@@ -130,7 +132,7 @@ impl RunFolder {
         write_to(&self.failures, &line(failure))
     }
 
-    /// The file for the rollouts of one scenario and one simulator until the run is finished.
+    /// Returns the file for the rollouts of one scenario and one simulator until the run is finished.
     ///
     /// # Errors
     /// [`EvaluationError::Write`].
@@ -140,7 +142,7 @@ impl RunFolder {
         Ok(folder.join(format!("{:06}-{:08}-{simulator:03}.parquet", place.input, place.record)))
     }
 
-    /// Forgets the rollouts that were not yet put together.
+    /// Removes the rollouts that are not yet joined.
     ///
     /// # Errors
     /// [`EvaluationError::Write`].
@@ -152,10 +154,10 @@ impl RunFolder {
         }
     }
 
-    /// Puts rows and events of the tally's scenarios into canonical order and writes failures.
+    /// Sorts the rows and events of the tally's scenarios into canonical order and writes the failures.
     ///
     /// # Errors
-    /// [`EvaluationError`] when a file can not be read or written; the old one stays then.
+    /// [`EvaluationError`] if a file cannot be read or written; the old file is then left unchanged.
     pub fn finish(&self, tally: &Tally, failures: &[Failure]) -> Result<(), EvaluationError> {
         for name in [ROWS, EVENTS] {
             let path = self.path.join(name);
@@ -169,40 +171,41 @@ impl RunFolder {
         })
     }
 
-    /// Writes a file of the folder as a whole.
+    /// Writes a file of the folder atomically.
     ///
     /// # Errors
-    /// [`EvaluationError::Write`]; the old file stays then.
+    /// [`EvaluationError::Write`]; the old file is then left unchanged.
     pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
         replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
     }
 
-    /// Removes what a kill left half written beside the folder's files. Nobody else writes here: the lock is held.
-    fn remove_halves(&self) -> Result<(), EvaluationError> {
+    /// Removes temporary files left by a killed run. The lock is held, so no other run writes here.
+    fn remove_temporary_files(&self) -> Result<(), EvaluationError> {
         for entry in fs::read_dir(&self.path).map_err(cannot_read(&self.path))? {
             let entry = entry.map_err(cannot_read(&self.path))?;
             let name = entry.file_name();
             let name = name.to_string_lossy();
-            let half = name.strip_suffix(".tmp").is_some_and(|n| FILES.contains(&n))
+            let temporary = name.strip_suffix(".tmp").is_some_and(|n| REPLACED_FILES.contains(&n))
                 || (name.starts_with(&format!(".{ROLLOUTS}.")) && name.ends_with(".partial"));
-            if half {
+            if temporary {
                 fs::remove_file(entry.path()).map_err(cannot_write(&entry.path()))?;
             }
         }
         Ok(())
     }
 
-    /// Whether an earlier run came to its end without a failure, and these are all of its values, so that nothing is left to be tried.
+    /// Returns whether an earlier run finished without a failure and with exactly these values, so that
+    /// nothing is left to run.
     fn is_finished(&self, values: &Tally) -> bool {
-        let whole = |s: &Summary| s.provenance.failures.is_empty() && s.is_of(values);
-        self.path.join(ROLLOUTS).exists() && read_summary(&self.path).is_ok_and(|s| whole(&s))
+        let complete = |s: &Summary| s.provenance.failures.is_empty() && s.is_of(values);
+        self.path.join(ROLLOUTS).exists() && read_summary(&self.path).is_ok_and(|s| complete(&s))
     }
 
-    fn keep_whole_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
-        let pairs = whole_pairs(&self.path, provenance.inputs.len(), tally)?;
+    fn keep_complete_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
+        let pairs = complete_pairs(&self.path, provenance.inputs.len(), tally)?;
         let mut all = tally.clone();
         pairs.values().for_each(|rows| all.add(rows));
-        // Rollouts that were already put together can not be added to: then a pair without its part is run again.
+        // Rollouts cannot be appended to a joined file, so a pair without its part is run again.
         let with_rollouts = provenance.keep_rollouts == Some(true) && !self.is_finished(&all);
         for ((place, simulator), rows) in &pairs {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
@@ -218,14 +221,14 @@ impl RunFolder {
             *appender.lock().unwrap_or_else(PoisonError::into_inner) = Appender::open(path)?;
         }
         let failures = self.path.join(FAILURES);
-        // What failed is tried again.
+        // Failed pairs are tried again.
         replace(&failures, |_| Ok(()))?;
         *self.failures.lock().unwrap_or_else(PoisonError::into_inner) = Appender::open(failures)?;
         Ok(())
     }
 }
 
-/// Whether a folder is absent or empty, or was left by a kill before the run began.
+/// Returns whether a folder is absent or empty, or was left by a run that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
     match fs::read_dir(path) {
         Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| e.file_name() == "provenance.json.tmp")),
@@ -233,10 +236,10 @@ fn is_unbegun(path: &Path) -> bool {
     }
 }
 
-/// The provenance of a run folder.
+/// Reads the provenance of a run folder.
 ///
 /// # Errors
-/// [`EvaluationError`] when there is none or it is damaged.
+/// [`EvaluationError`] if there is none or it is damaged.
 pub fn read_provenance(folder: &Path) -> Result<Provenance, EvaluationError> {
     let path = folder.join(PROVENANCE);
     let text = match fs::read_to_string(&path) {
@@ -248,10 +251,10 @@ pub fn read_provenance(folder: &Path) -> Result<Provenance, EvaluationError> {
     serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
 }
 
-/// The result in a run folder.
+/// Reads the result in a run folder.
 ///
 /// # Errors
-/// [`EvaluationError`] when there is none yet or it is damaged.
+/// [`EvaluationError`] if there is none yet or it is damaged.
 pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
     let path = folder.join(SUMMARY);
     let text = match fs::read_to_string(&path) {
@@ -264,30 +267,30 @@ pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
     serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
 }
 
-/// The values in the folder of a finished run.
+/// Reads the values in the folder of a finished run.
 ///
 /// # Errors
-/// [`EvaluationError`] when there is no run, it is not finished, or its files are damaged.
+/// [`EvaluationError`] if there is no run, it is not finished, or its files are damaged.
 pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
     let run = read_summary(folder)?.provenance.run;
     let ids = run.simulators.iter().map(|s| s.id.clone()).collect();
     let mut tally = Tally::new(ids, run.settings.rollouts);
-    for rows in whole_pairs(folder, run.inputs.len(), &tally)?.into_values() {
+    for rows in complete_pairs(folder, run.inputs.len(), &tally)?.into_values() {
         tally.add(&rows);
     }
     Ok(tally)
 }
 
-/// The rows of a folder by scenario and simulator, where a pair has all of them.
-fn whole_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, EvaluationError> {
+/// Reads the rows of a folder by scenario and simulator, for the pairs with all rows.
+fn complete_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, EvaluationError> {
     let mut pairs = Pairs::new();
     for_rows(folder, |row| {
-        // A row of an input that is not there was damaged.
+        // A row with an unknown input is damaged.
         if row.input < inputs {
             pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
         }
     })?;
-    pairs.retain(|_, rows| tally.is_whole(rows));
+    pairs.retain(|_, rows| tally.is_complete(rows));
     Ok(pairs)
 }
 
@@ -299,7 +302,7 @@ fn for_rows(folder: &Path, mut each: impl FnMut(Row)) -> Result<(), EvaluationEr
     let (lines, table) = (folder.join(ROWS), folder.join(ROWS_TABLE));
     if lines.exists() || !folder.join(REFERENCE_RECORD).exists() {
         return for_lines(&lines, |_, text| {
-            // A line that is no row was torn by a kill or by a full disk.
+            // A line that is not a row was truncated by a kill or by a full disk.
             if let Ok(row) = serde_json::from_str::<Row>(text) {
                 each(row);
             }
@@ -312,10 +315,10 @@ fn for_rows(folder: &Path, mut each: impl FnMut(Row)) -> Result<(), EvaluationEr
     Ok(())
 }
 
-/// All rows in the folder of a finished run, or of a reference, in their order.
+/// Reads all rows in the folder of a finished run, or of a reference, in their order.
 ///
 /// # Errors
-/// [`EvaluationError`] when there is no run, it is not finished, or its rows cannot be read.
+/// [`EvaluationError`] if there is no run, it is not finished, or its rows cannot be read.
 pub fn read_rows(folder: &Path) -> Result<Vec<Row>, EvaluationError> {
     read_summary(folder)?;
     let mut rows = Vec::new();
@@ -323,7 +326,8 @@ pub fn read_rows(folder: &Path) -> Result<Vec<Row>, EvaluationError> {
     Ok(rows)
 }
 
-/// The tally of rows, and the first pair of scenario and simulator whose rows are not whole or not of this run.
+/// Returns the tally of rows, and the first pair of scenario and simulator whose rows are incomplete or not
+/// of this run.
 pub(super) fn tally_of(run: &Provenance, rows: &[Row]) -> (Tally, Option<(String, String)>) {
     let ids: Vec<String> = run.simulators.iter().map(|s| s.id.clone()).collect();
     let mut tally = Tally::new(ids, run.settings.rollouts);
@@ -333,7 +337,7 @@ pub(super) fn tally_of(run: &Provenance, rows: &[Row]) -> (Tally, Option<(String
     }
     let mut dropped = None;
     for ((place, simulator), rows) in &pairs {
-        if tally.is_whole(rows) && tally.simulators.contains(simulator) && place.input < run.inputs.len() {
+        if tally.is_complete(rows) && tally.simulators.contains(simulator) && place.input < run.inputs.len() {
             tally.add(rows);
         } else {
             dropped.get_or_insert_with(|| (rows[0].scenario.clone(), simulator.clone()));
@@ -342,7 +346,7 @@ pub(super) fn tally_of(run: &Provenance, rows: &[Row]) -> (Tally, Option<(String
     (tally, dropped)
 }
 
-/// Appends to a file, one call of the system for each text.
+/// Appends to a file, one system call per text.
 #[derive(Debug)]
 struct Appender {
     path: PathBuf,
@@ -363,22 +367,22 @@ fn write_to(appender: &Mutex<Appender>, text: &str) -> Result<(), EvaluationErro
         return Ok(());
     }
     if appender.broken {
-        let source = io::Error::other("an earlier line could not be written whole");
+        let source = io::Error::other("an earlier line could not be written completely");
         return Err(EvaluationError::Write { path: appender.path.clone(), source });
     }
-    let done = appender.file.write_all(text.as_bytes());
-    appender.broken = done.is_err();
-    done.map_err(cannot_write(&appender.path))
+    let result = appender.file.write_all(text.as_bytes());
+    appender.broken = result.is_err();
+    result.map_err(cannot_write(&appender.path))
 }
 
-/// One line of JSON with its end.
+/// Returns one line of JSON with its line end.
 pub(super) fn line<T: serde::Serialize>(value: &T) -> String {
     let mut text = serde_json::to_string(value).expect("lines hold finite numbers and text only");
     text.push('\n');
     text
 }
 
-/// Where a line belongs: scenario, simulator, rollout (all rollouts together last).
+/// The sort key of a line: scenario, simulator, rollout (the row over all rollouts last).
 type Key = (Place, usize, u32);
 
 #[derive(Deserialize)]
@@ -389,7 +393,7 @@ struct LineKey {
     rollout: Option<u32>,
 }
 
-/// Key, position and length of every whole line.
+/// Returns key, offset and length of every complete line.
 fn index(path: &Path, tally: &Tally) -> Result<Vec<(Key, u64, usize)>, EvaluationError> {
     let mut lines = Vec::new();
     for_lines(path, |at, text| {
@@ -401,7 +405,7 @@ fn index(path: &Path, tally: &Tally) -> Result<Vec<(Key, u64, usize)>, Evaluatio
     Ok(lines)
 }
 
-/// Calls `each` with position and text of every line that has its end.
+/// Calls `each` with offset and text of every complete line.
 pub(super) fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<(), EvaluationError> {
     let mut reader = BufReader::new(File::open(path).map_err(cannot_read(path))?);
     let (mut at, mut bytes) = (0, Vec::new());
@@ -418,7 +422,7 @@ pub(super) fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<
     }
 }
 
-/// Replaces a file of lines by some of its lines.
+/// Replaces a file of lines by a selection of its lines.
 fn rewrite(path: &Path, lines: &[(Key, u64, usize)]) -> Result<(), EvaluationError> {
     let mut old = File::open(path).map_err(cannot_read(path))?;
     replace(path, |out| {
@@ -436,23 +440,23 @@ fn rewrite(path: &Path, lines: &[(Key, u64, usize)]) -> Result<(), EvaluationErr
     })
 }
 
-/// Writes a file beside its place and moves it there, so that it is whole or not there.
+/// Writes a temporary file next to `path` and renames it, so that the file is complete or absent.
 pub(super) fn replace(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), EvaluationError> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".tmp");
-    let beside = path.with_file_name(name);
+    let temporary = path.with_file_name(name);
     let attempt = || {
-        let mut out = BufWriter::new(File::create(&beside)?);
+        let mut out = BufWriter::new(File::create(&temporary)?);
         write(&mut out)?;
         out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-        fs::rename(&beside, path)
+        fs::rename(&temporary, path)
     };
     attempt().map_err(|source| {
-        // The message names the file that was wanted; half a file beside it helps nobody.
-        fs::remove_file(&beside).ok();
+        // The error names the target; the incomplete temporary file is useless.
+        fs::remove_file(&temporary).ok();
         EvaluationError::Write { path: path.to_owned(), source }
     })
 }

@@ -1,24 +1,23 @@
-//! Evaluation: what to run, the runner, run folders and statistics.
+//! Evaluation: plans, the runner, run folders and statistics.
 //!
-//! Knows simulators, metrics and files of scenarios; never how results are shown. The only room beside `formats` and `cli`
-//! that opens files: a run folder is part of what a run is.
+//! This module knows simulators, metrics and scenario files, not how results are displayed. It opens files
+//! because run folders are part of a run.
 //!
-//! A run folder holds
+//! A run folder contains
 //!
-//! | file | what |
-//! |---|---|
-//! | `provenance.json` | program, settings, inputs with their digests, simulators: what a resumed run must agree with |
-//! | `rows.jsonl` | one row per scenario, simulator and rollout: metrics with what they are made of, outcomes, digest; after the rollouts of a pair one row without a rollout, for the metrics over all of them |
-//! | `events.jsonl` | every counted event: scenario, simulator, rollout, agents, steps, values |
-//! | `failures.jsonl` | scenarios and files without a result, and why |
-//! | `summary.json`, `summary.md` | the result, written last |
-//! | `rollouts.parquet` | the rollouts, where they were asked for; `parts/` while the run lasts |
+//! - `provenance.json`: program, settings, inputs with their digests, simulators; equal for a resumed run
+//! - `rows.jsonl`: one row per scenario, simulator and rollout (metrics with their components, outcomes,
+//!   digest); after the rollouts of a pair one row without a rollout, for the metrics over all of them
+//! - `events.jsonl`: every counted event with scenario, simulator, rollout, agents, steps and values
+//! - `failures.jsonl`: scenarios and files without a result, with the error
+//! - `summary.json`, `summary.md`: the result, written last
+//! - `rollouts.parquet`: the rollouts, if requested; in `parts/` during the run
 //!
-//! A study is several run folders below one that holds `study.json` ([`Study`]).
+//! A study consists of several run folders in a folder with a `study.json` ([`Study`]).
 //!
-//! Rows and events are appended as they come, events first; a pair whose rows are not whole is dropped and run again when a
-//! run is resumed. At the end both files are put into the order of inputs, simulators and rollouts, so that no byte depends
-//! on threads, batches or interruptions.
+//! Rows and events are appended as they are produced, events first. When a run is resumed, pairs of scenario
+//! and simulator with incomplete rows are dropped and run again. At the end both files are sorted by inputs,
+//! simulators and rollouts, so that no byte depends on threads, batches or interruptions.
 
 mod archive;
 mod av;
@@ -50,7 +49,7 @@ pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use case_study::{CASE_STUDIES, CaseStudy};
-pub use comparison::{Comparison, Paired};
+pub use comparison::{Comparison, PairedDifference};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use folder::{
@@ -73,5 +72,7 @@ pub use study::{
     Difference, Member, STUDY, STUDY_TABLE, Study, StudyFolder, StudyKind, StudyPlan, StudyResults, is_study,
     read_study,
 };
-pub use summary::{CategorySummary, Pressure, REFERENCE, SimulatorSummary, Summary, SummaryProvenance};
+pub use summary::{
+    CategorySummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
+};
 pub use tally::{Cell, Entry, Tally};

@@ -1,4 +1,4 @@
-//! What a run is asked to do, checked before the first scenario.
+//! The plan of a run, checked before the first scenario.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,26 +16,27 @@ use crate::metrics::Options;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
 use crate::scene::{AgentState, Certificate, DeviatedTrack, Deviation, Difficulty, Scenario};
 
-/// What decides the numbers of a run, besides scenarios and simulators.
+/// The settings that determine the numbers of a run, apart from scenarios and simulators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunSettings {
-    /// Protocol, replan rate, lookahead, seed.
+    /// Protocol, replan interval, lookahead, seed.
     pub rollout: Settings,
-    /// Who moves the AV in the reactive protocol.
+    /// AV policy in the reactive protocol.
     pub av: AvChoice,
-    /// Rollouts per scenario and simulator, at least 1.
+    /// Number of rollouts per scenario and simulator, at least 1.
     pub rollouts: u32,
     /// Variants of the metrics.
     pub options: Options,
-    /// How many scenarios the sources were opened to give at most, each; for the record.
+    /// Maximum number of scenarios per source. Only recorded here; the sources are already opened with this
+    /// limit.
     pub limit: Option<usize>,
 }
 
-/// Deviated AVs by scenario id, with the file that they came from.
+/// Deviated AVs by scenario id, with their file.
 pub struct Deviations {
     /// The file.
     pub file: FileRecord,
-    /// By scenario id.
+    /// Deviated AVs by scenario id.
     pub tracks: BTreeMap<String, DeviationRecord>,
 }
 
@@ -52,12 +53,13 @@ impl Deviations {
 
 /// A run: sources × simulators × rollouts.
 pub struct Plan {
-    /// Where scenarios come from.
+    /// Sources of scenarios.
     pub sources: Vec<Source>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<PlannedSimulator>,
-    /// Deviated AVs from a file. Where there is one, those that scenarios carry do not count: a set is not mixed with another.
-    /// In the realism protocol, which has no deviated AVs, it says which scenarios are wanted.
+    /// Deviated AVs from a file. If given, the deviated AVs that scenarios carry are ignored, so that two
+    /// sets are not mixed. In the realism protocol, which has no deviated AVs, the file selects the
+    /// scenarios.
     pub deviations: Option<Deviations>,
     /// Settings.
     pub settings: RunSettings,
@@ -65,36 +67,37 @@ pub struct Plan {
     pub keep_rollouts: bool,
 }
 
-/// What is known of a deviated AV besides its trajectory; nothing of an AV that is no deviated one.
+/// The properties of a deviated AV apart from its trajectory; empty for other AVs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KnownDeviation {
     /// Dominant source of the deviation.
     pub category: Option<Deviation>,
-    /// How every agent that it disturbs can avoid it.
+    /// Responses with which every affected agent can avoid it.
     pub certificate: Option<Certificate>,
 }
 
 impl KnownDeviation {
-    /// What is known of a deviated trajectory. A certificate without efforts is left out: files of that age do not say which responses
-    /// answer the AV and which answer each other, without which nobody's reaction can be judged.
+    /// Returns the properties of a deviated trajectory. A certificate without efforts is dropped: files of
+    /// that age do not record which responses answer the AV and which answer other responses, so reactions
+    /// cannot be evaluated.
     pub fn of(deviated: &DeviatedTrack) -> Self {
         let certificate = deviated.certificate.clone().filter(|c| c.difficulty().is_some());
         Self { category: deviated.category, certificate }
     }
 
-    /// How difficult it is for the agents to avoid the AV, where known.
+    /// Returns the difficulty of avoiding the AV, if known.
     pub fn difficulty(&self) -> Option<Difficulty> {
         self.certificate.as_ref()?.difficulty()
     }
 }
 
-/// Why a scenario has no AV.
+/// The reason why a scenario has no AV.
 #[derive(Debug, thiserror::Error)]
 pub enum NoAv {
     /// The scenario carries no deviated trajectory.
     #[error("no deviated AV; give --deviations with one for this scenario, or choose another --av")]
     Missing,
-    /// The trajectory was made for something else.
+    /// The trajectory was made for another scenario.
     #[error("the deviated AV was made for a scenario with the digest {wanted}, this one has {found}")]
     OtherScenario {
         /// Digest that the trajectory names.
@@ -102,13 +105,13 @@ pub enum NoAv {
         /// Digest of the scenario.
         found: String,
     },
-    /// The trajectory is refused.
+    /// The trajectory is invalid.
     #[error(transparent)]
     Refused(#[from] AvError),
 }
 
 impl Plan {
-    /// Where the numbers will come from.
+    /// Returns the provenance of the run.
     pub fn provenance(&self) -> Provenance {
         let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
         let provenance = Provenance {
@@ -155,18 +158,18 @@ impl Plan {
         provenance.with_machine()
     }
 
-    /// What its values are collected in, still empty.
+    /// Returns an empty tally for the values of the run.
     pub fn tally(&self) -> Tally {
         Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.settings.rollouts)
     }
 
-    /// Whether a scenario that has no AV for this reason is left out rather than failed: a file of deviations says which scenarios are
-    /// wanted.
-    pub(super) fn passes_over(&self, reason: &NoAv) -> bool {
+    /// Returns whether a scenario that has no AV for this reason is skipped rather than failed: a file of
+    /// deviations selects the scenarios.
+    pub(super) fn skips(&self, reason: &NoAv) -> bool {
         matches!(reason, NoAv::Missing) && self.deviations.is_some()
     }
 
-    /// The deviated trajectory of a scenario in its frame, where there is one.
+    /// Returns the deviated trajectory of a scenario in its coordinate frame.
     fn deviated(&self, scenario: &Scenario) -> Result<DeviatedTrack, NoAv> {
         if let Some(deviations) = &self.deviations {
             let record = deviations.tracks.get(&scenario.id).ok_or(NoAv::Missing)?;
@@ -185,16 +188,16 @@ impl Plan {
         scenario.deviation.clone().ok_or(NoAv::Missing)
     }
 
-    /// The AV of a scenario and what is known of its deviation from the log.
+    /// Returns the AV policy of a scenario and the properties of its deviation from the log.
     ///
     /// # Errors
-    /// [`NoAv`] where the scenario has none, or one that no AV can drive.
+    /// [`NoAv`] if the scenario has no AV, or an invalid trajectory.
     pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, KnownDeviation), NoAv> {
         if self.settings.rollout.protocol == Protocol::Realism {
             if self.deviations.is_some() {
                 self.deviated(scenario)?;
             }
-            return Ok((Box::new(MovedBySimulator), KnownDeviation::default()));
+            return Ok((Box::new(SimulatorControlledAv), KnownDeviation::default()));
         }
         Ok(match &self.settings.av {
             AvChoice::Deviated | AvChoice::File(_) => {
@@ -210,10 +213,11 @@ impl Plan {
     }
 }
 
-/// Stands where the simulator moves the AV; the engine asks no policy then.
-struct MovedBySimulator;
+/// Placeholder policy for the realism protocol: the simulator moves the AV, and the engine never calls the
+/// policy.
+struct SimulatorControlledAv;
 
-impl AvPolicy for MovedBySimulator {
+impl AvPolicy for SimulatorControlledAv {
     fn next(&mut self, seen: &crate::rollout::Observation<'_>) -> Result<AgentState, AvError> {
         Err(AvError::Absent { step: seen.step() + 1 })
     }

@@ -1,4 +1,4 @@
-//! Where numbers come from: program, settings, inputs, models.
+//! Provenance of results: program, settings, inputs, models.
 
 use std::collections::BTreeMap;
 
@@ -9,8 +9,8 @@ use super::file_record::FileRecord;
 use crate::models::WeightsFile;
 use crate::models::nn::{backend, cpu_class};
 
-/// Everything that decides the numbers of a run: program, settings, inputs, simulators with their parameters and weights, and
-/// for networks the backend and the class of the processor.
+/// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
+/// parameters and weights, and for networks the backend and the class of the processor.
 ///
 /// Two runs with equal provenance have equal results if their commit is known and has no `+`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,9 +18,10 @@ use crate::models::nn::{backend, cpu_class};
 pub struct Provenance {
     /// Version of the program.
     pub version: String,
-    /// Commit that the program was built from, `unknown` outside a checkout; `+` where files were changed after it.
+    /// Commit from which the program was built, `unknown` outside a checkout; ends with `+` if files were
+    /// changed since.
     pub commit: String,
-    /// What the run was asked to do.
+    /// Settings of the run.
     pub settings: SettingsRecord,
     /// Variants of the metrics.
     pub metric_options: BTreeMap<String, String>,
@@ -28,24 +29,24 @@ pub struct Provenance {
     pub simulators: Vec<SimulatorRecord>,
     /// Scenario files in the order of reading.
     pub inputs: Vec<FileRecord>,
-    /// The file of deviated AVs, where one was given.
+    /// The file of deviated AVs, if given.
     pub deviations: Option<FileRecord>,
-    /// The known benchmark that the inputs are; `None` for other inputs, for a part of a benchmark (`--limit`), and with a file of
-    /// deviations.
+    /// The known benchmark of the inputs; `None` for other inputs, for a part of a benchmark (`--limit`), and
+    /// with a file of deviations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<BenchmarkRecord>,
-    /// Name of the tensor backend, such as `flex`; `None` where no simulator has a network.
+    /// Name of the tensor backend, such as `flex`; `None` if no simulator has a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backend: Option<String>,
-    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`]); `None` where no simulator has a network.
+    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`]); `None` if no simulator has a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu: Option<String>,
-    /// Whether rollouts are kept; left out of the result, which does not depend on it.
+    /// Whether rollouts are kept; omitted from the summary, which does not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_rollouts: Option<bool>,
 }
 
-/// The settings of a run, as files hold them.
+/// The settings of a run, as stored in files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SettingsRecord {
@@ -53,15 +54,15 @@ pub struct SettingsRecord {
     pub protocol: String,
     /// AV policy; `simulator` in the realism protocol.
     pub av: String,
-    /// Steps between two plans.
+    /// Number of steps between two plans.
     pub replan_steps: usize,
-    /// Whether agents at t+1 see the AV at t+1.
+    /// Whether agents at t+1 observe the AV at t+1.
     pub av_lookahead: bool,
     /// Seed of all random streams.
     pub seed: u64,
-    /// Rollouts per scenario and simulator.
+    /// Number of rollouts per scenario and simulator.
     pub rollouts: u32,
-    /// How many scenarios of every file were asked for; left out where all were.
+    /// Maximum number of scenarios per file; absent if unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<usize>,
 }
@@ -74,20 +75,20 @@ pub struct SimulatorRecord {
     pub id: String,
     /// Name in tables.
     pub title: String,
-    /// Whether it is shown the log's future.
+    /// Whether the simulator gets the log's future.
     pub oracle: bool,
-    /// BLAKE3 digest of its card, which holds its parameters.
+    /// BLAKE3 digest of its card, which contains its parameters.
     pub card: String,
-    /// Parameters that are not as in the card, by dotted path, as TOML writes them.
+    /// Parameters that differ from the card, by dotted path, in TOML notation.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, String>,
-    /// Its weights, where it has some.
+    /// Weights, if the simulator has any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<WeightsRecord>,
 }
 
 impl SimulatorRecord {
-    /// Whether the simulator runs a network.
+    /// Returns whether the simulator runs a network.
     pub fn is_network(&self) -> bool {
         self.weights.is_some()
     }
@@ -99,31 +100,31 @@ impl SimulatorRecord {
 pub struct WeightsRecord {
     /// Name of the file, without its folder.
     pub name: String,
-    /// Size.
+    /// Size, bytes.
     pub bytes: u64,
     /// SHA-256 digest of the content.
     pub sha256: String,
 }
 
 impl WeightsRecord {
-    /// The record of a file.
+    /// Creates the record of a file.
     pub fn of(file: &WeightsFile) -> Self {
         Self { name: file.name.clone(), bytes: file.bytes.len() as u64, sha256: file.digest.clone() }
     }
 }
 
-/// The version of this program.
+/// Returns the version of this program.
 pub fn program_version() -> &'static str {
     env!("CARGO_PKG_VERSION")
 }
 
-/// The commit that this program was built from.
+/// Returns the commit from which this program was built, or `unknown`.
 pub fn program_commit() -> &'static str {
     option_env!("REACTSIM_COMMIT").unwrap_or("unknown")
 }
 
 impl Provenance {
-    /// Notes backend and class of the processor if a simulator has a network.
+    /// Records backend and class of the processor if a simulator has a network.
     pub(super) fn with_machine(mut self) -> Self {
         let networks = self.simulators.iter().any(SimulatorRecord::is_network);
         self.backend = networks.then(|| backend().to_owned());
@@ -131,19 +132,19 @@ impl Provenance {
         self
     }
 
-    /// The first setting in which two runs differ, with its value in each.
+    /// Returns the first setting in which two runs differ, with its value in each.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
         let (name, mine, theirs) = differences(self, other).into_iter().next()?;
         Some((name.trim_start_matches("settings.").to_owned(), mine, theirs))
     }
 
-    /// Whether the program was built from a known commit without changes.
+    /// Returns whether the program was built from a known commit without changes.
     pub fn is_clean(&self) -> bool {
         self.commit != "unknown" && !self.commit.ends_with('+')
     }
 }
 
-/// The leaves in which two values differ as JSON: path, and text in each.
+/// Returns the leaves in which two values differ as JSON: path, and text in each.
 pub(super) fn differences<T: Serialize>(a: &T, b: &T) -> Vec<(String, String, String)> {
     let (mine, theirs) = (leaves(a), leaves(b));
     let absent = || "absent".to_owned();
@@ -153,7 +154,7 @@ pub(super) fn differences<T: Serialize>(a: &T, b: &T) -> Vec<(String, String, St
     differing.map(|k| (k.clone(), value(&mine, k), value(&theirs, k))).collect()
 }
 
-/// Every leaf of a value as JSON, by its path.
+/// Returns every leaf of a value as JSON, by path.
 pub(super) fn leaves<T: Serialize>(value: &T) -> BTreeMap<String, String> {
     let mut out = BTreeMap::new();
     if let Ok(value) = serde_json::to_value(value) {
@@ -162,7 +163,7 @@ pub(super) fn leaves<T: Serialize>(value: &T) -> BTreeMap<String, String> {
     out
 }
 
-/// Every leaf of a JSON value by its path.
+/// Adds every leaf of a JSON value to `out`, by path.
 fn flatten(path: &str, value: &serde_json::Value, out: &mut BTreeMap<String, String>) {
     let join = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match value {

@@ -1,4 +1,4 @@
-//! Scores of rollouts that any program recorded.
+//! Scores of rollouts recorded by any program.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::metrics::Options;
 use crate::rollout::Rollout;
 use crate::scene::Scenario;
 
-/// Rollouts that are being scored: scenario by scenario, in the order in which scenarios are read.
+/// Recorded rollouts, which are scored scenario by scenario in the order in which scenarios are read.
 #[derive(Debug)]
 pub struct Recorded {
     records: BTreeMap<String, Vec<RolloutRecord>>,
@@ -24,7 +24,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// Takes recorded rollouts; simulators stand in the order of their first rollout.
+    /// Takes recorded rollouts. Simulators are in the order of their first rollout.
     pub fn new(rollouts: Vec<RolloutRecord>, options: Options) -> Self {
         let mut simulators: Vec<String> = Vec::new();
         let mut records: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
@@ -37,7 +37,7 @@ impl Recorded {
         Self { records, tally: Tally::new(simulators, 1), failures: Vec::new(), options }
     }
 
-    /// Scores all rollouts of a scenario; a scenario without one is passed over. Returns what failed.
+    /// Scores all rollouts of a scenario and returns the failures. A scenario without rollouts is skipped.
     pub fn score(&mut self, place: Place, file: &str, scenario: &Scenario) -> Vec<Failure> {
         let mut failed = Vec::new();
         let mut groups: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
@@ -46,7 +46,7 @@ impl Recorded {
         }
         for (simulator, mut records) in groups {
             records.sort_by_key(|r| r.rollout);
-            let rows = judged(place, scenario, &simulator, &records, self.options);
+            let rows = score_records(place, scenario, &simulator, &records, self.options);
             match rows {
                 Ok(rows) => self.tally.add(&rows),
                 Err(error) => failed.push(Failure {
@@ -63,12 +63,12 @@ impl Recorded {
         failed
     }
 
-    /// Ids of the scenarios whose rollouts were not scored yet.
+    /// Returns the ids of the scenarios whose rollouts are not yet scored.
     pub fn left(&self) -> impl Iterator<Item = &str> {
         self.records.keys().map(String::as_str)
     }
 
-    /// The simulators, as provenance holds them; nothing is known of them but their names.
+    /// Returns the provenance records of the simulators, of which only the names are known.
     pub fn simulators(&self) -> Vec<SimulatorRecord> {
         let record = |id: &String| SimulatorRecord {
             id: id.clone(),
@@ -81,7 +81,7 @@ impl Recorded {
         self.tally.simulators.iter().map(record).collect()
     }
 
-    /// Sums the scores up. `failures`: what failed besides, such as scenarios that can not be read.
+    /// Summarizes the scores. `failures`: further failures, such as scenarios that cannot be read.
     pub fn finish(self, failures: Vec<Failure>, provenance: &Provenance) -> Summary {
         let mut all = self.failures;
         all.extend(failures);
@@ -90,8 +90,8 @@ impl Recorded {
     }
 }
 
-/// The rows of recorded rollouts of one scenario and one simulator, in the order of the rollouts.
-pub(super) fn judged(
+/// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts.
+pub(super) fn score_records(
     place: Place,
     scenario: &Scenario,
     simulator: &str,
@@ -108,9 +108,9 @@ pub(super) fn judged(
     });
     let rollouts: Vec<Rollout> = rollouts.collect::<Result<_, String>>()?;
     let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
-    let about = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
+    let template = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
     let indices = records.iter().map(|r| r.rollout);
-    let judged = judge(scenario, deviation.certificate.as_ref(), &rollouts, options);
-    let rows = judged.rows(about, indices, &rollouts);
+    let scores = judge(scenario, deviation.certificate.as_ref(), &rollouts, options);
+    let rows = scores.rows(template, indices, &rollouts);
     Ok(rows.into_iter().map(|(row, _)| row).collect())
 }

@@ -1,4 +1,4 @@
-//! The rollouts of a run: kept in parts while it runs, put together in canonical order at its end.
+//! The rollouts of a run: stored in parts during the run, joined in canonical order at its end.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::formats::rollouts::{RolloutRecord, Writer, read};
 use crate::rollout::Rollout;
 use crate::scene::{AgentState, Frame, HISTORY, Scenario};
 
-/// Writes all rollouts of one scenario and one simulator.
+/// Writes all rollouts of one scenario and one simulator to a file.
 pub(super) fn write_part(
     path: &Path,
     scenario: &Scenario,
@@ -30,8 +30,9 @@ pub(super) fn write_part(
     Ok(writer.finish()?)
 }
 
-/// Joins the parts of all scenarios of the tally. Without parts the file of an earlier, finished run stays.
-pub(super) fn put_together(folder: &RunFolder, tally: &Tally) -> Result<(), EvaluationError> {
+/// Joins the parts of all scenarios of the tally. Without parts, the file of an earlier finished run is left
+/// as it is.
+pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), EvaluationError> {
     let target = folder.path().join(ROLLOUTS);
     let pairs: Vec<(Place, usize)> = tally
         .entries
@@ -55,7 +56,7 @@ pub(super) fn put_together(folder: &RunFolder, tally: &Tally) -> Result<(), Eval
     Ok(writer.finish()?)
 }
 
-/// Why a recorded rollout is none of a scenario.
+/// The reason why a recorded rollout does not match a scenario.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ForeignRollout {
     /// An agent is not in the scenario.
@@ -69,8 +70,9 @@ pub enum ForeignRollout {
     NoAv(String),
 }
 
-/// The tracks of a recorded rollout: per agent of the scenario its history, then the recorded steps. Agents that were not
-/// recorded are absent; recorded agents beyond the scenario's chosen ones are left out.
+/// Returns the tracks of a recorded rollout: per agent of the scenario its history, then the recorded steps.
+/// Agents that were not recorded are absent; recorded agents beyond the scenario's selected ones are left
+/// out.
 ///
 /// # Errors
 /// [`ForeignRollout`] names an agent that is unknown or repeated, or a missing AV.

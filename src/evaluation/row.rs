@@ -1,4 +1,4 @@
-//! What one rollout was worth, as one line of a run folder.
+//! Rows of a run folder: the scores of one rollout, as one line.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::plan::KnownDeviation;
 use crate::metrics::{Event, Score};
 use crate::scene::Scenario;
 
-/// Where a record stands: its input and its place in it. Orders everything that a run writes.
+/// The position of a record: its input and its index there. Everything that a run writes is sorted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
     /// Index of the input file.
@@ -17,7 +17,8 @@ pub struct Place {
     pub record: usize,
 }
 
-/// One scenario with one simulator and one rollout; or, without a rollout, all rollouts of the pair judged together.
+/// The scores of one scenario, simulator and rollout; or, without a rollout, of all rollouts of the pair
+/// together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Row {
@@ -33,26 +34,26 @@ pub struct Row {
     pub simulator: String,
     /// Index of the rollout; `None` for the metrics over all rollouts of the pair.
     pub rollout: Option<u32>,
-    /// Category of the deviation, where known.
+    /// Category of the deviation, if known.
     pub category: Option<String>,
-    /// How difficult it is to avoid the deviated AV, where known.
+    /// Difficulty of avoiding the deviated AV, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub difficulty: Option<String>,
-    /// How lanes were assigned for the driving direction.
+    /// Method of assigning lanes for the driving direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction_tracking: Option<String>,
-    /// Value per metric; `None` where nothing could be judged.
+    /// Value per metric; `None` if nothing could be evaluated.
     pub metrics: BTreeMap<String, Option<Value>>,
-    /// Deviated against logged AV, by name of the statistic.
+    /// Statistics of the deviated AV against the logged AV, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub deviation: BTreeMap<String, f64>,
-    /// How parts of plans ended, by name.
+    /// Number of outcomes of parts of plans, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub outcomes: BTreeMap<String, u64>,
 }
 
 impl Row {
-    /// The row of a scenario and a simulator over all rollouts, still without values.
+    /// Creates the row of a scenario and a simulator over all rollouts, without values.
     pub(super) fn about(place: Place, scenario: &Scenario, digest: String, simulator: &str) -> Self {
         Self {
             input: place.input,
@@ -70,7 +71,7 @@ impl Row {
         }
     }
 
-    /// The same row with category and difficulty of the deviation.
+    /// Sets category and difficulty of the deviation.
     pub(super) fn with_deviation(self, deviation: &KnownDeviation) -> Self {
         Self {
             category: deviation.category.map(|c| c.name().to_owned()),
@@ -79,13 +80,13 @@ impl Row {
         }
     }
 
-    /// Where the scenario stands.
+    /// Returns the position of the scenario.
     pub fn place(&self) -> Place {
         Place { input: self.input, record: self.record }
     }
 }
 
-/// A [`Score`] as files hold it: with what it was made of.
+/// A [`Score`] as stored in files, with its components.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Value {
@@ -95,7 +96,7 @@ pub enum Value {
     Count(u64),
     /// A sum and the number of its terms.
     Mean(f64, u64),
-    /// A number that is no ratio.
+    /// A number that is not a ratio.
     Value(f64),
 }
 
@@ -144,16 +145,16 @@ pub struct EventLine<'a> {
     pub agent: &'a str,
     /// Id of the partner.
     pub partner: Option<&'a str>,
-    /// Why it counts or not.
+    /// Reason why the event counts or not.
     pub reason: Option<&'a str>,
-    /// Whether it counts in the metric's value.
+    /// Whether the event counts in the metric's value.
     pub counted: bool,
     /// Named values at the event; those that are not finite are left out.
     pub values: BTreeMap<&'a str, f64>,
 }
 
 impl<'a> EventLine<'a> {
-    /// The line of an event of a rollout.
+    /// Creates the line of an event of a rollout.
     pub fn new(row: &'a Row, rollout: u32, event: &'a Event) -> Self {
         Self {
             input: row.input,
@@ -173,7 +174,7 @@ impl<'a> EventLine<'a> {
     }
 }
 
-/// A line of `events.jsonl` as it is read again, without the names of scenario and simulator.
+/// A line of `events.jsonl` as read, without the names of scenario and simulator.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct EventRecord {
     /// Index of the rollout.
@@ -188,15 +189,15 @@ pub struct EventRecord {
     pub agent: String,
     /// Id of the partner.
     pub partner: Option<String>,
-    /// Why it counts or not.
+    /// Reason why the event counts or not.
     pub reason: Option<String>,
-    /// Whether it counts in the metric's value.
+    /// Whether the event counts in the metric's value.
     pub counted: bool,
     /// Named values at the event.
     pub values: BTreeMap<String, f64>,
 }
 
-/// A scenario, a file or a pair of scenario and simulator that gave no result.
+/// A scenario, a file or a pair of scenario and simulator without a result.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Failure {
@@ -204,18 +205,18 @@ pub struct Failure {
     pub input: usize,
     /// Index of the record in it.
     pub record: usize,
-    /// Simulator; `None` where the scenario failed for all of them.
+    /// Id of the simulator; `None` if the scenario failed for all simulators.
     pub simulator: Option<String>,
     /// Name of the input file.
     pub file: String,
-    /// Id of the scenario, where it could be read.
+    /// Id of the scenario, if it could be read.
     pub scenario: Option<String>,
-    /// What happened.
+    /// Text of the error.
     pub error: String,
 }
 
 impl Failure {
-    /// Where the record stands.
+    /// Returns the position of the record.
     pub fn place(&self) -> Place {
         Place { input: self.input, record: self.record }
     }
@@ -226,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_keep_what_they_are_made_of() {
+    fn values_keep_their_components() {
         let text = |s| serde_json::to_string(&Value::from(s)).unwrap();
         assert_eq!(text(Score::Rate { hits: 1, valid: 0 }), r#"{"rate":[1,0]}"#);
         assert_eq!(text(Score::Count(2)), r#"{"count":2}"#);

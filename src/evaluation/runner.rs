@@ -1,4 +1,5 @@
-//! Runs a plan on several threads. Results do not depend on their number, on the size of batches, or on interruptions.
+//! Execution of a plan on several threads. Results do not depend on the number of threads, the batch size or
+//! interruptions.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -9,36 +10,37 @@ use super::folder::{RunFolder, SUMMARY, line};
 use super::judge::judge;
 use super::plan::{KnownDeviation, Plan};
 use super::row::{EventLine, Failure, Place, Row};
-use super::source::{Item, Supply};
+use super::source::{Supply, UndecodedRecord};
 use super::summary::Summary;
 use super::tally::Tally;
 use super::{EvaluationError, rollouts};
 use crate::rollout::{Request, Rollout, roll_out};
 use crate::scene::Scenario;
 
-/// More threads than this are never started: they would only wait for each other.
-const MOST_JOBS: usize = 512;
+/// Maximum number of threads; more would only wait for each other.
+const MAX_JOBS: usize = 512;
 
-/// How a run is carried out; decides no number.
+/// Execution settings of a run, which do not affect its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Execution {
-    /// Threads, at most 512.
+    /// Number of threads, at most 512.
     pub jobs: usize,
-    /// Scenarios that a thread steps in lockstep and keeps in memory.
+    /// Number of scenarios that a thread steps in lockstep and keeps in memory.
     pub batch: usize,
 }
 
-/// Is told how a run goes on.
+/// Callbacks for the progress of a run.
 pub trait RunObserver: Sync {
-    /// A scenario is done, well or not; `done` counts them, those of an earlier, interrupted run among them.
+    /// Called after scenarios succeeded or failed. `done` is the number of finished scenarios, including
+    /// those of an earlier interrupted run.
     fn scenario_done(&self, _done: usize) {}
-    /// The rows of one scenario and one simulator are there.
+    /// Called with the rows of one scenario and one simulator.
     fn rows(&self, _rows: &[Row]) {}
-    /// A scenario, a file or a pair of scenario and simulator failed.
+    /// Called when a scenario, a file or a pair of scenario and simulator failed.
     fn failed(&self, _failure: &Failure) {}
 }
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug)]
 pub enum Outcome {
     /// Every scenario was tried.
@@ -47,10 +49,11 @@ pub enum Outcome {
     Interrupted,
 }
 
-/// Runs a plan. With a folder, rows are appended as they finish; `tally` holds what an earlier run had done.
+/// Runs a plan. With a folder, rows are appended as they finish; `tally` contains the results of an earlier
+/// run.
 ///
 /// # Errors
-/// [`EvaluationError`] when the folder can not be written; finished rows stay in it.
+/// [`EvaluationError`] if the folder cannot be written; finished rows stay in it.
 pub fn run(
     plan: &Plan,
     execution: Execution,
@@ -68,7 +71,7 @@ pub fn run(
         supply: Supply::new(&plan.sources),
         names: plan.simulators.iter().map(|s| s.id.clone()).collect(),
         done: AtomicUsize::new(0),
-        // What an earlier run had done is read by every thread; what this one does is collected apart.
+        // All threads read the results of an earlier run; those of this run are collected separately.
         before: tally.clone(),
         tally: Mutex::new(tally),
         failures: Mutex::default(),
@@ -77,8 +80,8 @@ pub fn run(
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
-        for _ in 1..execution.jobs.min(MOST_JOBS) {
-            // Where the system grants no more threads, those that there are do the work.
+        for _ in 1..execution.jobs.min(MAX_JOBS) {
+            // If the system refuses more threads, the existing ones do the work.
             if thread::Builder::new().spawn_scoped(scope, || runner.work()).is_err() {
                 break;
             }
@@ -106,7 +109,7 @@ pub fn run(
     if let Some(folder) = folder {
         folder.finish(&tally, &failures)?;
         if plan.keep_rollouts {
-            rollouts::put_together(folder, &tally)?;
+            rollouts::join_parts(folder, &tally)?;
         }
         folder.put(SUMMARY, &summary.to_json())?;
         folder.remove_parts()?;
@@ -114,15 +117,16 @@ pub fn run(
     Ok(Outcome::Finished(Box::new(summary)))
 }
 
-/// Does parallel work on so many threads; where they can not be had, on those that there are.
+/// Runs parallel work on `jobs` threads, or on the default pool if they cannot be created.
 fn with_threads<T: Send>(jobs: usize, work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(jobs.clamp(1, MOST_JOBS)).build() {
+    match rayon::ThreadPoolBuilder::new().num_threads(jobs.clamp(1, MAX_JOBS)).build() {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
     }
 }
 
-/// Takes scenarios out whose id an earlier one has. Which of two is the earlier one depends on the inputs' order only.
+/// Removes scenarios with the id of an earlier one and returns their failures. Only the order of the inputs
+/// decides which one is earlier.
 fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     let repeated = tally.repeated();
     let refuse = |(place, earlier): (Place, Place)| {
@@ -137,7 +141,8 @@ fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     repeated.into_iter().filter_map(refuse).collect()
 }
 
-/// Deviations of whose scenarios none was `seen` by this run or has rows of an earlier one.
+/// Returns the number of deviations whose scenario was neither `seen` by this run nor has rows from an
+/// earlier one.
 fn unused_deviations(plan: &Plan, tally: &Tally, mut seen: BTreeSet<String>) -> usize {
     seen.extend(tally.entries.values().map(|e| e.scenario.clone()));
     let tracks = plan.deviations.iter().flat_map(|d| d.tracks.keys());
@@ -174,13 +179,14 @@ struct Runner<'a> {
     tally: Mutex<Tally>,
     failures: Mutex<Vec<Failure>>,
     passed_over: AtomicUsize,
-    /// Scenarios with a deviation in the file of deviations.
+    /// Ids of the scenarios with a deviation in the file of deviations.
     deviations: Mutex<BTreeSet<String>>,
+    /// The first error that stops the run.
     broken: Mutex<Option<EvaluationError>>,
 }
 
-/// A scenario of a batch that can be run.
-struct Ready {
+/// A scenario of a batch that is ready to run.
+struct PreparedScenario {
     place: Place,
     scenario: Scenario,
     digest: String,
@@ -193,7 +199,7 @@ impl Runner<'_> {
             || self.broken.lock().unwrap_or_else(PoisonError::into_inner).is_some()
     }
 
-    /// What one thread does.
+    /// Processes batches until the sources are exhausted or the run stops; the main function of each thread.
     fn work(&self) {
         while !self.stopped() {
             let Some(items) = self.supply.take(self.execution.batch) else { return };
@@ -204,7 +210,7 @@ impl Runner<'_> {
         }
     }
 
-    fn batch(&self, items: Vec<Item>) -> Result<(), EvaluationError> {
+    fn batch(&self, items: Vec<UndecodedRecord>) -> Result<(), EvaluationError> {
         let records = items.len();
         let mut ready = Vec::with_capacity(records);
         for item in items {
@@ -221,7 +227,8 @@ impl Runner<'_> {
             if self.stopped() {
                 return Ok(());
             }
-            let todo: Vec<&Ready> = ready.iter().filter(|r| !self.before.has(r.place, simulator)).collect();
+            let todo: Vec<&PreparedScenario> =
+                ready.iter().filter(|r| !self.before.has(r.place, simulator)).collect();
             self.simulate(&todo, simulator)?;
         }
         let done = self.done.fetch_add(records, Ordering::Relaxed) + records;
@@ -229,8 +236,8 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Decodes a scenario and makes sure that it has an AV. `None` for one that is passed over.
-    fn prepare(&self, item: Item) -> Result<Option<Ready>, Box<Failure>> {
+    /// Decodes a scenario and checks that it has an AV. `None` for a scenario that is skipped.
+    fn prepare(&self, item: UndecodedRecord) -> Result<Option<PreparedScenario>, Box<Failure>> {
         let refuse = |id, error: String| Box::new(failure(self.plan, item.place, None, id, error));
         let decoded = item.content.and_then(|decode| decode());
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
@@ -241,9 +248,9 @@ impl Runner<'_> {
         match self.plan.av(&scenario) {
             Ok((_, deviation)) => {
                 let digest = scenario.digest();
-                Ok(Some(Ready { place: item.place, digest, deviation, scenario }))
+                Ok(Some(PreparedScenario { place: item.place, digest, deviation, scenario }))
             }
-            Err(error) if self.plan.passes_over(&error) => Ok(None),
+            Err(error) if self.plan.skips(&error) => Ok(None),
             Err(error) => {
                 let text = self.named(item.place, &format!("scenario `{}`: {error}", scenario.id));
                 Err(refuse(Some(scenario.id), text))
@@ -251,12 +258,12 @@ impl Runner<'_> {
         }
     }
 
-    fn simulate(&self, todo: &[&Ready], simulator: usize) -> Result<(), EvaluationError> {
+    fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {
         let planned = &self.plan.simulators[simulator];
         let mut finished: Vec<Vec<Rollout>> = todo.iter().map(|_| Vec::new()).collect();
         let mut failed: Vec<Option<String>> = vec![None; todo.len()];
         for rollout in 0..self.plan.settings.rollouts {
-            let (mut requests, mut asked) = (Vec::new(), Vec::new());
+            let (mut requests, mut requested) = (Vec::new(), Vec::new());
             for (i, ready) in todo.iter().enumerate() {
                 if failed[i].is_some() {
                     continue;
@@ -264,13 +271,13 @@ impl Runner<'_> {
                 match self.plan.av(&ready.scenario) {
                     Ok((av, _)) => {
                         requests.push(Request { scenario: &ready.scenario, av, rollout });
-                        asked.push(i);
+                        requested.push(i);
                     }
                     Err(error) => failed[i] = Some(format!("scenario `{}`: {error}", ready.scenario.id)),
                 }
             }
             let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
-            for (i, result) in asked.into_iter().zip(results) {
+            for (i, result) in requested.into_iter().zip(results) {
                 match result {
                     Ok(done) => finished[i].push(done),
                     Err(error) => failed[i] = Some(error.to_string()),
@@ -290,8 +297,13 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Judges the rollouts of one scenario and one simulator, and writes what they are worth.
-    fn keep(&self, ready: &Ready, simulator: usize, rollouts: Vec<Rollout>) -> Result<(), EvaluationError> {
+    /// Scores the rollouts of one scenario and one simulator, and writes the results.
+    fn keep(
+        &self,
+        ready: &PreparedScenario,
+        simulator: usize,
+        rollouts: Vec<Rollout>,
+    ) -> Result<(), EvaluationError> {
         let (rows, events) = self.rows(ready, simulator, &rollouts);
         if let Some(folder) = self.folder {
             if self.plan.keep_rollouts {
@@ -305,13 +317,13 @@ impl Runner<'_> {
         Ok(())
     }
 
-    fn rows(&self, ready: &Ready, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
-        let about = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
+    fn rows(&self, ready: &PreparedScenario, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+        let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
-        let judged = judge(&ready.scenario, certificate, rollouts, self.plan.settings.options);
+        let scores = judge(&ready.scenario, certificate, rollouts, self.plan.settings.options);
         let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
-        for (row, counted) in judged.rows(about, 0.., rollouts) {
+        for (row, counted) in scores.rows(template, 0.., rollouts) {
             let index = row.rollout.unwrap_or_default();
             counted.iter().for_each(|event| events.push_str(&line(&EventLine::new(&row, index, event))));
             rows.push(row);
@@ -319,7 +331,7 @@ impl Runner<'_> {
         (rows, events)
     }
 
-    /// A text with file and record before it, as errors of files have them.
+    /// Prefixes a text with file and record, like errors of files.
     fn named(&self, place: Place, text: &str) -> String {
         format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
     }

@@ -1,4 +1,4 @@
-//! Scenarios of runs, found again by the digest of their file and their place in it.
+//! Lookup of the scenarios of runs by the digest of their file and their position in it.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -10,16 +10,17 @@ use crate::formats::native::ByNumber;
 use crate::formats::{Input, PendingScenarios};
 use crate::scene::Scenario;
 
-/// Files of scenarios by the digest of their content: a run names its inputs by digest, not by path.
+/// Scenario files by the digest of their content: runs identify their inputs by digest, not by path.
 #[derive(Default)]
 pub struct Shelf {
-    books: BTreeMap<String, Book>,
+    files: BTreeMap<String, ScenarioFile>,
 }
 
-enum Book {
-    /// A native file: any scenario at once.
+enum ScenarioFile {
+    /// A native file, with random access to its scenarios.
     Native(ByNumber),
-    /// Any other: read from its beginning. The position is kept, so that going through it in order reads it once.
+    /// Any other file, read from its beginning. The position is kept, so that reading in order reads the file
+    /// once.
     Stream { open: Opener, position: Mutex<(usize, Option<PendingScenarios>)>, input: Option<Input> },
 }
 
@@ -27,50 +28,52 @@ impl Shelf {
     /// Adds a file.
     ///
     /// # Errors
-    /// [`EvaluationError`] when it can not be read.
+    /// [`EvaluationError`] if it cannot be read.
     pub fn add_file(&mut self, input: &Input) -> Result<(), EvaluationError> {
         let file = FileRecord::of(&input.path, input.format.id())?;
         if file.format == "native" {
-            self.books.insert(file.blake3, Book::Native(ByNumber::open(&input.path)?));
+            self.files.insert(file.blake3, ScenarioFile::Native(ByNumber::open(&input.path)?));
             return Ok(());
         }
         let (reader, input) = (input.clone(), Some(input.clone()));
         let open = Box::new(move || reader.open_undecoded());
-        self.books.insert(file.blake3, Book::Stream { open, position: Mutex::default(), input });
+        self.files.insert(file.blake3, ScenarioFile::Stream { open, position: Mutex::default(), input });
         Ok(())
     }
 
-    /// Adds what is read in order.
+    /// Adds a source that is read in order.
     pub fn add(&mut self, source: Source) {
-        let book = Book::Stream { open: source.open, position: Mutex::default(), input: None };
-        self.books.insert(source.file.blake3, book);
+        let file = ScenarioFile::Stream { open: source.open, position: Mutex::default(), input: None };
+        self.files.insert(source.file.blake3, file);
     }
 
-    /// Whether a file is there.
+    /// Returns whether a file was added.
     pub fn has(&self, file: &FileRecord) -> bool {
-        self.books.contains_key(&file.blake3)
+        self.files.contains_key(&file.blake3)
     }
 
-    /// A scenario by its file, its place there and its digest; `None` where the file is not there.
+    /// Reads a scenario by its file, its position there and its digest; `None` if the file was not added.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the file can not be read, or holds another scenario in this place.
+    /// [`EvaluationError`] if the file cannot be read, or has another scenario at this position.
     pub fn read(
         &self,
         file: &FileRecord,
         record: usize,
         digest: &str,
     ) -> Result<Option<Scenario>, EvaluationError> {
-        let Some(book) = self.books.get(&file.blake3) else { return Ok(None) };
-        let found = match book {
-            Book::Native(scenarios) if record < scenarios.len() => Some(scenarios.read(record)?),
-            Book::Native(_) => None,
-            // Whoever adds a file need not know how a run read it.
-            Book::Stream { input: Some(input), .. } if file.current_frame.is_some() && record == 0 => {
+        let Some(scenario_file) = self.files.get(&file.blake3) else { return Ok(None) };
+        let found = match scenario_file {
+            ScenarioFile::Native(scenarios) if record < scenarios.len() => Some(scenarios.read(record)?),
+            ScenarioFile::Native(_) => None,
+            // The run may have read the file with another current frame than it was added with.
+            ScenarioFile::Stream { input: Some(input), .. }
+                if file.current_frame.is_some() && record == 0 =>
+            {
                 let input = Input { current_frame: file.current_frame, ..input.clone() };
                 input.open()?.next().transpose()?
             }
-            Book::Stream { open, position, .. } => {
+            ScenarioFile::Stream { open, position, .. } => {
                 let mut position = position.lock().unwrap_or_else(PoisonError::into_inner);
                 let (next, scenarios) = &mut *position;
                 if scenarios.is_none() || *next > record {

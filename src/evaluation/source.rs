@@ -1,4 +1,4 @@
-//! Where scenarios come from, and how several threads draw from it.
+//! Sources of scenarios, and their distribution to several threads.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use super::EvaluationError;
 use super::file_record::{FileRecord, Registrar};
 use super::row::Place;
-use crate::formats::{FormatError, Input, PendingScenarios, Undecoded, decoded};
+use crate::formats::{FormatError, Input, PendingScenarios, UndecodedScenario, decoded};
 use crate::scene::Scenario;
 
 /// Opens a source for reading from its beginning.
@@ -16,7 +16,7 @@ pub type Opener = Box<dyn Fn() -> Result<PendingScenarios, FormatError> + Send +
 pub struct Source {
     /// Name, size and digest.
     pub file: FileRecord,
-    /// Opens it.
+    /// Function that opens the source.
     pub open: Opener,
 }
 
@@ -45,14 +45,14 @@ impl Source {
     }
 }
 
-/// A record that is still to be decoded, with its place.
-pub(super) struct Item {
+/// A record that is not yet decoded, with its position.
+pub(super) struct UndecodedRecord {
     pub(super) place: Place,
-    pub(super) content: Result<Undecoded, FormatError>,
+    pub(super) content: Result<UndecodedScenario, FormatError>,
 }
 
-/// Sources in the course of being read. A thread holds the lock of one source while it splits records off, so that decoding
-/// and all other work run side by side.
+/// Sources that are being read. A thread holds the lock of one source only while it splits off records, so
+/// that decoding and all other work run in parallel.
 pub(super) struct Supply<'a> {
     readers: Vec<Reader<'a>>,
 }
@@ -75,8 +75,8 @@ impl<'a> Supply<'a> {
         Self { readers: sources.iter().map(reader).collect() }
     }
 
-    /// At least one and at most `n` records of one source; `None` when all sources are at their end.
-    pub(super) fn take(&self, n: usize) -> Option<Vec<Item>> {
+    /// Returns at least one and at most `n` records of one source; `None` when all sources are exhausted.
+    pub(super) fn take(&self, n: usize) -> Option<Vec<UndecodedRecord>> {
         loop {
             let mut busy = None;
             for (input, reader) in self.readers.iter().enumerate() {
@@ -107,7 +107,7 @@ impl<'a> Supply<'a> {
 }
 
 impl Reader<'_> {
-    fn take(&self, input: usize, mut state: MutexGuard<'_, State>, n: usize) -> Vec<Item> {
+    fn take(&self, input: usize, mut state: MutexGuard<'_, State>, n: usize) -> Vec<UndecodedRecord> {
         let mut items = Vec::new();
         if self.ended.load(Ordering::Acquire) {
             return items;
@@ -125,7 +125,7 @@ impl Reader<'_> {
             };
             let unopened = state.scenarios.is_none();
             if let Some(content) = content {
-                items.push(Item { place: Place { input, record: state.next }, content });
+                items.push(UndecodedRecord { place: Place { input, record: state.next }, content });
                 state.next += 1;
                 if !unopened {
                     continue;

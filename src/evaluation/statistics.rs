@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::rollout::{Purpose, Stream, stream};
 
-/// Resamples of a bootstrap.
+/// Number of bootstrap resamples.
 const RESAMPLES: usize = 2000;
-/// What lies below a 95 % interval, and above it.
+/// Probability below a 95 % interval, and above it.
 const TAIL: f64 = 0.025;
 
-/// A mean over scenarios with its 95 % percentile bootstrap interval; all `None` where no scenario is defined.
+/// A mean over scenarios with its 95 % percentile bootstrap interval; all `None` if no scenario has a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Estimate {
@@ -20,25 +20,26 @@ pub struct Estimate {
     pub low: Option<f64>,
     /// 97.5 % percentile of the resampled means.
     pub high: Option<f64>,
-    /// Scenarios with a value.
+    /// Number of scenarios with a value.
     pub scenarios: usize,
 }
 
 impl Estimate {
-    /// The estimate from one value per scenario, in a fixed order. The resampling is named by seed and metric.
+    /// Computes the estimate from one value per scenario, in a fixed order. Seed and metric select the random
+    /// stream of the resampling.
     pub fn of(values: &[f64], seed: u64, metric: &str) -> Self {
         if values.is_empty() {
             return Self::default();
         }
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
-        // Where all scenarios agree every resample agrees too, but for rounding.
+        // If all values are equal, all resampled means are equal up to rounding.
         let (low, high) = if values.iter().all(|v| *v == values[0]) {
             (mean, mean)
         } else {
-            let mut names = stream(seed, metric, 0, Purpose::Bootstrap);
+            let mut random = stream(seed, metric, 0, Purpose::Bootstrap);
             let mut means: Vec<f64> = (0..RESAMPLES)
-                .map(|_| values.iter().map(|_| values[below(&mut names, values.len())]).sum::<f64>() / n)
+                .map(|_| values.iter().map(|_| values[below(&mut random, values.len())]).sum::<f64>() / n)
                 .collect();
             means.sort_by(f64::total_cmp);
             (quantile(&means, TAIL), quantile(&means, 1.0 - TAIL))
@@ -47,18 +48,18 @@ impl Estimate {
     }
 }
 
-/// The mean of values; `None` where there is none.
+/// Returns the mean of values; `None` without values.
 pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, n) = values.fold((0.0, 0_u32), |(sum, n), v| (sum + v, n + 1));
     (n > 0).then(|| sum / f64::from(n))
 }
 
-/// A uniform index below `n`: the high half of a product (the bias is below n / 2^64).
-fn below(names: &mut Stream, n: usize) -> usize {
-    ((u128::from(names.next_u64()) * n as u128) >> 64) as usize
+/// Draws a uniform index below `n`: the high half of a product (the bias is below n / 2^64).
+fn below(random: &mut Stream, n: usize) -> usize {
+    ((u128::from(random.next_u64()) * n as u128) >> 64) as usize
 }
 
-/// A quantile of sorted values, linear between neighbours.
+/// Returns a quantile of sorted values, interpolated linearly.
 fn quantile(sorted: &[f64], q: f64) -> f64 {
     let at = q * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_not_zero() {
+    fn no_values_give_no_estimate() {
         assert_eq!(Estimate::of(&[], 0, "ade"), Estimate::default());
     }
 
@@ -82,7 +83,7 @@ mod tests {
 
     #[test]
     fn interval_matches_the_standard_error() {
-        // A known case: 400 values, half 0 and half 1: the standard error of the mean is 0.025.
+        // 400 values, half 0 and half 1: the standard error of the mean is 0.025.
         let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
         let e = Estimate::of(&values, 0, "ade");
         assert_eq!(e.mean, Some(0.5));

@@ -10,18 +10,20 @@ use super::row::Failure;
 use super::statistics::{Estimate, mean};
 use super::tally::{Cell, Entry, Tally};
 
-/// Id of the simulator that paired differences are taken to.
-pub const REFERENCE: &str = "log-replay";
+/// Id of the simulator to which paired differences are computed.
+pub const PAIRING_REFERENCE: &str = "log-replay";
 
-/// The result of a run. Its bytes depend on inputs, settings and program only: not on time, threads or batches.
+/// The result of a run. Its bytes depend on inputs, settings and program only, not on time, threads or
+/// batches.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Summary {
     /// Result per simulator, by id.
     pub simulators: BTreeMap<String, SimulatorSummary>,
-    /// Deviated against logged AV over the scenarios, by name of the statistic; empty without a deviated AV.
+    /// Statistics of the deviated AV against the logged AV over the scenarios, by name; empty without a
+    /// deviated AV.
     pub deviation: BTreeMap<String, Estimate>,
-    /// Where the numbers come from.
+    /// Provenance of the numbers.
     pub provenance: SummaryProvenance,
 }
 
@@ -29,24 +31,25 @@ pub struct Summary {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorSummary {
-    /// Scenarios with a result.
+    /// Number of scenarios with a result.
     pub scenarios: usize,
-    /// Scenarios without one.
+    /// Number of scenarios without a result.
     pub failed: usize,
-    /// Whether it is shown the log's future (†).
+    /// Whether the simulator gets the log's future (†).
     pub oracle: bool,
     /// Estimate per metric, by id.
     pub metrics: BTreeMap<String, Estimate>,
-    /// The same per category of deviation.
+    /// Results per category of deviation.
     pub by_category: BTreeMap<String, CategorySummary>,
-    /// The same per difficulty of the deviation; empty where none is known.
+    /// Results per difficulty of the deviation; empty if no difficulty is known.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub by_difficulty: BTreeMap<String, CategorySummary>,
-    /// Difference to log replay over the scenarios in which both are defined; empty where log replay did not run.
+    /// Difference to log replay over the scenarios in which both have a value; empty if log replay did not
+    /// run.
     pub paired_to_log_replay: BTreeMap<String, Estimate>,
     /// Reactive pressure: shares of the scenarios.
     pub pressure: Pressure,
-    /// How parts of plans ended, by name.
+    /// Number of outcomes of parts of plans, by name.
     pub outcomes: BTreeMap<String, u64>,
 }
 
@@ -54,43 +57,43 @@ pub struct SimulatorSummary {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CategorySummary {
-    /// Scenarios with a result.
+    /// Number of scenarios with a result.
     pub scenarios: usize,
     /// Estimate per metric, by id.
     pub metrics: BTreeMap<String, Estimate>,
 }
 
-/// Shares of scenarios (averaged over rollouts) in which something happens at least once.
+/// Shares of scenarios (averaged over rollouts) in which an event occurs at least once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pressure {
     /// An agent hits the AV and is at fault.
     pub share_at_fault_collision: Option<f64>,
-    /// A vehicle overlaps the AV, whatever the fault.
+    /// A vehicle overlaps the AV, regardless of fault.
     pub share_any_overlap: Option<f64>,
-    /// An agent comes closer to the AV than 0.5 s.
+    /// A vehicle has a time to collision with the AV below 0.5 s.
     pub share_risky: Option<f64>,
 }
 
-/// Provenance with what the run found.
+/// Provenance with facts about the finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SummaryProvenance {
     /// Program, settings, inputs, models.
     #[serde(flatten)]
     pub run: Provenance,
-    /// Scenarios with at least one result.
+    /// Number of scenarios with at least one result.
     pub scenarios: usize,
     /// BLAKE3 digest of their ids and digests, in order.
     pub scenarios_blake3: String,
-    /// Scenarios that were left out because the file of deviations does not name them.
+    /// Number of scenarios that were skipped because the file of deviations does not name them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub passed_over: usize,
-    /// Deviations of the file whose scenario is not among those that were read: unknown, or beyond the limit.
+    /// Number of deviations whose scenario was not read: unknown, or beyond the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unused_deviations: usize,
-    /// How lanes were assigned for the driving direction: scenarios by the name of the way.
+    /// Number of scenarios by the method of assigning lanes for the driving direction.
     pub direction_tracking: BTreeMap<String, usize>,
-    /// What failed.
+    /// Failures.
     pub failures: Vec<Failure>,
 }
 
@@ -99,10 +102,10 @@ fn is_zero(n: &usize) -> bool {
 }
 
 impl Summary {
-    /// Sums a run up. `failures` are in canonical order.
+    /// Summarizes a run. `failures` are in canonical order.
     pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
         let seed = provenance.settings.seed;
-        let reference = tally.simulators.iter().position(|s| s == REFERENCE);
+        let reference = tally.simulators.iter().position(|s| s == PAIRING_REFERENCE);
         let simulators = provenance.simulators.iter().enumerate().map(|(i, simulator)| {
             let done: Vec<(&Entry, &Cell)> =
                 tally.entries.values().filter_map(|e| Some((e, e.cells[i].as_ref()?))).collect();
@@ -130,8 +133,8 @@ impl Summary {
         });
         let simulators = simulators.collect();
         let mut tracking = BTreeMap::new();
-        for way in tally.entries.values().filter_map(|e| e.direction_tracking.clone()) {
-            *tracking.entry(way).or_default() += 1;
+        for method in tally.entries.values().filter_map(|e| e.direction_tracking.clone()) {
+            *tracking.entry(method).or_default() += 1;
         }
         let mut digest = blake3::Hasher::new();
         for entry in tally.entries.values() {
@@ -155,14 +158,14 @@ impl Summary {
         }
     }
 
-    /// Whether a tally holds all values that it sums up, and no others.
+    /// Returns whether this summary can be of the tally: both have the same number of results per simulator.
     pub fn is_of(&self, tally: &Tally) -> bool {
         let with_result = |i: usize| tally.entries.values().filter(|e| e.cells[i].is_some()).count();
         let mut counts = tally.simulators.iter().enumerate().map(|(i, id)| (id, with_result(i)));
         counts.all(|(id, n)| self.simulators.get(id).is_some_and(|s| s.scenarios == n))
     }
 
-    /// The text of `summary.json`.
+    /// Returns the text of `summary.json`.
     pub fn to_json(&self) -> String {
         let mut text =
             serde_json::to_string_pretty(self).expect("a summary holds finite numbers and text only");
@@ -170,19 +173,20 @@ impl Summary {
         text
     }
 
-    /// Ids of the simulators in the order of the tables.
+    /// Returns id, title and summary of each simulator, in the order of the tables.
     pub fn order(&self) -> impl Iterator<Item = (&str, &str, &SimulatorSummary)> {
         let records = self.provenance.run.simulators.iter();
         records.filter_map(|s| Some((s.id.as_str(), s.title.as_str(), self.simulators.get(&s.id)?)))
     }
 }
 
-/// Records that failed for a simulator.
+/// Returns the number of records that failed for a simulator.
 fn failed(failures: &[Failure], simulator: &str) -> usize {
     failures.iter().filter(|f| f.simulator.as_deref().is_none_or(|s| s == simulator)).count()
 }
 
-/// The result of one simulator per part of the scenarios; `part` names the part of a scenario, where it belongs to one.
+/// Returns the result of one simulator per part of the scenarios; `part` names the part that a scenario
+/// belongs to, if any.
 fn parts(
     tally: &Tally,
     done: &[(&Entry, &Cell)],
@@ -202,7 +206,7 @@ fn parts(
     cells.into_iter().map(|(name, cells)| (name.clone(), summary(cells))).collect()
 }
 
-/// One estimate per metric over the scenarios with a value.
+/// Computes one estimate per metric over the scenarios with a value.
 fn estimates(
     metrics: &[&'static str],
     cells: &[(&Entry, &Cell)],

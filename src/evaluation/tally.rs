@@ -1,4 +1,4 @@
-//! The values of a run, small enough to be kept for all scenarios.
+//! The values of a run, small enough to keep in memory for all scenarios.
 
 use std::collections::BTreeMap;
 
@@ -6,14 +6,15 @@ use super::row::{Place, Row};
 use super::statistics::mean;
 use crate::metrics::Score;
 
-/// What one simulator did in one scenario, averaged over its rollouts.
+/// The values of one simulator in one scenario, averaged over its rollouts.
 #[derive(Clone, Debug, Default)]
 pub struct Cell {
-    /// Value per metric, in the order of the tally's metrics; `None` where no rollout has one.
+    /// Value per metric, in the order of the tally's metrics; `None` if no rollout has one.
     pub values: Vec<Option<f64>>,
-    /// How parts of plans ended, summed over the rollouts.
+    /// Outcomes of parts of plans, summed over the rollouts.
     pub outcomes: BTreeMap<String, u64>,
-    /// Share of the rollouts with at least one, for every count metric; in the order of the tally's metrics.
+    /// Share of the rollouts with a count of at least 1, for every count metric; in the order of the tally's
+    /// metrics.
     pub any: Vec<Option<f64>>,
 }
 
@@ -24,15 +25,15 @@ pub struct Entry {
     pub scenario: String,
     /// Digest of the scenario.
     pub digest: String,
-    /// Category of the deviation, where known.
+    /// Category of the deviation, if known.
     pub category: Option<String>,
-    /// How difficult it is to avoid the deviated AV, where known.
+    /// Difficulty of avoiding the deviated AV, if known.
     pub difficulty: Option<String>,
-    /// How lanes were assigned for the driving direction.
+    /// Method of assigning lanes for the driving direction.
     pub direction_tracking: Option<String>,
-    /// Deviated against logged AV.
+    /// Statistics of the deviated AV against the logged AV.
     pub deviation: BTreeMap<String, f64>,
-    /// One per simulator; `None` where it has no result.
+    /// One cell per simulator; `None` without a result.
     pub cells: Vec<Option<Cell>>,
 }
 
@@ -43,27 +44,28 @@ pub struct Tally {
     pub metrics: Vec<&'static str>,
     /// Ids of the simulators, in the order of the tables.
     pub simulators: Vec<String>,
-    /// Rollouts per scenario and simulator.
+    /// Number of rollouts per scenario and simulator.
     pub rollouts: u32,
-    /// Scenarios by place.
+    /// Scenarios by position in the inputs.
     pub entries: BTreeMap<Place, Entry>,
 }
 
 impl Tally {
-    /// An empty tally for these simulators.
+    /// Creates an empty tally for these simulators.
     pub fn new(simulators: Vec<String>, rollouts: u32) -> Self {
         Self { metrics: super::judge::metric_ids(), simulators, rollouts, entries: BTreeMap::new() }
     }
 
-    /// Whether `rows` are all that one scenario and one simulator give: every rollout, and the rollouts together.
-    pub fn is_whole(&self, rows: &[Row]) -> bool {
-        let mut seen: Vec<Option<u32>> = rows.iter().map(|r| r.rollout).collect();
-        seen.sort();
-        let wanted = std::iter::once(None).chain((0..self.rollouts).map(Some));
-        seen.into_iter().eq(wanted)
+    /// Returns whether `rows` are all rows of one scenario and one simulator: one per rollout, and one over
+    /// all rollouts.
+    pub fn is_complete(&self, rows: &[Row]) -> bool {
+        let mut found: Vec<Option<u32>> = rows.iter().map(|r| r.rollout).collect();
+        found.sort();
+        let expected = std::iter::once(None).chain((0..self.rollouts).map(Some));
+        found.into_iter().eq(expected)
     }
 
-    /// Takes the rows of one scenario and one simulator in. Rows of unknown simulators are left out.
+    /// Adds the rows of one scenario and one simulator. Rows of unknown simulators are ignored.
     pub fn add(&mut self, rows: &[Row]) {
         let Some(first) = rows.first() else { return };
         let Some(simulator) = self.simulators.iter().position(|s| *s == first.simulator) else { return };
@@ -104,12 +106,13 @@ impl Tally {
         entry.cells[simulator] = Some(cell);
     }
 
-    /// Whether the pair has its result.
+    /// Returns whether the pair of scenario and simulator has a result.
     pub fn has(&self, place: Place, simulator: usize) -> bool {
         self.entries.get(&place).is_some_and(|e| e.cells[simulator].is_some())
     }
 
-    /// Places of scenarios whose id an earlier scenario has, with that scenario's place.
+    /// Returns the positions of scenarios with the id of an earlier scenario, each with the position of the
+    /// earlier one.
     pub fn repeated(&self) -> Vec<(Place, Place)> {
         let mut first: BTreeMap<&str, Place> = BTreeMap::new();
         let mut repeated = Vec::new();

@@ -1,4 +1,4 @@
-//! Columns that hold the certificates of deviated AVs: the same in files of scenarios and in files of deviations.
+//! Columns for the certificates of deviated AVs, shared by scenario files and deviation files.
 
 use std::ops::Range;
 
@@ -8,16 +8,17 @@ use super::error::Cause;
 use super::table::{Column, Leaf, TableWriter, Value, View};
 use crate::scene::{AgentState, Certificate, Effort, FUTURE, Response};
 
-/// States of a response: the steps 0 to 80.
-const STATES: usize = FUTURE + 1;
-/// The values of a response's states.
-const RESPONSE: [&str; 5] = ["response_x", "response_y", "response_heading", "response_vx", "response_vy"];
-/// The values of a state, in the order of the columns that hold them.
+/// Number of states of a response: steps 0 to 80.
+const STATE_COUNT: usize = FUTURE + 1;
+/// Columns of a response's states.
+const STATE_COLUMNS: [&str; 5] =
+    ["response_x", "response_y", "response_heading", "response_vx", "response_vy"];
+/// Accessors of the values of a state, in the order of its columns.
 pub(crate) const STATE_VALUES: [fn(&AgentState) -> f64; 5] =
     [|s| s.x, |s| s.y, |s| s.heading, |s| s.vx, |s| s.vy];
 
-/// Names of the columns that are read again; the others of [`columns`] are derived from them.
-pub(crate) const READ: [&str; 14] = [
+/// Columns that are read back; the other columns of [`columns`] are derived from them.
+pub(crate) const READ_COLUMNS: [&str; 14] = [
     "has_certificate",
     "response_agent",
     "response_leader",
@@ -27,14 +28,14 @@ pub(crate) const READ: [&str; 14] = [
     "response_clearance",
     "response_required_deceleration",
     "response_time_to_react",
-    RESPONSE[0],
-    RESPONSE[1],
-    RESPONSE[2],
-    RESPONSE[3],
-    RESPONSE[4],
+    STATE_COLUMNS[0],
+    STATE_COLUMNS[1],
+    STATE_COLUMNS[2],
+    STATE_COLUMNS[3],
+    STATE_COLUMNS[4],
 ];
 
-/// All columns, in the order of the files.
+/// Returns all columns, in file order.
 pub(crate) fn columns() -> Vec<Column> {
     let number = |name, nullable| Column::new(name, Leaf::Number, 1, nullable);
     let mut all = vec![
@@ -52,7 +53,7 @@ pub(crate) fn columns() -> Vec<Column> {
         number("response_required_deceleration", true),
         number("response_time_to_react", true),
     ];
-    all.extend(RESPONSE.map(|name| Column::new(name, Leaf::Number, 2, false)));
+    all.extend(STATE_COLUMNS.map(|name| Column::new(name, Leaf::Number, 2, false)));
     all
 }
 
@@ -75,54 +76,60 @@ pub(crate) fn encode(t: &mut TableWriter, certificate: Option<&Certificate>) {
     let effort = |value: fn(Effort) -> f64| responses.iter().map(move |r| Value::from(r.effort.map(value)));
     t.column("response_required_deceleration").list(effort(|e| e.required_deceleration));
     t.column("response_time_to_react").list(effort(|e| e.time_to_react));
-    for (name, value) in RESPONSE.into_iter().zip(STATE_VALUES) {
+    for (name, value) in STATE_COLUMNS.into_iter().zip(STATE_VALUES) {
         let track = |r: &Response| r.track.iter().map(|s| Value::Number(value(s))).collect::<Vec<_>>();
         t.column(name).lists(responses.iter().map(track));
     }
 }
 
-/// The certificate of every row; `None` in all of them for files without these columns. Files that were written before efforts were
-/// measured have none.
+/// Returns the certificate of every row, `None` for all rows of files without these columns. Certificates of
+/// files that were written before efforts were measured have no efforts.
 pub(crate) fn decode(batch: &RecordBatch) -> Result<Vec<Option<Certificate>>, Cause> {
     let rows = batch.num_rows();
-    let Some(has) = View::find(batch, READ[0], Leaf::Flag, 0)? else { return Ok(vec![None; rows]) };
-    let responses = Responses::find(batch)?;
+    let Some(has) = View::find(batch, "has_certificate", Leaf::Flag, 0)? else { return Ok(vec![None; rows]) };
+    let responses = ResponseColumns::find(batch)?;
     let of = |row| {
-        let has = has.flag(row).ok_or_else(|| null(has.name()))?;
+        let has = has.flag(row).ok_or_else(|| null_error(has.name()))?;
         let responses = responses.row(row)?;
         match (has, responses.is_empty()) {
             (true, _) => Ok(Some(Certificate { responses })),
             (false, true) => Ok(None),
             (false, false) => {
-                Err(Cause::value("`has_certificate`", "false", "true where there are responses"))
+                Err(Cause::value("`has_certificate`", "false", "true for a row with responses"))
             }
         }
     };
     (0..rows).map(of).collect()
 }
 
-/// The columns of the responses.
-struct Responses {
+/// Columns of the responses.
+struct ResponseColumns {
     agents: View,
     steps: View,
+    /// Nudge, peak deceleration and clearance.
     numbers: [View; 3],
     leaders: Option<View>,
+    /// Required deceleration and time to react.
     efforts: Option<[View; 2]>,
     states: Vec<View>,
 }
 
-impl Responses {
+impl ResponseColumns {
     fn find(batch: &RecordBatch) -> Result<Self, Cause> {
         let number = |name| View::need(batch, name, Leaf::Number, 1);
-        let required = View::find(batch, READ[7], Leaf::Number, 1)?;
-        let times = View::find(batch, READ[8], Leaf::Number, 1)?;
+        let required = View::find(batch, "response_required_deceleration", Leaf::Number, 1)?;
+        let times = View::find(batch, "response_time_to_react", Leaf::Number, 1)?;
         Ok(Self {
-            agents: View::need(batch, READ[1], Leaf::Text, 1)?,
-            leaders: View::find(batch, READ[2], Leaf::Text, 1)?,
-            steps: View::need(batch, READ[3], Leaf::Whole, 1)?,
-            numbers: [number(READ[4])?, number(READ[5])?, number(READ[6])?],
+            agents: View::need(batch, "response_agent", Leaf::Text, 1)?,
+            leaders: View::find(batch, "response_leader", Leaf::Text, 1)?,
+            steps: View::need(batch, "response_reaction_step", Leaf::Whole, 1)?,
+            numbers: [
+                number("response_nudge")?,
+                number("response_peak_deceleration")?,
+                number("response_clearance")?,
+            ],
             efforts: required.zip(times).map(|(a, b)| [a, b]),
-            states: states_views(batch, RESPONSE, 2)?,
+            states: states_views(batch, STATE_COLUMNS, 2)?,
         })
     }
 
@@ -132,10 +139,10 @@ impl Responses {
         views.extend(&self.states);
         views.extend(&self.leaders);
         views.extend(self.efforts.iter().flatten());
-        let ranges = parallel(row, &views)?;
+        let ranges = parallel_ranges(row, &views)?;
         let first = |view: &View| view.range(0, row).start;
         let response = |k: usize| {
-            let number = |view: &View| view.number(first(view) + k).ok_or_else(|| null(view.name()));
+            let number = |view: &View| view.number(first(view) + k).ok_or_else(|| null_error(view.name()));
             let [nudges, peaks, clearances] = &self.numbers;
             let effort = self.efforts.as_ref().and_then(|[required, times]| {
                 Some(Effort {
@@ -143,9 +150,11 @@ impl Responses {
                     time_to_react: times.number(first(times) + k)?,
                 })
             });
-            let agent = self.agents.text(first(&self.agents) + k).ok_or_else(|| null(self.agents.name()))?;
+            let agent =
+                self.agents.text(first(&self.agents) + k).ok_or_else(|| null_error(self.agents.name()))?;
             let leader = self.leaders.as_ref().and_then(|v| v.text(first(v) + k));
-            let step = self.steps.whole(first(&self.steps) + k).ok_or_else(|| null(self.steps.name()))?;
+            let step =
+                self.steps.whole(first(&self.steps) + k).ok_or_else(|| null_error(self.steps.name()))?;
             Ok(Response {
                 agent: agent.to_owned(),
                 leader: leader.map(str::to_owned),
@@ -161,11 +170,12 @@ impl Responses {
     }
 }
 
-pub(crate) fn null(column: &str) -> Cause {
+/// Returns the error of a null cell in a column that has no nulls.
+pub(crate) fn null_error(column: &str) -> Cause {
     Cause::value(format!("`{column}`"), "null", "a value")
 }
 
-/// The columns of states, as lists nested so deep.
+/// Finds the columns of states, as lists of nesting depth `depth`.
 pub(crate) fn states_views(
     batch: &RecordBatch,
     names: [&'static str; 5],
@@ -174,8 +184,8 @@ pub(crate) fn states_views(
     names.into_iter().map(|name| View::need(batch, name, Leaf::Number, depth)).collect()
 }
 
-/// The lists of one row in several columns, which must be of one length.
-pub(crate) fn parallel(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
+/// Returns the lists of one row in several columns; they must have equal lengths.
+pub(crate) fn parallel_ranges(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>, Cause> {
     let ranges: Vec<Range<usize>> = views.iter().map(|v| v.range(0, row)).collect();
     for (view, range) in views.iter().zip(&ranges) {
         if range.len() != ranges[0].len() {
@@ -187,13 +197,13 @@ pub(crate) fn parallel(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>,
     Ok(ranges)
 }
 
-/// 81 states from one list of each column. Velocities may be unknown; positions and headings may not.
+/// Reads 81 states from one list of each column. Velocities may be unknown, positions and headings may not.
 pub(crate) fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<AgentState>, Cause> {
     let ranges: Vec<Range<usize>> = views.iter().map(&list).collect();
     for (view, range) in views.iter().zip(&ranges) {
-        if range.len() != STATES {
+        if range.len() != STATE_COUNT {
             let (field, found) = (format!("`{}`", view.name()), format!("{} states", range.len()));
-            return Err(Cause::value(field, found, format!("{STATES} states")));
+            return Err(Cause::value(field, found, format!("{STATE_COUNT} states")));
         }
     }
     let state = |step: usize| {
@@ -206,5 +216,5 @@ pub(crate) fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Re
         };
         Ok(AgentState { x: value(0)?, y: value(1)?, heading: value(2)?, vx: value(3)?, vy: value(4)? })
     };
-    (0..STATES).map(state).collect()
+    (0..STATE_COUNT).map(state).collect()
 }

@@ -1,4 +1,4 @@
-//! Deviated AV trajectories by scenario id, from Parquet or JSON. Told in `scenarios/README.md`.
+//! Deviated AV trajectories by scenario id, from Parquet or JSON. Described in `scenarios/README.md`.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -8,19 +8,21 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 use serde::Deserialize;
 
-use super::certificates::{self, READ};
+use super::certificates::{self, READ_COLUMNS};
 use super::error::{Cause, FormatError};
 use super::format::{is_parquet, read_whole};
-use super::states::{self, States};
+use super::states::{self, StateColumns};
 use super::table::{Leaf, TableReader, View};
 use crate::geometry::Vec2;
 use crate::scene::{AgentState, Certificate, Deviation, FUTURE, Frame};
 
-/// The value of `format` in JSON, and of `reactsim.format` in Parquet where the file states one.
-const JSON: &str = "reactsim-deviations-v1";
+/// Required value of `format` in JSON.
+const JSON_FORMAT: &str = "reactsim-deviations-v1";
+/// Required value of `reactsim.format` in Parquet files that have this key.
 pub(crate) const KIND: &str = "reactsim-deviations";
+/// Version of the Parquet schema.
 pub(crate) const VERSION: u32 = 1;
-/// The columns that are read; files of curations have many more.
+/// Columns that are read; files of curations have many more.
 const COLUMNS: &[&str] = &[
     "scenario_id",
     "category",
@@ -33,62 +35,64 @@ const COLUMNS: &[&str] = &[
     "heading",
     "vx",
     "vy",
-    READ[0],
-    READ[1],
-    READ[2],
-    READ[3],
-    READ[4],
-    READ[5],
-    READ[6],
-    READ[7],
-    READ[8],
-    READ[9],
-    READ[10],
-    READ[11],
-    READ[12],
-    READ[13],
+    READ_COLUMNS[0],
+    READ_COLUMNS[1],
+    READ_COLUMNS[2],
+    READ_COLUMNS[3],
+    READ_COLUMNS[4],
+    READ_COLUMNS[5],
+    READ_COLUMNS[6],
+    READ_COLUMNS[7],
+    READ_COLUMNS[8],
+    READ_COLUMNS[9],
+    READ_COLUMNS[10],
+    READ_COLUMNS[11],
+    READ_COLUMNS[12],
+    READ_COLUMNS[13],
 ];
-/// Longest JSON file that is read.
-const LONGEST: u64 = 1 << 30;
+/// Maximum size of a JSON file in bytes.
+const MAX_JSON_SIZE: u64 = 1 << 30;
 
 /// One deviated AV trajectory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviationRecord {
-    /// Dominant source of the deviation, where known.
+    /// Dominant source of the deviation, if known.
     pub category: Option<Deviation>,
-    /// Digest of the scenario that the trajectory was made for, where stated.
+    /// Digest of the scenario that the trajectory was made for, if the file contains it.
     pub scenario_digest: Option<String>,
-    /// The point of the world that coordinates are relative to: (0, 0) for world coordinates; `None` for the scenario's origin.
+    /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
+    /// origin.
     pub origin: Option<Vec2>,
-    /// States at the steps 1 to 80, without gaps.
+    /// States at steps 1 to 80, without gaps.
     pub track: Vec<AgentState>,
-    /// Responses of the agents that it disturbs, relative to the same origin; files of curations have them.
+    /// Responses of the agents that it disturbs, relative to the same origin; present in files of curations.
     pub certificate: Option<Certificate>,
 }
 
 impl DeviationRecord {
-    /// The states in the frame of a scenario with this origin.
+    /// Returns the states in the frame of a scenario with this origin.
     pub fn track_in(&self, origin: Vec2) -> Vec<AgentState> {
-        self.track.iter().map(|s| states::moved(*s, self.origin, origin)).collect()
+        self.track.iter().map(|s| states::translate(*s, self.origin, origin)).collect()
     }
 
-    /// The certificate in the frame of a scenario with this origin.
+    /// Returns the certificate in the frame of a scenario with this origin.
     pub fn certificate_in(&self, origin: Vec2) -> Option<Certificate> {
         let mut certificate = self.certificate.clone()?;
         let states = certificate.responses.iter_mut().flat_map(|r| &mut r.track);
-        states.for_each(|s| *s = states::moved(*s, self.origin, origin));
+        states.for_each(|s| *s = states::translate(*s, self.origin, origin));
         Some(certificate)
     }
 }
 
-/// Reads all trajectories of a file; of one with a column `chosen`, as a curation writes it, those that are chosen.
+/// Reads all trajectories of a file, or only the chosen ones if it has a column `chosen` (files of
+/// curations).
 ///
 /// # Errors
-/// [`FormatError`] names the scenario and the step: gaps, values that are not finite, a wrong number of steps, a scenario that
-/// occurs twice, an unknown category, missing columns, a file in which nothing is chosen.
+/// [`FormatError`] names the scenario and the step: gaps, values that are not finite, a wrong number of
+/// steps, a scenario that occurs twice, an unknown category, missing columns, a file without chosen rows.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let path = path.as_ref();
-    let mut all = Records { path, records: BTreeMap::new(), next: 0 };
+    let mut all = RecordCollector { path, records: BTreeMap::new(), next: 0 };
     if is_parquet(path).map_err(|e| FormatError::file(path, Cause::read(e)))? {
         all.read_parquet()?
     } else {
@@ -97,14 +101,15 @@ pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>,
     Ok(all.records)
 }
 
-/// What was read so far.
-struct Records<'a> {
+/// Trajectories read so far.
+struct RecordCollector<'a> {
     path: &'a Path,
     records: BTreeMap<String, DeviationRecord>,
+    /// Index of the next record.
     next: u64,
 }
 
-impl Records<'_> {
+impl RecordCollector<'_> {
     fn add(
         &mut self,
         scenario: &str,
@@ -131,9 +136,11 @@ impl Records<'_> {
         let track = frames.into_iter().flatten().collect();
         let digest = scenario_digest.filter(|d| !d.is_empty()).map(str::to_owned);
         match self.records.entry(scenario.to_owned()) {
-            Entry::Occupied(_) => {
-                Err(refuse(Cause::value("scenario_id", format!("`{scenario}` again"), "one trajectory each")))
-            }
+            Entry::Occupied(_) => Err(refuse(Cause::value(
+                "scenario_id",
+                format!("`{scenario}` again"),
+                "one trajectory per scenario",
+            ))),
             Entry::Vacant(place) => {
                 place.insert(DeviationRecord {
                     category,
@@ -153,33 +160,33 @@ impl Records<'_> {
         table.only(COLUMNS);
         let file = |cause| FormatError::file(self.path, cause);
         let origin = states::table_origin(&table).map_err(file)?;
-        let mut passed_over = 0;
+        let mut skipped = 0;
         while let Some(batch) = table.next_batch() {
-            passed_over += self.read_batch(&batch?, origin)?;
+            skipped += self.read_batch(&batch?, origin)?;
         }
-        if self.records.is_empty() && passed_over > 0 {
+        if self.records.is_empty() && skipped > 0 {
             let expected =
                 "at least one chosen; loosen the filters of the curation or pick some in its review";
-            return Err(file(Cause::value("`chosen`", format!("false in all {passed_over} rows"), expected)));
+            return Err(file(Cause::value("`chosen`", format!("false in all {skipped} rows"), expected)));
         }
         Ok(())
     }
 
-    /// Reads some rows and counts those that are not chosen.
+    /// Reads a batch of rows and returns the number of rows that are not chosen.
     fn read_batch(&mut self, batch: &RecordBatch, origin: Option<Vec2>) -> Result<u64, FormatError> {
         let file = |cause| FormatError::file(self.path, cause);
         let ids = View::need(batch, "scenario_id", Leaf::Text, 0).map_err(file)?;
         let categories = View::find(batch, "category", Leaf::Text, 0).map_err(file)?;
         let digests = View::find(batch, "scenario_digest", Leaf::Text, 0).map_err(file)?;
         let chosen = View::find(batch, "chosen", Leaf::Flag, 0).map_err(file)?;
-        let columns = States::find(batch, 1).map_err(file)?;
+        let columns = StateColumns::find(batch, 1).map_err(file)?;
         let x = View::find(batch, "origin_x", Leaf::Number, 0).map_err(file)?;
         let y = View::find(batch, "origin_y", Leaf::Number, 0).map_err(file)?;
         let certificates = certificates::decode(batch).map_err(file)?;
-        let mut passed_over = 0;
+        let mut skipped = 0;
         for (row, certificate) in certificates.into_iter().enumerate() {
             if chosen.as_ref().is_some_and(|c| c.flag(row) != Some(true)) {
-                (self.next, passed_over) = (self.next + 1, passed_over + 1);
+                (self.next, skipped) = (self.next + 1, skipped + 1);
                 continue;
             }
             let frames = columns.frames("", &future(columns.ranges(|v| v.range(0, row))), FUTURE);
@@ -189,22 +196,23 @@ impl Records<'_> {
                 let cause = Cause::value("scenario_id", "null", "the id of a scenario");
                 return Err(FormatError::record(self.path, self.next, None, cause));
             };
-            // What a row says of itself goes before what the file says, which other programs lose when they write it anew.
+            // The origin of the row takes precedence over the frame in the file's metadata, which other
+            // programs lose when they rewrite the file.
             let own = |c: &Option<View>| c.as_ref().and_then(|c| c.number(row));
             let origin = own(&x).zip(own(&y)).map(|(x, y)| Vec2::new(x, y)).or(origin);
             self.add(id, category, digest, origin, frames, certificate)?;
         }
-        Ok(passed_over)
+        Ok(skipped)
     }
 
     fn read_json(&mut self) -> Result<(), FormatError> {
         let file = |cause| FormatError::file(self.path, cause);
-        let text = read_whole(self.path, LONGEST, "at most 1 GiB; write longer ones as Parquet")?;
+        let text = read_whole(self.path, MAX_JSON_SIZE, "at most 1 GiB; write larger sets as Parquet")?;
         let raw: RawFile =
             serde_json::from_slice(&text).map_err(|e| file(Cause::Undecodable(e.to_string())))?;
-        if raw.format != JSON {
+        if raw.format != JSON_FORMAT {
             let found = format!("`{}`", raw.format);
-            return Err(file(Cause::schema("`format`", found, format!("`{JSON}`"))));
+            return Err(file(Cause::schema("`format`", found, format!("`{JSON_FORMAT}`"))));
         }
         let origin = states::origin("`frame`", raw.frame.as_deref()).map_err(file)?;
         for one in raw.deviations {
@@ -222,7 +230,7 @@ impl Records<'_> {
     }
 }
 
-/// Lists of states without that of the current frame (step 0), where they begin with it.
+/// Removes the state of the current frame (step 0) from lists that begin with it.
 fn future(mut lists: [Option<Range<usize>>; 5]) -> [Option<Range<usize>>; 5] {
     if lists.iter().flatten().all(|list| list.len() == FUTURE + 1) {
         lists.iter_mut().flatten().for_each(|list| list.start += 1);

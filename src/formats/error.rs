@@ -1,4 +1,4 @@
-//! What can be wrong with a file.
+//! Errors of reading and writing files.
 
 use std::fmt::{self, Write};
 use std::io;
@@ -6,36 +6,36 @@ use std::path::{Path, PathBuf};
 
 use crate::scene::SceneError;
 
-/// Why a file, or one record of it, could not be read or written.
+/// Error of reading or writing a file, or one record of it.
 #[derive(Debug)]
 pub struct FormatError {
     /// The file or folder.
     pub path: PathBuf,
-    /// Index of the record in the file, from 0, where the error concerns one.
+    /// Index of the record in the file, from 0, if the error concerns one.
     pub record: Option<u64>,
-    /// Id of the scenario, where known.
+    /// Id of the scenario, if known.
     pub scenario: Option<String>,
-    /// What is wrong.
+    /// Cause of the error.
     pub cause: Box<Cause>,
     ends_file: bool,
 }
 
-/// What is wrong with a file or a record.
+/// Cause of an error in a file or a record.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Cause {
-    /// The system refused.
+    /// The operating system reported an error.
     #[error("could not {doing}: {source}")]
     Io {
-        /// What was tried, such as `read` or `write`.
+        /// The attempted operation, such as `read` or `write`.
         doing: &'static str,
-        /// The system's answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// No format knows the file.
+    /// No format recognises the file.
     #[error("is {found}, not a scenario file; known formats: {known}")]
     Unrecognised {
-        /// What the file looks like.
+        /// Description of the content.
         found: &'static str,
         /// The known formats.
         known: String,
@@ -56,40 +56,40 @@ pub enum Cause {
         /// Bytes expected.
         expected: u64,
     },
-    /// A checksum does not hold.
+    /// A checksum does not match.
     #[error("is damaged: the checksum of {what} is {found}, expected {expected}; fetch the file again")]
     Checksum {
-        /// What was summed up.
+        /// The data covered by the checksum.
         what: &'static str,
-        /// The sum of what was read.
+        /// The checksum of the data read.
         found: String,
-        /// The sum that the file states.
+        /// The checksum stored in the file.
         expected: String,
     },
-    /// The content can not be decoded.
-    #[error("can not be decoded: {0}")]
+    /// The content cannot be decoded.
+    #[error("cannot be decoded: {0}")]
     Undecodable(String),
     /// The file holds another kind of content, another version or other columns.
     #[error("{what} is {found}, expected {expected}")]
     Schema {
         /// Column or key.
         what: String,
-        /// What was found.
+        /// The value found.
         found: String,
-        /// What was expected.
+        /// The expected value.
         expected: String,
     },
-    /// A field has a value that it can not have.
+    /// A field has an invalid value.
     #[error("{field} is {value}, expected {expected}")]
     Value {
         /// Path of the field.
         field: String,
         /// The value found.
         value: String,
-        /// What was expected.
+        /// The expected value.
         expected: String,
     },
-    /// The parts make no scenario.
+    /// The decoded parts do not form a valid scenario.
     #[error("{} is {}, expected {}", .0.field, .0.value, .0.expected)]
     Scene(SceneError),
 }
@@ -121,12 +121,12 @@ impl Cause {
 }
 
 impl FormatError {
-    /// An error after which nothing more of the file can be read.
+    /// Returns an error after which nothing more of the file can be read.
     pub(crate) fn file(path: &Path, cause: Cause) -> Self {
         Self { path: path.to_owned(), record: None, scenario: None, cause: Box::new(cause), ends_file: true }
     }
 
-    /// An error of one record; reading goes on with the next.
+    /// Returns an error of one record; reading continues with the next.
     pub(crate) fn record(path: &Path, record: u64, scenario: Option<String>, cause: Cause) -> Self {
         Self {
             path: path.to_owned(),
@@ -137,18 +137,19 @@ impl FormatError {
         }
     }
 
-    /// The same error, at a record.
+    /// Returns the same error with a record index.
     pub(crate) fn at(self, record: u64) -> Self {
         Self { record: Some(record), ..self }
     }
 
-    /// The error of parts that make no scenario.
+    /// Returns the error of parts that do not form a valid scenario.
     pub(crate) fn scene(path: &Path, record: u64, error: SceneError) -> Self {
         let scenario = Some(error.scenario.clone()).filter(|id| !id.is_empty());
         Self::record(path, record, scenario, Cause::Scene(error))
     }
 
-    /// Whether reading of the file ends here. Otherwise the error concerns one record, and the next record may be good.
+    /// Returns whether reading of the file ends here. Otherwise the error concerns one record, and the next
+    /// record may be valid.
     pub fn ends_file(&self) -> bool {
         self.ends_file
     }
@@ -156,7 +157,7 @@ impl FormatError {
 
 impl fmt::Display for FormatError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut line = Line { to: f, left: LONGEST_MESSAGE };
+        let mut line = SanitizedLine { to: f, left: MAX_MESSAGE_LENGTH };
         write!(line, "{}", self.path.display())?;
         if let Some(record) = self.record {
             write!(line, ": record {record}")?;
@@ -168,19 +169,20 @@ impl fmt::Display for FormatError {
     }
 }
 
-/// Most characters of a message: what a file holds is quoted, and may be as long as the file.
-const LONGEST_MESSAGE: usize = 4000;
+/// Maximum length of a message in characters: quoted content may be as long as the file.
+const MAX_MESSAGE_LENGTH: usize = 4000;
 
-/// Text of a file as part of a line that is shown: what would steer a terminal is spelled out, what is too long is cut.
-struct Line<'a, 'b> {
+/// Writer that makes file content safe to print on one line: it escapes characters that control a terminal
+/// and truncates long text.
+struct SanitizedLine<'a, 'b> {
     to: &'a mut fmt::Formatter<'b>,
     left: usize,
 }
 
-impl Write for Line<'_, '_> {
+impl Write for SanitizedLine<'_, '_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for c in text.chars().take(self.left) {
-            // Besides control characters the breaks of lines and the directions of writing.
+            // In addition to control characters: line separators and text direction marks.
             if c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}') {
                 write!(self.to, "{}", c.escape_unicode())?;
             } else {
@@ -206,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_are_one_line_that_steers_nothing() {
+    fn messages_are_one_line_without_control_characters() {
         let cause = Cause::value("`a\n`", "\u{1b}[2J\u{202e}ö`", "a \"name\"");
         let error = FormatError::record(Path::new("a\tb"), 3, Some("\u{9b}31m".into()), cause);
         assert_eq!(
@@ -215,7 +217,7 @@ mod tests {
         );
         let long = FormatError::file(Path::new("a"), Cause::Undecodable("ä".repeat(1_000_000)));
         assert!(
-            long.to_string().ends_with("ää …") && long.to_string().chars().count() == LONGEST_MESSAGE + 2
+            long.to_string().ends_with("ää …") && long.to_string().chars().count() == MAX_MESSAGE_LENGTH + 2
         );
     }
 }

@@ -1,7 +1,8 @@
-//! Files in and out: scenario formats, deviations, rollouts and rollout documents.
+//! File input and output: scenario formats, deviations, rollouts and rollout documents.
 //!
-//! Reading is streaming: one scenario (of native files: one row group) is in memory at a time. Errors name file, record,
-//! scenario, field and value; one bad record does not end a file, and one bad file does not end a folder.
+//! Reading is streaming: one scenario (for native files: one row group) is in memory at a time. Errors name
+//! file, record, scenario, field and value. A bad record does not stop reading of its file, and a bad file
+//! does not stop reading of its folder.
 
 pub(crate) mod certificates;
 pub(crate) mod error;
@@ -22,7 +23,7 @@ pub mod rollouts;
 
 pub use error::{Cause, FormatError};
 pub use format::{
-    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, Undecoded, decoded, find_inputs,
-    is_parquet, open, open_all, survey,
+    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, UndecodedScenario, decoded,
+    find_inputs, is_parquet, open, open_all, survey,
 };
 pub use json::parse as parse_json;

@@ -1,4 +1,4 @@
-//! Rollouts in Parquet: one row per scenario, simulator and rollout. Told in `scenarios/README.md`.
+//! Rollouts in Parquet: one row per scenario, simulator and rollout. Described in `scenarios/README.md`.
 
 mod by_name;
 
@@ -9,17 +9,19 @@ use arrow_array::RecordBatch;
 pub use by_name::ByName;
 
 use super::error::{Cause, FormatError};
-use super::states::{self, States};
+use super::states::{self, StateColumns};
 use super::table::{Column, Leaf, TableReader, TableWriter, Value, View};
 use crate::geometry::Vec2;
 use crate::scene::{FUTURE, Frame};
 
+/// Value of `reactsim.format`.
 const KIND: &str = "reactsim-rollouts";
+/// Version of the schema.
 const VERSION: u32 = 1;
-/// Rollouts in a row group.
-const GROUP: usize = 16;
+/// Number of rollouts in a row group.
+const GROUP_SIZE: usize = 16;
 
-/// The agents of one scenario as one simulator moved them.
+/// Tracks of the agents of one scenario, moved by one simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutRecord {
     /// Id of the scenario.
@@ -28,32 +30,34 @@ pub struct RolloutRecord {
     pub simulator: String,
     /// Index of the rollout, from 0.
     pub rollout: u32,
-    /// The point of the world that coordinates are relative to: (0, 0) for world coordinates; `None` for the scenario's origin.
+    /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
+    /// origin.
     pub origin: Option<Vec2>,
-    /// Ids of the agents, the AV among them.
+    /// Ids of the agents, including the AV.
     pub agent_ids: Vec<String>,
-    /// Per agent its states at the steps 1 to 80; `None` where absent. Unknown velocities are NaN.
+    /// States of each agent at steps 1 to 80; `None` where absent. Unknown velocities are NaN.
     pub tracks: Vec<Vec<Frame>>,
 }
 
 impl RolloutRecord {
-    /// The tracks in the frame of a scenario with this origin.
+    /// Returns the tracks in the frame of a scenario with this origin.
     pub fn tracks_in(&self, origin: Vec2) -> Vec<Vec<Frame>> {
-        let moved = |frame: &Frame| frame.map(|s| states::moved(s, self.origin, origin));
-        self.tracks.iter().map(|t| t.iter().map(moved).collect()).collect()
+        let translate = |frame: &Frame| frame.map(|s| states::translate(s, self.origin, origin));
+        self.tracks.iter().map(|t| t.iter().map(translate).collect()).collect()
     }
 }
 
-/// Writes rollouts. The file gets its name when it is finished; a writer that is dropped leaves nothing.
+/// Writer of rollouts. The file gets its final name in [`Writer::finish`]; dropping the writer before leaves
+/// no file.
 pub struct Writer {
     table: TableWriter,
 }
 
 impl Writer {
-    /// Begins a file, under another name in the same folder.
+    /// Starts a file under a temporary name in the same folder.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be created.
+    /// [`FormatError`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let columns = vec![
             Column::new("scenario_id", Leaf::Text, 0, false),
@@ -68,13 +72,13 @@ impl Writer {
             Column::new("vx", Leaf::Number, 2, true),
             Column::new("vy", Leaf::Number, 2, true),
         ];
-        Ok(Self { table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP, columns)? })
+        Ok(Self { table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP_SIZE, columns)? })
     }
 
     /// Adds a rollout.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written.
+    /// [`FormatError`] if the file cannot be written.
     pub fn write(&mut self, record: &RolloutRecord) -> Result<(), FormatError> {
         let t = &mut self.table;
         t.column("scenario_id").push(Value::Text(&record.scenario_id));
@@ -95,20 +99,20 @@ impl Writer {
         self.table.end_row()
     }
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and gives it its final name.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written.
+    /// [`FormatError`] if the file cannot be written.
     pub fn finish(self) -> Result<(), FormatError> {
         self.table.finish()
     }
 }
 
-/// Reads rollouts in file order, from this program or any other. An error that [`FormatError::ends_file`] is the last item;
-/// others concern one row.
+/// Reads rollouts of this or any other program in file order. An error with [`FormatError::ends_file`] is the
+/// last item; other errors concern one row.
 ///
 /// # Errors
-/// [`FormatError`] when the file is no Parquet file or holds something else.
+/// [`FormatError`] if the file is not a Parquet file or does not contain rollouts.
 pub fn read(path: impl AsRef<Path>) -> Result<Reader, FormatError> {
     let path = path.as_ref();
     let table = TableReader::open(path)?;
@@ -117,16 +121,17 @@ pub fn read(path: impl AsRef<Path>) -> Result<Reader, FormatError> {
     Ok(Reader { path: path.to_owned(), table, origin, rows: None, record: 0 })
 }
 
-/// The rollouts of a file.
+/// Iterator over the rollouts of a file.
 pub struct Reader {
     path: PathBuf,
     table: TableReader,
     origin: Option<Vec2>,
+    /// Current rows and the index of the next one.
     rows: Option<(Rows, usize)>,
     record: u64,
 }
 
-/// Rows in memory.
+/// Columns of the rows in memory.
 struct Rows {
     len: usize,
     scenario_id: View,
@@ -134,7 +139,7 @@ struct Rows {
     rollout: Option<View>,
     origin: Option<[View; 2]>,
     agent_id: View,
-    states: States,
+    states: StateColumns,
 }
 
 impl Iterator for Reader {
@@ -179,7 +184,7 @@ impl Rows {
             rollout: View::find(batch, "rollout", Leaf::Whole, 0)?,
             origin: x.zip(y).map(|(x, y)| [x, y]),
             agent_id: View::need(batch, "agent_id", Leaf::Text, 1)?,
-            states: States::find(batch, 2)?,
+            states: StateColumns::find(batch, 2)?,
         })
     }
 

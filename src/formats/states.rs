@@ -1,4 +1,4 @@
-//! Tracks in Parquet that any program may have written, and the frame that their coordinates are in.
+//! Tracks in Parquet files of any program, and their coordinate frame.
 
 use std::ops::Range;
 
@@ -7,25 +7,25 @@ use super::table::{FRAME, Leaf, TableReader, View};
 use crate::geometry::Vec2;
 use crate::scene::{AgentState, Frame};
 
-/// What a stated frame means as an origin: world coordinates are relative to (0, 0), scenario coordinates to the
-/// scenario's own origin (`None`).
-pub(super) fn origin(what: &str, frame: Option<&str>) -> Result<Option<Vec2>, Cause> {
+/// Returns the origin of a coordinate frame given by name: (0, 0) for world coordinates, `None` (the
+/// scenario's own origin) for scenario coordinates. `field` names the frame's field in errors.
+pub(super) fn origin(field: &str, frame: Option<&str>) -> Result<Option<Vec2>, Cause> {
     match frame {
         None | Some("world") => Ok(Some(Vec2::zeros())),
         Some("scenario") => Ok(None),
-        Some(other) => Err(Cause::schema(what, format!("`{other}`"), "`world` or `scenario`")),
+        Some(other) => Err(Cause::schema(field, format!("`{other}`"), "`world` or `scenario`")),
     }
 }
 
-/// As [`origin`], of a Parquet file.
+/// Like [`origin`], with the frame from a Parquet file's metadata.
 pub(super) fn table_origin(table: &TableReader) -> Result<Option<Vec2>, Cause> {
     origin(&format!("`{FRAME}` in the file's metadata"), table.key(FRAME))
 }
 
-/// A state in the frame of a scenario, from one whose coordinates are relative to `from`.
-pub(super) fn moved(state: AgentState, from: Option<Vec2>, to: Vec2) -> AgentState {
+/// Translates a state with coordinates relative to `from` into the frame of a scenario with origin `to`.
+pub(super) fn translate(state: AgentState, from: Option<Vec2>, to: Vec2) -> AgentState {
     match from {
-        // Equal origins move nothing, not even by a rounding error.
+        // With equal origins the state stays bit-identical.
         Some(from) if from != to => {
             let by = from - to;
             AgentState { x: state.x + by.x, y: state.y + by.y, ..state }
@@ -34,28 +34,29 @@ pub(super) fn moved(state: AgentState, from: Option<Vec2>, to: Vec2) -> AgentSta
     }
 }
 
-/// The columns x, y, heading and the optional vx, vy, as lists nested so deep.
-pub(super) struct States {
+/// Columns x, y, heading and the optional vx, vy.
+pub(super) struct StateColumns {
     views: [Option<View>; 5],
 }
 
 /// Names of the columns.
-const NAMES: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
+const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
 
-impl States {
+impl StateColumns {
+    /// Finds the columns, as lists of nesting depth `depth`.
     pub(super) fn find(batch: &arrow_array::RecordBatch, depth: usize) -> Result<Self, Cause> {
         let mut views = [const { None }; 5];
         for (k, view) in views.iter_mut().enumerate() {
             *view = if k < 3 {
-                Some(View::need(batch, NAMES[k], Leaf::Number, depth)?)
+                Some(View::need(batch, COLUMNS[k], Leaf::Number, depth)?)
             } else {
-                View::find(batch, NAMES[k], Leaf::Number, depth)?
+                View::find(batch, COLUMNS[k], Leaf::Number, depth)?
             };
         }
         Ok(Self { views })
     }
 
-    /// The lists of each column that `find` gives; `None` for columns that are missing.
+    /// Returns the range that `find` gives for each column, `None` for missing columns.
     pub(super) fn ranges(&self, find: impl Fn(&View) -> Range<usize>) -> [Option<Range<usize>>; 5] {
         let mut ranges = [const { None }; 5];
         for (range, view) in ranges.iter_mut().zip(&self.views) {
@@ -64,10 +65,10 @@ impl States {
         ranges
     }
 
-    /// The lists inside a list, per column, which must be so many.
+    /// Returns the inner lists of a row, per column; there must be `expected` of them.
     pub(super) fn inner(&self, row: usize, expected: usize) -> Result<Vec<[Option<Range<usize>>; 5]>, Cause> {
         let outer = self.ranges(|v| v.range(0, row));
-        for (name, range) in NAMES.iter().zip(&outer) {
+        for (name, range) in COLUMNS.iter().zip(&outer) {
             if let Some(range) = range.as_ref().filter(|r| r.len() != expected) {
                 let found = format!("{} tracks", range.len());
                 return Err(Cause::value(format!("`{name}`"), found, format!("{expected} tracks")));
@@ -86,15 +87,15 @@ impl States {
         Ok((0..expected).map(list).collect())
     }
 
-    /// The frames in a list of each column, which must be so many. Null or NaN in x, y and heading means absent; null or NaN
-    /// velocities are unknown.
+    /// Reads the frames in one list of each column; there must be `expected` of them. Null or NaN in x, y and
+    /// heading means absent; null or NaN in vx and vy means unknown.
     pub(super) fn frames(
         &self,
         track: &str,
         ranges: &[Option<Range<usize>>; 5],
         expected: usize,
     ) -> Result<Vec<Frame>, Cause> {
-        for (name, range) in NAMES.iter().zip(ranges) {
+        for (name, range) in COLUMNS.iter().zip(ranges) {
             if let Some(range) = range.as_ref().filter(|r| r.len() != expected) {
                 let found = format!("{} steps", range.len());
                 return Err(Cause::value(format!("{track}{name}"), found, format!("{expected} steps")));
@@ -112,10 +113,10 @@ impl States {
     }
 }
 
-/// One frame from x, y, heading, vx, vy.
+/// Builds the frame at index `f` from x, y, heading, vx, vy.
 pub(super) fn frame(track: &str, f: usize, values: [f64; 5]) -> Result<Frame, Cause> {
     if let Some(k) = values.iter().position(|v| v.is_infinite()) {
-        let field = format!("{track}{} at step {}", NAMES[k], f + 1);
+        let field = format!("{track}{} at step {}", COLUMNS[k], f + 1);
         return Err(Cause::value(field, values[k], "a finite number"));
     }
     let [x, y, heading, vx, vy] = values;

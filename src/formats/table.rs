@@ -1,4 +1,5 @@
-//! Parquet files of this program: written under another name until they are complete, with a checksum per row group.
+//! Parquet files of this program: written under a temporary name until they are complete, with a checksum per
+//! row group.
 
 mod columns;
 mod compact;
@@ -10,24 +11,25 @@ pub(crate) use columns::{Column, Leaf, Value, View};
 pub(crate) use reader::{TableReader, kind};
 pub(crate) use writer::TableWriter;
 
-/// Key of the file's metadata that says what the file holds.
+/// Metadata key of the kind of file.
 pub(crate) const KIND: &str = "reactsim.format";
-/// Key of the version of the schema.
+/// Metadata key of the version of the schema.
 pub(crate) const VERSION: &str = "reactsim.version";
-/// Key that says which frame coordinates are in: `world` (default) or `scenario`.
+/// Metadata key of the coordinate frame: `world` (default) or `scenario`.
 pub(crate) const FRAME: &str = "reactsim.frame";
-/// Key of the checksums: per row group `start:end:rows:crc32c`, separated by commas.
-const SUMS: &str = "reactsim.row_groups";
-/// Key of the checksum of what a file's metadata say of its content, in files that say more than kind and version.
-pub(crate) const SAID: &str = "reactsim.metadata";
-/// Most rows of a row group that is read at once.
-const LARGEST_GROUP: usize = 1 << 16;
+/// Metadata key of the checksums: for each row group `start:end:rows:crc32c`, separated by commas.
+const GROUP_CHECKSUMS: &str = "reactsim.row_groups";
+/// Metadata key of the checksum of the other metadata, in files with more metadata than kind and version.
+pub(crate) const METADATA_CHECKSUM: &str = "reactsim.metadata";
+/// Maximum number of rows of a row group that is read at once.
+const MAX_GROUP_ROWS: usize = 1 << 16;
 
-/// Checksum of keys with their values, in this order: the keys too, so that none can be lost.
-fn sum<'a>(said: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+/// Returns the checksum of keys and values in this order, followed by the list of keys, so that no key can be
+/// lost.
+fn metadata_checksum<'a>(entries: impl Iterator<Item = (&'a str, &'a str)>) -> String {
     let mut keys = Vec::new();
     let mut sum = 0;
-    for (key, value) in said {
+    for (key, value) in entries {
         for part in [key, "\0", value, "\0"] {
             sum = crc32c::crc32c_append(sum, part.as_bytes());
         }

@@ -1,23 +1,25 @@
-//! Random values from a stream.
+//! Random values drawn from a stream.
 
 use rand::RngExt;
 
 use crate::rollout::Stream;
 
-/// Draws from a [`Stream`], by plain arithmetic.
+/// Random draws from a [`Stream`] by plain arithmetic.
 pub trait Draw {
-    /// Uniform between the bounds.
+    /// Draws a uniform value between the bounds.
     fn uniform(&mut self, low: f64, high: f64) -> f64;
 
-    /// A whole number of `low..=high`.
+    /// Draws a whole number from `low..=high`.
     fn count(&mut self, low: usize, high: usize) -> usize;
 
-    /// Standard normal (mean 0, deviation 1).
+    /// Draws from the standard normal distribution (mean 0, standard deviation 1).
     fn normal(&mut self) -> f64;
 
-    /// Normal of this mean and deviation, drawn again until it lies within the bounds.
+    /// Draws from the normal distribution with this mean and standard deviation, and again until the value
+    /// is within the bounds.
     ///
-    /// The bounds must hold a fair share of the distribution, such as two deviations about the mean.
+    /// The bounds must contain a fair share of the distribution, such as two standard deviations about the
+    /// mean.
     fn normal_within(&mut self, mean: f64, deviation: f64, low: f64, high: f64) -> f64 {
         loop {
             let value = mean + deviation * self.normal();
@@ -27,12 +29,13 @@ pub trait Draw {
         }
     }
 
-    /// True with this probability.
+    /// Returns true with this probability.
     fn chance(&mut self, probability: f64) -> bool {
         self.uniform(0.0, 1.0) < probability
     }
 
-    /// An index, each with the probability of its weight; the last one where all weights are 0. At least one weight.
+    /// Draws an index with probability proportional to its weight; the last one if all weights are 0.
+    /// `weights` must not be empty.
     fn weighted(&mut self, weights: &[f64]) -> usize {
         let mut left = self.uniform(0.0, 1.0) * weights.iter().sum::<f64>();
         for (i, weight) in weights.iter().enumerate() {
@@ -44,7 +47,7 @@ pub trait Draw {
         weights.len() - 1
     }
 
-    /// One of the items, which are at least one.
+    /// Draws one of the items, which must not be empty.
     fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
         &items[self.count(0, items.len() - 1)]
     }
@@ -60,12 +63,14 @@ impl Draw for Stream {
     }
 
     fn normal(&mut self) -> f64 {
-        // Irwin-Hall: the sum of twelve uniform values is near enough to normal, and never more than 6 deviations off.
+        // Irwin-Hall: the sum of twelve uniform values is close enough to normal, and at most 6 deviations
+        // off.
         (0..12).map(|_| self.random::<f64>()).sum::<f64>() - 6.0
     }
 }
 
-/// Exponential of mean 1 (von Neumann 1951: by comparisons of uniform values only).
+/// Draws from the exponential distribution with mean 1 (von Neumann 1951: by comparisons of uniform values
+/// only).
 pub(super) fn exponential(rng: &mut Stream) -> f64 {
     let mut whole = 0.0;
     loop {

@@ -1,4 +1,4 @@
-//! Work on numbers, side by side, that comes out in the order of the numbers.
+//! Parallel work on numbers whose results are delivered in the order of the numbers.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,26 +6,28 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 /// Results per thread that are in memory at a time: enough that threads seldom wait for the slowest.
-pub(super) const CHUNK: usize = 8;
-/// More threads than this are never started.
-pub(super) const MOST_JOBS: usize = 512;
+pub(super) const CHUNK_PER_JOB: usize = 8;
+/// Maximum number of threads.
+pub(super) const MAX_JOBS: usize = 512;
 
-/// How the work ended.
+/// Outcome of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// All numbers were done, or it was said that nothing more is needed.
+    /// All numbers were processed, or the consumer asked to stop early.
     Done,
-    /// It was stopped from outside; what comes before the first number that was not finished was handed over.
+    /// Stopped from outside. Everything before the first unfinished number was handed over.
     Stopped,
 }
 
-/// Makes something of every number from 0 to below `end` on `jobs` threads, and hands it over in the order of the numbers on this one.
+/// Computes a result for every number from 0 to below `end` on `jobs` threads, and passes the results to
+/// `take` in the order of the numbers on the calling thread.
 ///
-/// `make` is shown the state as it was some numbers earlier, how many depends on the threads: it may save work by it, but what is made
-/// of the result must not depend on that. Where `stop` is set meanwhile, numbers that were not begun are left.
+/// `make` sees the state as it was some numbers earlier; how many depends on the threads. It may use the
+/// state to save work, but the outcome must not depend on it. If `stop` is set meanwhile, numbers that were
+/// not begun are skipped.
 ///
 /// # Errors
-/// The first error of `take`, with which the work ends.
+/// The first error of `take`, which ends the work.
 pub fn in_order<S: Sync, T: Send, E>(
     end: u64,
     jobs: usize,
@@ -34,22 +36,22 @@ pub fn in_order<S: Sync, T: Send, E>(
     make: impl Fn(&S, u64) -> T + Sync,
     mut take: impl FnMut(&mut S, u64, T) -> Result<ControlFlow<()>, E>,
 ) -> Result<Ending, E> {
-    let jobs = jobs.clamp(1, MOST_JOBS);
-    // Where the system grants no threads of our own, those that there are do the work.
+    let jobs = jobs.clamp(1, MAX_JOBS);
+    // If the system grants no extra threads, the existing ones do the work.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
     let mut next = 0;
     while next < end {
-        let chunk = next..end.min(next + (jobs * CHUNK) as u64);
+        let chunk = next..end.min(next + (jobs * CHUNK_PER_JOB) as u64);
         next = chunk.end;
         let one = |n| (!stop.load(Ordering::Relaxed)).then(|| make(state, n));
         let all = || chunk.clone().into_par_iter().map(one).collect::<Vec<_>>();
-        let made = match &pool {
+        let results = match &pool {
             Some(pool) => pool.install(all),
             None => all(),
         };
-        for (number, made) in chunk.zip(made) {
-            let Some(made) = made else { return Ok(Ending::Stopped) };
-            if take(state, number, made)?.is_break() {
+        for (number, result) in chunk.zip(results) {
+            let Some(result) = result else { return Ok(Ending::Stopped) };
+            if take(state, number, result)?.is_break() {
                 return Ok(Ending::Done);
             }
         }
@@ -77,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_when_told_and_when_stopped() {
+    fn it_ends_when_asked_and_when_stopped() {
         let stop = AtomicBool::new(false);
         let mut seen = 0;
         let until_30 = |seen: &mut u64, n, _| {

@@ -1,42 +1,45 @@
-//! What a generated map is: the road map as a format would read it, and what traffic must know beside it.
+//! Data model of a generated map: the road map as a format would read it, and the additional data that
+//! traffic needs.
 
 use crate::geometry::{Polyline, Vec2};
 use crate::scene::{LightState, MapParts};
 
-/// A generated map with its rules of traffic.
+/// Generated map with its traffic rules.
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
     /// Id of the map type, such as `signalised-junction`.
     pub kind: String,
-    /// Lanes, edges, lines, stop lines, crosswalks, drivable area, in metres around (0, 0).
+    /// Lanes, edges, lines, stop lines, crosswalks and drivable area, in metres around (0, 0).
     pub map: MapParts,
-    /// Lights: one plan per controlled connector; all have the same cycle.
+    /// Signal plans, one per controlled connector; all have the same cycle.
     pub signals: Vec<SignalPlan>,
-    /// Who gives way to whom: where no light decides, and where it lets both go (permissive left turns).
+    /// Right of way between lanes: where no light decides, and where lights let both go (permissive left
+    /// turns).
     pub priorities: Vec<Priority>,
-    /// Lanes on which vehicles come into the map, with how much traffic each takes.
+    /// Lanes on which vehicles enter the map, with their flows.
     pub entries: Vec<Entry>,
-    /// Where vehicles may stand parked.
+    /// Parking spots along the road and in car parks.
     pub parking: Vec<ParkingSpot>,
-    /// Where vehicles stand off the ground that others drive on: before homes, in car parks.
+    /// Parking spots off the drivable ground: in front of homes, in car parks.
     pub yards: Vec<ParkingSpot>,
-    /// Where people walk: pavements, and crossings that join them. Footways whose ends lie within 3 m of each other are joined.
+    /// Pavements, and the crossings that join them. Footways whose ends are within 3 m of each other are
+    /// joined.
     pub footways: Vec<Footway>,
 }
 
-/// The light of one lane.
+/// Signal plan of one lane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalPlan {
     /// Id of the controlled lane (a connector, which begins at the stop line).
     pub lane: String,
-    /// Where to stop, metres.
+    /// Point to stop at, metres.
     pub stop_point: Vec2,
-    /// What it shows, one after the other, from time 0 on and then again: state and seconds.
+    /// States with their durations in seconds, repeated from time 0 on.
     pub phases: Vec<(LightState, f64)>,
 }
 
 impl SignalPlan {
-    /// What the light shows after so many seconds.
+    /// Returns the state of the light at `time` seconds, or `None` for an empty cycle.
     pub fn at(&self, time: f64) -> Option<LightState> {
         let cycle: f64 = self.phases.iter().map(|p| p.1).sum();
         let mut left = if cycle > 0.0 { time.rem_euclid(cycle) } else { return None };
@@ -50,18 +53,19 @@ impl SignalPlan {
     }
 }
 
-/// Who must give way. Vehicles on `lane` wait at its beginning, the stop line (on ramps and roundabouts: the give-way line).
+/// Obligation to yield. Vehicles on `lane` wait at its beginning, the stop line (on ramps and roundabouts,
+/// the give-way line).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Priority {
-    /// Id of the lane, mostly a connector, on which vehicles give way.
+    /// Id of the lane, usually a connector, on which vehicles yield.
     pub lane: String,
-    /// Ids of the lanes that cross it or join it on which vehicles go first.
+    /// Ids of the crossing or joining lanes on which vehicles have the right of way.
     pub to: Vec<String>,
-    /// How.
+    /// Manner of yielding.
     pub rule: RightOfWay,
 }
 
-/// How vehicles give way.
+/// Manner in which vehicles yield.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RightOfWay {
     /// Go when there is a gap.
@@ -72,16 +76,16 @@ pub enum RightOfWay {
     AllWayStop,
 }
 
-/// A lane on which vehicles come into the map.
+/// Lane on which vehicles enter the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Id of the lane; it begins at the border of the map. Bicycle lanes are entered by cyclists.
+    /// Id of the lane, which begins at the border of the map. Cyclists enter on bicycle lanes.
     pub lane: String,
-    /// Vehicles per hour at density 1: what a busy lane of this kind carries without a queue that grows.
+    /// Vehicles per hour at density 1: what a busy lane of this kind carries without a growing queue.
     pub flow: f64,
 }
 
-/// A place for a parked vehicle.
+/// Place for a parked vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParkingSpot {
     /// Centre, metres.
@@ -94,18 +98,19 @@ pub struct ParkingSpot {
     pub width: f64,
 }
 
-/// A stretch on which people walk, both ways.
+/// Path for pedestrians in both directions.
 #[derive(Clone, Debug)]
 pub struct Footway {
-    /// Its middle.
+    /// Centre line.
     pub line: Polyline,
-    /// Its width, metres.
+    /// Width, metres.
     pub width: f64,
-    /// Whether it crosses a road (a crosswalk of the map lies under it): then it begins and ends on other footways.
+    /// Whether it crosses a road (with a crosswalk of the map under it); its ends are then on other
+    /// footways.
     pub crossing: bool,
-    /// For crossings: ids of the lanes that it crosses, connectors among them.
+    /// For crossings: ids of the crossed lanes, including connectors.
     pub crosses: Vec<String>,
-    /// For crossings: ids of the controlled lanes whose green or yellow means that people wait; empty where they have priority. Turning
-    /// vehicles that have green at the same time as people give way to them.
+    /// For crossings: ids of the controlled lanes for whose green or yellow people wait; empty where people
+    /// have the right of way. Turning vehicles that have green at the same time as people yield to them.
     pub waits_for: Vec<String>,
 }

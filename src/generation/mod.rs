@@ -1,5 +1,6 @@
-//! Generated scenarios: parametric maps, microscopic traffic, a driver of which is the AV. They are what the program ships, since
-//! recordings may not be passed on, and what small networks are trained on.
+//! Generated scenarios: parametric maps with microscopic traffic, in which one of the drivers is the AV.
+//! They ship with the program, because recordings may not be redistributed, and small networks are trained
+//! on them.
 
 mod draw;
 mod in_order;
@@ -17,49 +18,51 @@ pub use settings::{GenerationSettings, Preset};
 
 use crate::scene::{Scenario, SceneError};
 
-/// Version of the generator: raised whenever the same settings and numbers give other scenarios, or other deviated AVs, than before.
+/// Version of the generator, raised whenever the same settings and numbers produce other scenarios, or
+/// other deviated AVs, than before.
 pub const VERSION: u32 = 2;
 
-/// Why no scenario could be generated.
+/// Reason why no scenario could be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum GenerationError {
-    /// A map type that does not exist.
-    #[error("there is no map type `{name}`; there are: {known}")]
+    /// Unknown map type.
+    #[error("no map type `{name}`; available: {known}")]
     UnknownMap {
-        /// What was asked for.
+        /// Requested id.
         name: String,
-        /// What there is.
+        /// Ids of all map types, separated by commas.
         known: String,
     },
-    /// A density that makes no sense.
-    #[error("density {0}: expected a number above 0 and up to 3")]
+    /// Density outside the allowed range.
+    #[error("density {0}: expected a number above 0 and at most 3")]
     Density(f64),
-    /// However often traffic was drawn: no driver could be the AV, or there was an accident.
+    /// No attempt produced a driver who can be the AV in traffic without accidents.
     #[error(
-        "{id}: in {attempts} attempts no driver could be the AV in traffic without accidents; allow more map types or another density"
+        "{id}: no accident-free traffic with a driver who can be the AV in {attempts} attempts; \
+         allow more map types or another density"
     )]
-    Fruitless {
-        /// The scenario.
+    AttemptsExhausted {
+        /// Id of the scenario.
         id: String,
-        /// How often it was tried.
+        /// Number of attempts.
         attempts: u32,
     },
-    /// What was generated is no scenario: a bug.
+    /// Generated parts that are not a valid scenario: a bug.
     #[error(transparent)]
     Scene(#[from] SceneError),
 }
 
-/// Makes scenarios by number.
+/// Generator of scenarios by number.
 #[derive(Clone, Debug)]
 pub struct Generator {
     settings: GenerationSettings,
 }
 
 impl Generator {
-    /// Checks the settings.
+    /// Checks the settings and creates a generator.
     ///
     /// # Errors
-    /// [`GenerationError`] names a map type that does not exist, and a density that is no positive number up to 3.
+    /// [`GenerationError`] if a map type does not exist or the density is not a positive number up to 3.
     pub fn new(settings: GenerationSettings) -> Result<Self, GenerationError> {
         let known = || maps::MAP_TYPES.iter().map(|m| m.id).collect::<Vec<_>>().join(", ");
         for name in &settings.maps {
@@ -73,11 +76,12 @@ impl Generator {
         }
     }
 
-    /// The scenario of this number. It depends on settings and number only, so any number of threads may share a generator.
+    /// Generates the scenario with this number. It depends only on the settings and the number, so any
+    /// number of threads may share a generator.
     ///
     /// # Errors
-    /// [`GenerationError::Fruitless`] when no traffic on the allowed maps has a driver who can be the AV;
-    /// [`GenerationError::Scene`] would be a bug.
+    /// [`GenerationError::AttemptsExhausted`] if no traffic on the allowed maps has a driver who can be the
+    /// AV; [`GenerationError::Scene`] would be a bug.
     pub fn scenario(&self, number: u64) -> Result<Scenario, GenerationError> {
         scenario::generate(&self.settings, number)
     }

@@ -1,14 +1,14 @@
-//! What is generated.
+//! Settings of the generator.
 
 use super::maps::{MAP_TYPES, MapType};
 
-/// A use of generated scenarios. Each has its own space of seeds: the preset's name is part of the name of every random stream, and of
-/// every scenario's id, so that no scenario of one can be a scenario of another.
+/// Intended use of generated scenarios. Each preset has its own seed space: its name is part of the key of
+/// every random stream and of every scenario id, so that presets never share a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Scenes in which the AV drives and has others around it, every map type alike: what the benchmark is made of.
+    /// Benchmark scenarios: the AV drives and has others around it; all map types are equally frequent.
     Bench,
-    /// What networks train on: map types and traffic as often as in recordings.
+    /// Training scenarios: map types and traffic are about as frequent as in recordings.
     Train,
 }
 
@@ -16,7 +16,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 2] = [Self::Bench, Self::Train];
 
-    /// The name, as on the command line and in ids.
+    /// Name on the command line and in ids.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Bench => "bench",
@@ -24,33 +24,35 @@ impl Preset {
         }
     }
 
-    /// The preset with this name.
+    /// Returns the preset with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|p| p.name() == name)
     }
 }
 
-/// What decides a generated scenario, besides its number. Ids hold preset, seed and number: sets of other maps or densities should have
-/// other seeds.
+/// Settings that, together with its number, determine a generated scenario. Ids contain only preset, seed
+/// and number, so sets with other maps or densities should use other seeds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GenerationSettings {
-    /// The use, and with it the space of seeds.
+    /// Preset, which also selects the seed space.
     pub preset: Preset,
-    /// The seed.
+    /// Random seed.
     pub seed: u64,
-    /// Ids of the map types to draw from; empty for all, as the preset weighs them.
+    /// Ids of the map types to draw from; empty for all types, weighted as the preset weights them.
     pub maps: Vec<String>,
-    /// Traffic volume as a multiple of what is usual; `None` draws one per scenario, from empty to congested.
+    /// Traffic volume as a multiple of the usual one; `None` draws it per scenario, from nearly empty to
+    /// congested.
     pub density: Option<f64>,
 }
 
 impl GenerationSettings {
-    /// Id of the scenario of a number. The random streams of the scenario are keyed by it, so that presets never share one.
+    /// Returns the id of the scenario with this number. It keys the random streams of the scenario, so that
+    /// presets never share one.
     pub fn id(&self, number: u64) -> String {
         format!("{}-{}-{number:06}", self.preset.name(), self.seed)
     }
 
-    /// The map types to draw from.
+    /// Returns the map types to draw from.
     pub fn map_types(&self) -> Vec<&'static MapType> {
         let allowed = |m: &&MapType| self.maps.is_empty() || self.maps.iter().any(|name| name == m.id);
         MAP_TYPES.iter().filter(allowed).collect()

@@ -4,33 +4,34 @@ use std::f64::consts::{PI, TAU};
 
 use super::{Vec2, math};
 
-/// Wraps an angle to [-pi, pi): `((a + pi) mod 2 pi) - pi` with the mathematical modulo. Not finite in, NaN out.
+/// Wraps an angle to [-pi, pi): `((a + pi) mod 2 pi) - pi` with the mathematical modulo. NaN if not finite.
 pub fn wrap(angle: f64) -> f64 {
     if (-PI..PI).contains(&angle) { angle } else { (angle + PI).rem_euclid(TAU) - PI }
 }
 
-/// The unit vector that points along `heading`.
+/// Returns the unit vector along `heading`.
 pub fn direction(heading: f64) -> Vec2 {
     let (sin, cos) = math::sin_cos(heading);
     Vec2::new(cos, sin)
 }
 
-/// Where `v` points, radians, in [-pi, pi]: the inverse of [`direction`]. The zero vector gives 0.
+/// Returns the heading of `v`, radians, in [-pi, pi]: the inverse of [`direction`]. The zero vector gives 0.
 pub fn heading_of(v: Vec2) -> f64 {
     math::atan2(v.y, v.x)
 }
 
-/// `v` turned left by a quarter of a circle.
+/// Returns `v` rotated counter-clockwise by a quarter turn.
 pub fn left(v: Vec2) -> Vec2 {
     Vec2::new(-v.y, v.x)
 }
 
-/// The vector `v` in the frame whose x axis is `ahead` (unit) and whose y axis is to the left of it.
+/// Returns `v` in the frame whose x axis is `ahead` (a unit vector) and whose y axis points to its left.
 pub fn into_frame(ahead: Vec2, v: Vec2) -> Vec2 {
     Vec2::new(ahead.dot(&v), left(ahead).dot(&v))
 }
 
-/// The signed angle from `a` to `b`, in (-pi, pi]; positive is counter-clockwise. Zero vectors give 0.
+/// Returns the signed angle from `a` to `b`, in (-pi, pi]; positive is counter-clockwise. Zero vectors give
+/// 0.
 pub fn signed_angle_between(a: Vec2, b: Vec2) -> f64 {
     math::atan2(a.perp(&b), a.dot(&b))
 }

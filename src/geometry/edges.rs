@@ -1,4 +1,4 @@
-//! Oriented road edges: the drivable side is on the left.
+//! Oriented road edges; their left side is drivable.
 
 use super::{Bounds, Grid, Vec2, point_segment};
 
@@ -20,19 +20,19 @@ struct Segment {
 /// The edge segment nearest to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestEdge {
-    /// Index of the segment over all edges: a start for the next query nearby.
+    /// Index of the segment over all edges; a start for the next query nearby.
     pub segment: u32,
     /// Distance, metres.
     pub distance: f64,
-    /// Whether the point lies on the right, undrivable side; on the line counts as drivable.
+    /// Whether the point is on the right, undrivable side. A point on the line counts as drivable.
     pub outside: bool,
 }
 
-/// Edges whose ends are closer than this are closed (WOSAC's rule).
+/// Distance between the two ends, in metres, below which an edge is a closed ring (WOSAC's rule).
 const CLOSED_GAP: f64 = 1.0;
 
 impl OrientedEdges {
-    /// Indexes `polylines`. Repeated points are dropped; polylines of fewer than two distinct points are left out.
+    /// Indexes `polylines`. Drops repeated points, and polylines of fewer than two distinct points.
     pub fn new<'a>(polylines: impl IntoIterator<Item = &'a [Vec2]>) -> Self {
         let mut segments: Vec<Segment> = Vec::new();
         for polyline in polylines {
@@ -64,14 +64,15 @@ impl OrientedEdges {
         Self { grid: Grid::new(&bounds, 4.0), segments }
     }
 
-    /// Whether there is no edge at all.
+    /// Returns whether there are no edges.
     pub fn is_empty(&self) -> bool {
         self.segments.is_empty()
     }
 
-    /// The nearest segment and the side of it on which `p` lies (metrics of section "off-road": WOSAC's rule in the plane).
+    /// Finds the nearest segment and the side of it that `p` is on (for the off-road metric: WOSAC's rule in
+    /// the plane).
     ///
-    /// `start` is the segment found for a point close by; it only makes the search shorter. `None` without edges.
+    /// `start` is the segment found for a nearby point; it only shortens the search. `None` without edges.
     pub fn nearest(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
         let (segment, d2) = self.grid.nearest(p, start, |i| {
             let s = &self.segments[i as usize];

@@ -12,40 +12,40 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Bounds that hold nothing.
+    /// Bounds that contain nothing.
     pub const EMPTY: Self = Self {
         min: Vec2::new(f64::INFINITY, f64::INFINITY),
         max: Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
-    /// The smallest bounds around `points`.
+    /// Returns the smallest bounds around `points`.
     pub fn of(points: impl IntoIterator<Item = Vec2>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.inf(&p), max: b.max.sup(&p) })
     }
 
-    /// The square of half side `radius` around `center`.
+    /// Returns the square with half side `radius` around `center`.
     pub fn around(center: Vec2, radius: f64) -> Self {
         let r = Vec2::new(radius, radius);
         Self { min: center - r, max: center + r }
     }
 
-    /// These bounds grown by `margin` on every side.
+    /// Returns these bounds grown by `margin` on every side.
     pub fn inflated(&self, margin: f64) -> Self {
         let m = Vec2::new(margin, margin);
         Self { min: self.min - m, max: self.max + m }
     }
 
-    /// The smallest bounds around both.
+    /// Returns the smallest bounds around both.
     pub fn union(&self, other: &Self) -> Self {
         Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
     }
 
-    /// Whether `p` lies in the closed rectangle.
+    /// Returns whether `p` is in the closed rectangle.
     pub fn contains(&self, p: Vec2) -> bool {
         self.min.x <= p.x && p.x <= self.max.x && self.min.y <= p.y && p.y <= self.max.y
     }
 
-    /// Whether the closed rectangles meet.
+    /// Returns whether the closed rectangles intersect.
     pub fn intersects(&self, other: &Self) -> bool {
         self.min.x <= other.max.x
             && other.min.x <= self.max.x
@@ -54,29 +54,30 @@ impl Bounds {
     }
 }
 
-/// Items by their bounds, in square cells. An item stands in every cell that its bounds touch, in insertion order.
+/// Items in square cells, by their bounds. Every cell that the bounds of an item touch lists the item, in
+/// insertion order.
 #[derive(Clone, Debug)]
 pub struct Grid {
     origin: Vec2,
     cell: f64,
-    /// Cells per metre.
-    per_cell: f64,
+    cells_per_metre: f64,
     columns: i64,
     rows: i64,
     starts: Vec<u32>,
     items: Vec<u32>,
 }
 
-/// The largest whole number up to `v`. Spares the call that `f64::floor` is on processors without a rounding instruction.
+/// Returns the largest whole number up to `v`. Avoids `f64::floor`, which is a function call on processors
+/// without a rounding instruction.
 #[inline]
 fn floor(v: f64) -> i64 {
     let whole = v as i64;
     if (whole as f64) > v { whole - 1 } else { whole }
 }
 
-/// More cells than this are never made: the cells grow instead.
+/// Maximum number of cells; larger extents get larger cells.
 const MAX_CELLS: f64 = 65_536.0;
-/// Nor more entries than this, or sixteen for each item.
+/// Maximum number of list entries over all cells, unless sixteen per item are more; beyond it the cells grow.
 const MAX_ENTRIES: f64 = 4e6;
 
 impl Grid {
@@ -87,7 +88,7 @@ impl Grid {
             return Self {
                 origin: Vec2::zeros(),
                 cell,
-                per_cell: 1.0 / cell,
+                cells_per_metre: 1.0 / cell,
                 columns: 0,
                 rows: 0,
                 starts: vec![0],
@@ -99,21 +100,28 @@ impl Grid {
         while (extent.x / cell + 1.0).floor() * (extent.y / cell + 1.0).floor() > MAX_CELLS {
             cell *= 1.5;
         }
-        // Large items in small cells would stand in very many.
-        let most = MAX_ENTRIES.max(16.0 * bounds.len() as f64);
+        // Large items in small cells would be listed in very many cells.
+        let max_entries = MAX_ENTRIES.max(16.0 * bounds.len() as f64);
         let entries = |cell: f64| -> f64 {
             let sides = bounds.iter().map(|b| b.max - b.min).filter(|side| side.x >= 0.0);
             sides.map(|side| (side.x / cell + 2.0) * (side.y / cell + 2.0)).sum()
         };
-        while cell < extent.x.max(extent.y) && entries(cell) > most {
+        while cell < extent.x.max(extent.y) && entries(cell) > max_entries {
             cell *= 1.5;
         }
-        // As `column` counts, so that the last bounds end in the last cell.
-        let per_cell = 1.0 / cell;
-        let columns = floor(extent.x * per_cell) + 1;
-        let rows = floor(extent.y * per_cell) + 1;
-        let mut grid =
-            Self { origin: whole.min, cell, per_cell, columns, rows, starts: Vec::new(), items: Vec::new() };
+        // Computed as in `column`, so that the last bounds end in the last cell.
+        let cells_per_metre = 1.0 / cell;
+        let columns = floor(extent.x * cells_per_metre) + 1;
+        let rows = floor(extent.y * cells_per_metre) + 1;
+        let mut grid = Self {
+            origin: whole.min,
+            cell,
+            cells_per_metre,
+            columns,
+            rows,
+            starts: Vec::new(),
+            items: Vec::new(),
+        };
         let mut starts = vec![0_u32; (columns * rows) as usize + 1];
         for b in bounds {
             grid.for_cells(b, |c| starts[c + 1] += 1);
@@ -135,11 +143,11 @@ impl Grid {
     }
 
     fn column(&self, x: f64) -> i64 {
-        floor((x - self.origin.x) * self.per_cell)
+        floor((x - self.origin.x) * self.cells_per_metre)
     }
 
     fn row(&self, y: f64) -> i64 {
-        floor((y - self.origin.y) * self.per_cell)
+        floor((y - self.origin.y) * self.cells_per_metre)
     }
 
     fn for_cells(&self, b: &Bounds, mut visit: impl FnMut(usize)) {
@@ -157,7 +165,7 @@ impl Grid {
         &self.items[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 
-    /// The items of the cell that holds `p`, each once, ascending.
+    /// Returns the items of the cell that contains `p`, each once, ascending.
     pub fn at(&self, p: Vec2) -> &[u32] {
         let (column, row) = (self.column(p.x), self.row(p.y));
         if (0..self.columns).contains(&column) && (0..self.rows).contains(&row) {
@@ -167,15 +175,15 @@ impl Grid {
         }
     }
 
-    /// Visits the items of every cell that `within` touches. An item may come more than once.
+    /// Visits the items of every cell that `within` touches. An item may be visited more than once.
     pub fn visit(&self, within: &Bounds, mut visit: impl FnMut(u32)) {
         self.for_cells(within, |c| self.items_of(c).iter().for_each(|&i| visit(i)));
     }
 
-    /// The item nearest to `p` and its squared distance; the smallest index on ties.
+    /// Finds the item nearest to `p` and its squared distance; the smallest index on ties.
     ///
-    /// `distance2` gives the squared distance of an item; `start` is a known item to begin from (any, such as the answer for
-    /// a point close by): it makes the search shorter and never changes the answer.
+    /// `distance2` returns the squared distance of an item. `start` is any item to begin with, such as the
+    /// answer for a nearby point; it shortens the search and never changes the answer.
     pub fn nearest(
         &self,
         p: Vec2,
@@ -207,7 +215,7 @@ impl Grid {
                         let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
                         let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
                         let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
-                        // A slack of a nanometre: a cell may hold a tie exactly on its border.
+                        // The slack covers ties exactly on the border of a cell.
                         if dx * dx + dy * dy <= best.1 + 1e-9 {
                             for &i in self.items_of((r * self.columns + c) as usize) {
                                 let d2 = distance2(i);
@@ -238,7 +246,8 @@ mod tests {
             q in (-300.0..300.0_f64, -90.0..90.0_f64),
             start in any::<prop::sample::Index>(),
         ) {
-            let points: Vec<Vec2> = points.into_iter().map(|(x, y)| Vec2::new(x.round(), y.round())).collect();
+            let points: Vec<Vec2> =
+                points.into_iter().map(|(x, y)| Vec2::new(x.round(), y.round())).collect();
             let grid = Grid::new(&points.iter().map(|&p| Bounds::around(p, 0.0)).collect::<Vec<_>>(), 3.0);
             let q = Vec2::new(q.0.round(), q.1.round());
             let d2 = |i: u32| (points[i as usize] - q).norm_squared();
@@ -252,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn large_items_do_not_stand_in_every_cell() {
+    fn large_items_are_not_listed_in_too_many_cells() {
         let whole = Bounds { min: Vec2::new(-1e5, -1e5), max: Vec2::new(1e5, 1e5) };
         let grid = Grid::new(&[whole; 3000], 6.0);
         assert!(grid.items.len() <= 4_000_000, "{}", grid.items.len());
@@ -260,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_grid_answers() {
+    fn an_empty_grid_finds_nothing() {
         let grid = Grid::new(&[], 4.0);
         assert!(grid.at(Vec2::zeros()).is_empty());
         assert_eq!(grid.nearest(Vec2::zeros(), None, |_| 0.0), None);

@@ -16,41 +16,41 @@ pub struct OrientedBox {
 }
 
 impl OrientedBox {
-    /// A box from its centre (m), heading (rad) and full extents (m).
+    /// Creates a box from its centre (m), heading (rad) and full extents (m).
     pub fn new(center: Vec2, heading: f64, length: f64, width: f64) -> Self {
         Self { center, axis: direction(heading), half_length: 0.5 * length, half_width: 0.5 * width }
     }
 
-    /// The unit vector to the left of the box.
+    /// Returns the unit vector to the left of the box.
     pub fn left(&self) -> Vec2 {
         left(self.axis)
     }
 
-    /// Corners: front left, front right, rear right, rear left.
+    /// Returns the corners: front left, front right, rear right, rear left.
     pub fn corners(&self) -> [Vec2; 4] {
         let (ahead, aside) = (self.axis * self.half_length, self.left() * self.half_width);
         let c = self.center;
         [c + ahead + aside, c + ahead - aside, c - ahead - aside, c - ahead + aside]
     }
 
-    /// Radius of the circle around the centre that holds the whole box.
+    /// Returns the radius of the circumscribed circle, metres.
     pub fn radius(&self) -> f64 {
         math::hypot(self.half_length, self.half_width)
     }
 
-    /// `point` in the frame of the box: x ahead, y to the left of its centre.
+    /// Returns `point` in the frame of the box: x ahead and y to the left of its centre.
     pub fn to_local(&self, point: Vec2) -> Vec2 {
         let d = point - self.center;
         Vec2::new(d.dot(&self.axis), d.dot(&self.left()))
     }
 
-    /// Whether the closed box holds `point`.
+    /// Returns whether the closed box contains `point`.
     pub fn contains(&self, point: Vec2) -> bool {
         let local = self.to_local(point);
         local.x.abs() <= self.half_length && local.y.abs() <= self.half_width
     }
 
-    /// Distance from `point` to the box; 0 inside.
+    /// Returns the distance from `point` to the box, metres; 0 inside.
     fn distance_to(&self, point: Vec2) -> f64 {
         let local = self.to_local(point);
         let x = (local.x.abs() - self.half_length).max(0.0);
@@ -58,7 +58,8 @@ impl OrientedBox {
         math::hypot(x, y)
     }
 
-    /// Whether the closed segment `a`-`b` meets the closed box (slab test in the frame of the box).
+    /// Returns whether the closed segment `a`-`b` intersects the closed box (slab test in the frame of the
+    /// box).
     pub fn intersects_segment(&self, a: Vec2, b: Vec2) -> bool {
         let (p, q) = (self.to_local(a), self.to_local(b));
         let d = q - p;
@@ -77,8 +78,8 @@ impl OrientedBox {
         enter <= leave
     }
 
-    /// Largest separation along the four edge normals: negative is the penetration depth of overlapping boxes, positive
-    /// a lower bound of the distance.
+    /// Returns the largest separation along the four edge normals, metres. A negative value is minus the
+    /// penetration depth of overlapping boxes; a positive value is a lower bound of the distance.
     pub fn separation(&self, other: &Self) -> f64 {
         let d = other.center - self.center;
         let cos = self.axis.dot(&other.axis).abs();
@@ -91,13 +92,15 @@ impl OrientedBox {
         on_a_x.max(on_a_y).max(on_b_x).max(on_b_y)
     }
 
-    /// Signed distance of two sharp boxes: the Euclidean distance if disjoint, else minus the penetration depth.
+    /// Returns the signed distance between two sharp boxes, metres: the Euclidean distance if disjoint, else
+    /// minus the penetration depth.
     pub fn signed_distance(&self, other: &Self) -> f64 {
         let separation = self.separation(other);
         if separation <= 0.0 {
             return separation;
         }
-        // Relative to this box: far from the origin of the map, corners would lose the digits that decide a touch.
+        // Relative to this box: far from the origin of the map, corners would lose the digits that decide
+        // contact.
         let (near, far) =
             (Self { center: Vec2::zeros(), ..*self }, Self { center: other.center - self.center, ..*other });
         let from_other = far.corners().into_iter().map(|c| near.distance_to(c));
@@ -106,10 +109,12 @@ impl OrientedBox {
     }
 }
 
-/// Signed distance of two boxes whose corners are rounded with radius `rounding * min(length, width) / 2`, in metres.
+/// Returns the signed distance, in metres, between two boxes whose corners are rounded with radius
+/// `rounding * min(length, width) / 2`.
 ///
-/// Negative means collision; touching boxes give 0. `rounding` 0.7 is the convention of the Waymo sim-agents metrics,
-/// 0 gives sharp boxes (ReactSim-Bench, "Metric Computation Details": rounded-box signed distance below 0).
+/// A negative distance is a collision; touching boxes give 0. `rounding` 0.7 is the convention of the Waymo
+/// sim-agents metrics, 0 gives sharp boxes (ReactSim-Bench, "Metric Computation Details": rounded-box signed
+/// distance below 0).
 pub fn rounded_distance(a: &OrientedBox, b: &OrientedBox, rounding: f64) -> f64 {
     let radius = |o: &OrientedBox| rounding * o.half_length.min(o.half_width);
     let core = |o: &OrientedBox, r: f64| OrientedBox {
@@ -147,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_through_the_box_meets_it_and_one_beside_it_does_not() {
+    fn only_a_segment_through_the_box_intersects_it() {
         let a = OrientedBox::new(Vec2::new(0.0, 0.0), 0.5, 4.0, 2.0);
         assert!(a.intersects_segment(Vec2::new(-9.0, 0.0), Vec2::new(9.0, 0.3)));
         assert!(!a.intersects_segment(Vec2::new(-9.0, 4.0), Vec2::new(9.0, 4.0)));
@@ -159,7 +164,8 @@ mod tests {
     }
 
     proptest! {
-        /// The closed form agrees with parry: the distance where disjoint, the penetration where overlapping.
+        /// The closed form agrees with parry: the distance of disjoint boxes, the penetration depth of
+        /// overlapping ones.
         #[test]
         fn agrees_with_parry(p in any_box(), q in any_box()) {
             let ours = OrientedBox::new(Vec2::new(p.0, p.1), p.2, p.3, p.4)

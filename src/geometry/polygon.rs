@@ -12,19 +12,21 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// Whether `p` lies strictly inside: within the exterior, outside every hole, on no boundary (GEOS `contains`).
+    /// Returns whether `p` is strictly inside: within the exterior, outside every hole, on no boundary (GEOS
+    /// `contains`).
     pub fn contains(&self, p: Vec2) -> bool {
         point_in_ring(p, &self.exterior) == Some(true)
             && self.holes.iter().all(|hole| point_in_ring(p, hole) == Some(false))
     }
 
-    /// The axis-aligned bounds of the exterior.
+    /// Returns the axis-aligned bounds of the exterior.
     pub fn bounds(&self) -> Bounds {
         Bounds::of(self.exterior.iter().copied())
     }
 }
 
-/// Whether `p` lies inside the ring (even-odd rule); `None` on the boundary. The ring may be open or closed.
+/// Returns whether `p` is inside the ring (even-odd rule); `None` on the boundary. The ring may be open or
+/// closed.
 pub fn point_in_ring(p: Vec2, ring: &[Vec2]) -> Option<bool> {
     let mut inside = false;
     let mut a = *ring.last()?;
@@ -35,7 +37,8 @@ pub fn point_in_ring(p: Vec2, ring: &[Vec2]) -> Option<bool> {
     Some(inside)
 }
 
-/// Whether a ray from `p` in the direction of x crosses the edge from `a` to `b`; `None` where `p` lies on the edge.
+/// Returns whether a ray from `p` along the x axis crosses the edge from `a` to `b`; `None` if `p` is on the
+/// edge.
 pub(super) fn crosses(p: Vec2, a: Vec2, b: Vec2) -> Option<bool> {
     if (a.y > p.y) != (b.y > p.y) {
         let side = (b - a).perp(&(p - a));
@@ -45,7 +48,7 @@ pub(super) fn crosses(p: Vec2, a: Vec2, b: Vec2) -> Option<bool> {
     if on_edge || b == p { None } else { Some(false) }
 }
 
-/// Distance from `p` to the boundary of a ring, metres; infinite for an empty ring.
+/// Returns the distance from `p` to the boundary of a ring, metres; infinite for an empty ring.
 pub fn ring_distance(p: Vec2, ring: &[Vec2]) -> f64 {
     let Some(mut a) = ring.last().copied() else { return f64::INFINITY };
     let mut best = f64::INFINITY;

@@ -9,7 +9,7 @@ pub struct Polyline {
     arc: Vec<f64>,
 }
 
-/// Why points are no polyline.
+/// The reason why points do not form a polyline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolylineError {
     /// Fewer than two distinct points.
@@ -20,23 +20,23 @@ pub enum PolylineError {
     NotFinite(usize),
 }
 
-/// The point of a polyline that is nearest to a query.
+/// The point of a polyline nearest to a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
     /// Arc length of the nearest point, metres from the start.
     pub s: f64,
-    /// Signed lateral offset of the query, metres, left positive.
+    /// Signed lateral offset of the query point, metres, left positive.
     pub offset: f64,
-    /// Distance of the query to the polyline, metres.
+    /// Distance from the query point to the polyline, metres.
     pub distance: f64,
-    /// Index of the segment that holds the nearest point (the first one on ties).
+    /// Index of the segment that contains the nearest point (the first one on ties).
     pub segment: usize,
     /// Parameter along that segment, 0 to 1.
     pub t: f64,
 }
 
 impl Polyline {
-    /// Builds a polyline; repeated points are dropped.
+    /// Creates a polyline; repeated points are dropped.
     ///
     /// # Errors
     /// [`PolylineError`] when a point is not finite or fewer than two distinct points remain.
@@ -62,42 +62,43 @@ impl Polyline {
         if kept.len() < 2 { Err(PolylineError::TooShort) } else { Ok(Self { points: kept, arc }) }
     }
 
-    /// The points, at least two.
+    /// Returns the points, at least two.
     pub fn points(&self) -> &[Vec2] {
         &self.points
     }
 
-    /// Arc length at each point, metres, starting at 0.
+    /// Returns the arc length at each point, metres, starting at 0.
     pub fn arc(&self) -> &[f64] {
         &self.arc
     }
 
-    /// Length, metres.
+    /// Returns the length, metres.
     pub fn length(&self) -> f64 {
         self.arc[self.arc.len() - 1]
     }
 
-    /// Number of segments.
+    /// Returns the number of segments.
     pub fn segments(&self) -> usize {
         self.points.len() - 1
     }
 
-    /// End points of segment `i`.
+    /// Returns the end points of segment `i`.
     pub fn segment(&self, i: usize) -> (Vec2, Vec2) {
         (self.points[i], self.points[i + 1])
     }
 
-    /// Direction of segment `i`, radians.
+    /// Returns the heading of segment `i`, radians.
     pub fn heading(&self, i: usize) -> f64 {
         heading_of(self.points[i + 1] - self.points[i])
     }
 
-    /// The segment that holds arc length `s` (clamped to the polyline).
+    /// Returns the segment that contains arc length `s` (clamped to the polyline).
     pub fn segment_at(&self, s: f64) -> usize {
         self.arc.partition_point(|&a| a <= s).clamp(1, self.segments()) - 1
     }
 
-    /// Angle between the directions of two segments, radians, 0 to about 2 (taken from the chord of the unit circle).
+    /// Returns the angle between the directions of two segments, radians, 0 to about 2, approximated by the
+    /// chord of the unit circle.
     pub fn turn_between(&self, i: usize, j: usize) -> f64 {
         let unit = |k: usize| {
             let (a, b) = self.segment(k);
@@ -106,7 +107,7 @@ impl Polyline {
         (unit(j) - unit(i)).norm()
     }
 
-    /// As [`Self::segment_at`], by walking from segment `near`: quicker for an `s` close to it.
+    /// Like [`Self::segment_at`], but searches from segment `near`: faster for an `s` close to it.
     pub fn segment_from(&self, s: f64, near: usize) -> usize {
         let last = self.segments() - 1;
         let mut i = near.min(last);
@@ -119,23 +120,24 @@ impl Polyline {
         i
     }
 
-    /// The point at arc length `s`, which lies on segment `i` or beyond an end of the polyline.
+    /// Returns the point at arc length `s`, which is on segment `i` or beyond an end of the polyline.
     pub fn on_segment(&self, s: f64, i: usize) -> Vec2 {
         let (a, b) = self.segment(i);
         a + (b - a) * ((s - self.arc[i]) / (self.arc[i + 1] - self.arc[i]))
     }
 
-    /// The point at arc length `s`; beyond the ends the end segments go on straight.
+    /// Returns the point at arc length `s`; the end segments are extrapolated beyond the ends.
     pub fn at(&self, s: f64) -> Vec2 {
         self.on_segment(s, self.segment_at(s))
     }
 
-    /// Direction at arc length `s`, radians: that of the segment.
+    /// Returns the heading of the segment at arc length `s`, radians.
     pub fn heading_at(&self, s: f64) -> f64 {
         self.heading(self.segment_at(s))
     }
 
-    /// The line moved sideways by `offset` metres, left positive: every point along the normal of its segment.
+    /// Returns the line offset laterally by `offset` metres, left positive: each point moves along the normal
+    /// of its segment.
     pub fn aside(&self, offset: f64) -> Self {
         let moved = self.points.iter().enumerate().map(|(i, &p)| {
             let (a, b) = self.segment(i.min(self.segments() - 1));
@@ -145,12 +147,12 @@ impl Polyline {
         Self::new(&moved.collect::<Vec<_>>()).unwrap_or_else(|_| self.clone())
     }
 
-    /// The nearest point over all segments.
+    /// Projects `p` onto the nearest point over all segments.
     pub fn project(&self, p: Vec2) -> Projection {
         self.project_between(p, 0, self.segments())
     }
 
-    /// The nearest point over the segments `first..last` (clamped, at least one).
+    /// Projects `p` onto the nearest point over the segments `first..last` (clamped, at least one).
     pub fn project_between(&self, p: Vec2, first: usize, last: usize) -> Projection {
         let last = last.clamp(1, self.segments());
         let first = first.min(last - 1);
@@ -192,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_line() {
+    fn refuses_invalid_points() {
         assert_eq!(Polyline::new(&[Vec2::zeros(), Vec2::zeros()]), Err(PolylineError::TooShort));
         assert_eq!(
             Polyline::new(&[Vec2::zeros(), Vec2::new(f64::NAN, 0.0)]),

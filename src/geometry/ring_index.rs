@@ -2,17 +2,17 @@
 
 use super::{Polygon, Vec2};
 
-/// Edges of a ring per slab, on average.
+/// Average number of ring edges per slab.
 const EDGES_PER_SLAB: usize = 4;
 
-/// The edges of a ring by horizontal slabs: a point is tested against the edges of its slab only. The answers are those of
-/// [`super::point_in_ring`] on the whole ring.
+/// The edges of a ring, by horizontal slab: a point is tested against the edges of its slab only. The answers
+/// equal those of [`super::point_in_ring`] on the whole ring.
 #[derive(Clone, Debug)]
 struct RingIndex {
     bottom: f64,
     top: f64,
     slabs_per_metre: f64,
-    /// Per slab the edges whose range of y meets it.
+    /// For each slab, the edges whose y range intersects it.
     slabs: Vec<Vec<(Vec2, Vec2)>>,
 }
 
@@ -32,12 +32,13 @@ impl RingIndex {
         index
     }
 
-    /// The slab of a height between bottom and top.
+    /// Returns the slab of a y between bottom and top.
     fn slab(&self, y: f64) -> usize {
         (((y - self.bottom) * self.slabs_per_metre) as usize).min(self.slabs.len() - 1)
     }
 
-    /// Whether `p` lies inside the ring (even-odd rule); `None` on the boundary, and for a ring without points.
+    /// Returns whether `p` is inside the ring (even-odd rule); `None` on the boundary, and for a ring without
+    /// points.
     fn locate(&self, p: Vec2) -> Option<bool> {
         if self.bottom > self.top {
             return None;
@@ -53,7 +54,7 @@ impl RingIndex {
     }
 }
 
-/// A polygon with an index of its rings.
+/// An index of the rings of a polygon.
 #[derive(Clone, Debug)]
 pub struct PolygonIndex {
     exterior: RingIndex,
@@ -69,7 +70,7 @@ impl PolygonIndex {
         }
     }
 
-    /// As [`Polygon::contains`].
+    /// Like [`Polygon::contains`].
     pub fn contains(&self, p: Vec2) -> bool {
         self.exterior.locate(p) == Some(true) && self.holes.iter().all(|hole| hole.locate(p) == Some(false))
     }
@@ -81,18 +82,18 @@ mod tests {
 
     use super::*;
 
-    fn points(most: usize) -> impl Strategy<Value = Vec<Vec2>> {
-        // Whole numbers, so that points often lie on edges, on corners and at the same height.
-        prop::collection::vec((-6..6_i32, -6..6_i32), 0..most)
+    fn points(max: usize) -> impl Strategy<Value = Vec<Vec2>> {
+        // Whole numbers, so that points are often on edges, on corners or at the same y.
+        prop::collection::vec((-6..6_i32, -6..6_i32), 0..max)
             .prop_map(|all| all.into_iter().map(|(x, y)| Vec2::new(f64::from(x), f64::from(y))).collect())
     }
 
     proptest! {
         #[test]
-        fn the_index_answers_as_the_ring(exterior in points(40), hole in points(12), asked in points(60)) {
+        fn the_index_agrees_with_the_ring(exterior in points(40), hole in points(12), queries in points(60)) {
             let polygon = Polygon { exterior, holes: vec![hole] };
             let index = PolygonIndex::new(&polygon);
-            for p in asked {
+            for p in queries {
                 prop_assert_eq!(index.contains(p), polygon.contains(p), "{:?}", p);
                 let between = p + Vec2::new(0.5, 0.25);
                 prop_assert_eq!(index.contains(between), polygon.contains(between), "{:?}", between);

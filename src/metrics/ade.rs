@@ -9,9 +9,9 @@ use crate::scene::Frame;
 pub struct Displacement {
     /// Mean over rollouts of the mean over agents, metres.
     pub ade: f64,
-    /// Smallest mean over agents of any rollout (WOSAC's minADE), metres.
+    /// Minimum over rollouts of the mean over agents (WOSAC's minADE), metres.
     pub min_ade: f64,
-    /// Mean over agents of the smallest error of any rollout (catk's minADE), metres.
+    /// Mean over agents of the minimum over rollouts (catk's minADE), metres.
     pub min_ade_agent: f64,
     /// Number of agents with a valid step.
     pub agents: u64,
@@ -20,7 +20,8 @@ pub struct Displacement {
 }
 
 impl Case<'_> {
-    /// The state of an object in a rollout at step `k` (1 is the first); the judged track stands in where there is no rollout.
+    /// Returns the state of an object at a step (1 is the first) of a rollout, or of the evaluated track if
+    /// `rollout` is `None`.
     fn rolled(&self, rollout: Option<usize>, object: usize, step: usize) -> Frame {
         match rollout {
             Some(r) => self.rollouts[r][object].get(step - 1).copied().flatten(),
@@ -29,7 +30,8 @@ impl Case<'_> {
     }
 }
 
-/// The errors of the case's rollouts, or of its judged track where it has none; `None` without a log or a step to judge.
+/// Returns the errors of the case's rollouts, or of its evaluated track if it has no rollouts; `None` without
+/// a log or a step to evaluate.
 pub(super) fn displacement<'c>(case: &'c Case<'_>) -> Option<&'c Displacement> {
     case.cache.displacement.get_or_init(|| compute(case)).as_ref()
 }
@@ -104,7 +106,7 @@ impl Metric for Ade {
     }
 }
 
-/// Smallest mean displacement of any rollout.
+/// Minimum over rollouts of the mean displacement over agents.
 #[derive(Debug)]
 pub(super) struct MinAde;
 

@@ -4,28 +4,29 @@ use super::boxes::overlap;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::scene::AgentKind;
 
-/// How often an agent overlaps another.
+/// Steps at which an agent overlaps another agent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlaps {
-    /// Steps with an overlap.
+    /// Number of steps with an overlap.
     pub hits: u64,
-    /// Steps at which the agent is valid.
+    /// Number of steps at which the agent is valid.
     pub valid: u64,
-    /// Overlaps with partners of higher index (each pair stands once): partner, first step, last step.
-    pub spells: Vec<(usize, usize, usize)>,
+    /// Overlaps with partners of higher index, so that each pair is listed once: partner, first step, last
+    /// step.
+    pub intervals: Vec<(usize, usize, usize)>,
 }
 
-/// The overlaps of every object; zeros for those that are not evaluated.
+/// Returns the overlaps of every object; zeros for objects that are not evaluated.
 pub(super) fn overlaps<'c>(case: &'c Case<'_>) -> &'c [Overlaps] {
     case.cache.overlaps.get_or_init(|| compute(case))
 }
 
-/// Bounds of a track over the scored frames: min x, max x, min y, max y.
+/// Returns the bounds of a track over the scored frames: min x, max x, min y, max y.
 fn extent(case: &Case<'_>, object: usize) -> [f64; 4] {
     let range = case.motion.at(object, case.current + 1)..case.motion.at(object, case.frames());
     let (x, y) = (&case.motion.x[range.clone()], &case.motion.y[range]);
     let mut e = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
-    // min and max pass over the NaN of absent frames.
+    // `min` and `max` ignore the NaN of absent frames.
     for (&x, &y) in x.iter().zip(y) {
         e = [e[0].min(x), e[1].max(x), e[2].min(y), e[3].max(y)];
     }
@@ -63,11 +64,11 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
                     hit[motion.at(j, f)] = true;
                     open.get_or_insert(step);
                 } else if let Some(first) = open.take() {
-                    found[i].spells.push((j, first, step - 1));
+                    found[i].intervals.push((j, first, step - 1));
                 }
             }
             if let Some(first) = open {
-                found[i].spells.push((j, first, case.frames() - 1 - case.current));
+                found[i].intervals.push((j, first, case.frames() - 1 - case.current));
             }
         }
     }
@@ -80,8 +81,8 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
     found
 }
 
-/// Whether overlaps of agents of these kinds count. Pedestrians walk close to one another and to cyclists: such pairs do not. Two
-/// cyclists do.
+/// Returns whether overlaps between agents of these kinds count. Pedestrians move close to each other and to
+/// cyclists, so such pairs do not count; two cyclists do.
 pub const fn pair_counts(a: AgentKind, b: AgentKind) -> bool {
     use AgentKind::{Cyclist, Pedestrian};
     !matches!((a, b), (Pedestrian, Pedestrian) | (Pedestrian, Cyclist) | (Cyclist, Pedestrian))
@@ -106,7 +107,7 @@ impl Metric for AgentAgent {
         let (mut hits, mut valid) = (0, 0);
         for (i, overlaps) in overlaps(case).iter().enumerate() {
             (hits, valid) = (hits + overlaps.hits, valid + overlaps.valid);
-            for &(j, first, last) in &overlaps.spells {
+            for &(j, first, last) in &overlaps.intervals {
                 events.push(Event {
                     metric: self.spec().id,
                     step: first,

@@ -1,17 +1,19 @@
-//! Overlap of rounded boxes, with the broad phase before it.
+//! Overlap of rounded boxes, with a broad phase.
 
 use super::Case;
 use super::motion::Motion;
 use crate::geometry::{OrientedBox, rounded_distance};
 
-/// Whether two objects overlap at a frame: signed distance of the rounded boxes below 0. Absent objects overlap nobody.
+/// Returns whether two objects overlap at a frame: the signed distance of the rounded boxes is below 0.
+/// Absent objects overlap nothing.
 pub(super) fn overlap(motion: &Motion, a: usize, b: usize, frame: usize, rounding: f64) -> bool {
     // NaN distances of absent objects fail the comparison.
     motion.distance2(a, b, frame) <= motion.reach2(a, b)
         && rounded_distance(&motion.footprint(a, frame), &motion.footprint(b, frame), rounding) < 0.0
 }
 
-/// Whether a box overlaps the AV at a frame, per object × frame; only evaluated vehicles from the current frame on are filled.
+/// Returns whether an object overlaps the AV, per object × frame. Only evaluated vehicles from the current
+/// frame on are filled in.
 pub(super) fn av_overlap<'c>(case: &'c Case<'_>) -> &'c [bool] {
     case.cache.av_overlap.get_or_init(|| {
         let mut hits = vec![false; case.objects.len() * case.frames()];
@@ -28,7 +30,8 @@ pub(super) fn av_overlap<'c>(case: &'c Case<'_>) -> &'c [bool] {
     })
 }
 
-/// Sharp signed distance of two boxes, metres, for a test against `limit`: exact below it, possibly a lower bound above it.
+/// Returns the signed distance of two sharp boxes, metres, for a test against `limit`: exact below the limit,
+/// possibly a lower bound above it.
 pub(super) fn sharp_distance(a: &OrientedBox, b: &OrientedBox, limit: f64) -> f64 {
     let apart = (a.center - b.center).norm() - a.radius() - b.radius();
     if apart > limit { apart } else { a.signed_distance(b) }

@@ -1,4 +1,4 @@
-//! What a metric judges: one scenario with one rollout.
+//! The input of a metric: one scenario with one rollout.
 
 use std::sync::OnceLock;
 
@@ -6,10 +6,10 @@ use super::ade::Displacement;
 use super::agent_agent::Overlaps;
 use super::collision::Contact;
 use super::direction::WrongWay;
-use super::kinematics::Infeasible;
+use super::kinematics::InfeasibleMotion;
 use super::likelihood::KinematicLikelihood;
 use super::motion::Motion;
-use super::offroad::Ground;
+use super::offroad::OffRoadSteps;
 use super::responders::Responder;
 use super::ttc::Approach;
 use super::{DirTracking, Options};
@@ -17,12 +17,12 @@ use crate::scene::{
     Agent, AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario,
 };
 
-/// One agent with its judged track.
+/// One agent with its evaluated track.
 #[derive(Clone, Debug)]
 pub struct Object<'a> {
     /// The agent.
     pub agent: &'a Agent,
-    /// All frames: history, then the judged future. Frames beyond its end are absent.
+    /// All frames: history, then the evaluated future. Frames beyond its end are absent.
     pub track: Vec<Frame>,
 }
 
@@ -33,13 +33,13 @@ pub struct LoggedTrack<'a> {
     pub history: &'a [Frame],
     /// Frames after the current one.
     pub future: &'a [Frame],
-    /// Recorded x, y and heading of the history also where it is invalid, for the kinematic likelihood, whose finite
-    /// differences do not ask for validity; `None`: the valid frames of `history`.
+    /// Recorded x, y and heading of the history, including invalid frames. The finite differences of the
+    /// kinematic likelihood ignore validity. `None`: the valid frames of `history`.
     pub recorded_history: Option<&'a [[f64; 3]]>,
 }
 
 impl LoggedTrack<'_> {
-    /// The logged state at a frame.
+    /// Returns the logged state at a frame.
     pub fn at(&self, frame: usize) -> Frame {
         match frame.checked_sub(self.history.len()) {
             None => self.history[frame],
@@ -48,38 +48,39 @@ impl LoggedTrack<'_> {
     }
 }
 
-/// One scenario with one rollout, with what several metrics need of it, computed once.
+/// One scenario with one rollout, and the intermediate results that several metrics share.
 #[derive(Debug)]
 pub struct Case<'a> {
     /// The map.
     pub road: Road<'a>,
-    /// Every agent, the AV among them.
+    /// Every agent, including the AV.
     pub objects: Vec<Object<'a>>,
     /// Index of the AV in `objects`.
     pub av: usize,
-    /// Variants; `dir_tracking` is resolved, never `Auto`.
+    /// Variants of the metrics; `dir_tracking` is resolved, never `Auto`.
     pub options: Options,
     /// Index of the current frame.
     pub current: usize,
     /// The log, aligned with `objects`.
     pub log: Option<Vec<LoggedTrack<'a>>>,
-    /// All rollouts of this scenario, each aligned with `objects`, future frames only; for the metrics over several rollouts.
+    /// All rollouts of this scenario, each aligned with `objects`, future frames only; for metrics over
+    /// several rollouts.
     pub rollouts: Vec<Vec<&'a [Frame]>>,
-    /// How the agents can avoid the AV of this case; `None` where it is not known.
+    /// Responses with which the agents can avoid the AV of this case; `None` if unknown.
     pub certificate: Option<&'a Certificate>,
     pub(super) motion: Motion,
     pub(super) cache: Cache,
 }
 
-/// Judgements that more than one metric or report reads.
+/// Results that more than one metric or report reads.
 #[derive(Debug, Default)]
 pub(super) struct Cache {
     pub(super) contacts: OnceLock<Vec<Option<Contact>>>,
     pub(super) approaches: OnceLock<Vec<Option<Approach>>>,
     pub(super) overlaps: OnceLock<Vec<Overlaps>>,
-    pub(super) grounds: OnceLock<Vec<Ground>>,
+    pub(super) off_road_steps: OnceLock<Vec<OffRoadSteps>>,
     pub(super) directions: OnceLock<Vec<WrongWay>>,
-    pub(super) infeasible: OnceLock<Vec<Infeasible>>,
+    pub(super) infeasible: OnceLock<Vec<InfeasibleMotion>>,
     pub(super) av_overlap: OnceLock<Vec<bool>>,
     pub(super) responders: OnceLock<Option<Vec<Responder>>>,
     pub(super) displacement: OnceLock<Option<Displacement>>,
@@ -87,12 +88,13 @@ pub(super) struct Cache {
 }
 
 impl<'a> Case<'a> {
-    /// A case with the usual time axis: 91 frames, of which frame 10 is now. An `av` beyond the objects stands for an absent AV.
+    /// Creates a case with the usual time axis: 91 frames, of which frame 10 is now. An `av` beyond the
+    /// objects means that there is no AV.
     pub fn new(road: Road<'a>, objects: Vec<Object<'a>>, av: usize, options: Options) -> Self {
         Self::with_current(road, objects, av, CURRENT, HISTORY + FUTURE, options)
     }
 
-    /// A case with another time axis: `frames` frames at 10 Hz, of which `current` is now.
+    /// Creates a case with another time axis: `frames` frames at 10 Hz, of which `current` is now.
     pub fn with_current(
         road: Road<'a>,
         objects: Vec<Object<'a>>,
@@ -122,7 +124,8 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// The case of one rollout of a scenario, judged beside its log. `tracks`: per agent (order of the scenario) 91 frames.
+    /// Creates the case of one rollout of a scenario, with its log. `tracks`: 91 frames per agent, in the
+    /// order of the scenario.
     pub fn of_rollout(scenario: &'a Scenario, tracks: Vec<Vec<Frame>>, options: Options) -> Self {
         let start = &scenario.start;
         let objects = start.agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track }).collect();
@@ -131,7 +134,7 @@ impl<'a> Case<'a> {
         Self::new(start.road(), objects, 0, options).with_log(log.collect())
     }
 
-    /// Adds the log, aligned with the objects (missing entries are absent throughout).
+    /// Adds the log, aligned with the objects. Missing entries are absent at every frame.
     pub fn with_log(mut self, mut log: Vec<LoggedTrack<'a>>) -> Self {
         log.resize(self.objects.len(), LoggedTrack { history: &[], future: &[], recorded_history: None });
         self.log = Some(log);
@@ -139,7 +142,7 @@ impl<'a> Case<'a> {
         self
     }
 
-    /// Adds all rollouts of the scenario: per rollout and object the frames after the current one.
+    /// Adds all rollouts of the scenario: the frames after the current one, per rollout and object.
     pub fn with_rollouts(mut self, mut rollouts: Vec<Vec<&'a [Frame]>>) -> Self {
         for rollout in &mut rollouts {
             rollout.resize(self.objects.len(), &[]);
@@ -149,50 +152,54 @@ impl<'a> Case<'a> {
         self
     }
 
-    /// Adds the proof, where there is one, that the AV of this case can be avoided; the metrics of over-reaction compare with its responses.
+    /// Adds the certificate, if any, that the AV of this case can be avoided. The over-reaction metrics
+    /// compare with its responses.
     pub fn with_certificate(mut self, certificate: Option<&'a Certificate>) -> Self {
         self.certificate = certificate;
         self.cache = Cache::default();
         self
     }
 
-    /// Number of frames.
+    /// Returns the number of frames.
     pub fn frames(&self) -> usize {
         self.motion.frames
     }
 
-    /// The frames that are scored: those after the current one. The step of frame `f` is `f - current`.
+    /// Returns the scored frames: those after the current one. The step of frame `f` is `f - current`.
     pub(super) fn future(&self) -> std::ops::Range<usize> {
         self.current + 1..self.frames()
     }
 
-    /// Whether an object takes part: valid at the current frame, with a box of positive size.
+    /// Returns whether an object takes part: it is valid at the current frame and its box has a positive
+    /// size.
     pub fn present(&self, object: usize) -> bool {
         self.motion.present.get(object).copied().unwrap_or(false)
     }
 
-    /// Whether an object is evaluated: present, not the AV, vehicle, pedestrian or cyclist (the set A).
+    /// Returns whether an object is evaluated: present, not the AV, and a vehicle, pedestrian or cyclist (the
+    /// set A).
     pub fn evaluated(&self, object: usize) -> bool {
         object != self.av && self.present(object) && self.objects[object].agent.kind != AgentKind::Other
     }
 
-    /// Indices of the evaluated objects.
+    /// Returns the indices of the evaluated objects.
     pub(super) fn agents(&self) -> impl Iterator<Item = usize> {
         (0..self.objects.len()).filter(|&i| self.evaluated(i))
     }
 
-    /// Indices of the evaluated vehicles (the set V).
+    /// Returns the indices of the evaluated vehicles (the set V).
     pub(super) fn vehicles(&self) -> impl Iterator<Item = usize> {
         self.agents().filter(|&i| self.objects[i].agent.kind == AgentKind::Vehicle)
     }
 
-    /// The id of an object.
+    /// Returns the id of an object.
     pub(super) fn id(&self, object: usize) -> String {
         self.objects[object].agent.id.clone()
     }
 }
 
-/// Lanes recorded as centre lines, and no drivable polygons: such maps overlap at merges and junctions.
+/// Returns whether the map has lanes recorded as centre lines and no drivable polygons. The lanes of such
+/// maps overlap at merges and junctions.
 fn is_waymo_like(road: &Road<'_>) -> bool {
     road.map.drivable_area.is_none()
         && road.map.lanes.iter().any(|l| matches!(l.area, LaneArea::Corridor { .. }))

@@ -1,4 +1,4 @@
-//! Collisions of vehicles with the AV, and whose fault they are (ReactSim-Bench, "Metric Computation Details").
+//! Collisions of vehicles with the AV, and their fault (ReactSim-Bench, "Metric Computation Details").
 
 use super::boxes::av_overlap;
 use super::log_clinging::log_distance;
@@ -6,21 +6,23 @@ use super::options::FaultOrder;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::geometry::signed_angle_between;
 
-/// An agent or AV up to this speed is stopped, m/s (nuPlan's stopped-speed threshold; the comparison is `<=`).
+/// Speed in m/s up to which an agent or the AV is stopped (nuPlan's stopped-speed threshold; the comparison
+/// is `<=`).
 pub const STOPPED_SPEED: f64 = 0.05;
-/// The AV is behind an agent from this angle between the agent's heading and the direction to the AV, degrees.
+/// Angle between an agent's heading and the direction to the AV, in degrees, above which the AV is behind the
+/// agent.
 pub const BEHIND_DEGREES: f64 = 150.0;
 
-/// Why a collision counts or not.
+/// The circumstances of a collision, which decide whether the agent is at fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The agent stands: not its fault.
+    /// The agent is stopped: not its fault.
     AgentStopped,
     /// The AV is behind the agent: not the agent's fault.
     AvBehind,
-    /// The AV stands: the agent's fault.
+    /// The AV is stopped: the agent's fault.
     AvStopped,
-    /// The agent's front bumper is in the AV: the agent's fault.
+    /// The agent's front bumper intersects the AV: the agent's fault.
     FrontBumper,
     /// The agent is off the road: its fault.
     AgentOffroad,
@@ -29,7 +31,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::AgentStopped => "agent_stopped",
@@ -41,7 +43,7 @@ impl Fault {
         }
     }
 
-    /// Whether the agent is at fault.
+    /// Returns whether the agent is at fault.
     pub const fn at_fault(self) -> bool {
         matches!(self, Self::AvStopped | Self::FrontBumper | Self::AgentOffroad)
     }
@@ -54,11 +56,12 @@ pub struct Contact {
     pub step: usize,
     /// Last step of the same overlap.
     pub last_step: usize,
-    /// Why it counts or not.
+    /// Circumstances, which decide whether the contact counts.
     pub fault: Fault,
 }
 
-/// The first contact of every object with the AV; `None` for those that have none or are no evaluated vehicles.
+/// Returns the first contact of every object with the AV; `None` for objects without a contact or that are
+/// not evaluated vehicles.
 pub(super) fn contacts<'c>(case: &'c Case<'_>) -> &'c [Option<Contact>] {
     case.cache.contacts.get_or_init(|| {
         let mut contacts = vec![None; case.objects.len()];
@@ -79,15 +82,15 @@ fn first_contact(case: &Case<'_>, agent: usize) -> Option<Contact> {
     Some(Contact {
         step: first - case.current,
         last_step: last - case.current,
-        fault: judge(case, agent, first),
+        fault: fault_at(case, agent, first),
     })
 }
 
-fn judge(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
+fn fault_at(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
     let motion = &case.motion;
     let (me, av) = (motion.at(agent, frame), motion.at(case.av, frame));
     let p = motion.position(agent, frame);
-    // Unknown speeds are NaN and so never "stopped".
+    // Unknown speeds are NaN and therefore never "stopped".
     if motion.speed[me] <= STOPPED_SPEED {
         return Fault::AgentStopped;
     }
@@ -107,7 +110,7 @@ fn judge(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
     if case.road.drivable(p, &mut None) == Some(false) { Fault::AgentOffroad } else { Fault::Lateral }
 }
 
-/// Vehicles that collide with the AV by their own fault.
+/// Number of vehicles that collide with the AV and are at fault.
 #[derive(Debug)]
 pub(super) struct AtFault;
 
@@ -146,7 +149,7 @@ impl Metric for AtFault {
     }
 }
 
-/// Vehicles that overlap the AV, whosever fault it is.
+/// Number of vehicles that overlap the AV, regardless of fault.
 #[derive(Debug)]
 pub(super) struct AnyOverlap;
 

@@ -1,13 +1,13 @@
-//! How far the judged AV leaves the logged one (ReactSim-Bench, "Deviation Statistics").
+//! Deviation of the evaluated AV from the logged AV (ReactSim-Bench, "Deviation Statistics").
 
 use super::Case;
 use crate::geometry::{Vec2, math};
 use crate::scene::DT;
 
-/// Difference of the judged AV from the logged AV over the scored steps.
+/// Difference between the evaluated AV and the logged AV over the scored steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviationStats {
-    /// Offset of the last position along the AV's current heading, metres; `None` where either is absent.
+    /// Offset of the last position along the AV's current heading, metres; `None` if either is absent.
     pub endpoint_longitudinal: Option<f64>,
     /// Offset of the last position to the left of the AV's current heading, metres.
     pub endpoint_lateral: Option<f64>,
@@ -15,13 +15,13 @@ pub struct DeviationStats {
     pub ade: Option<f64>,
     /// Mean step length over 0.1 s of the logged AV, m/s.
     pub mean_speed_log: Option<f64>,
-    /// The same of the judged AV, m/s.
+    /// Mean step length over 0.1 s of the evaluated AV, m/s.
     pub mean_speed_deviated: Option<f64>,
-    /// Judged minus logged mean speed, m/s.
+    /// Evaluated minus logged mean speed, m/s.
     pub mean_speed_difference: Option<f64>,
 }
 
-/// The statistics; `None` without a log or an AV.
+/// Computes the statistics; `None` without a log or an AV.
 pub(super) fn deviation(case: &Case<'_>) -> Option<DeviationStats> {
     let log = case.log.as_ref()?;
     if !case.present(case.av) {
@@ -51,7 +51,8 @@ pub(super) fn deviation(case: &Case<'_>) -> Option<DeviationStats> {
     })
 }
 
-/// Mean length of the steps between consecutive valid frames, over 0.1 s; the first step begins at the current frame.
+/// Returns the mean length of the steps between consecutive valid frames, divided by 0.1 s, m/s. The first
+/// step begins at the current frame.
 fn mean_speed(case: &Case<'_>, at: impl Fn(usize) -> Option<Vec2>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for f in case.future() {

@@ -1,35 +1,36 @@
-//! Driving against the direction of the lane (ReactSim-Bench, "Metric Computation Details"; lane tracking of nuPlan).
+//! Driving against the direction of the lane (ReactSim-Bench, "Metric Computation Details"; lane tracking of
+//! nuPlan).
 
 mod lane_tracking;
 
-use self::lane_tracking::{Placed, Tracker};
+use self::lane_tracking::{LanePosition, Tracker};
 use super::options::{DirCandidate, DirTracking};
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::geometry::wrap;
 
-/// Slower vehicles do not drive against anything, m/s.
+/// Speed in m/s up to which a vehicle does not drive against its lane.
 const MOVING_SPEED: f64 = 1.0;
 /// Heading error beyond which a vehicle points against its lane, degrees.
 const AGAINST_DEGREES: f64 = 75.0;
-/// Progress along the lane within the window that is driving backwards, metres.
+/// Progress along the lane within the window, in metres, below which a vehicle drives backwards.
 const BACKWARD_PROGRESS: f64 = -2.0;
-/// Increments in the window of progress: 1.0 s.
+/// Number of increments in the progress window: 1.0 s.
 const WINDOW: usize = 10;
-/// Frames for which all of it must hold: 0.5 s.
+/// Number of consecutive frames for which all conditions must hold: 0.5 s.
 const PERSISTENCE: usize = 5;
 
-/// Whether a vehicle drives against its lane.
+/// The driving direction of a vehicle relative to its lanes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WrongWay {
-    /// Whether it was on a lane at any step, and so can be judged.
+    /// Whether the vehicle was on a lane at any step and can therefore be evaluated.
     pub candidate: bool,
-    /// The stretches against the lane that last long enough.
-    pub spells: Vec<WrongWaySpell>,
+    /// Intervals of driving against the lane that last long enough.
+    pub intervals: Vec<WrongWayInterval>,
 }
 
-/// A stretch against the lane.
+/// An interval of driving against the lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WrongWaySpell {
+pub struct WrongWayInterval {
     /// First step, 1 to 80.
     pub first: usize,
     /// Last step.
@@ -38,32 +39,32 @@ pub struct WrongWaySpell {
     pub lane: usize,
     /// Heading error at the first step, radians.
     pub heading_error: f64,
-    /// Smallest progress in the window over the stretch, metres.
+    /// Smallest progress in the window over the interval, metres.
     pub progress: f64,
 }
 
-/// What was found for every object; defaults for those that are no evaluated vehicles.
+/// Returns the driving direction of every object; defaults for objects that are not evaluated vehicles.
 pub(super) fn directions<'c>(case: &'c Case<'_>) -> &'c [WrongWay] {
     case.cache.directions.get_or_init(|| {
         let mut found = vec![WrongWay::default(); case.objects.len()];
         if !case.road.map.lanes.is_empty() {
-            let mut judge = Judge { case, tracker: Tracker::new(case), placed: Vec::new() };
+            let mut evaluator = Evaluator { case, tracker: Tracker::new(case), placed: Vec::new() };
             for i in case.vehicles() {
-                found[i] = judge.vehicle(i);
+                found[i] = evaluator.vehicle(i);
             }
         }
         found
     })
 }
 
-struct Judge<'c, 'a> {
+struct Evaluator<'c, 'a> {
     case: &'c Case<'a>,
     tracker: Tracker<'c>,
-    placed: Vec<Option<Placed>>,
+    placed: Vec<Option<LanePosition>>,
 }
 
-impl Judge<'_, '_> {
-    /// Judges each run of consecutive valid frames from the current frame on.
+impl Evaluator<'_, '_> {
+    /// Evaluates each run of consecutive valid frames from the current frame on.
     fn vehicle(&mut self, agent: usize) -> WrongWay {
         let mut found = WrongWay::default();
         let mut f = self.case.current;
@@ -99,7 +100,7 @@ impl Judge<'_, '_> {
         };
         found.candidate |= (first..run.end).any(|f| self.placed[f - run.start].is_some() && candidate(f));
         let window = WINDOW + usize::from(options.dir_window_extra);
-        let mut open: Option<WrongWaySpell> = None;
+        let mut open: Option<WrongWayInterval> = None;
         for f in first..run.end {
             let against = moving(f)
                 .then(|| self.placed[f - run.start])
@@ -107,23 +108,35 @@ impl Judge<'_, '_> {
                 .and_then(|placed| self.against(agent, f, f - run.start, placed, window));
             let step = f - case.current;
             match (against, &mut open) {
-                (Some((_, progress)), Some(spell)) => {
-                    spell.last = step;
-                    spell.progress = spell.progress.min(progress);
+                (Some((_, progress)), Some(interval)) => {
+                    interval.last = step;
+                    interval.progress = interval.progress.min(progress);
                 }
                 (Some((error, progress)), None) => {
                     let lane = self.placed[f - run.start].map_or(0, |p| p.lane);
-                    open =
-                        Some(WrongWaySpell { first: step, last: step, lane, heading_error: error, progress });
+                    open = Some(WrongWayInterval {
+                        first: step,
+                        last: step,
+                        lane,
+                        heading_error: error,
+                        progress,
+                    });
                 }
-                (None, _) => keep(open.take(), found),
+                (None, _) => add_persistent(open.take(), found),
             }
         }
-        keep(open, found);
+        add_persistent(open, found);
     }
 
-    /// Heading error and progress of a pose, if both say that it drives against its lane.
-    fn against(&self, agent: usize, f: usize, q: usize, placed: Placed, window: usize) -> Option<(f64, f64)> {
+    /// Returns heading error and progress of a pose if both show that the vehicle drives against its lane.
+    fn against(
+        &self,
+        agent: usize,
+        f: usize,
+        q: usize,
+        placed: LanePosition,
+        window: usize,
+    ) -> Option<(f64, f64)> {
         let error = wrap(self.case.motion.heading[self.case.motion.at(agent, f)] - placed.theta);
         if !(error.abs() > AGAINST_DEGREES.to_radians()) {
             return None;
@@ -132,7 +145,7 @@ impl Judge<'_, '_> {
         (progress < BACKWARD_PROGRESS).then_some((error, progress))
     }
 
-    /// Progress from the pose before to pose `q` of the run; 0 across a change of lane.
+    /// Returns the progress from the previous pose to pose `q` of the run, metres; 0 across a change of lane.
     fn increment(&self, q: usize) -> f64 {
         match (q.checked_sub(1).and_then(|p| self.placed[p]), self.placed[q]) {
             (Some(a), Some(b)) if a.lane == b.lane => b.s - a.s,
@@ -140,8 +153,9 @@ impl Judge<'_, '_> {
         }
     }
 
-    /// Pointwise tracking only: notes the candidate and tells whether no pose of the run can be against its lane, because
-    /// wherever the vehicle moves some lane points its way. Spares the projections for nearly all vehicles.
+    /// For pointwise tracking only: records whether the vehicle is a candidate, and returns whether no pose
+    /// of the run can be against its lane because some lane points along every moving pose. Avoids the
+    /// projections for nearly all vehicles.
     fn harmless(
         &mut self,
         agent: usize,
@@ -173,11 +187,11 @@ impl Judge<'_, '_> {
     }
 }
 
-fn keep(spell: Option<WrongWaySpell>, found: &mut WrongWay) {
-    found.spells.extend(spell.filter(|s| s.last + 1 - s.first >= PERSISTENCE));
+fn add_persistent(interval: Option<WrongWayInterval>, found: &mut WrongWay) {
+    found.intervals.extend(interval.filter(|s| s.last + 1 - s.first >= PERSISTENCE));
 }
 
-/// Share of vehicles on lanes that drive against them.
+/// Share of the vehicles on lanes that drive against a lane.
 #[derive(Debug)]
 pub(super) struct Direction;
 
@@ -196,17 +210,17 @@ impl Metric for Direction {
         let (mut hits, mut valid) = (0, 0);
         for (i, found) in directions(case).iter().enumerate() {
             valid += u64::from(found.candidate);
-            hits += u64::from(!found.spells.is_empty());
-            for spell in &found.spells {
+            hits += u64::from(!found.intervals.is_empty());
+            for interval in &found.intervals {
                 events.push(Event {
                     metric: self.spec().id,
-                    step: spell.first,
-                    last_step: spell.last,
+                    step: interval.first,
+                    last_step: interval.last,
                     agent: case.id(i),
                     partner: None,
                     reason: None,
                     counted: true,
-                    values: vec![("heading_error", spell.heading_error), ("progress", spell.progress)],
+                    values: vec![("heading_error", interval.heading_error), ("progress", interval.progress)],
                 });
             }
         }

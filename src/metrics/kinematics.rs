@@ -1,5 +1,5 @@
-//! Infeasible accelerations and curvatures of vehicles (ReactSim-Bench, "Metric Computation Details"; the inverse of Waymax's
-//! bicycle model).
+//! Infeasible accelerations and curvatures of vehicles (ReactSim-Bench, "Metric Computation Details"; the
+//! inverse of Waymax's bicycle model).
 
 use super::options::CurvatureYaw;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
@@ -7,14 +7,14 @@ use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use crate::geometry::{heading_of, wrap};
 use crate::scene::DT;
 
-/// Tolerance of both bounds.
+/// Tolerance of both bounds: m/s² for accelerations, 1/m for curvatures.
 const TOLERANCE: f64 = 1e-3;
-/// Below this speed at either end the curvature is taken for 0, m/s.
+/// Speed at either end of a transition, in m/s, below which its curvature counts as 0.
 const LOW_SPEED: f64 = 0.6;
 
-/// A stretch of violating transitions.
+/// An interval of consecutive violating transitions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spell {
+pub struct ViolationInterval {
     /// Step at the end of its first transition.
     pub first: usize,
     /// Step at the end of its last transition.
@@ -23,26 +23,26 @@ pub struct Spell {
     pub peak: f64,
 }
 
-/// How often a vehicle moves infeasibly.
+/// The infeasible transitions of a vehicle.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Infeasible {
-    /// Transitions judged.
+pub struct InfeasibleMotion {
+    /// Number of evaluated transitions.
     pub valid: u64,
     /// Accelerations beyond the bound.
     pub acceleration: Violations,
-    /// Curvatures beyond the bound, of heading minus heading.
+    /// Curvatures beyond the bound, computed from heading minus heading.
     pub curvature: Violations,
-    /// Curvatures beyond the bound, of velocity direction minus heading.
+    /// Curvatures beyond the bound, computed from velocity direction minus heading.
     pub curvature_velocity: Violations,
 }
 
 /// Transitions that violate one bound.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Violations {
-    /// Their number.
+    /// Number of violations.
     pub hits: u64,
-    /// The stretches of consecutive ones.
-    pub spells: Vec<Spell>,
+    /// Intervals of consecutive violations.
+    pub intervals: Vec<ViolationInterval>,
 }
 
 impl Violations {
@@ -51,20 +51,20 @@ impl Violations {
             return;
         }
         self.hits += 1;
-        match self.spells.last_mut() {
-            Some(spell) if spell.last + 1 == step => {
-                spell.last = step;
-                if value.abs() > spell.peak.abs() {
-                    spell.peak = value;
+        match self.intervals.last_mut() {
+            Some(interval) if interval.last + 1 == step => {
+                interval.last = step;
+                if value.abs() > interval.peak.abs() {
+                    interval.peak = value;
                 }
             }
-            _ => self.spells.push(Spell { first: step, last: step, peak: value }),
+            _ => self.intervals.push(ViolationInterval { first: step, last: step, peak: value }),
         }
     }
 }
 
-impl Infeasible {
-    /// The curvature violations under an option.
+impl InfeasibleMotion {
+    /// Returns the curvature violations under an option.
     pub fn curvature_by(&self, yaw: CurvatureYaw) -> &Violations {
         match yaw {
             CurvatureYaw::Heading => &self.curvature,
@@ -73,10 +73,10 @@ impl Infeasible {
     }
 }
 
-/// The transitions of every object; zeros for those that are no evaluated vehicles.
-pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [Infeasible] {
+/// Returns the transitions of every object; zeros for objects that are not evaluated vehicles.
+pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [InfeasibleMotion] {
     case.cache.infeasible.get_or_init(|| {
-        let mut found = vec![Infeasible::default(); case.objects.len()];
+        let mut found = vec![InfeasibleMotion::default(); case.objects.len()];
         for i in case.vehicles() {
             found[i] = transitions(case, i);
         }
@@ -84,13 +84,13 @@ pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [Infeasible] {
     })
 }
 
-fn transitions(case: &Case<'_>, agent: usize) -> Infeasible {
+fn transitions(case: &Case<'_>, agent: usize) -> InfeasibleMotion {
     let motion = &case.motion;
-    let mut found = Infeasible::default();
+    let mut found = InfeasibleMotion::default();
     for f in case.current..case.frames() - 1 {
         let (k0, k1) = (motion.at(agent, f), motion.at(agent, f + 1));
         let (v0, v1) = (motion.speed[k0], motion.speed[k1]);
-        // Speeds of absent frames are NaN too.
+        // Speeds at absent frames are NaN too.
         if v0.is_nan() || v1.is_nan() {
             continue;
         }
@@ -115,23 +115,23 @@ fn rate<'c>(
     case: &'c Case<'_>,
     metric: &'static str,
     value: &'static str,
-    of: impl Fn(&'c Infeasible) -> &'c Violations,
+    of: impl Fn(&'c InfeasibleMotion) -> &'c Violations,
     events: &mut Vec<Event>,
 ) -> Option<Score> {
     let (mut hits, mut valid) = (0, 0);
     for (i, found) in infeasible(case).iter().enumerate() {
         let violations = of(found);
         (hits, valid) = (hits + violations.hits, valid + found.valid);
-        for spell in &violations.spells {
+        for interval in &violations.intervals {
             events.push(Event {
                 metric,
-                step: spell.first,
-                last_step: spell.last,
+                step: interval.first,
+                last_step: interval.last,
                 agent: case.id(i),
                 partner: None,
                 reason: None,
                 counted: true,
-                values: vec![(value, spell.peak)],
+                values: vec![(value, interval.peak)],
             });
         }
     }

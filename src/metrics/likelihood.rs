@@ -1,26 +1,27 @@
-//! Kinematic likelihood of the log under the rollouts (Waymo sim-agents challenge, configuration of 2024 and 2025).
+//! Kinematic likelihood of the log under the rollouts (Waymo sim-agents challenge, configuration of 2024 and
+//! 2025).
 
 use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Score, Unit};
 use crate::geometry::{math, wrap};
 use crate::scene::{DT, Frame};
 
-/// Likelihoods of one scenario, each in (0, 1]; `None` where no logged sample is valid.
+/// Likelihoods of one scenario, each in (0, 1]; `None` if no logged sample is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KinematicLikelihood {
-    /// Of the speed.
+    /// Likelihood of the speed.
     pub linear_speed: Option<f64>,
-    /// Of the acceleration.
+    /// Likelihood of the acceleration.
     pub linear_acceleration: Option<f64>,
-    /// Of the yaw rate.
+    /// Likelihood of the yaw rate.
     pub angular_speed: Option<f64>,
-    /// Of the yaw acceleration.
+    /// Likelihood of the yaw acceleration.
     pub angular_acceleration: Option<f64>,
     /// Number of objects.
     pub objects: u64,
 }
 
 impl KinematicLikelihood {
-    /// The four features by name.
+    /// Returns the four likelihoods by feature name.
     pub fn features(&self) -> [(&'static str, Option<f64>); 4] {
         [
             ("linear_speed", self.linear_speed),
@@ -30,20 +31,20 @@ impl KinematicLikelihood {
         ]
     }
 
-    /// The mean of the four with equal weights; `None` where one is undefined.
+    /// Returns the mean of the four with equal weights; `None` if one is undefined.
     pub fn kinematic(&self) -> Option<f64> {
         self.features().iter().try_fold(0.0, |sum, f| Some(sum + f.1?)).map(|sum| sum / 4.0)
     }
 }
 
-/// A histogram: range and number of equal bins.
+/// The range of a histogram, and its number of equal bins.
 struct Bins {
     min: f64,
     max: f64,
     bins: usize,
 }
 
-/// Speed, acceleration, yaw rate, yaw acceleration.
+/// Bins of speed (m/s), acceleration (m/s²), yaw rate (rad/s) and yaw acceleration (rad/s²).
 #[expect(clippy::approx_constant, reason = "the challenge's bound is 3.14, not pi")]
 const FEATURES: [Bins; 4] = [
     Bins { min: 0.0, max: 25.0, bins: 10 },
@@ -51,25 +52,25 @@ const FEATURES: [Bins; 4] = [
     Bins { min: -0.628, max: 0.628, bins: 11 },
     Bins { min: -3.14, max: 3.14, bins: 11 },
 ];
-/// Most bins of any feature.
-const MOST_BINS: usize = 11;
-/// Added to every bin before normalisation.
+/// Maximum number of bins of any feature.
+const MAX_BINS: usize = 11;
+/// Count added to every bin before normalisation.
 const PSEUDOCOUNT: f64 = 0.1;
 
-/// Edges in single precision, as the challenge's code computes them.
+/// A histogram with edges in single precision, as computed by the challenge's code.
 struct Histogram {
-    edges: [f64; MOST_BINS + 1],
+    edges: [f64; MAX_BINS + 1],
     bins: usize,
     min: f64,
     max: f64,
-    per_bin: f64,
+    bins_per_unit: f64,
 }
 
 impl Histogram {
     fn new(spec: &Bins) -> Self {
         let (min, max) = (spec.min as f32, spec.max as f32);
         let step = (max - min) / spec.bins as f32;
-        let mut edges = [f64::INFINITY; MOST_BINS + 1];
+        let mut edges = [f64::INFINITY; MAX_BINS + 1];
         for (i, edge) in edges.iter_mut().enumerate().take(spec.bins) {
             *edge = f64::from(min + step * i as f32);
         }
@@ -79,18 +80,19 @@ impl Histogram {
             bins: spec.bins,
             min: spec.min,
             max: spec.max,
-            per_bin: spec.bins as f64 / (spec.max - spec.min),
+            bins_per_unit: spec.bins as f64 / (spec.max - spec.min),
         }
     }
 
-    /// The half-open bin of a value clipped to the range. Unknown values fall into the last bin, as in the challenge's code.
+    /// Returns the half-open bin of a value clipped to the range. NaN falls into the last bin, as in the
+    /// challenge's code.
     fn bin(&self, value: f64) -> usize {
         if value.is_nan() {
             return self.bins - 1;
         }
         let value = value.clamp(self.min, self.max);
-        let mut bin = (((value - self.min) * self.per_bin) as usize).min(self.bins - 1);
-        // The guess is off by one at most, next to an edge.
+        let mut bin = (((value - self.min) * self.bins_per_unit) as usize).min(self.bins - 1);
+        // The estimate is off by at most one, next to an edge.
         while bin > 0 && value < self.edges[bin] {
             bin -= 1;
         }
@@ -124,7 +126,7 @@ impl Series {
         self.heading.truncate(frames);
     }
 
-    /// Central differences on all frames, unknown at both ends; only the frames from `first` on are needed.
+    /// Computes central differences, NaN at both ends. Only the frames from `first` on are needed.
     fn differentiate(&mut self, first: usize) {
         let n = self.x.len();
         let [speed, acceleration, rate, angular] = &mut self.features;
@@ -158,12 +160,12 @@ fn push_history(series: &mut Series, log: &LoggedTrack<'_>, frames: usize) {
     }
 }
 
-/// The central-difference validity: a frame is valid where both neighbours are; the ends are not.
+/// Returns the validity of central differences: a frame is valid if both neighbours are; the ends are not.
 fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
     (0..valid.len()).map(|k| k > 0 && k + 1 < valid.len() && valid[k - 1] && valid[k + 1]).collect()
 }
 
-/// The likelihoods of the case's log under its rollouts; `None` without either.
+/// Returns the likelihoods of the case's log under its rollouts; `None` without a log or without rollouts.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
     *case.cache.likelihood.get_or_init(|| compute(case))
 }
@@ -180,7 +182,7 @@ fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
             continue;
         }
         objects += 1;
-        let mut counts = [[0_u64; MOST_BINS]; 4];
+        let mut counts = [[0_u64; MAX_BINS]; 4];
         rolled.truncate(0);
         push_history(&mut rolled, &log[i], first);
         for rollout in &case.rollouts {

@@ -1,12 +1,13 @@
-//! Whether vehicles that collide with the AV do so because they replay their log.
+//! Log clinging: vehicles that collide with the AV because they replay their log.
 
 use super::collision::{Contact, contacts};
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 
-/// A vehicle is on its log up to this distance between its position and the logged one, metres.
-const ON_LOG: f64 = 1.0;
+/// Distance between a vehicle and its logged position, in metres, up to which it is on its log.
+const ON_LOG_DISTANCE: f64 = 1.0;
 
-/// Distance of a vehicle from its logged position at the step of a contact, metres; `None` without a log or where the logged state is absent.
+/// Returns the distance of a vehicle from its logged position at the step of a contact, metres; `None`
+/// without a log or if the logged state is absent.
 pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> Option<f64> {
     let frame = case.current + contact.step;
     let logged = case.log.as_ref()?[agent].at(frame)?;
@@ -16,7 +17,7 @@ pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> 
 
 /// Share of the vehicles with an at-fault collision that are on their log at the step of contact.
 ///
-/// It keeps no events of its own: those of `aav-collision` hold the distance (`log_distance`).
+/// This metric has no events of its own: those of `aav-collision` include the distance (`log_distance`).
 #[derive(Debug)]
 pub(super) struct LogClinging;
 
@@ -27,7 +28,8 @@ impl Metric for LogClinging {
             title: "On log",
             unit: Unit::Rate,
             lower_is_better: true,
-            source: "reactsim: share of at-fault A-AV collisions within 1 m of the vehicle's logged position at that step",
+            source: "reactsim: share of at-fault A-AV collisions within 1 m of the vehicle's logged \
+                     position at that step",
         }
     }
 
@@ -38,7 +40,7 @@ impl Metric for LogClinging {
             .filter_map(|(i, c)| Some((i, c.filter(|c| c.fault.at_fault())?)));
         let distances: Vec<f64> =
             at_fault.filter_map(|(i, contact)| log_distance(case, i, &contact)).collect();
-        let hits = distances.iter().filter(|d| **d <= ON_LOG).count() as u64;
+        let hits = distances.iter().filter(|d| **d <= ON_LOG_DISTANCE).count() as u64;
         let valid = distances.len() as u64;
         (valid > 0).then_some(Score::Rate { hits, valid })
     }

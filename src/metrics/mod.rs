@@ -1,4 +1,5 @@
-//! The metrics of the benchmark: what a finished rollout is worth. Knows maps, tracks and numbers; never simulators.
+//! The metrics of the benchmark: scores of finished rollouts. This module knows maps, tracks and numbers, not
+//! simulators.
 
 mod ade;
 mod agent_agent;
@@ -28,11 +29,11 @@ pub use agent_agent::{Overlaps, pair_counts};
 pub use case::{Case, LoggedTrack, Object};
 pub use collision::{BEHIND_DEGREES, Contact, Fault, STOPPED_SPEED};
 pub use deviation::DeviationStats;
-pub use direction::{WrongWay, WrongWaySpell};
+pub use direction::{WrongWay, WrongWayInterval};
 pub use event::Event;
-pub use kinematics::{Infeasible, Spell, Violations};
+pub use kinematics::{InfeasibleMotion, ViolationInterval, Violations};
 pub use likelihood::KinematicLikelihood;
-pub use offroad::Ground;
+pub use offroad::OffRoadSteps;
 pub use options::{
     CurvatureYaw, DirCandidate, DirConnector, DirTracking, FaultOrder, OptionError, Options, TtcSpeed,
     VelocitySource,

@@ -5,11 +5,11 @@ use super::{Object, Options};
 use crate::geometry::{OrientedBox, Vec2, direction, math};
 use crate::scene::DT;
 
-/// Arrays over objects × frames (`object * frames + frame`). NaN stands for absent or unknown.
+/// Arrays over objects × frames (`object * frames + frame`). NaN means absent or unknown.
 #[derive(Debug)]
 pub(super) struct Motion {
     pub(super) frames: usize,
-    /// Whether an object takes part at all; the arrays of others are NaN.
+    /// Whether each object takes part; the entries of others are NaN.
     pub(super) present: Vec<bool>,
     pub(super) x: Vec<f64>,
     pub(super) y: Vec<f64>,
@@ -17,9 +17,9 @@ pub(super) struct Motion {
     pub(super) axis: Vec<Vec2>,
     pub(super) velocity: Vec<Vec2>,
     pub(super) speed: Vec<f64>,
-    /// Half of length and width per object.
+    /// Half-length and half-width per object, metres.
     half: Vec<(f64, f64)>,
-    /// Radius of the circle that holds the box, per object.
+    /// Radius of the circumscribed circle of the box per object, metres.
     pub(super) radius: Vec<f64>,
 }
 
@@ -75,7 +75,7 @@ impl Motion {
         }
     }
 
-    /// Backward difference of the positions, else forward difference, else unknown.
+    /// Returns the backward difference of the positions, else the forward difference, else NaN.
     fn difference(&self, base: usize, f: usize) -> Vec2 {
         let between = |from: usize, to: usize| {
             let d = Vec2::new(self.x[to] - self.x[from], self.y[to] - self.y[from]);
@@ -104,27 +104,28 @@ impl Motion {
         Vec2::new(self.x[k], self.y[k])
     }
 
-    /// Path length of an object from a frame on, metres: the sum of its displacements between successive frames at which it is valid. It
-    /// drives nothing while it is absent, and nothing from where it vanishes to where it comes back.
+    /// Returns the path length of an object from a frame on, metres: the sum of its displacements between
+    /// successive valid frames. Nothing is counted while it is absent, nor between disappearing and
+    /// reappearing.
     pub(super) fn path_length(&self, object: usize, from: usize) -> f64 {
         let driven = (from + 1..self.frames).filter(|&f| self.valid(object, f - 1) && self.valid(object, f));
         driven.map(|f| (self.position(object, f) - self.position(object, f - 1)).norm()).sum()
     }
 
-    /// The sharp box of an object that is valid at the frame.
+    /// Returns the sharp box of an object that is valid at the frame.
     pub(super) fn footprint(&self, object: usize, frame: usize) -> OrientedBox {
         let k = self.at(object, frame);
         let (half_length, half_width) = self.half[object];
         OrientedBox { center: Vec2::new(self.x[k], self.y[k]), axis: self.axis[k], half_length, half_width }
     }
 
-    /// Squared centre distance from which two objects can not touch; the slack covers rounding.
+    /// Returns the squared centre distance above which two objects cannot touch; the slack covers rounding.
     pub(super) fn reach2(&self, a: usize, b: usize) -> f64 {
         let reach = self.radius[a] + self.radius[b];
         reach * reach * (1.0 + 1e-9) + 1e-9
     }
 
-    /// Squared centre distance; NaN where either is absent.
+    /// Returns the squared centre distance; NaN if either is absent.
     pub(super) fn distance2(&self, a: usize, b: usize, frame: usize) -> f64 {
         let (i, j) = (self.at(a, frame), self.at(b, frame));
         let (dx, dy) = (self.x[i] - self.x[j], self.y[i] - self.y[j]);

@@ -2,52 +2,53 @@
 
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 
-/// How often a vehicle is off the drivable ground.
+/// Steps of a vehicle off the drivable ground.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ground {
-    /// Steps with the centre off the road.
+pub struct OffRoadSteps {
+    /// Number of steps with the centre off the road.
     pub hits: u64,
-    /// Steps judged; 0 for those that are off the road at the current frame, and in maps that do not tell.
+    /// Number of evaluated steps; 0 for vehicles off the road at the current frame, and in maps that do not
+    /// record their drivable area.
     pub valid: u64,
-    /// First and last steps of each stay off the road.
-    pub spells: Vec<(usize, usize)>,
+    /// First and last step of each interval off the road.
+    pub intervals: Vec<(usize, usize)>,
 }
 
-/// The ground under every object; zeros for those that are no evaluated vehicles.
-pub(super) fn grounds<'c>(case: &'c Case<'_>) -> &'c [Ground] {
-    case.cache.grounds.get_or_init(|| {
-        let mut grounds = vec![Ground::default(); case.objects.len()];
-        if case.road.knows_drivable() {
+/// Returns the off-road steps of every object; zeros for objects that are not evaluated vehicles.
+pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
+    case.cache.off_road_steps.get_or_init(|| {
+        let mut off_road_steps = vec![OffRoadSteps::default(); case.objects.len()];
+        if case.road.has_drivable_area() {
             for i in case.vehicles() {
-                grounds[i] = under(case, i);
+                off_road_steps[i] = steps_of(case, i);
             }
         }
-        grounds
+        off_road_steps
     })
 }
 
-fn under(case: &Case<'_>, agent: usize) -> Ground {
-    let mut ground = Ground::default();
+fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
+    let mut steps = OffRoadSteps::default();
     let mut near = None;
     if case.road.drivable(case.motion.position(agent, case.current), &mut near) != Some(true) {
-        return ground;
+        return steps;
     }
     let mut open: Option<(usize, usize)> = None;
     for f in case.future() {
         if !case.motion.valid(agent, f) {
             continue;
         }
-        ground.valid += 1;
+        steps.valid += 1;
         let step = f - case.current;
         if case.road.drivable(case.motion.position(agent, f), &mut near) == Some(false) {
-            ground.hits += 1;
+            steps.hits += 1;
             open = Some((open.map_or(step, |o| o.0), step));
         } else {
-            ground.spells.extend(open.take());
+            steps.intervals.extend(open.take());
         }
     }
-    ground.spells.extend(open);
-    ground
+    steps.intervals.extend(open);
+    steps
 }
 
 /// Share of vehicle-steps off the road.
@@ -67,9 +68,9 @@ impl Metric for OffRoad {
 
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let (mut hits, mut valid) = (0, 0);
-        for (i, ground) in grounds(case).iter().enumerate() {
-            (hits, valid) = (hits + ground.hits, valid + ground.valid);
-            for &(first, last) in &ground.spells {
+        for (i, steps) in off_road_steps(case).iter().enumerate() {
+            (hits, valid) = (hits + steps.hits, valid + steps.valid);
+            for &(first, last) in &steps.intervals {
                 let p = case.motion.position(i, case.current + first);
                 events.push(Event {
                     metric: self.spec().id,

@@ -1,19 +1,19 @@
 //! The documented variants of the metrics.
 
-/// Variants of the definitions; the default is the benchmark's own. Printed in every result.
+/// Variants of the metric definitions, included in every result. The defaults are those of the benchmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Corner rounding of the boxes: 0.7, or 0 for sharp boxes.
     pub corner_rounding: f64,
-    /// Where velocities come from.
+    /// Source of velocities.
     pub velocity_source: VelocitySource,
     /// Order of the fault rules.
     pub fault_order: FaultOrder,
     /// Whether vehicles that overlap the AV at the current frame have no collision event.
     pub exclude_initial_overlap: bool,
-    /// Whether heading differences of the time to collision are wrapped.
+    /// Whether heading differences are wrapped for the time to collision.
     pub ttc_wrap_heading: bool,
-    /// The speed of the time to collision.
+    /// Source of the speed for the time to collision.
     pub ttc_speed: TtcSpeed,
     /// Whether the AV is a partner in agent-agent collisions.
     pub aa_include_av: bool,
@@ -21,19 +21,19 @@ pub struct Options {
     pub aa_include_other: bool,
     /// Whether the progress window has 11 increments (nuPlan's slice) instead of 10.
     pub dir_window_extra: bool,
-    /// Which of several connectors a vehicle is on.
+    /// Choice among several connectors at a vehicle's position.
     pub dir_connector: DirConnector,
-    /// Which steps make a vehicle a candidate.
+    /// Steps that make a vehicle a candidate for the driving direction.
     pub dir_candidate: DirCandidate,
-    /// How lanes are assigned.
+    /// Method of assigning lanes.
     pub dir_tracking: DirTracking,
-    /// Which heading change the curvature is made of.
+    /// Heading change from which the curvature is computed.
     pub curvature_yaw: CurvatureYaw,
-    /// Whether the history joins the mean of the ADE with zero error (WOSAC).
+    /// Whether the ADE includes the history, with zero error (WOSAC).
     pub ade_include_history: bool,
-    /// Whether the AV joins the ADE (WOSAC).
+    /// Whether the ADE includes the AV (WOSAC).
     pub ade_include_av: bool,
-    /// Whether the AV joins the kinematic likelihood.
+    /// Whether the kinematic likelihood includes the AV.
     pub lik_include_av: bool,
 }
 
@@ -60,7 +60,7 @@ impl Default for Options {
     }
 }
 
-/// Makes an enum of named choices with `ALL`, `name` and `from_name`.
+/// Defines an enum of named choices with `ALL`, `name` and `from_name`.
 macro_rules! choices {
     ($(#[$doc:meta])* $type:ident { $($(#[$item_doc:meta])* $item:ident = $name:literal),+ $(,)? }) => {
         $(#[$doc])*
@@ -71,12 +71,12 @@ macro_rules! choices {
             /// All choices.
             pub const ALL: &'static [Self] = &[$(Self::$item),+];
 
-            /// The name in files.
+            /// Returns the name used in files.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$item => $name),+ }
             }
 
-            /// The choice with this name.
+            /// Returns the choice with this name.
             pub fn from_name(name: &str) -> Option<Self> {
                 Self::ALL.iter().copied().find(|c| c.name() == name)
             }
@@ -85,9 +85,9 @@ macro_rules! choices {
 }
 
 choices! {
-    /// Where velocities come from.
+    /// Source of velocities.
     VelocitySource {
-        /// The state's velocity where it has one, else position differences.
+        /// The velocity of the state if it has one, else position differences.
         State = "state",
         /// Always position differences.
         Diff = "diff",
@@ -105,9 +105,9 @@ choices! {
 }
 
 choices! {
-    /// The speed of the time to collision.
+    /// Source of the speed for the time to collision.
     TtcSpeed {
-        /// The speed of every other metric.
+        /// The same speed as in all other metrics.
         State = "state",
         /// Central position differences (WOSAC); unknown at the last step.
         Central = "central",
@@ -115,17 +115,17 @@ choices! {
 }
 
 choices! {
-    /// Which of several connectors a vehicle is on.
+    /// Choice among several connectors at a vehicle's position.
     DirConnector {
         /// The first of the list.
         First = "first",
-        /// The one with the least heading error.
+        /// The one with the smallest heading error.
         MinHeading = "min_heading",
     }
 }
 
 choices! {
-    /// Which steps make a vehicle a candidate for the driving direction.
+    /// Steps that make a vehicle a candidate for the driving direction.
     DirCandidate {
         /// Valid and on a lane.
         Lane = "lane",
@@ -135,19 +135,20 @@ choices! {
 }
 
 choices! {
-    /// How lanes are assigned.
+    /// Method of assigning lanes.
     DirTracking {
-        /// `pointwise` in maps without drivable polygons whose lanes are corridors around centre lines, `route` in others.
+        /// `pointwise` in maps without drivable polygons whose lanes are corridors around centre lines, else
+        /// `route`.
         Auto = "auto",
         /// nuPlan's route: lanes are followed from pose to pose.
         Route = "route",
-        /// Every lane that holds the point, the least heading error counts.
+        /// Of all lanes that contain the point, the one with the smallest heading error.
         Pointwise = "pointwise",
     }
 }
 
 choices! {
-    /// Which heading change the curvature is made of.
+    /// Heading change from which the curvature is computed.
     CurvatureYaw {
         /// Heading minus heading.
         Heading = "heading",
@@ -156,7 +157,7 @@ choices! {
     }
 }
 
-/// Why an option can not be set.
+/// The reason why an option cannot be set.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionError {
@@ -175,7 +176,7 @@ pub enum OptionError {
         name: String,
         /// The value.
         value: String,
-        /// What it may be.
+        /// The permitted values.
         expected: String,
     },
 }
@@ -194,7 +195,7 @@ fn flag(value: &str) -> Result<bool, String> {
 }
 
 impl Options {
-    /// The names of all options, in the order of [`Options::named`].
+    /// Names of all options, in the order of [`Options::named`].
     pub const NAMES: &'static [&'static str] = &[
         "corner_rounding",
         "velocity_source",
@@ -214,12 +215,12 @@ impl Options {
         "lik_include_av",
     ];
 
-    /// Sets an option by its name from the text of its value, such as `fault_order` and `nuplan`.
+    /// Sets an option by name from the text of its value, such as `fault_order` and `nuplan`.
     ///
     /// # Errors
-    /// [`OptionError`] names the option and what it may be.
+    /// [`OptionError`] names the option and its permitted values.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), OptionError> {
-        let done = match name {
+        let result = match name {
             "corner_rounding" => match value.parse::<f64>() {
                 Ok(v) if (0.0..=1.0).contains(&v) => {
                     self.corner_rounding = v;
@@ -262,14 +263,14 @@ impl Options {
                 return Err(OptionError::Unknown { name: name.to_owned(), known: Self::NAMES.join(", ") });
             }
         };
-        done.map_err(|expected| OptionError::Value {
+        result.map_err(|expected| OptionError::Value {
             name: name.to_owned(),
             value: value.to_owned(),
             expected,
         })
     }
 
-    /// Every option with the text of its value, for result files.
+    /// Returns every option with the text of its value, for result files.
     pub fn named(&self) -> Vec<(&'static str, String)> {
         let values = [
             self.corner_rounding.to_string(),
@@ -298,7 +299,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_option_reads_what_it_prints() {
+    fn every_option_round_trips() {
         let mut set = Options::default();
         for (name, value) in Options::default().named() {
             set.set(name, &value).unwrap();
@@ -307,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_by_name() {
+    fn errors_name_the_option() {
         let mut options = Options::default();
         let unknown = options.set("corner", "1").unwrap_err().to_string();
         assert!(unknown.contains("unknown metric option `corner`") && unknown.contains("corner_rounding"));

@@ -1,9 +1,10 @@
-//! Over-reaction: how much more the agents that must answer a deviated AV give up than they have to (`docs/over-reaction.md`).
+//! Over-reaction: progress and comfort that agents give up beyond what a deviated AV requires
+//! (`docs/over-reaction.md`).
 
 use super::responders::{Responder, responders};
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 
-/// Mean over the judged responders of the path length that they drive less than in the certificate.
+/// Mean path length, in metres, that the responders that count drive less than in the certificate.
 #[derive(Debug)]
 pub(super) struct OverReaction;
 
@@ -14,7 +15,8 @@ impl Metric for OverReaction {
             title: "Over-r.",
             unit: Unit::Metres,
             lower_is_better: true,
-            source: "reactsim, docs/over-reaction.md: path length lost against the certificate by agents that answer the AV",
+            source: "reactsim, docs/over-reaction.md: path length lost against the certificate by \
+                     agents that answer the AV",
         }
     }
 
@@ -44,7 +46,7 @@ impl Metric for OverReaction {
     }
 }
 
-/// Mean over the judged responders of the deceleration that they use beyond that of the certificate.
+/// Mean deceleration, in m/s², that the responders that count use beyond that of the certificate.
 #[derive(Debug)]
 pub(super) struct OverBraking;
 
@@ -55,7 +57,8 @@ impl Metric for OverBraking {
             title: "Over-br.",
             unit: Unit::MetresPerSecondSquared,
             lower_is_better: true,
-            source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of agents that answer the AV",
+            source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of \
+                     agents that answer the AV",
         }
     }
 
@@ -84,7 +87,7 @@ impl Metric for OverBraking {
     }
 }
 
-/// The mean of a value over the judged responders; `None` without any.
+/// Returns the mean of a value over the responders that count, i.e. do not under-react; `None` without any.
 fn mean(case: &Case<'_>, value: impl Fn(&Responder) -> f64) -> Option<Score> {
     let (mut sum, mut n) = (0.0, 0);
     for responder in responders(case)?.iter().filter(|r| r.under_reacts.is_none()) {

@@ -1,15 +1,17 @@
-//! Progress of vehicles that the AV does not concern: shows simulators that win on collisions by freezing.
+//! Progress of vehicles that the AV does not affect: reveals simulators that avoid collisions by freezing.
 
 use super::boxes::sharp_distance;
 use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Score, Unit};
 use crate::geometry::Vec2;
 
-/// A vehicle counts where its log gets this far from its current position, metres.
-const MOVED: f64 = 5.0;
-/// A vehicle is in conflict where its logged box comes closer than this to the AV's box, metres.
+/// Minimum logged displacement from the current position, in metres, for a vehicle to count.
+const MIN_DISPLACEMENT: f64 = 5.0;
+/// Distance between a vehicle's logged box and the AV's box, in metres, below which the vehicle is in
+/// conflict.
 const CLEARANCE: f64 = 5.0;
 
-/// Mean, over the vehicles that drive in the log and keep clear of the AV there, of driven over logged path length.
+/// Mean ratio of driven to logged path length, over the vehicles that move in the log and whose logged boxes
+/// keep clear of the AV.
 #[derive(Debug)]
 pub(super) struct Progress;
 
@@ -20,7 +22,8 @@ impl Metric for Progress {
             title: "Progress",
             unit: Unit::Plain,
             lower_is_better: false,
-            source: "reactsim: path length over the log's, at most 1, of vehicles not in conflict with the AV",
+            source: "reactsim: path length over the log's, at most 1, of vehicles not in conflict with \
+                     the AV",
         }
     }
 
@@ -40,7 +43,8 @@ impl Metric for Progress {
     }
 }
 
-/// Length of the logged path from now on, metres, if the vehicle drives there and keeps clear of the AV.
+/// Returns the length of the logged path from now on, metres, if the vehicle moves in the log and its logged
+/// boxes keep clear of the AV.
 pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) -> Option<f64> {
     let (mut path, mut farthest) = (0.0, 0.0_f64);
     let first = log.at(case.current)?.position();
@@ -60,7 +64,7 @@ pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) ->
                 CLEARANCE,
             ) >= CLEARANCE
     };
-    (farthest >= MOVED && case.future().all(clear)).then_some(path)
+    (farthest >= MIN_DISPLACEMENT && case.future().all(clear)).then_some(path)
 }
 
 fn length(mut positions: impl Iterator<Item = Vec2>) -> f64 {

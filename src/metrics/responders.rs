@@ -1,49 +1,52 @@
-//! The agents whose needed reaction to a deviated AV is known from a certificate.
+//! Responders: agents whose necessary reaction to a deviated AV is known from a certificate.
 
 use super::Case;
 use super::boxes::overlap;
 use super::ttc::approaches;
 use crate::scene::{DT, Response};
 
-/// A direct responder: an agent with a response to the AV itself in the certificate, with what it did in the rollout.
+/// A direct responder: an agent whose certificate response answers the AV itself, with its motion in the
+/// rollout.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Responder {
     /// Index of the agent in the objects of the case.
     pub(super) agent: usize,
-    /// Path length of the rollout, metres.
+    /// Path length in the rollout, metres.
     pub(super) driven: f64,
-    /// Path length of the response, metres.
+    /// Path length in the certificate, metres.
     pub(super) reference: f64,
-    /// Peak deceleration of the rollout, m/s², at least 0.
+    /// Peak deceleration in the rollout, m/s², at least 0.
     pub(super) peak: f64,
-    /// Peak deceleration of the response, m/s².
+    /// Peak deceleration in the certificate, m/s².
     pub(super) reference_peak: f64,
-    /// First and last step at which the agent touches the AV or is risky; `None` for a responder that is judged.
+    /// First and last step at which the agent touches the AV or is risky; `None` for a responder that counts.
     pub(super) under_reacts: Option<(usize, usize)>,
 }
 
 impl Responder {
-    /// Path length that the agent drives less than in its response, metres, at least 0.
+    /// Returns the path length that the agent drives less than in its certificate response, metres, at least
+    /// 0.
     pub(super) fn lost(&self) -> f64 {
         excess(self.reference, self.driven)
     }
 
-    /// Peak deceleration beyond that of the response, m/s², at least 0.
+    /// Returns the peak deceleration beyond that of the certificate response, m/s², at least 0.
     pub(super) fn over_braking(&self) -> f64 {
         excess(self.peak, self.reference_peak)
     }
 }
 
-/// Differences up to this are rounding, metres or m/s².
+/// Difference up to which two path lengths (in metres) or two decelerations (in m/s²) are equal up to
+/// rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// How much a value exceeds another; 0 where it does not, or by no more than rounding.
+/// Returns the amount by which a value exceeds another; 0 if it does not, or by no more than rounding.
 pub(super) fn excess(value: f64, other: f64) -> f64 {
     let difference = value - other;
     if difference > ROUNDING { difference } else { 0.0 }
 }
 
-/// The direct responders of a case, in the order of the certificate; `None` without a certificate.
+/// Returns the direct responders of a case, in the order of the certificate; `None` without a certificate.
 pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
     let all = case.cache.responders.get_or_init(|| {
         let responses = &case.certificate?.responses;
@@ -53,13 +56,15 @@ pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
     all.as_deref()
 }
 
-/// `None` for an agent that is not evaluated: unknown, absent at the current frame, or the AV.
+/// Builds the responder of a response; `None` for an agent that is not evaluated: unknown, absent at the
+/// current frame, or the AV.
 fn responder(case: &Case<'_>, response: &Response) -> Option<Responder> {
     let agent = case.agents().find(|&i| case.objects[i].agent.id == response.agent)?;
     let steps = case.future().len().min(response.track.len().saturating_sub(1));
     let track = response.track.get(..=steps)?;
     let logged = case.motion.speed[case.motion.at(agent, case.current)];
-    // The response begins in the state of the current frame, whose velocity the metrics take from the case.
+    // The response begins with the state at the current frame, whose velocity comes from the case as in all
+    // metrics.
     let speeds = (0..=steps).map(|k| match track[k].velocity() {
         _ if k == 0 => logged,
         Some(velocity) => velocity.norm(),
@@ -77,7 +82,8 @@ fn responder(case: &Case<'_>, response: &Response) -> Option<Responder> {
     })
 }
 
-/// Peak deceleration of speeds at successive steps, m/s², at least 0. Steps with an unknown speed (NaN) are skipped.
+/// Returns the peak deceleration over speeds at successive steps, m/s², at least 0. Steps with an unknown
+/// speed (NaN) are skipped.
 fn peak_deceleration(speeds: impl Iterator<Item = f64>) -> f64 {
     let (mut before, mut peak) = (f64::NAN, 0.0_f64);
     for speed in speeds {
@@ -88,7 +94,8 @@ fn peak_deceleration(speeds: impl Iterator<Item = f64>) -> f64 {
     peak
 }
 
-/// First and last step at which an agent touches the AV (rounded boxes, whatever the fault) or, as a vehicle, is risky.
+/// Returns the first and last step at which an agent touches the AV (rounded boxes, regardless of fault) or,
+/// if it is a vehicle, is risky.
 fn under_reaction(case: &Case<'_>, agent: usize) -> Option<(usize, usize)> {
     if !case.present(case.av) {
         return None;

@@ -1,6 +1,6 @@
 //! The value of a metric in one scenario.
 
-/// A value with what it was made of, so that "nothing judged" is never a zero.
+/// A value with its components, so that "nothing evaluated" is never a zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Score {
     /// `hits` of `valid`.
@@ -19,12 +19,12 @@ pub enum Score {
         /// Their number.
         n: u64,
     },
-    /// A value that is no ratio of counts (a likelihood).
+    /// A value that is not a ratio of counts (a likelihood).
     Value(f64),
 }
 
 impl Score {
-    /// The number, or `None` where the denominator is 0.
+    /// Returns the number, or `None` if the denominator is 0.
     pub fn value(self) -> Option<f64> {
         match self {
             Self::Rate { valid: 0, .. } | Self::Mean { n: 0, .. } => None,

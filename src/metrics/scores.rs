@@ -1,14 +1,14 @@
-//! The list of metrics, and everything that they say about one rollout.
+//! The list of metrics, and all scores of one rollout.
 
 use super::ade::{self, Displacement};
 use super::agent_agent::{self, Overlaps};
 use super::collision::{self, Contact};
 use super::deviation::{self, DeviationStats};
 use super::direction::{self, WrongWay};
-use super::kinematics::{self, Infeasible};
+use super::kinematics::{self, InfeasibleMotion};
 use super::likelihood::{self, KinematicLikelihood};
 use super::log_clinging;
-use super::offroad::{self, Ground};
+use super::offroad::{self, OffRoadSteps};
 use super::over_reaction;
 use super::progress;
 use super::ttc::{self, Approach};
@@ -16,7 +16,7 @@ use super::undisturbed;
 use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Score};
 use crate::scene::{Frame, HISTORY, Scenario};
 
-/// Every metric: the paper's seven in its column order, then what is printed beside them.
+/// Every metric: the paper's seven in its column order, then the additional ones.
 pub const METRICS: &[&dyn Metric] = &[
     &collision::AtFault,
     &ttc::Risky,
@@ -37,35 +37,35 @@ pub const METRICS: &[&dyn Metric] = &[
     &likelihood::Likelihood,
 ];
 
-/// The metric with this id.
+/// Returns the metric with this id.
 pub fn metric(id: &str) -> Option<&'static dyn Metric> {
     METRICS.iter().copied().find(|m| m.spec().id == id)
 }
 
-/// What every metric says about one case.
+/// The scores of every metric for one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores {
-    /// The value of each metric, in the order of [`METRICS`]; `None` where nothing could be judged.
+    /// Score of each metric, in the order of [`METRICS`]; `None` if nothing could be evaluated.
     pub values: Vec<(&'static MetricSpec, Option<Score>)>,
-    /// Everything that was counted, and contacts that were not.
+    /// All counted events, and contacts that do not count.
     pub events: Vec<Event>,
-    /// How far the judged AV leaves the logged one; `None` without a log.
+    /// Deviation of the evaluated AV from the logged AV; `None` without a log.
     pub deviation: Option<DeviationStats>,
-    /// Displacement in full; `None` without a log.
+    /// All displacement statistics; `None` without a log.
     pub displacement: Option<Displacement>,
-    /// The kinematic likelihood by feature; `None` without a log and rollouts.
+    /// Kinematic likelihood by feature; `None` without a log and rollouts.
     pub likelihood: Option<KinematicLikelihood>,
-    /// How lanes were assigned (`Auto` resolved).
+    /// Method by which lanes were assigned (`Auto` resolved).
     pub dir_tracking: DirTracking,
 }
 
 impl Scores {
-    /// The score of the metric with this id.
+    /// Returns the score of the metric with this id.
     pub fn score(&self, id: &str) -> Option<Score> {
         self.values.iter().find(|v| v.0.id == id)?.1
     }
 
-    /// The value of the metric with this id; `None` where it is undefined.
+    /// Returns the value of the metric with this id; `None` if it is undefined.
     pub fn value(&self, id: &str) -> Option<f64> {
         self.score(id)?.value()
     }
@@ -88,15 +88,15 @@ pub fn score_case(case: &Case<'_>) -> Scores {
 /// The metrics over all rollouts of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutScores {
-    /// Displacement over all rollouts; `None` where no agent has a logged step.
+    /// Displacement over all rollouts; `None` if no agent has a logged step.
     pub displacement: Option<Displacement>,
-    /// The kinematic likelihood by feature.
+    /// Kinematic likelihood by feature.
     pub likelihood: Option<KinematicLikelihood>,
 }
 
 /// Computes the metrics over several rollouts of a scenario: ADE, minADE and the kinematic likelihood.
 ///
-/// `rollouts`: per rollout and agent (order of the scenario) 91 frames.
+/// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
 pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: Options) -> RolloutScores {
     let future = |track: &'_ [Frame]| -> std::ops::Range<usize> { HISTORY.min(track.len())..track.len() };
     let Some(first) = rollouts.first() else {
@@ -111,49 +111,50 @@ pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: 
     }
 }
 
-/// What the metrics say about one object, for reports that list agents.
+/// The metric results of one object, for reports that list agents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentScores<'c> {
     /// Collisions with other agents.
     pub overlaps: &'c Overlaps,
     /// First contact with the AV.
     pub contact: Option<Contact>,
-    /// Approach to the AV; `None` for objects that are no evaluated vehicles.
+    /// Approach to the AV; `None` for objects that are not evaluated vehicles.
     pub approach: Option<Approach>,
-    /// Ground under it.
-    pub ground: &'c Ground,
+    /// Steps off the road.
+    pub off_road: &'c OffRoadSteps,
     /// Driving direction.
     pub direction: &'c WrongWay,
     /// Accelerations and curvatures.
-    pub infeasible: &'c Infeasible,
+    pub infeasible: &'c InfeasibleMotion,
 }
 
 impl Case<'_> {
-    /// How far the judged AV leaves the logged one; `None` without a log.
+    /// Returns the deviation of the evaluated AV from the logged AV; `None` without a log.
     pub fn deviation(&self) -> Option<DeviationStats> {
         deviation::deviation(self)
     }
 
-    /// The first contact of every object with the AV; `None` for those that have none or are no evaluated vehicles.
+    /// Returns the first contact of every object with the AV; `None` for objects without a contact or that
+    /// are not evaluated vehicles.
     pub fn contacts(&self) -> &[Option<Contact>] {
         collision::contacts(self)
     }
 
-    /// The approach of every object to the AV; `None` for those that are no evaluated vehicles.
+    /// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
     pub fn approaches(&self) -> &[Option<Approach>] {
         ttc::approaches(self)
     }
 
-    /// What the metrics say about one object.
+    /// Returns the metric results of one object.
     ///
     /// # Panics
-    /// When there is no such object.
+    /// Panics if there is no such object.
     pub fn agent_scores(&self, object: usize) -> AgentScores<'_> {
         AgentScores {
             overlaps: &agent_agent::overlaps(self)[object],
             contact: collision::contacts(self)[object],
             approach: ttc::approaches(self)[object],
-            ground: &offroad::grounds(self)[object],
+            off_road: &offroad::off_road_steps(self)[object],
             direction: &direction::directions(self)[object],
             infeasible: &kinematics::infeasible(self)[object],
         }

@@ -1,37 +1,38 @@
-//! What a metric is.
+//! The interface of a metric.
 
 use super::{Case, Event, Score};
 
 /// A metric of one scenario.
 pub trait Metric: Sync {
-    /// Id, title, unit and source.
+    /// Returns id, title, unit and source.
     fn spec(&self) -> &'static MetricSpec;
 
-    /// The value for one case, and what was counted; `None` where nothing could be judged (unknown is not zero).
+    /// Computes the score of one case and appends the counted events; `None` if nothing could be evaluated
+    /// (unknown is not zero).
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score>;
 }
 
-/// What stands in tables and files about a metric.
+/// The description of a metric in tables and files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MetricSpec {
     /// Stable id, such as `aav-collision`.
     pub id: &'static str,
     /// Column title as in the paper's table.
     pub title: &'static str,
-    /// What the value counts.
+    /// Unit of the value.
     pub unit: Unit,
-    /// Whether less is better.
+    /// Whether lower values are better.
     pub lower_is_better: bool,
-    /// Where it is defined.
+    /// Source of the definition.
     pub source: &'static str,
 }
 
-/// What a value counts, and so how it is averaged and printed.
+/// The unit of a metric, which decides how its values are averaged and printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// A number per scenario; scenarios with nothing to count give 0.
+    /// A number per scenario; 0 for scenarios with nothing to count.
     Count,
-    /// A fraction in files, per cent in tables; scenarios with nothing to judge are left out.
+    /// A fraction in files, a percentage in tables; scenarios with nothing to evaluate are left out.
     Rate,
     /// Metres.
     Metres,

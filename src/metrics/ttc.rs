@@ -1,5 +1,5 @@
-//! Risky approaches of vehicles to the AV: time to collision below half a second (ReactSim-Bench, "Metric Computation
-//! Details"; front-object filter as in the Waymo sim-agents metrics).
+//! Risky approaches of vehicles to the AV: time to collision below half a second (ReactSim-Bench, "Metric
+//! Computation Details"; front-object filter as in the Waymo sim-agents metrics).
 
 use super::boxes::av_overlap;
 use super::options::TtcSpeed;
@@ -7,29 +7,30 @@ use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 use crate::geometry::{OrientedBox, math, wrap};
 use crate::scene::DT;
 
-/// Time to collision where nothing is closing, seconds.
-const NO_RISK: f64 = 5.0;
-/// A vehicle is risky below this time to collision, seconds.
-const RISKY: f64 = 0.5;
-/// Largest heading difference of a front object, degrees.
+/// Time to collision if the vehicle is not closing in, and maximum value, seconds.
+const MAX_TTC: f64 = 5.0;
+/// Time to collision below which a vehicle is risky, seconds.
+const RISKY_TTC: f64 = 0.5;
+/// Maximum heading difference of a front object, degrees.
 const FRONT_DEGREES: f64 = 75.0;
-/// Heading difference up to which any lateral overlap is enough, degrees.
+/// Heading difference up to which any lateral overlap is sufficient, degrees.
 const ALIGNED_DEGREES: f64 = 10.0;
-/// Lateral overlap that is enough at larger heading differences, metres.
+/// Required lateral overlap at larger heading differences, metres.
 const LATERAL_OVERLAP: f64 = 0.5;
 
 /// The smallest time to collision of a vehicle with the AV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// Smallest time to collision over all steps, seconds; 5 where nothing closes, 0 where the boxes overlap.
+    /// Smallest time to collision over all steps, seconds; 5 if the vehicle never closes in, 0 if the boxes
+    /// overlap.
     pub min_ttc: f64,
-    /// First step with that value, 1 to 80; `None` where it is 5.
+    /// First step with that value, 1 to 80; `None` if it is 5.
     pub step: Option<usize>,
-    /// First and last step at which the time is below the bound.
+    /// First and last step with a risky time to collision.
     pub risky: Option<(usize, usize)>,
 }
 
-/// The approach of every object to the AV; `None` for those that are no evaluated vehicles.
+/// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
 pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
     case.cache.approaches.get_or_init(|| {
         let mut approaches = vec![None; case.objects.len()];
@@ -41,7 +42,7 @@ pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
 }
 
 fn approach(case: &Case<'_>, agent: usize) -> Approach {
-    let mut found = Approach { min_ttc: NO_RISK, step: None, risky: None };
+    let mut found = Approach { min_ttc: MAX_TTC, step: None, risky: None };
     if !case.present(case.av) {
         return found;
     }
@@ -51,7 +52,7 @@ fn approach(case: &Case<'_>, agent: usize) -> Approach {
         if ttc < found.min_ttc {
             (found.min_ttc, found.step) = (ttc, Some(step));
         }
-        if ttc < RISKY {
+        if ttc < RISKY_TTC {
             found.risky = Some((found.risky.map_or(step, |r| r.0), step));
         }
     }
@@ -62,27 +63,27 @@ fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize) -> f64 {
     let motion = &case.motion;
     let (me, av) = (motion.at(agent, frame), motion.at(case.av, frame));
     if motion.x[me].is_nan() || motion.x[av].is_nan() {
-        return NO_RISK;
+        return MAX_TTC;
     }
     if av_overlap(case)[me] {
         return 0.0;
     }
     let closing = speed(case, agent, frame) - speed(case, case.av, frame);
     if !(closing > 0.0) {
-        return NO_RISK;
+        return MAX_TTC;
     }
     let (mine, other) = (motion.footprint(agent, frame), motion.footprint(case.av, frame));
-    let (gap, beside) = placement(&mine, &other);
-    if !(gap > 0.0 && beside < 0.0) {
-        return NO_RISK;
+    let (gap, lateral_gap) = placement(&mine, &other);
+    if !(gap > 0.0 && lateral_gap < 0.0) {
+        return MAX_TTC;
     }
     let difference = motion.heading[av] - motion.heading[me];
     let turned = if case.options.ttc_wrap_heading { wrap(difference) } else { difference }.abs();
-    if is_front(gap, beside, turned) { (gap / closing).min(NO_RISK) } else { NO_RISK }
+    if is_front(gap, lateral_gap, turned) { (gap / closing).min(MAX_TTC) } else { MAX_TTC }
 }
 
-/// How `other` lies as seen from `me`, metres: how far its nearest extent lies ahead of the front of `me`, and how far beside its side
-/// (negative: they overlap laterally).
+/// Returns the gaps from `me` to `other`, metres: the longitudinal gap from the front of `me` to the nearest
+/// extent of `other`, and the lateral gap between their sides (negative if they overlap laterally).
 #[inline]
 pub fn placement(me: &OrientedBox, other: &OrientedBox) -> (f64, f64) {
     let d = other.center - me.center;
@@ -90,18 +91,18 @@ pub fn placement(me: &OrientedBox, other: &OrientedBox) -> (f64, f64) {
     let cos = me.axis.dot(&other.axis).abs();
     let sin = me.axis.perp(&other.axis).abs();
     let gap = dx - me.half_length - (other.half_length * cos + other.half_width * sin);
-    let beside = dy.abs() - me.half_width - (other.half_length * sin + other.half_width * cos);
-    (gap, beside)
+    let lateral_gap = dy.abs() - me.half_width - (other.half_length * sin + other.half_width * cos);
+    (gap, lateral_gap)
 }
 
-/// Whether something that lies there ([`placement`]) is a front object: ahead, not turned away too far (`turned`: difference of the
-/// headings, radians, not negative), and enough in the way (Waymo sim-agents metrics).
+/// Returns whether an object with these gaps ([`placement`]) is a front object: ahead, with a limited heading
+/// difference (`turned`, radians, not negative) and a sufficient lateral overlap (Waymo sim-agents metrics).
 #[inline]
-pub fn is_front(gap: f64, beside: f64, turned: f64) -> bool {
+pub fn is_front(gap: f64, lateral_gap: f64, turned: f64) -> bool {
     gap > 0.0
-        && beside < 0.0
+        && lateral_gap < 0.0
         && turned <= FRONT_DEGREES.to_radians()
-        && (beside < -LATERAL_OVERLAP || turned <= ALIGNED_DEGREES.to_radians())
+        && (lateral_gap < -LATERAL_OVERLAP || turned <= ALIGNED_DEGREES.to_radians())
 }
 
 fn speed(case: &Case<'_>, object: usize, frame: usize) -> f64 {
@@ -116,7 +117,7 @@ fn speed(case: &Case<'_>, object: usize, frame: usize) -> f64 {
     }
 }
 
-/// Vehicles with a risky approach to the AV.
+/// Number of vehicles with a risky approach to the AV.
 #[derive(Debug)]
 pub(super) struct Risky;
 

@@ -1,11 +1,11 @@
-//! Path length that vehicles lose although nothing asks them to react (`docs/over-reaction.md`).
+//! Path length lost by vehicles that have no reason to react (`docs/over-reaction.md`).
 
 use super::progress::free_path;
 use super::responders::excess;
 use super::{Case, Event, Metric, MetricSpec, Score, Unit};
 
-/// Mean over the vehicles without a response in the certificate, which drive in the log and keep clear of the AV there, of the path length
-/// that they drive less than in the log.
+/// Mean path length, in metres, that vehicles drive less than in the log. It covers the vehicles without a
+/// response in the certificate that move in the log and whose logged boxes keep clear of the AV.
 #[derive(Debug)]
 pub(super) struct UndisturbedLoss;
 
@@ -16,7 +16,8 @@ impl Metric for UndisturbedLoss {
             title: "Way lost",
             unit: Unit::Metres,
             lower_is_better: true,
-            source: "reactsim, docs/over-reaction.md: path length lost against the log by vehicles that need not answer the AV",
+            source: "reactsim, docs/over-reaction.md: path length lost against the log by vehicles that \
+                     need not answer the AV",
         }
     }
 

@@ -1,9 +1,9 @@
 //! Scenes and rollouts from above, as SVG.
 //!
-//! The map, the agents as boxes with the direction that they face, their trails, the AV in a colour of its own, and the lights at
-//! the drawn step. With a rollout the realised tracks are drawn solid and the logged ones as thin dashed ghosts. North is up;
-//! nothing outside the view is written. Colours are those of Okabe and Ito, which most colour-blind people tell apart; what
-//! matters differs in shape too.
+//! A picture shows the map, the agents as boxes with their headings and trails, the AV in its own
+//! colour, and the lights at the drawn step. With a rollout, realised tracks are solid and logged ones
+//! thin dashed ghosts. North is up; nothing outside the view is written. Colours are those of Okabe and
+//! Ito, which most colour-blind people can distinguish; important elements also differ in shape.
 
 mod agents;
 mod canvas;
@@ -16,7 +16,7 @@ use self::canvas::{Canvas, Window};
 use crate::geometry::Vec2;
 use crate::scene::{CURRENT, DT, FUTURE, Frame, Scenario};
 
-/// What is in the middle of a picture.
+/// Centre of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Middle {
     /// The AV at the drawn step.
@@ -25,27 +25,27 @@ pub enum Middle {
     Point(Vec2),
 }
 
-/// How several drawn steps share the picture.
+/// Arrangement of several drawn steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
     /// One panel per step, side by side, four to a row.
     Strip,
-    /// All steps in one panel, earlier ones paler; the middle and the lights are those of the last step.
+    /// All steps in one panel, earlier ones paler; the centre and the lights are those of the last step.
     Overlay,
 }
 
-/// An event to be pointed out.
+/// An event to mark in a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mark {
-    /// Id of the agent; marks of unknown agents are passed over.
+    /// Id of the agent; marks of unknown agents are ignored.
     pub agent: String,
     /// Step of the event, 1 to 80.
     pub step: usize,
-    /// What happened.
+    /// Kind of event.
     pub kind: MarkKind,
 }
 
-/// What a [`Mark`] points out.
+/// Kind of event that a [`Mark`] shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MarkKind {
     /// A collision at fault: a thick ring.
@@ -58,24 +58,24 @@ pub enum MarkKind {
     OffRoad,
 }
 
-/// What to draw, and how.
+/// Settings of a picture.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
-    /// What is in the middle.
+    /// Centre of the picture.
     pub middle: Middle,
     /// Half of the side of a panel, metres; at least 5.
     pub radius: f64,
-    /// Steps to draw, 0 (the current frame) to 80; greater ones are taken for 80, none for the current frame.
+    /// Steps to draw, 0 (the current frame) to 80; larger ones are clamped to 80. If empty, step 0.
     pub steps: Vec<usize>,
-    /// How the steps share the picture.
+    /// Arrangement of the steps.
     pub layout: Layout,
     /// Side of a panel, pixels; at least 100.
     pub size: f64,
-    /// First line; without it the id of the scenario.
+    /// Title; by default the id of the scenario.
     pub title: Option<String>,
-    /// Whether ids are written beside agents.
+    /// Whether to write ids next to agents.
     pub ids: bool,
-    /// Realised tracks: per agent (order of the scenario) 91 frames. Without them the log is drawn.
+    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is drawn.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout.
     pub marks: Vec<Mark>,
@@ -97,20 +97,20 @@ impl Default for View<'_> {
     }
 }
 
-/// Panels in a row of a strip.
-const ROW: usize = 4;
+/// Panels per row of a strip.
+const PANELS_PER_ROW: usize = 4;
 /// Height of the title, pixels.
-const HEAD: f64 = 40.0;
+const TITLE_HEIGHT: f64 = 40.0;
 /// Height of the legend, pixels.
-const FOOT: f64 = 34.0;
+const LEGEND_HEIGHT: f64 = 34.0;
 /// Space around panels, pixels.
-const GAP: f64 = 12.0;
+const PANEL_GAP: f64 = 12.0;
 
-/// Everything that the parts of a picture draw from.
+/// Input of the drawing functions.
 struct Scene<'a> {
     scenario: &'a Scenario,
     view: &'a View<'a>,
-    /// Per agent its logged 91 frames.
+    /// The 91 logged frames of each agent.
     logged: Vec<Vec<Frame>>,
 }
 
@@ -120,12 +120,12 @@ impl<'a> Scene<'a> {
         Self { scenario, view, logged: (0..agents).map(|i| scenario.logged(i)).collect() }
     }
 
-    /// The tracks that are drawn solid.
+    /// Returns the tracks that are drawn solid.
     fn tracks(&self) -> &[Vec<Frame>] {
         self.view.rollout.unwrap_or(&self.logged)
     }
 
-    /// A state of a drawn track; `None` where it is absent or the track is too short.
+    /// Returns a state of a drawn track; `None` if it is absent or the track is too short.
     fn state(&self, agent: usize, step: usize) -> Frame {
         let frame = self.tracks().get(agent)?.get(CURRENT + step).copied().flatten();
         frame.filter(|s| s.is_finite())
@@ -147,21 +147,25 @@ pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
         }
     };
     let size = if view.size.is_finite() { view.size.max(100.0) } else { 720.0 };
-    let (columns, rows) = (panels.len().min(ROW), panels.len().div_ceil(ROW));
-    let width = GAP + columns as f64 * (size + GAP);
-    let height = HEAD + rows as f64 * (size + GAP) + FOOT;
+    let (columns, rows) = (panels.len().min(PANELS_PER_ROW), panels.len().div_ceil(PANELS_PER_ROW));
+    let width = PANEL_GAP + columns as f64 * (size + PANEL_GAP);
+    let height = TITLE_HEIGHT + rows as f64 * (size + PANEL_GAP) + LEGEND_HEIGHT;
     let mut canvas = Canvas::new(width, height);
     let title = view.title.as_deref().unwrap_or(&scenario.id);
-    canvas.text(Vec2::new(GAP, 26.0), title, "font-size=\"17\" font-weight=\"600\" fill=\"#22252b\"");
+    canvas.text(Vec2::new(PANEL_GAP, 26.0), title, "font-size=\"17\" font-weight=\"600\" fill=\"#22252b\"");
     for (i, steps) in panels.iter().enumerate() {
-        let corner = Vec2::new(GAP + (i % ROW) as f64 * (size + GAP), HEAD + (i / ROW) as f64 * (size + GAP));
+        let (column, row) = (i % PANELS_PER_ROW, i / PANELS_PER_ROW);
+        let corner = Vec2::new(
+            PANEL_GAP + column as f64 * (size + PANEL_GAP),
+            TITLE_HEIGHT + row as f64 * (size + PANEL_GAP),
+        );
         panel(&mut canvas, &scene, steps, corner, size, i);
     }
-    legend(&mut canvas, &scene, height - FOOT + 12.0, width);
+    legend(&mut canvas, &scene, height - LEGEND_HEIGHT + 12.0, width);
     canvas.finish()
 }
 
-/// One panel: the map, and the agents at some steps of which the last counts most.
+/// Draws one panel: the map, and the agents at the given steps, most prominently at the last one.
 fn panel(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize], corner: Vec2, size: f64, number: usize) {
     let last = steps[steps.len() - 1];
     let middle = match scene.view.middle {
@@ -185,7 +189,7 @@ fn panel(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize], corner: Vec2, 
     canvas.close_window();
 }
 
-/// A bar of a round length, at the bottom left.
+/// Draws a scale bar of a round length at the bottom left.
 fn scale_bar(canvas: &mut Canvas, corner: Vec2, size: f64, radius: f64) {
     let lengths = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
     let metres = lengths.into_iter().rfind(|l| *l <= radius / 2.0).unwrap_or(1.0);
@@ -198,9 +202,9 @@ fn scale_bar(canvas: &mut Canvas, corner: Vec2, size: f64, radius: f64) {
     canvas.label(Vec2::new(x + pixels + 6.0, y), &format!("{metres} m"));
 }
 
-/// What the colours and signs mean: only those that the picture can hold.
+/// Draws the legend of the colours and signs that can occur in the picture.
 fn legend(canvas: &mut Canvas, scene: &Scene<'_>, y: f64, width: f64) {
-    let mut x = GAP;
+    let mut x = PANEL_GAP;
     let mut entry = |canvas: &mut Canvas, sign: &str, text: &str| {
         let space = 30.0 + 6.6 * text.chars().count() as f64;
         if x + space > width {

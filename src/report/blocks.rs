@@ -1,4 +1,4 @@
-//! Tables of references in Markdown files, between marks, so that no number is copied by hand.
+//! Tables of references in Markdown files, between markers, so that no number is copied by hand.
 //!
 //! ```text
 //! <!-- table references/reactsim-bench-v1 columns=aav-collision,ade models=idm,stop difficulty=hard -->
@@ -16,50 +16,50 @@ const BEGIN: &str = "<!-- table ";
 const CLOSE: &str = "-->";
 const END: &str = "<!-- end -->";
 
-/// A table between marks.
+/// A table between two markers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
-    /// Line of the opening mark, from 1.
+    /// Line of the opening marker, from 1.
     pub line: usize,
-    /// The opening mark without its brackets, to name the block.
+    /// Content of the opening marker, which names the block.
     pub name: String,
     /// Folder of the reference.
     pub reference: String,
-    /// Which part of its table is shown.
+    /// Selected part of its table.
     pub selection: Selection,
-    /// Where the table stands in the text, both marks excluded.
+    /// Byte range of the table in the text, markers excluded.
     pub place: Range<usize>,
 }
 
-/// Which part of a table is shown.
+/// Selected part of a table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Columns in their order; those that a report has if there are none.
+    /// Columns in order; if empty, those of a report.
     pub columns: Vec<Column>,
-    /// Ids of simulators in their order; all if there are none.
+    /// Ids of simulators in order; if empty, all.
     pub models: Vec<String>,
-    /// Which scenarios count.
+    /// Scenarios that the table covers.
     pub part: Part,
 }
 
-/// Why the blocks of a text cannot be used.
+/// Error in the blocks of a text.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BlockError {
-    /// A mark cannot be read.
+    /// A marker is malformed.
     #[error("line {line}: {reason}")]
     Mark {
-        /// The line, from 1.
+        /// Line, from 1.
         line: usize,
-        /// Why, and what to write.
+        /// Reason and remedy.
         reason: String,
     },
 }
 
-/// The blocks of a Markdown text. Marks inside fenced code are text.
+/// Finds the blocks of a Markdown text. Markers inside fenced code are ignored.
 ///
 /// # Errors
-/// [`BlockError`] names the line of a mark that cannot be read, or that is not closed.
+/// [`BlockError`] with the line of a marker that is malformed or not closed.
 pub fn blocks(text: &str) -> Result<Vec<Block>, BlockError> {
     let mut blocks: Vec<Block> = Vec::new();
     let (mut at, mut fenced) = (0, false);
@@ -73,7 +73,7 @@ pub fn blocks(text: &str) -> Result<Vec<Block>, BlockError> {
             continue;
         }
         if let Some(mark) = trimmed.strip_prefix(BEGIN) {
-            let mark = mark.strip_suffix(CLOSE).ok_or_else(|| wrong("the mark does not end with `-->`"))?;
+            let mark = mark.strip_suffix(CLOSE).ok_or_else(|| wrong("the marker does not end with `-->`"))?;
             if let Some(earlier) = &open {
                 return Err(wrong(&format!("the table of line {} is not ended with `{END}`", earlier.line)));
             }
@@ -95,7 +95,7 @@ pub fn blocks(text: &str) -> Result<Vec<Block>, BlockError> {
 fn parse(line: usize, mark: &str, at: usize) -> Result<Block, String> {
     let mut words = mark.split_whitespace();
     let reference =
-        words.next().ok_or("the mark names no reference: write `<!-- table references/NAME -->`")?;
+        words.next().ok_or("the marker names no reference: write `<!-- table references/NAME -->`")?;
     let mut selection = Selection::default();
     for word in words {
         let (key, value) = word.split_once('=').ok_or_else(|| format!("`{word}` is not KEY=VALUE"))?;
@@ -121,10 +121,10 @@ fn parse(line: usize, mark: &str, at: usize) -> Result<Block, String> {
     Ok(Block { line, name, reference, selection, place: at..at })
 }
 
-/// The table of a block, as a report of the reference has it, and below it what it is of.
+/// Renders the table of a block as in a report of the reference, with a line on its source below.
 ///
 /// # Errors
-/// [`ReferenceError`] if the reference has no such simulator or no scenarios of this part.
+/// [`ReferenceError`] if the reference lacks a simulator or has no scenarios of this part.
 pub fn render(reference: &Reference, selection: &Selection) -> Result<String, ReferenceError> {
     let summary = &reference.summary;
     let part = reference.part(&selection.part)?;
@@ -156,7 +156,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
     };
     let scenarios = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
     let mut text = Vec::new();
-    write_table(&mut text, &columns, &lines).expect("memory takes a table");
+    write_table(&mut text, &columns, &lines).expect("writing to memory does not fail");
     let mut text = String::from_utf8_lossy(&text).into_owned();
     let what = match &selection.part {
         Part::All => String::new(),

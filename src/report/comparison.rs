@@ -1,15 +1,16 @@
-//! Comparisons of two results, as people read them.
+//! Comparisons of two results as tables.
 
 use std::io::{self, Write};
 
 use super::markdown::{escape, write_aligned};
 use super::table::{COLUMNS, Column, count};
-use crate::evaluation::{Comparison, Paired};
+use crate::evaluation::{Comparison, PairedDifference};
 
-/// Writes comparisons as Markdown; at most `most` scenarios are listed that changed for the better, and for the worse, per metric.
+/// Writes comparisons as Markdown. Per metric, lists at most `most` scenarios that got better and at most
+/// `most` that got worse.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write(comparisons: &[Comparison], most: usize, out: &mut dyn Write) -> io::Result<()> {
     for (i, comparison) in comparisons.iter().enumerate() {
         let Comparison { first, second, scenarios, unpaired, .. } = comparison;
@@ -37,22 +38,23 @@ pub fn write(comparisons: &[Comparison], most: usize, out: &mut dyn Write) -> io
     }
     writeln!(
         out,
-        "\nSecond minus first, scenario by scenario: mean with its 95 % bootstrap interval; p by a permutation test of the signs."
+        "\nSecond minus first, scenario by scenario: mean with its 95 % bootstrap interval; \
+         p by a permutation test of the signs."
     )
 }
 
-/// What is less probable is not told apart.
-const LEAST_P: f64 = 0.0001;
+/// Smallest p-value that is printed as a number.
+const MIN_PRINTED_P: f64 = 0.0001;
 
-/// What stands above the columns.
+/// Column heads.
 const HEAD: [&str; 7] = ["Metric", "First", "Second", "Difference", "p", "Better in", "Worse in"];
 
-/// The metrics of a comparison in the order of the tables.
-fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &Paired)> {
+/// Returns the metrics of a comparison in the order of the tables.
+fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &PairedDifference)> {
     COLUMNS.iter().filter_map(|c| Some((*c, comparison.metrics.get(c.metric)?)))
 }
 
-fn row(column: &Column, paired: &Paired) -> Vec<String> {
+fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {
     let interval = match (paired.difference.low, paired.difference.high) {
         (Some(low), Some(high)) => format!(" [{}, {}]", signed(column, low), signed(column, high)),
         _ => String::new(),
@@ -62,13 +64,13 @@ fn row(column: &Column, paired: &Paired) -> Vec<String> {
         column.number(paired.first),
         column.number(paired.second),
         format!("{}{interval}", signed(column, paired.second - paired.first)),
-        if paired.p < LEAST_P { format!("< {LEAST_P}") } else { format!("{:.4}", paired.p) },
+        if paired.p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{:.4}", paired.p) },
         paired.better.len().to_string(),
         paired.worse.len().to_string(),
     ]
 }
 
-/// A number with its sign; what is shown as 0 has none.
+/// Formats a number with its sign; numbers that round to 0 have none.
 pub(super) fn signed(column: &Column, value: f64) -> String {
     let text = column.number(value.abs());
     match value {

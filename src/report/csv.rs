@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use super::long::records;
 use super::{Column, Exporter, Run};
 
-/// The form.
+/// The CSV format.
 pub(super) struct Csv;
 
 impl Exporter for Csv {
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quotes_what_needs_it() {
+    fn fields_are_quoted_if_necessary() {
         assert_eq!(quote("a,\"b\""), "\"a,\"\"b\"\"\"");
         assert_eq!(quote("idm"), "idm");
     }

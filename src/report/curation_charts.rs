@@ -1,4 +1,4 @@
-//! The figures of a set of deviations as charts (SVG).
+//! Statistics of a set of deviations as charts (SVG).
 
 mod funnel;
 mod histogram;
@@ -24,25 +24,25 @@ pub(super) const FONT: &str = "sans-serif";
 pub struct Chart {
     /// Name of the file.
     pub name: &'static str,
-    /// Its content. The same figures give the same bytes.
+    /// Its content. The same statistics give the same bytes.
     pub svg: String,
 }
 
-/// Why a chart can not be drawn: the drawing library's words.
+/// Error of the drawing library.
 #[derive(Debug, thiserror::Error)]
 #[error("could not draw {chart}: {cause}")]
 pub struct ChartError {
     /// Name of the file.
     pub chart: &'static str,
-    /// What the library says.
+    /// Message of the library.
     pub cause: String,
 }
 
-pub(super) type Drawn = Result<(), Box<dyn std::error::Error>>;
-type Draw = fn(&Area<'_>, &Statistics) -> Drawn;
+pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
+type Draw = fn(&Area<'_>, &Statistics) -> DrawResult;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// The place of the axes and of what they span, below title and legend.
+/// Reserves space for the axes and the plot, below title and legend.
 fn layout<'a, 'b>(area: &'a Area<'b>) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
     let mut builder = ChartBuilder::on(area);
     builder.margin_top(98).margin_right(28).margin_bottom(12).margin_left(12);
@@ -50,8 +50,8 @@ fn layout<'a, 'b>(area: &'a Area<'b>) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
     builder
 }
 
-/// How axes, their labels and the lines between look.
-fn style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) -> Drawn {
+/// Styles axes, labels and grid lines.
+fn style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend<'_>>) -> DrawResult {
     mesh.label_style((FONT, 14))
         .axis_desc_style((FONT, 15))
         .light_line_style(TRANSPARENT)
@@ -61,10 +61,10 @@ fn style(mesh: &mut MeshStyle<'_, '_, RangedCoordf64, RangedCoordf64, SVGBackend
     Ok(())
 }
 
-/// All charts.
+/// Draws all charts.
 ///
 /// # Errors
-/// [`ChartError`] when the drawing library refuses; it does so only where it has no place to draw.
+/// [`ChartError`] if the drawing library fails, which it does only without space to draw.
 pub fn charts(statistics: &Statistics) -> Result<Vec<Chart>, ChartError> {
     let draw: [(&'static str, Draw); 4] = [
         ("endpoints.svg", scatter::endpoints),
@@ -75,7 +75,7 @@ pub fn charts(statistics: &Statistics) -> Result<Vec<Chart>, ChartError> {
     draw.into_iter().map(|(name, draw)| chart(name, |area| draw(area, statistics))).collect()
 }
 
-fn chart(name: &'static str, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<Chart, ChartError> {
+fn chart(name: &'static str, draw: impl FnOnce(&Area<'_>) -> DrawResult) -> Result<Chart, ChartError> {
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
     let drawn = area
@@ -88,7 +88,7 @@ fn chart(name: &'static str, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<Ch
     Ok(Chart { name, svg })
 }
 
-/// A colour of the palette.
+/// Converts a colour of the palette.
 pub(super) fn color(hex: &str) -> RGBColor {
     let part = |i: usize| hex.get(i..i + 2).and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
     RGBColor(part(1), part(3), part(5))
@@ -98,8 +98,8 @@ fn category_color(category: Deviation) -> RGBColor {
     color(palette::category(category))
 }
 
-/// Text of this size; `at` is its left, middle or right, halfway up.
-fn text(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos) -> Drawn {
+/// Draws text; `at` is its left, centre or right (by `side`), at half its height.
+fn text(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos) -> DrawResult {
     styled(area, what, at, size, side, color(palette::STOP))
 }
 
@@ -110,31 +110,31 @@ pub(super) fn styled(
     size: u32,
     side: HPos,
     ink: RGBColor,
-) -> Drawn {
+) -> DrawResult {
     let style = (FONT, size).into_font().color(&ink).pos(Pos::new(side, VPos::Center));
     area.draw_text(what, &style, at)?;
     Ok(())
 }
 
-/// A title with a line of small print below it.
-fn title(area: &Area<'_>, what: &str, about: &str) -> Drawn {
+/// Draws a title with a line of small text below it.
+fn title(area: &Area<'_>, what: &str, about: &str) -> DrawResult {
     text(area, what, (24, 26), 21, HPos::Left)?;
     styled(area, about, (24, 50), 14, HPos::Left, color(palette::GHOST))
 }
 
-/// A number on an axis: no digits that say nothing.
+/// Formats a number on an axis, without trailing zeros.
 pub(super) fn tick(value: &f64) -> String {
-    // What the library counts up is off by some last bits.
+    // The library accumulates rounding errors in the last bits.
     let rounded = (value * 1e6).round() / 1e6;
     if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }
 }
 
-/// The categories in one row, each with its mark and the number of its candidates.
+/// Draws the categories in one row, each with its mark and its number of candidates.
 fn legend(
     area: &Area<'_>,
     statistics: &Statistics,
-    mark: impl Fn(&Area<'_>, Deviation, (i32, i32)) -> Drawn,
-) -> Drawn {
+    mark: impl Fn(&Area<'_>, Deviation, (i32, i32)) -> DrawResult,
+) -> DrawResult {
     for (i, category) in Deviation::ALL.into_iter().enumerate() {
         let (x, y) = (90 + 190 * i as i32, 78);
         mark(area, category, (x, y))?;
@@ -144,7 +144,7 @@ fn legend(
     Ok(())
 }
 
-/// What stands where a set is empty.
-fn nothing(area: &Area<'_>) -> Drawn {
+/// Draws the message for an empty set.
+fn empty_message(area: &Area<'_>) -> DrawResult {
     text(area, "No candidate is chosen.", (400, 270), 18, HPos::Center)
 }

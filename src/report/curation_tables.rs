@@ -1,4 +1,4 @@
-//! The figures of a set of deviations as tables for people.
+//! Statistics of a set of deviations as readable tables.
 
 use std::io::{self, Write};
 
@@ -7,10 +7,10 @@ use crate::curation::stats::{Confusion, Distribution, Part, Statistics};
 use crate::curation::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH};
 use crate::scene::{Deviation, Difficulty};
 
-/// Writes how many scenarios and candidates were left after each step, and the counts of the categories.
+/// Writes the numbers of scenarios and candidates left after each step, and the counts by category.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_overview(out: &mut dyn Write, statistics: &Statistics) -> io::Result<()> {
     write_aligned(out, &funnel(statistics), 1)?;
     writeln!(out)?;
@@ -28,10 +28,10 @@ pub fn write_overview(out: &mut dyn Write, statistics: &Statistics) -> io::Resul
     write_aligned(out, &rows, 1)
 }
 
-/// Writes everything that the analysis of the paper has, as tables.
+/// Writes all tables of the paper's analysis.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Result<()> {
     if statistics.interrupted {
         writeln!(out, "The curation was interrupted: this is what was finished until then.\n")?;
@@ -79,7 +79,7 @@ fn texts(cells: &[&str]) -> Vec<String> {
     cells.iter().map(|c| (*c).to_owned()).collect()
 }
 
-/// The categories in their order, then all together.
+/// Returns the categories in order, then their total.
 fn parts(statistics: &Statistics) -> Vec<(String, &Part)> {
     let of = |c: Deviation| Some((capital(c.name()), statistics.categories.get(c.name())?));
     let mut parts: Vec<_> = Deviation::ALL.into_iter().filter_map(of).collect();
@@ -87,7 +87,7 @@ fn parts(statistics: &Statistics) -> Vec<(String, &Part)> {
     parts
 }
 
-/// One line per step with what is left, and before it what fell.
+/// Returns one row per step with the numbers left, preceded by the rejections of the step.
 fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
     let funnel = &statistics.funnel;
     let mut rows = vec![texts(&["Step", "Scenarios", "Candidates"])];
@@ -111,17 +111,19 @@ fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
     rows
 }
 
-/// How many scenarios fell at each rule of step 1, in the order in which rules are asked; those that this program does not know last.
+/// Returns the numbers of scenarios rejected by each rule of step 1, in the order of the rules; rules
+/// unknown to this program come last.
 pub(super) fn dropped(statistics: &Statistics) -> Vec<(&str, u64)> {
-    const ASKED: [&str; 3] = [FEW_VEHICLES, NO_APPROACH, AV_ABSENT];
-    let place = |rule: &str| ASKED.iter().position(|asked| *asked == rule).unwrap_or(ASKED.len());
+    const RULES: [&str; 3] = [FEW_VEHICLES, NO_APPROACH, AV_ABSENT];
+    let place = |rule: &str| RULES.iter().position(|known| *known == rule).unwrap_or(RULES.len());
     let rules = &statistics.funnel.preselection;
     let mut dropped: Vec<(&str, u64)> = rules.iter().map(|(rule, n)| (rule.as_str(), *n)).collect();
     dropped.sort_by_key(|(rule, _)| place(rule));
     dropped
 }
 
-/// How many each filter rejected first, in the order in which filters were asked.
+/// Returns the numbers of candidates that each filter was the first to reject, in the order of the
+/// filters.
 pub(super) fn rejections(statistics: &Statistics) -> Vec<(&str, u64)> {
     let rejected = &statistics.funnel.rejected;
     let known = statistics.filters.iter().map(|f| (f.as_str(), rejected.get(f).copied().unwrap_or(0)));
@@ -181,7 +183,7 @@ fn agreement(confusion: &Confusion) -> Vec<Vec<String>> {
     rows
 }
 
-/// Two digits; a dash where there is nothing. No minus before a zero.
+/// Formats a number with two digits, without a minus before zero; a dash for `None`.
 fn number(value: Option<f64>) -> String {
     value.map_or("–".to_owned(), |v| {
         let text = format!("{v:.2}");

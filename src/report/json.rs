@@ -1,11 +1,11 @@
-//! JSON: `summary.json` as it is.
+//! JSON: `summary.json` unchanged.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use super::{Column, Exporter, Run};
 
-/// The form.
+/// The JSON format.
 pub(super) struct Json;
 
 impl Exporter for Json {

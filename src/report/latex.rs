@@ -1,4 +1,4 @@
-//! LaTeX with booktabs, in the form of the paper's main table.
+//! LaTeX with booktabs, in the layout of the paper's main table.
 
 use std::io::{self, Write};
 
@@ -6,7 +6,7 @@ use super::table::{self, Column, Line};
 use super::{Exporter, Run};
 use crate::evaluation::Estimate;
 
-/// The form.
+/// The LaTeX format.
 pub(super) struct Latex;
 
 impl Exporter for Latex {
@@ -40,7 +40,7 @@ impl Exporter for Latex {
         let first = if several { "Run & Method" } else { "Method" };
         writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
         for (i, line) in lines.iter().enumerate() {
-            // The paper sets the oracles apart.
+            // The paper separates the oracles.
             if i > 0 && lines[i - 1].oracle && !line.oracle {
                 writeln!(out, "    \\midrule")?;
             }
@@ -68,7 +68,7 @@ fn row(columns: &[Column], line: &Line<'_>) -> String {
     cells.join(" & ")
 }
 
-/// Text that LaTeX prints as it is.
+/// Escapes text for LaTeX.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! A leaderboard: the simulators of several entries in one table, those with the fewest collisions with the AV first.
+//! A leaderboard: the simulators of several entries in one table, by increasing collisions with the AV.
 
 mod page;
 
@@ -15,10 +15,10 @@ use crate::evaluation::{BenchmarkRecord, Estimate, Summary};
 
 pub use page::write_page;
 
-/// Metric that the lines are sorted by.
-const SORTED_BY: &str = "aav-collision";
+/// Metric by which the lines are sorted.
+const SORT_METRIC: &str = "aav-collision";
 
-/// The forms of a leaderboard on stdout.
+/// Formats of a leaderboard on stdout.
 pub const FORMS: [&str; 3] = ["markdown", "csv", "json"];
 
 /// A simulator of an entry.
@@ -36,10 +36,10 @@ impl Line<'_> {
     }
 }
 
-/// All lines in the order of the table: by collisions with the AV, then in the order of the entries.
+/// Returns all lines, sorted by collisions with the AV, then in the order of the entries.
 fn lines(entries: &[Entry]) -> Vec<Line<'_>> {
     let mut lines: Vec<Line<'_>> = entries.iter().flat_map(lines_of).collect();
-    let key = |line: &Line<'_>| line.mean(SORTED_BY).unwrap_or(f64::INFINITY);
+    let key = |line: &Line<'_>| line.mean(SORT_METRIC).unwrap_or(f64::INFINITY);
     lines.sort_by(|a, b| key(a).total_cmp(&key(b)));
     lines
 }
@@ -49,13 +49,13 @@ fn lines_of(entry: &Entry) -> Vec<Line<'_>> {
     order.map(|(id, title, s)| Line { entry, id, title, oracle: s.oracle, metrics: &s.metrics }).collect()
 }
 
-/// The columns that at least one entry has a number for.
+/// Returns the columns for which at least one entry has a number.
 fn columns(entries: &[Entry]) -> Vec<Column> {
     let summaries: Vec<&Summary> = entries.iter().map(|e| &e.summary).collect();
     Column::used(&summaries, &[])
 }
 
-/// What the table is of: benchmark, scenarios, settings that all entries share.
+/// Describes the benchmark, scenarios and settings that all entries share.
 fn about(entries: &[Entry]) -> String {
     let Some(first) = entries.first() else { return String::new() };
     let provenance = &first.summary.provenance;
@@ -65,7 +65,7 @@ fn about(entries: &[Entry]) -> String {
     parts.join(", ")
 }
 
-/// What the status of an entry means.
+/// Explains the statuses of the entries.
 fn status_legend(entries: &[Entry]) -> Vec<&'static str> {
     let has = |status: Status| entries.iter().any(|e| e.status == status);
     let mut all = Vec::new();
@@ -84,7 +84,7 @@ fn status_legend(entries: &[Entry]) -> Vec<&'static str> {
 /// Writes a leaderboard in one of the [`FORMS`].
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write(entries: &[Entry], form: &str, out: &mut dyn Write) -> io::Result<()> {
     match form {
         "csv" => write_csv(entries, out),

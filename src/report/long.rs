@@ -1,9 +1,9 @@
-//! The long form: one line per run, simulator, category or difficulty, and metric.
+//! The long format: one record per run, simulator, category or difficulty, and metric.
 
 use super::Run;
 use crate::evaluation::Estimate;
 
-/// One number.
+/// An estimate with its keys.
 pub(super) struct Record<'a> {
     pub(super) run: &'a str,
     pub(super) simulator: &'a str,
@@ -18,7 +18,7 @@ pub(super) struct Record<'a> {
     pub(super) estimate: Estimate,
 }
 
-/// All numbers of runs.
+/// Returns all estimates of runs.
 pub(super) fn records<'a>(runs: &'a [Run<'a>]) -> Vec<Record<'a>> {
     let mut out = Vec::new();
     for run in runs {

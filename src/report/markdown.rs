@@ -1,4 +1,4 @@
-//! Markdown, aligned so that it is a table in a terminal too.
+//! Markdown tables, aligned for terminals.
 
 use std::io::{self, Write};
 
@@ -6,7 +6,7 @@ use super::table::{self, Column, Division, Line};
 use super::{Exporter, Run};
 use crate::evaluation::Estimate;
 
-/// The form.
+/// The Markdown format.
 pub(super) struct Markdown;
 
 impl Exporter for Markdown {
@@ -42,7 +42,7 @@ impl Exporter for Markdown {
     }
 }
 
-/// Lines under the heads of columns.
+/// Writes a table with the heads of its columns.
 pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> io::Result<()> {
     let with_run = lines.iter().any(|l| l.run.is_some());
     let with_failed = lines.iter().any(|l| l.failed > 0);
@@ -63,7 +63,7 @@ pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line
     write_aligned(out, &rows, texts)
 }
 
-/// What the marks of a table mean.
+/// Writes the explanation of the marks of a table.
 pub(super) fn legend(out: &mut dyn Write, with_oracles: bool) -> io::Result<()> {
     if with_oracles {
         writeln!(out, "† is shown the log's future.")?;
@@ -74,12 +74,13 @@ pub(super) fn legend(out: &mut dyn Write, with_oracles: bool) -> io::Result<()> 
     )
 }
 
-/// The name of a simulator; oracles have a mark.
+/// Returns the name of a simulator, with a mark for oracles.
 pub(super) fn method(title: &str, oracle: bool) -> String {
     format!("{}{}", escape(title), if oracle { " †" } else { "" })
 }
 
-/// Rows of equal length as a table; the first one is its head. So many columns, from the left, hold text; the others numbers.
+/// Writes rows of equal length as a table; the first row is the head. The first `texts` columns hold text
+/// and are left-aligned, the others numbers.
 pub(super) fn write_aligned(out: &mut dyn Write, rows: &[Vec<String>], texts: usize) -> io::Result<()> {
     let widths: Vec<usize> =
         (0..rows[0].len()).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
@@ -101,7 +102,7 @@ fn pad(text: &str, width: usize, right: bool) -> String {
     if right { format!("{space}{text}") } else { format!("{text}{space}") }
 }
 
-/// A mean with half the width of its interval; a dash where nothing could be judged.
+/// Formats a mean with half the width of its interval; a dash if no scenario has a value.
 pub(super) fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
     match estimate {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
@@ -116,13 +117,13 @@ pub(super) fn capital(text: &str) -> String {
     chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
 }
 
-/// Text that Markdown shows as it is.
+/// Escapes text for Markdown.
 pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
             '\\' | '`' | '*' | '|' | '<' | '>' | '[' | ']' => out.extend(['\\', c]),
-            // Underlines inside words are no emphasis; names of runs and simulators stay readable.
+            // Underscores inside words are no emphasis; names of runs and simulators stay readable.
             c if c.is_control() => out.push(' '),
             c => out.push(c),
         }
@@ -135,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_can_not_break_the_table() {
+    fn names_cannot_break_the_table() {
         assert_eq!(escape("a|b\nc*"), "a\\|b c\\*");
     }
 }

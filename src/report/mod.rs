@@ -1,4 +1,4 @@
-//! What people read: tables and pictures. Knows results; never decides what is run.
+//! Presentation of results: tables, pictures and the page. It never decides what is run.
 
 pub mod animation;
 pub mod birdseye;
@@ -27,35 +27,36 @@ use crate::evaluation::Summary;
 
 pub use table::{COLUMNS, Column};
 
-/// The result of one run, with a name that tells it from others.
+/// The result of one run, with a name that distinguishes it from others.
 #[derive(Clone, Copy, Debug)]
 pub struct Run<'a> {
     /// Name of the run folder; empty for a run without one.
     pub name: &'a str,
-    /// Its result.
+    /// Result of the run.
     pub summary: &'a Summary,
 }
 
-/// A form in which results are given.
+/// An output format of results.
 pub trait Exporter: Sync {
-    /// The name on the command line.
+    /// Returns the name on the command line.
     fn id(&self) -> &'static str;
 
-    /// One line for people.
+    /// Returns a description of one line.
     fn title(&self) -> &'static str;
 
-    /// Writes the results of runs. `also`: columns that tables have besides the usual ones; forms that hold every metric do not need them.
+    /// Writes the results of runs. `also`: additional columns of tables, ignored by formats that hold
+    /// every metric.
     ///
     /// # Errors
-    /// When `out` can not be written.
+    /// If `out` cannot be written.
     fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()>;
 }
 
-/// All forms.
+/// All output formats.
 pub const EXPORTERS: &[&dyn Exporter] =
     &[&markdown::Markdown, &csv::Csv, &json::Json, &parquet::Parquet, &latex::Latex];
 
-/// The form with this name.
+/// Returns the output format with this name.
 pub fn exporter(id: &str) -> Option<&'static dyn Exporter> {
     EXPORTERS.iter().copied().find(|e| e.id() == id)
 }

@@ -1,4 +1,4 @@
-//! Parquet in the long form.
+//! Parquet in the long format.
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use parquet::file::properties::WriterProperties;
 use super::long::records;
 use super::{Column, Exporter, Run};
 
-/// The form.
+/// The Parquet format.
 pub(super) struct Parquet;
 
 impl Exporter for Parquet {
@@ -55,7 +55,7 @@ impl Exporter for Parquet {
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_created_by(format!("reactsim {}", env!("CARGO_PKG_VERSION")))
             .build();
-        // The writer wants a sink that can cross threads; a table is small.
+        // The writer requires a `Send` sink; a table is small enough to buffer.
         let mut bytes = Vec::new();
         let mut writer =
             ArrowWriter::try_new(&mut bytes, batch.schema(), Some(properties)).map_err(io::Error::other)?;

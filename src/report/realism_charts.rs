@@ -1,31 +1,32 @@
-//! Two sets of scenarios side by side, as one picture of small charts (SVG).
+//! Comparison of two sets of scenarios as one picture of small charts (SVG).
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::birdseye::palette;
-use super::curation_charts::{ChartError, Drawn, FONT, color, styled, tick};
+use super::curation_charts::{ChartError, DrawResult, FONT, color, styled, tick};
 use crate::generation::realism::{Comparison, Row, Spread};
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Charts side by side.
+/// Charts per row.
 const COLUMNS: usize = 4;
-/// Size of one, pixels.
+/// Size of a chart, pixels.
 const SIZE: (u32, u32) = (330, 210);
-/// What stands above them, pixels.
-const HEAD: u32 = 92;
+/// Height of title and legend, pixels.
+const HEAD_HEIGHT: u32 = 92;
 /// Name of the picture in errors.
 const NAME: &str = "the comparison";
 
-/// Draws the histograms of both sets over each other, a small chart for each statistic. The same figures give the same bytes.
+/// Draws the histograms of both sets over each other, a small chart for each statistic. The same
+/// comparison gives the same bytes.
 ///
 /// # Errors
-/// [`ChartError`] when the drawing library refuses; it does so only where it has no place to draw.
+/// [`ChartError`] if the drawing library fails, which it does only without space to draw.
 pub fn draw(comparison: &Comparison) -> Result<String, ChartError> {
     let lines = comparison.rows.len().div_ceil(COLUMNS);
-    let size = (SIZE.0 * COLUMNS as u32, HEAD + SIZE.1 * lines as u32);
+    let size = (SIZE.0 * COLUMNS as u32, HEAD_HEIGHT + SIZE.1 * lines as u32);
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
     let drawn = picture(&area, comparison, lines).map_err(|e| e.to_string());
@@ -35,12 +36,13 @@ pub fn draw(comparison: &Comparison) -> Result<String, ChartError> {
     Ok(svg)
 }
 
-fn picture(area: &Area<'_>, comparison: &Comparison, lines: usize) -> Drawn {
+fn picture(area: &Area<'_>, comparison: &Comparison, lines: usize) -> DrawResult {
     area.fill(&WHITE)?;
-    let (head, body) = area.split_vertically(HEAD);
+    let (head, body) = area.split_vertically(HEAD_HEIGHT);
     let (ink, pale) = (color(palette::STOP), color(palette::GHOST));
-    styled(&head, "How real", (24, 26), 21, HPos::Left, ink)?;
-    let about = "Shares of the values in each bin, and the Jensen-Shannon divergence (0 the same, 1 nothing in common).";
+    styled(&head, "Realism", (24, 26), 21, HPos::Left, ink)?;
+    let about = "Shares of the values in each bin, and the Jensen-Shannon divergence \
+                 (0: identical, 1: disjoint).";
     styled(&head, about, (24, 50), 14, HPos::Left, pale)?;
     let side = |s: &crate::generation::realism::Side| {
         format!("{}: {}", s.name, super::table::count(s.scenarios as usize, "scenario"))
@@ -58,8 +60,8 @@ fn picture(area: &Area<'_>, comparison: &Comparison, lines: usize) -> Drawn {
     Ok(())
 }
 
-/// The chart of one statistic.
-fn chart(area: &Area<'_>, row: &Row) -> Drawn {
+/// Draws the chart of one statistic.
+fn chart(area: &Area<'_>, row: &Row) -> DrawResult {
     let unit = if row.unit.is_empty() { String::new() } else { format!(" ({})", row.unit) };
     let ink = color(palette::STOP);
     let name = format!("{}{unit}", row.title);
@@ -71,8 +73,8 @@ fn chart(area: &Area<'_>, row: &Row) -> Drawn {
     }
     let divergence = row.divergence.map_or_else(|| "–".to_owned(), |d| format!("{d:.3}"));
     styled(area, &divergence, (SIZE.0 as i32 - 14, 18), 15, HPos::Right, color(palette::GHOST))?;
-    let (shown, hidden) = (shares(&row.reference), shares(&row.generated));
-    let highest = shown.iter().chain(&hidden).fold(0.0_f64, |a, &b| a.max(b));
+    let (reference, generated) = (shares(&row.reference), shares(&row.generated));
+    let highest = reference.iter().chain(&generated).fold(0.0_f64, |a, &b| a.max(b));
     if highest == 0.0 {
         return styled(area, "no values", (SIZE.0 as i32 / 2, 110), 14, HPos::Center, color(palette::GHOST));
     }
@@ -94,13 +96,13 @@ fn chart(area: &Area<'_>, row: &Row) -> Drawn {
         .y_label_formatter(&|share| format!("{:.0} %", 100.0 * share))
         .draw()?;
     let gap = 0.06 * row.bins.width;
-    let bars = shown.iter().enumerate().filter(|(_, share)| **share > 0.0).map(|(i, &share)| {
+    let bars = reference.iter().enumerate().filter(|(_, share)| **share > 0.0).map(|(i, &share)| {
         let corners = [(row.bins.edge(i) + gap, 0.0), (row.bins.edge(i + 1) - gap, share)];
         Rectangle::new(corners, color(palette::REFERENCE).filled())
     });
     chart.draw_series(bars)?;
     let mut steps = vec![(left, 0.0)];
-    for (i, &share) in hidden.iter().enumerate() {
+    for (i, &share) in generated.iter().enumerate() {
         steps.extend([(row.bins.edge(i), share), (row.bins.edge(i + 1), share)]);
     }
     steps.push((right, 0.0));
@@ -110,7 +112,7 @@ fn chart(area: &Area<'_>, row: &Row) -> Drawn {
     Ok(())
 }
 
-/// The share of each bin; nothing where there is no value.
+/// Returns the share of each bin; zeros without values.
 fn shares(spread: &Spread) -> Vec<f64> {
     let n = spread.n.max(1) as f64;
     spread.histogram.iter().map(|&count| count as f64 / n).collect()

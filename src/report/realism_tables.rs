@@ -1,14 +1,14 @@
-//! Two sets of scenarios side by side, as tables for people and for programs.
+//! Comparison of two sets of scenarios as Markdown, CSV and JSON.
 
 use std::io::{self, Write};
 
 use super::markdown::{escape, write_aligned};
 use crate::generation::realism::{Comparison, Row, Side, Spread};
 
-/// Writes the comparison as tables in Markdown: the statistics by which a set is judged, then what else differs.
+/// Writes the comparison as Markdown tables: the statistics by which a set is judged, then the others.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_markdown(out: &mut dyn Write, comparison: &Comparison) -> io::Result<()> {
     let Comparison { generated, reference, .. } = comparison;
     writeln!(out, "{} against {}.\n", side(generated), side(reference))?;
@@ -17,12 +17,12 @@ pub fn write_markdown(out: &mut dyn Write, comparison: &Comparison) -> io::Resul
     if let Some(worst) = judged.filter(|r| r.divergence.is_some()).max_by(by_divergence) {
         writeln!(out, "\nLargest divergence: {} ({}).\n", share(worst.divergence), lower(worst.title))?;
     }
-    writeln!(out, "What else differs:\n")?;
+    writeln!(out, "Other statistics:\n")?;
     table(out, comparison, false)?;
     writeln!(
         out,
-        "\nQuartiles: lower, median, upper. JSD: Jensen-Shannon divergence of the histograms, base 2, 0 to 1. Chance: the same between \
-         the halves of the reference.\n"
+        "\nQuartiles: lower, median, upper. JSD: Jensen-Shannon divergence of the histograms, base 2, \
+         0 to 1. Chance: the same between the halves of the reference.\n"
     )?;
     let rows = comparison.rows.iter().map(|r| vec![r.title.to_owned(), r.of.to_owned()]);
     let head = vec!["Statistic".to_owned(), "One value per".to_owned()];
@@ -34,7 +34,7 @@ fn by_divergence(a: &&Row, b: &&Row) -> std::cmp::Ordering {
     value(a).total_cmp(&value(b))
 }
 
-/// A set in words.
+/// Describes a set.
 fn side(side: &Side) -> String {
     let scenarios = super::table::count(side.scenarios as usize, "scenario");
     let failed = if side.failures > 0 { format!(", {} unreadable", side.failures) } else { String::new() };
@@ -69,12 +69,12 @@ fn quartiles(spread: &Spread, row: &Row) -> String {
     if spread.n == 0 { "–".to_owned() } else { each.map(|v| number(v, row)).join(" / ") }
 }
 
-/// A number with as many digits as the width of the bins tells apart.
+/// Formats a number with the precision of the bins.
 fn number(value: Option<f64>, row: &Row) -> String {
     let digits = if row.bins.width < 0.1 { 3 } else { 2 };
     let Some(value) = value else { return "–".to_owned() };
     let text = format!("{value:.digits$}");
-    // No minus before a zero; a real one before other numbers.
+    // No sign before a zero; a typographic minus before other numbers.
     match text.strip_prefix('-') {
         Some(zero) if zero.trim_matches(['0', '.']).is_empty() => zero.to_owned(),
         Some(positive) => format!("−{positive}"),
@@ -86,10 +86,10 @@ fn share(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |v| format!("{v:.3}"))
 }
 
-/// Writes the comparison as CSV: one line per statistic and set. Histograms are in the JSON.
+/// Writes the comparison as CSV: one line per statistic and set, without histograms.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_csv(out: &mut dyn Write, comparison: &Comparison) -> io::Result<()> {
     writeln!(
         out,
@@ -106,10 +106,10 @@ pub fn write_csv(out: &mut dyn Write, comparison: &Comparison) -> io::Result<()>
     Ok(())
 }
 
-/// Writes the comparison as JSON, histograms and their bins with it.
+/// Writes the comparison as JSON, including histograms and their bins.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_json(out: &mut dyn Write, comparison: &Comparison) -> io::Result<()> {
     serde_json::to_writer_pretty(&mut *out, comparison)?;
     out.write_all(b"\n")

@@ -1,4 +1,4 @@
-//! Studies, as tables for people and for programs.
+//! Studies as Markdown tables and as JSON.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -13,35 +13,36 @@ use crate::evaluation::{
     Comparison, Difference, Estimate, Member, SimulatorSummary, StudyKind, StudyResults, Summary,
 };
 
-/// How agents get on with the AV: what the paper studies.
-const REACTION: &[&str] = &["aav-collision", "aav-ttc"];
-/// What the paper's table 2 has of the realism protocol, and the smallest displacement of any rollout.
-const REALISM: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
-/// The metrics of the benchmark are the first columns of its table.
-const SEVEN: usize = 7;
+/// Metrics of the interaction with the AV, as in the paper's studies.
+const REACTION_METRICS: &[&str] = &["aav-collision", "aav-ttc"];
+/// Metrics of the realism protocol: those of the paper's table 2, and the smallest displacement over
+/// rollouts.
+const REALISM_METRICS: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
+/// Number of metrics of the benchmark, which are the first of [`COLUMNS`].
+const BENCHMARK_METRICS: usize = 7;
 
-/// The columns of a member of a study.
+/// Returns the columns of a member of a study.
 fn columns(kind: StudyKind, member: &Member, also: &[Column]) -> Vec<Column> {
     let of = |ids: &[&'static str]| ids.iter().map(|metric| Column { metric }).collect();
     let usual = match kind {
         StudyKind::Replan | StudyKind::Realism if member.protocol.as_deref() == Some("realism") => {
-            of(REALISM)
+            of(REALISM_METRICS)
         }
-        StudyKind::Replan | StudyKind::Realism => of(REACTION),
-        StudyKind::Guards => COLUMNS[..SEVEN].to_vec(),
+        StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
+        StudyKind::Guards => COLUMNS[..BENCHMARK_METRICS].to_vec(),
     };
     Column::with(usual, also)
 }
 
-/// The members of a study with their results.
+/// Returns the members of a study with their results.
 fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> {
     results.study.members.iter().zip(&results.summaries)
 }
 
-/// Writes the tables of a study as Markdown, with the columns `also` besides the usual ones.
+/// Writes the tables of a study as Markdown, with `also` as additional columns.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_markdown(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     match results.study.kind {
         StudyKind::Replan => replan(results, also, out)?,
@@ -54,7 +55,8 @@ pub fn write_markdown(results: &StudyResults, also: &[Column], out: &mut dyn Wri
     if results.study.kind == StudyKind::Guards {
         writeln!(
             out,
-            "Differences are paired, scenario by scenario; bold where the interval, which need not be symmetric, leaves 0 out."
+            "Differences are paired, scenario by scenario; bold where the interval, which need not be \
+             symmetric, leaves 0 out."
         )?;
     }
     writeln!(out)?;
@@ -65,12 +67,12 @@ pub fn write_markdown(results: &StudyResults, also: &[Column], out: &mut dyn Wri
     Ok(())
 }
 
-/// An estimate of a simulator in a run; a dash where there is none.
+/// Formats an estimate of a simulator in a run; a dash if there is none.
 fn number(summary: &Summary, simulator: &str, column: &Column) -> String {
     cell(column, summary.simulators.get(simulator).and_then(|s| s.metrics.get(column.metric)))
 }
 
-/// Per metric a table: simulators by intervals.
+/// Writes one table per metric: simulators by replan interval.
 fn replan(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
     let Some((member, _)) = members(results).next() else { return Ok(()) };
@@ -88,7 +90,7 @@ fn replan(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::R
     Ok(())
 }
 
-/// One table: simulators by metrics of both protocols.
+/// Writes one table: simulators by metrics of both protocols.
 fn realism(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
     let kind = results.study.kind;
@@ -108,10 +110,10 @@ fn realism(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::
     write_aligned(out, &rows, 1)
 }
 
-/// Two tables: simulators in all their variants, and what these differ by from the simulators as they are.
+/// Writes two tables: the metrics of all variants, and their differences from the unchanged simulators.
 fn guards(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
-    let columns = Column::with(COLUMNS[..SEVEN].to_vec(), also);
+    let columns = Column::with(COLUMNS[..BENCHMARK_METRICS].to_vec(), also);
     let titles = ["Method", "Variant"].map(str::to_owned).into_iter();
     let head: Vec<String> = titles.chain(columns.iter().map(Column::head)).collect();
     let (mut values, mut differences) = (vec![head.clone()], vec![head]);
@@ -122,7 +124,7 @@ fn guards(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::R
                 let about = [method.clone(), member.label.clone()].into_iter();
                 values.push(about.clone().chain(columns.iter().map(|c| number(summary, id, c))).collect());
                 if let Some(found) = difference(results, i, id) {
-                    let cells = columns.iter().map(|c| worth(c, found.comparison.as_ref()));
+                    let cells = columns.iter().map(|c| difference_cell(c, found.comparison.as_ref()));
                     differences.push(about.chain(cells).collect());
                 }
             }
@@ -140,8 +142,8 @@ fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> 
     results.differences.iter().find(|d| d.member == member && d.simulator == simulator)
 }
 
-/// A difference with half the width of its interval.
-fn worth(column: &Column, comparison: Option<&Comparison>) -> String {
+/// Formats a difference with half the width of its interval.
+fn difference_cell(column: &Column, comparison: Option<&Comparison>) -> String {
     let found = comparison.and_then(|c| c.metrics.get(column.metric)).map(|paired| &paired.difference);
     let Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) = found else {
         return "–".to_owned();
@@ -161,8 +163,9 @@ struct Numbers<'a> {
 struct MemberNumbers<'a> {
     #[serde(flatten)]
     member: &'a Member,
-    /// Scenarios with a result, and what failed.
+    /// Number of scenarios with a result.
     scenarios: usize,
+    /// Number of failures.
     failures: usize,
     simulators: Vec<SimulatorNumbers<'a>>,
 }
@@ -174,24 +177,24 @@ struct SimulatorNumbers<'a> {
     oracle: bool,
     scenarios: usize,
     failed: usize,
-    /// By metric.
+    /// Estimates by metric.
     metrics: BTreeMap<&'static str, Estimate>,
-    /// By metric: this simulator minus the same one as it is, and how probable such a difference is by chance.
+    /// By metric: this simulator minus the unchanged one, with the p-value of the difference.
     #[serde(skip_serializing_if = "Option::is_none")]
-    difference: Option<BTreeMap<&'static str, Worth>>,
+    difference: Option<BTreeMap<&'static str, PairedEstimate>>,
 }
 
 #[derive(Serialize)]
-struct Worth {
+struct PairedEstimate {
     #[serde(flatten)]
     estimate: Estimate,
     p: f64,
 }
 
-/// Writes the numbers of the tables as JSON, by member and simulator, with the columns `also` besides the usual ones.
+/// Writes the numbers of the tables as JSON, by member and simulator, with `also` as additional columns.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_json(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let kind = results.study.kind;
     let members = members(results).enumerate().map(|(i, (member, summary))| {
@@ -223,7 +226,9 @@ fn metrics(columns: &[Column], simulator: &SimulatorSummary) -> BTreeMap<&'stati
     columns.iter().filter_map(|c| Some((c.metric, *simulator.metrics.get(c.metric)?))).collect()
 }
 
-fn differences(columns: &[Column], comparison: &Comparison) -> BTreeMap<&'static str, Worth> {
+fn differences(columns: &[Column], comparison: &Comparison) -> BTreeMap<&'static str, PairedEstimate> {
     let paired = columns.iter().filter_map(|c| Some((c.metric, comparison.metrics.get(c.metric)?)));
-    paired.map(|(metric, found)| (metric, Worth { estimate: found.difference, p: found.p })).collect()
+    paired
+        .map(|(metric, found)| (metric, PairedEstimate { estimate: found.difference, p: found.p }))
+        .collect()
 }

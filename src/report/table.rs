@@ -1,4 +1,4 @@
-//! What all tables share: columns in the paper's order, numbers as people read them.
+//! Common parts of all tables: columns in the paper's order, and formatted numbers.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ pub struct Column {
     pub metric: &'static str,
 }
 
-/// The columns, in the paper's order (ReactSim-Bench, table 1), then what stands beside them.
+/// All columns: those of the paper (ReactSim-Bench, table 1) in its order, then additional ones.
 pub const COLUMNS: &[Column] = &[
     Column { metric: "aav-collision" },
     Column { metric: "aav-ttc" },
@@ -32,12 +32,12 @@ pub const COLUMNS: &[Column] = &[
 ];
 
 impl Column {
-    /// The column of the metric with this id.
+    /// Returns the column of the metric with this id.
     pub fn of(metric: &str) -> Option<Self> {
         metrics::metric(metric).map(|m| Self { metric: m.spec().id })
     }
 
-    /// These columns, and after them those of `also` that are not among them.
+    /// Appends the columns of `also` that are not yet among these.
     pub(super) fn with(mut columns: Vec<Self>, also: &[Self]) -> Vec<Self> {
         for column in also {
             if !columns.contains(column) {
@@ -47,18 +47,18 @@ impl Column {
         columns
     }
 
-    /// Head of the column.
+    /// Returns the title of the column.
     pub(super) fn title(&self) -> &'static str {
         metrics::metric(self.metric).map_or(self.metric, |m| m.spec().title)
     }
 
-    /// How the column is printed: what it counts, and whether less is better.
+    /// Returns the unit of the metric, and whether lower is better.
     pub(super) fn kind(&self) -> (Unit, bool) {
         let spec = metrics::metric(self.metric).map(|m| m.spec());
         spec.map_or((Unit::Plain, true), |s| (s.unit, s.lower_is_better))
     }
 
-    /// The unit in the head of the column.
+    /// Returns the unit to print in the head of the column.
     pub(super) fn unit(&self) -> Option<&'static str> {
         match self.kind().0 {
             Unit::Rate => Some("%"),
@@ -68,13 +68,13 @@ impl Column {
         }
     }
 
-    /// Head of the column with its unit and which way is better.
+    /// Returns the head of the column: title, unit, and an arrow towards better values.
     pub(super) fn head(&self) -> String {
         let arrow = if self.kind().1 { '↓' } else { '↑' };
         format!("{}{} {arrow}", self.title(), self.unit().map(|u| format!(" ({u})")).unwrap_or_default())
     }
 
-    /// A number of this column: per cent for rates, three digits otherwise.
+    /// Formats a number of this column: rates in percent; two or three decimals.
     pub(super) fn number(&self, value: f64) -> String {
         match self.kind().0 {
             Unit::Rate => format!("{:.2}", 100.0 * value),
@@ -83,7 +83,7 @@ impl Column {
         }
     }
 
-    /// The columns that at least one simulator has a number for, and those of `also`.
+    /// Returns the columns for which at least one simulator has a number, and those of `also`.
     pub(super) fn used(summaries: &[&Summary], also: &[Self]) -> Vec<Self> {
         let any =
             |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
@@ -101,9 +101,9 @@ impl Column {
     }
 }
 
-/// A simulator of a table: its name and its numbers.
+/// A line of a table: a simulator and its numbers.
 pub(super) struct Line<'a> {
-    /// Name of the run where a table has several.
+    /// Name of the run, if the table has several runs.
     pub(super) run: Option<&'a str>,
     pub(super) title: &'a str,
     pub(super) oracle: bool,
@@ -112,7 +112,7 @@ pub(super) struct Line<'a> {
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
 }
 
-/// The lines of a table over runs, in the order of their simulators.
+/// Returns the lines of a table over runs, in the order of their simulators.
 pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
     let of = move |run: &'a super::Run<'a>| {
@@ -128,12 +128,12 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
     runs.iter().flat_map(of).collect()
 }
 
-/// A division of the scenarios that has tables of its own.
+/// A division of the scenarios into parts with separate tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Division {
-    /// By category of deviation.
+    /// Division by category of deviation.
     Category,
-    /// By difficulty of the deviation.
+    /// Division by difficulty of the deviation.
     Difficulty,
 }
 
@@ -141,7 +141,7 @@ impl Division {
     /// All divisions, in the order of their tables.
     pub(super) const ALL: [Self; 2] = [Self::Category, Self::Difficulty];
 
-    /// The results of a simulator by part.
+    /// Returns the results of a simulator by part.
     pub(super) fn of(self, simulator: &SimulatorSummary) -> &BTreeMap<String, CategorySummary> {
         match self {
             Self::Category => &simulator.by_category,
@@ -149,7 +149,7 @@ impl Division {
         }
     }
 
-    /// The parts that runs have: categories by name, difficulties from easy to hard.
+    /// Returns the parts that occur in the runs: categories by name, difficulties from easy to hard.
     pub(super) fn parts(self, runs: &[super::Run<'_>]) -> Vec<String> {
         let simulators = runs.iter().flat_map(|r| r.summary.simulators.values());
         let mut names: Vec<String> = simulators.flat_map(|s| self.of(s).keys().cloned()).collect();
@@ -158,7 +158,7 @@ impl Division {
         names
     }
 
-    /// What the scenarios of a part are called, such as `lateral deviations`.
+    /// Returns the name of the scenarios of a part, such as `lateral deviations`.
     pub(super) fn title(self, part: &str) -> String {
         match self {
             Self::Category => format!("{part} deviations"),
@@ -167,7 +167,7 @@ impl Division {
     }
 }
 
-/// The lines of a table over one part of the scenarios of runs.
+/// Returns the lines of a table over one part of the scenarios of runs.
 pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, part: &str) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
     let all = runs.iter().flat_map(|run| run.summary.order().map(move |simulator| (run, simulator)));
@@ -185,7 +185,7 @@ pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, par
     lines.collect()
 }
 
-/// What was run, in one line.
+/// Describes the provenance of a run in one line.
 pub(super) fn provenance(run: &super::Run<'_>) -> String {
     let p = &run.summary.provenance;
     let s = &p.run.settings;
@@ -216,7 +216,7 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     for simulator in &p.run.simulators {
         let mut details = Vec::new();
         if let Some(weights) = &simulator.weights {
-            // As much of the digest as tells files apart; the provenance has all of it.
+            // A prefix of the digest suffices to identify files; the provenance has all of it.
             details.push(format!("{} ({:.12})", weights.name, weights.sha256));
         }
         details.extend(simulator.parameters.iter().map(|(key, value)| format!("{key}={value}")));
@@ -228,7 +228,7 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     parts.join(", ")
 }
 
-/// Version and commit of the program.
+/// Returns version and commit of the program.
 pub(super) fn program(run: &Provenance) -> String {
     let commit = if run.commit == "unknown" { "" } else { &run.commit };
     let plus = if commit.ends_with('+') { "+" } else { "" };
@@ -240,7 +240,7 @@ pub(super) fn program(run: &Provenance) -> String {
     }
 }
 
-/// What the rollouts were made with.
+/// Adds the settings of the rollouts to `parts`.
 pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
     parts.push(format!("{} protocol", s.protocol));
     if s.protocol == "reactive" {
@@ -254,7 +254,7 @@ pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
     parts.push(format!("seed {}", s.seed));
 }
 
-/// A number of things.
+/// Returns a count with its noun in singular or plural.
 pub(super) fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }

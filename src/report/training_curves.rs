@@ -1,4 +1,4 @@
-//! How a training went, as one picture of small charts (SVG).
+//! Curves of a training as one picture of small charts (SVG).
 
 use std::collections::BTreeMap;
 
@@ -7,37 +7,37 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::birdseye::palette;
-use super::curation_charts::{ChartError, Drawn, FONT, color, styled, tick};
+use super::curation_charts::{ChartError, DrawResult, FONT, color, styled, tick};
 use crate::training::Row;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Points = Vec<(f64, f64)>;
 
-/// Charts side by side.
+/// Charts per row.
 const COLUMNS: usize = 3;
-/// Size of one, pixels.
+/// Size of a chart, pixels.
 const SIZE: (u32, u32) = (380, 230);
-/// What stands above them, pixels.
-const HEAD: u32 = 92;
-/// Points of a line: means of as many steps as there must be for so few.
-const POINTS: usize = 240;
+/// Height of title and legend, pixels.
+const HEAD_HEIGHT: u32 = 92;
+/// Maximum number of points of a line; further steps are averaged.
+const MAX_POINTS: usize = 240;
 
-/// A chart: what is learned from, and what is held out, over steps.
+/// Data of one chart: training and validation values over steps.
 #[derive(Default)]
 struct Panel {
     learned: Points,
     held_out: Points,
 }
 
-/// Draws the rows of a log: loss, metrics, the norm of the gradient, the learning rate, and what was measured in closed loop. The same rows
-/// give the same bytes, whatever the clocks said.
+/// Draws the rows of a log: loss, metrics, closed-loop metrics, gradient norm and learning rate. The same
+/// rows give the same bytes, whatever their wall times.
 ///
 /// # Errors
-/// [`ChartError`] when the drawing library refuses; it does so only where it has no place to draw.
+/// [`ChartError`] if the drawing library fails, which it does only without space to draw.
 pub fn draw(rows: &[Row]) -> Result<String, ChartError> {
     let panels = panels(rows);
     let lines = panels.len().div_ceil(COLUMNS);
-    let size = (SIZE.0 * COLUMNS as u32, HEAD + SIZE.1 * lines as u32);
+    let size = (SIZE.0 * COLUMNS as u32, HEAD_HEIGHT + SIZE.1 * lines as u32);
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
     let drawn = picture(&area, &panels, rows).map_err(|e| e.to_string());
@@ -47,7 +47,7 @@ pub fn draw(rows: &[Row]) -> Result<String, ChartError> {
     Ok(svg)
 }
 
-/// The charts by title, in order.
+/// Returns the charts with their titles, in order.
 fn panels(rows: &[Row]) -> Vec<(String, Panel)> {
     let (mut loss, mut gradient, mut rate) = (Panel::default(), Panel::default(), Panel::default());
     let (mut metrics, mut closed) = (BTreeMap::new(), BTreeMap::new());
@@ -77,30 +77,30 @@ fn panels(rows: &[Row]) -> Vec<(String, Panel)> {
     let mut panels = vec![("Loss".to_owned(), loss)];
     panels.extend(metrics);
     panels.extend(closed);
-    panels.extend([("Norm of the gradient".to_owned(), gradient), ("Learning rate".to_owned(), rate)]);
+    panels.extend([("Gradient norm".to_owned(), gradient), ("Learning rate".to_owned(), rate)]);
     panels
 }
 
-/// A name for people.
+/// Returns the title of a metric.
 fn title(name: &str) -> String {
     super::markdown::capital(&name.replace('_', " "))
 }
 
-fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> Drawn {
+fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> DrawResult {
     area.fill(&WHITE)?;
-    let (head, body) = area.split_vertically(HEAD);
+    let (head, body) = area.split_vertically(HEAD_HEIGHT);
     let (ink, pale) = (color(palette::STOP), color(palette::GHOST));
     styled(&head, "Training", (24, 26), 21, HPos::Left, ink)?;
     let best = rows.iter().rev().find_map(|row| match row {
         Row::Validation(row) if row.best => {
-            Some(format!("; lowest loss of what is held out {:.4} after step {}", row.loss, row.step))
+            Some(format!("; lowest validation loss {:.4} after step {}", row.loss, row.step))
         }
         _ => None,
     });
     let steps = rows.last().map_or(0, Row::step);
     let about = format!("{}{}", super::table::count(steps as usize, "step"), best.unwrap_or_default());
     styled(&head, &about, (24, 50), 14, HPos::Left, pale)?;
-    for (x, name, ink) in [(24, "learned from", LEARNED), (180, "held out", HELD_OUT)] {
+    for (x, name, ink) in [(24, "training", LEARNED), (180, "validation", HELD_OUT)] {
         head.draw(&PathElement::new(vec![(x, 74), (x + 20, 74)], color(ink).stroke_width(3)))?;
         styled(&head, name, (x + 28, 74), 15, HPos::Left, color(palette::STOP))?;
     }
@@ -111,10 +111,12 @@ fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> Drawn {
     Ok(())
 }
 
+/// Colour of training curves.
 const LEARNED: &str = palette::REFERENCE;
+/// Colour of validation curves.
 const HELD_OUT: &str = palette::GENERATED;
 
-fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> Drawn {
+fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> DrawResult {
     styled(area, title, (24, 18), 15, HPos::Left, color(palette::STOP))?;
     let learned = thin(&panel.learned);
     let all = || learned.iter().chain(&panel.held_out).filter(|(_, y)| y.is_finite());
@@ -122,7 +124,7 @@ fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> Drawn {
     if low > high {
         return styled(area, "no values", (SIZE.0 as i32 / 2, 110), 14, HPos::Center, color(palette::GHOST));
     }
-    // A line that does not rise or fall needs some height, too.
+    // A constant line needs some height too.
     let room = if high > low { 0.05 * (high - low) } else { 0.5 * high.abs().max(1e-9) };
     let end = all().fold(1.0_f64, |end, (x, _)| end.max(*x));
     let mut builder = ChartBuilder::on(area);
@@ -151,9 +153,9 @@ fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> Drawn {
     Ok(())
 }
 
-/// Means of neighbours, at most so many that they can be told apart.
+/// Averages neighbouring points, down to at most [`MAX_POINTS`].
 fn thin(points: &Points) -> Points {
-    let size = points.len().div_ceil(POINTS).max(1);
+    let size = points.len().div_ceil(MAX_POINTS).max(1);
     let mean = |chunk: &[(f64, f64)]| {
         let n = chunk.len() as f64;
         (chunk.iter().map(|p| p.0).sum::<f64>() / n, chunk.iter().map(|p| p.1).sum::<f64>() / n)
@@ -199,7 +201,7 @@ mod tests {
         }
         let svg = draw(&rows).unwrap();
         for text in [
-            "1000 steps; lowest loss of what is held out 2.1000 after step 1000",
+            "1000 steps; lowest validation loss 2.1000 after step 1000",
             "Token accuracy",
             "Closed loop: collisions",
             "Learning rate",

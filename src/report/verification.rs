@@ -1,20 +1,20 @@
-//! How a run agrees with a reference, as people read it.
+//! Agreement of a run with a reference, as tables.
 
 use std::io::{self, Write};
 
 use super::markdown::{escape, write_aligned};
 use super::table::count;
-use crate::evaluation::reference::{Largest, Reference, SimulatorCheck, Subject, Verification};
+use crate::evaluation::reference::{LargestDifference, Reference, SimulatorCheck, Subject, Verification};
 
 /// Columns of the first table.
 const HEAD: [&str; 6] = ["Simulator", "Class", "Compared", "Differ", "Largest difference", "Verdict"];
-/// Columns of the table of what differs.
+/// Columns of the table of differences.
 const DIFFERENCE_HEAD: [&str; 5] = ["Simulator", "Scenario", "Metric", "Reference", "Found"];
 
 /// Writes a verification as Markdown; at most `most` differences are listed.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write(
     reference: &Reference,
     verification: &Verification,
@@ -41,13 +41,14 @@ pub fn write(
         let left = count(verification.left_out, what);
         writeln!(
             out,
-            "This was a quick check: {left} of networks were left out. Leave --quick out to compare them."
+            "This was a quick check: {left} of networks were skipped. Leave --quick out to compare them."
         )?;
     }
     if verification.simulators.iter().any(|s| !s.bit_for_bit) {
         writeln!(
             out,
-            "Backend or class of processor are not those of the reference: networks are compared by mean paired differences."
+            "Backend or class of processor are not those of the reference: \
+             networks are compared by mean paired differences."
         )?;
     }
     if verification.differences.is_empty() {
@@ -87,9 +88,9 @@ fn row(check: &SimulatorCheck) -> Vec<String> {
     ]
 }
 
-/// Five digits: tables tell how large a difference is, the list below them tells every bit.
-fn largest(largest: &Largest) -> String {
-    let Largest { metric, difference, bound } = largest;
+/// Formats the largest difference with four significant digits; the list below the table has all bits.
+fn largest(largest: &LargestDifference) -> String {
+    let LargestDifference { metric, difference, bound } = largest;
     let bound = bound.map(|b| format!(" of {b:.3e}")).unwrap_or_default();
     format!("{difference:.3e}{bound} ({metric})")
 }

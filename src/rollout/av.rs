@@ -1,4 +1,4 @@
-//! Who moves the AV.
+//! AV policies: fixed trajectories, the logged AV, and scripts.
 
 mod logged_drive;
 mod scripted;
@@ -9,35 +9,35 @@ use crate::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
 pub use logged_drive::LoggedDrive;
 pub use scripted::{ParseScriptError, Script, ScriptedAv};
 
-/// Moves the AV, one step at a time.
+/// Policy that moves the AV one step at a time.
 pub trait AvPolicy: Send {
-    /// The AV's state at the next step; `seen` holds states up to now.
+    /// Returns the AV's state at the next step; `seen` holds states up to now.
     ///
     /// # Errors
     /// [`AvError`] when there is no such state.
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
 
-    /// Whether the states are those of a recording, so that their velocities were measured. Velocities of all other policies are replaced by
-    /// position differences.
+    /// Returns whether the states come from a recording, so that their velocities were measured. For all
+    /// other policies velocities are replaced by position differences.
     fn replays_recording(&self) -> bool {
         false
     }
 }
 
-/// Why an AV can not be moved.
+/// Reason why the AV cannot be moved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AvError {
     /// The logged AV is absent at a step.
     #[error(
-        "the logged AV is absent at step {step}; choose an AV that needs no log, such as `constant-velocity`, or an \
-         earlier current frame where the recording has one"
+        "the logged AV is absent at step {step}; choose an AV that needs no log, such as \
+         `constant-velocity`, or an earlier current frame where the recording has one"
     )]
     Absent {
         /// Step 1 to 80.
         step: usize,
     },
-    /// A trajectory has not one state for each of the 80 steps.
+    /// The number of states of a trajectory differs from the 80 steps.
     #[error("the AV trajectory has {found} states, expected 80 (steps 1 to 80 at 10 Hz)")]
     Length {
         /// States found.
@@ -51,34 +51,36 @@ pub enum AvError {
     },
     /// A trajectory jumps.
     #[error(
-        "the AV trajectory jumps {metres:.1} m between steps {before} and {step}, more than {limit:.1} m in 0.1 s"
+        "the AV trajectory jumps {metres:.1} m between steps {before} and {step}, \
+         more than {limit:.1} m in 0.1 s"
     )]
     Jump {
         /// Step 1 to 80.
         step: usize,
         /// The step before.
         before: usize,
-        /// Length of the jump.
+        /// Length of the jump, metres.
         metres: f64,
-        /// Longest step that is taken for driving.
+        /// Largest plausible displacement in one step, metres.
         limit: f64,
     },
 }
 
-/// Longest plausible step of an AV in 0.1 s: 80 m/s.
-const LONGEST_STEP: f64 = 8.0;
+/// Largest plausible displacement of an AV in 0.1 s, metres: 80 m/s.
+const MAX_STEP_DISPLACEMENT: f64 = 8.0;
 
-/// Replays a fixed trajectory: the deviated AV of the benchmark.
+/// AV that replays a fixed trajectory: the deviated AV of the benchmark.
 #[derive(Clone, Debug)]
 pub struct DeviatedAv {
     track: Vec<AgentState>,
 }
 
 impl DeviatedAv {
-    /// Checks a trajectory of 80 states that goes on from the AV's current state.
+    /// Creates an AV from a trajectory of 80 states that continues from the AV's current state.
     ///
     /// # Errors
-    /// [`AvError`] when it ends early, holds values that are not finite, or jumps.
+    /// [`AvError`] when the trajectory does not have 80 states, holds values that are not finite, or
+    /// jumps.
     pub fn new(now: &AgentState, track: Vec<AgentState>) -> Result<Self, AvError> {
         if track.len() != FUTURE {
             return Err(AvError::Length { found: track.len() });
@@ -88,7 +90,8 @@ impl DeviatedAv {
     }
 }
 
-/// Refuses a trajectory that goes on from `now` with a state that is not finite or too far from the one before.
+/// Rejects a trajectory that continues from `now` if a state is not finite or too far from the previous
+/// one.
 fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
     let mut before = now;
     for (i, state) in track.iter().enumerate() {
@@ -96,8 +99,8 @@ fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
             return Err(AvError::NotFinite { step: i + 1 });
         }
         let metres = (state.position() - before.position()).norm();
-        if metres > LONGEST_STEP {
-            return Err(AvError::Jump { step: i + 1, before: i, metres, limit: LONGEST_STEP });
+        if metres > MAX_STEP_DISPLACEMENT {
+            return Err(AvError::Jump { step: i + 1, before: i, metres, limit: MAX_STEP_DISPLACEMENT });
         }
         before = state;
     }
@@ -110,14 +113,14 @@ impl AvPolicy for DeviatedAv {
     }
 }
 
-/// Replays the logged AV.
+/// AV that replays its log.
 #[derive(Clone, Debug)]
 pub struct LogAv {
     track: Vec<Frame>,
 }
 
 impl LogAv {
-    /// The logged AV of a scenario.
+    /// Creates the logged AV of a scenario.
     ///
     /// # Errors
     /// [`AvError::Absent`] when the log does not hold the AV at every step.

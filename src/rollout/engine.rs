@@ -1,4 +1,4 @@
-//! Algorithms 1 and 2: the loop that realises states.
+//! Algorithms 1 and 2: the loop that computes the realised states.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,11 @@ use super::episode::{Controller, Episode, JointPlan, Memory, PlanError};
 use super::{AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
 use crate::scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
 
-/// One rollout to be made.
+/// Request for one rollout.
 pub struct Request<'a> {
-    /// The scenario.
+    /// Scenario to roll out.
     pub scenario: &'a Scenario,
-    /// Who moves the AV; not asked in the realism protocol.
+    /// Policy that moves the AV; unused in the realism protocol.
     pub av: Box<dyn AvPolicy>,
     /// Index among the rollouts of this scenario: part of the names of its random streams.
     pub rollout: u32,
@@ -19,34 +19,32 @@ pub struct Request<'a> {
 /// The realised states of one scenario: history, then 80 steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
-    /// Per agent (order of the scenario) 91 frames.
+    /// The 91 frames of each agent, in the order of the scenario.
     ///
-    /// Velocities of the steps are position differences over 0.1 s, so that nothing can state one speed and drive another. A replayed
-    /// recording (an oracle, or the logged AV) keeps its recorded velocities where they are finite. The first state after a gap keeps the
-    /// velocity that it was given.
+    /// Velocities of the steps are position differences over 0.1 s, so that no simulator can state one
+    /// speed and drive another. A replayed recording (an oracle, or the logged AV) keeps its recorded
+    /// velocities where they are finite. The first state after a gap keeps its stated velocity.
     pub tracks: Vec<Vec<Frame>>,
-    /// How parts of plans ended, by name.
+    /// Counts of how parts of the plans ended, by outcome.
     pub outcomes: BTreeMap<&'static str, u64>,
 }
 
-/// Why one rollout could not be made; the others of its batch go on.
+/// Reason why one rollout failed; the others of its batch continue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RolloutError {
-    /// The simulator had no plan.
+    /// The simulator returned no plan.
     #[error("scenario `{scenario}`: no plan at step {step}: {source}")]
     Plan {
         /// Id of the scenario.
         scenario: String,
         /// Realised steps before the plan.
         step: usize,
-        /// Why.
+        /// Reason.
         source: PlanError,
     },
     /// The simulator planned a state that is not finite.
-    #[error(
-        "scenario `{scenario}`: agent `{agent}` was planned at a state that is not finite at step {step}"
-    )]
+    #[error("scenario `{scenario}`: the planned state of agent `{agent}` is not finite at step {step}")]
     NotFinite {
         /// Id of the scenario.
         scenario: String,
@@ -55,21 +53,21 @@ pub enum RolloutError {
         /// Step 1 to 80.
         step: usize,
     },
-    /// The AV policy had no state.
+    /// The AV policy returned no state.
     #[error("scenario `{scenario}`: {source}")]
     Av {
         /// Id of the scenario.
         scenario: String,
-        /// Why.
+        /// Reason.
         source: AvError,
     },
 }
 
-/// What one scenario of a batch has realised so far.
-struct Running<'a> {
+/// State of one scenario of a batch during the rollout.
+struct ScenarioRollout<'a> {
     scenario: &'a Scenario,
     av: Box<dyn AvPolicy>,
-    /// Whether planned states are those of a recording.
+    /// Whether planned states come from a recording.
     replayed: bool,
     tracks: Vec<Vec<Frame>>,
     lights: Vec<Vec<Option<LightState>>>,
@@ -81,14 +79,15 @@ struct Running<'a> {
     failed: Option<RolloutError>,
 }
 
-/// Rolls a batch of scenarios out in lockstep. The result of a scenario does not depend on the rest of the batch.
+/// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
+/// the batch.
 pub fn roll_out(
     batch: Vec<Request<'_>>,
     controller: &Controller,
     settings: &Settings,
 ) -> Vec<Result<Rollout, RolloutError>> {
-    let mut running: Vec<Running<'_>> =
-        batch.into_iter().map(|request| Running::begin(request, controller, settings)).collect();
+    let mut running: Vec<ScenarioRollout<'_>> =
+        batch.into_iter().map(|request| ScenarioRollout::begin(request, controller, settings)).collect();
     let mut step = 0;
     while step < FUTURE {
         let steps = settings.replan.steps().min(FUTURE - step);
@@ -109,14 +108,15 @@ pub fn roll_out(
         .collect()
 }
 
-/// Asks the controller once for the plans of all scenarios that go on.
-fn plan_all(running: &mut [Running<'_>], controller: &Controller, settings: &Settings, steps: usize) {
+/// Calls the controller once for the plans of all scenarios that have not failed.
+fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settings: &Settings, steps: usize) {
     for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
         scenario.failed = scenario.look_ahead(settings).err();
     }
-    let mut going: Vec<&mut Running<'_>> = running.iter_mut().filter(|r| r.failed.is_none()).collect();
-    let mut episodes: Vec<Episode<'_>> = Vec::with_capacity(going.len());
-    for scenario in &mut going {
+    let mut active: Vec<&mut ScenarioRollout<'_>> =
+        running.iter_mut().filter(|r| r.failed.is_none()).collect();
+    let mut episodes: Vec<Episode<'_>> = Vec::with_capacity(active.len());
+    for scenario in &mut active {
         let agents = scenario.tracks.len();
         episodes.push(Episode {
             seen: Observation::new(
@@ -133,16 +133,16 @@ fn plan_all(running: &mut [Running<'_>], controller: &Controller, settings: &Set
             error: None,
         });
     }
-    let whole = match controller {
+    let batch_error = match controller {
         Controller::Fair(simulator) => simulator.plan(&mut episodes),
         Controller::Oracle(oracle) => oracle.plan(&mut episodes),
     };
-    let whole = whole.err().map(|e| e.to_string());
+    let batch_error = batch_error.err().map(|e| e.to_string());
     let done: Vec<_> = episodes.into_iter().map(|e| (e.plan, e.outcomes, e.error)).collect();
-    for (scenario, (plan, outcomes, error)) in going.into_iter().zip(done) {
+    for (scenario, (plan, outcomes, error)) in active.into_iter().zip(done) {
         scenario.plan = plan;
         scenario.outcomes = outcomes;
-        let error = error.or_else(|| whole.clone().map(PlanError::Failed));
+        let error = error.or_else(|| batch_error.clone().map(PlanError::Failed));
         scenario.failed = error.map(|source| RolloutError::Plan {
             scenario: scenario.scenario.id.clone(),
             step: scenario.tracks[0].len() - 1 - CURRENT,
@@ -151,7 +151,7 @@ fn plan_all(running: &mut [Running<'_>], controller: &Controller, settings: &Set
     }
 }
 
-impl<'a> Running<'a> {
+impl<'a> ScenarioRollout<'a> {
     fn begin(request: Request<'a>, controller: &Controller, settings: &Settings) -> Self {
         let scenario = request.scenario;
         let name = |purpose| stream(settings.seed, &scenario.id, request.rollout, purpose);
@@ -179,7 +179,8 @@ impl<'a> Running<'a> {
         }
     }
 
-    /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to now only.
+    /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
+    /// only.
     fn look_ahead(&mut self, settings: &Settings) -> Result<(), RolloutError> {
         if settings.protocol == Protocol::Realism || self.av_next.is_some() {
             return Ok(());
@@ -219,8 +220,8 @@ impl<'a> Running<'a> {
     }
 }
 
-/// The state with its realised velocity: the recorded one where a recording is replayed and has one, else the position difference. After
-/// a gap the state keeps its own velocity.
+/// Returns the state with its realised velocity: the recorded one if a recording is replayed and its
+/// velocity is finite, else the position difference. After a gap the state keeps its own velocity.
 fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState {
     match before {
         Some(_) if replayed && state.velocity().is_some_and(|v| v.x.is_finite() && v.y.is_finite()) => state,

@@ -1,4 +1,4 @@
-//! Simulators, and what they are handed.
+//! The simulator interface: traits, and the data that simulators receive and return.
 
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -6,25 +6,26 @@ use std::collections::BTreeMap;
 use super::{Observation, Stream};
 use crate::scene::{Frame, Scenario, Start};
 
-/// What a simulator keeps between two plans of one episode: routes, caches.
+/// Data that a simulator keeps between the plans of one episode, such as routes and caches.
 pub struct Memory(Option<Box<dyn Any + Send>>);
 
 impl Memory {
-    /// Nothing to keep.
+    /// Empty memory.
     pub const NONE: Self = Self(None);
 
-    /// Keeps a value.
+    /// Stores a value.
     pub fn new<T: Any + Send>(value: T) -> Self {
         Self(Some(Box::new(value)))
     }
 
-    /// The value, if it is of this type.
+    /// Returns the value if it has this type.
     pub fn get<T: Any>(&mut self) -> Option<&mut T> {
         self.0.as_mut()?.downcast_mut()
     }
 }
 
-/// Planned states of all agents for some steps, to be filled. Slot 0 is executed only where the simulator moves the AV.
+/// Planned states of all agents over several steps. Slot 0 is executed only if the simulator moves the
+/// AV.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointPlan {
     agents: usize,
@@ -33,65 +34,67 @@ pub struct JointPlan {
 }
 
 impl JointPlan {
-    /// A plan in which every agent is absent.
+    /// Creates a plan in which every agent is absent.
     pub fn new(agents: usize, steps: usize) -> Self {
         Self { agents, steps, states: vec![None; agents * steps] }
     }
 
-    /// Number of agents.
+    /// Returns the number of agents.
     pub fn agents(&self) -> usize {
         self.agents
     }
 
-    /// Number of steps.
+    /// Returns the number of steps.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Sets the state of an agent after `step` + 1 steps. Velocities are recomputed by the engine from the positions.
+    /// Sets the state of an agent after `step` + 1 steps. The engine recomputes velocities from the
+    /// positions.
     pub fn set(&mut self, agent: usize, step: usize, state: Frame) {
         self.states[agent * self.steps + step] = state;
     }
 
-    /// The planned state of an agent after `step` + 1 steps.
+    /// Returns the planned state of an agent after `step` + 1 steps.
     pub fn get(&self, agent: usize, step: usize) -> Frame {
         self.states[agent * self.steps + step]
     }
 }
 
-/// Why a plan could not be made for one episode.
+/// Reason why planning failed for one episode.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// The simulator gave up; the text names what and why.
+    /// The simulator found no plan; the text gives the subject and the reason.
     #[error("{0}")]
     Failed(String),
-    /// The simulator was handed an episode that it had not begun.
-    #[error("simulator `{0}` was handed the memory of another simulator")]
+    /// The simulator received an episode that it had not begun.
+    #[error("simulator `{0}` received the memory of another simulator")]
     ForeignMemory(&'static str),
 }
 
-/// One scenario in the course of a rollout, as a simulator is handed it.
+/// One scenario during a rollout, as passed to a simulator.
 pub struct Episode<'a> {
-    /// What may be seen.
+    /// The observation available for planning.
     pub seen: Observation<'a>,
-    /// What the simulator keeps.
+    /// The simulator's data for this episode.
     pub memory: &'a mut Memory,
-    /// The stream of this episode for choices made while planning.
+    /// Random stream of this episode for choices during planning.
     pub stream: &'a mut Stream,
     /// Whether the simulator moves the AV too (realism protocol).
     pub moves_av: bool,
-    /// To be filled.
+    /// The plan to fill in.
     pub plan: JointPlan,
-    /// How parts of the plan ended (a fallback taken, a solve not quite solved): counted and reported.
+    /// Counts of how parts of the plan ended, by outcome (a fallback, a solve that only nearly
+    /// converged).
     pub outcomes: BTreeMap<&'static str, u64>,
-    /// Set where no plan could be made; only this episode fails.
+    /// Set if planning failed; only this episode fails.
     pub error: Option<PlanError>,
 }
 
-/// A simulator: moves every agent but the AV (or every agent, in the realism protocol).
+/// A simulator: moves every agent except the AV (in the realism protocol, the AV too).
 pub trait Simulator: Send + Sync {
-    /// What this simulator keeps for an episode; called once before its first plan.
+    /// Creates the memory of an episode; called once before its first plan.
     fn begin(&self, _start: &Start, _stream: &mut Stream) -> Memory {
         Memory::NONE
     }
@@ -99,39 +102,39 @@ pub trait Simulator: Send + Sync {
     /// Fills the plan of every episode in the batch. An episode's plan may depend on this episode only.
     ///
     /// # Errors
-    /// Only for what makes every episode impossible; what concerns one is set as its `error`.
+    /// Only for failures of the whole batch; the failure of one episode goes into its `error`.
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError>;
 }
 
-/// A simulator that looks at one episode at a time; it gets the batch for free.
+/// A simulator that plans one episode at a time; the batch interface is derived from it.
 pub trait SingleEpisode: Send + Sync {
-    /// What it keeps between plans.
+    /// Data kept between plans.
     type Memory: Any + Send;
 
-    /// Its id, for messages.
+    /// Returns the simulator's id, for messages.
     fn id(&self) -> &'static str;
 
-    /// Called once before the first plan.
+    /// Creates the memory of an episode; called once before its first plan.
     fn begin(&self, start: &Start, stream: &mut Stream) -> Self::Memory;
 
     /// Fills the plan of one episode.
     ///
     /// # Errors
-    /// [`PlanError`] when there is no plan for this episode.
+    /// [`PlanError`] when planning fails for this episode.
     fn plan_one(&self, memory: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError>;
 }
 
-/// What [`SingleEpisode::plan_one`] reads and fills: an [`Episode`] without its memory.
+/// Input and output of [`SingleEpisode::plan_one`]: an [`Episode`] without its memory.
 pub struct Planning<'a, 'b> {
-    /// What may be seen.
+    /// The observation available for planning.
     pub seen: Observation<'a>,
-    /// The stream of this episode for choices made while planning.
+    /// Random stream of this episode for choices during planning.
     pub stream: &'b mut Stream,
     /// Whether the simulator moves the AV too (realism protocol).
     pub moves_av: bool,
-    /// To be filled.
+    /// The plan to fill in.
     pub plan: &'b mut JointPlan,
-    /// How parts of the plan ended.
+    /// Counts of how parts of the plan ended, by outcome.
     pub outcomes: &'b mut BTreeMap<&'static str, u64>,
 }
 
@@ -159,28 +162,28 @@ impl<S: SingleEpisode> Simulator for S {
     }
 }
 
-/// A simulator that is shown the log's future (log replay). Marked † in every table.
+/// A simulator with access to the log's future (log replay). Marked † in every table.
 pub trait Oracle: Send + Sync {
-    /// What it keeps for an episode, made with full sight of the scenario.
+    /// Creates the memory of an episode from the whole scenario, its future included.
     fn begin(&self, scenario: &Scenario) -> Memory;
 
-    /// As [`Simulator::plan`].
+    /// Fills the plan of every episode in the batch, like [`Simulator::plan`].
     ///
     /// # Errors
-    /// As [`Simulator::plan`].
+    /// As for [`Simulator::plan`].
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError>;
 }
 
-/// Who moves the agents.
+/// The simulator that moves the agents.
 pub enum Controller {
-    /// Knows what was known.
+    /// A simulator without access to the log's future.
     Fair(Box<dyn Simulator>),
-    /// Knows the log's future.
+    /// A simulator with access to the log's future.
     Oracle(Box<dyn Oracle>),
 }
 
 impl Controller {
-    /// Whether it is shown the log's future.
+    /// Returns whether the simulator has access to the log's future.
     pub fn is_oracle(&self) -> bool {
         matches!(self, Self::Oracle(_))
     }

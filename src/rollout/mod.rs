@@ -1,4 +1,5 @@
-//! The protocol: who sees what, when (ReactSim-Bench, Algorithms 1 and 2). Knows scenes; never a particular simulator.
+//! The rollout protocol: what each participant observes, and when (ReactSim-Bench, Algorithms 1 and 2).
+//! Depends on scenes, but on no particular simulator.
 
 mod av;
 mod engine;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use crate::scene::FUTURE;
 
-/// Which of the two protocols is run.
+/// The two protocols of the benchmark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// Algorithm 1: the AV is an external input.
@@ -15,7 +15,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// The name on the command line and in files.
+    /// Returns the name used on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Reactive => "reactive",
@@ -24,24 +24,24 @@ impl Protocol {
     }
 }
 
-/// After how many steps the simulator plans anew.
+/// Number of steps between two plans of the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Replan {
     steps: usize,
 }
 
-/// Why a text is no replan rate.
+/// Error for a text that is not a replan interval.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no replan rate: expected 1 to 80 steps, such as `5steps`, or as a rate, such as `2hz`")]
+#[error("`{0}` is not a replan interval: expected 1 to 80 steps, such as `5steps`, or a rate, such as `2hz`")]
 pub struct ParseReplanError(String);
 
 impl Replan {
-    /// A replan interval of 1 to 80 steps.
+    /// Creates a replan interval of 1 to 80 steps; `None` outside this range.
     pub fn every(steps: usize) -> Option<Self> {
         (1..=FUTURE).contains(&steps).then_some(Self { steps })
     }
 
-    /// Steps between two plans.
+    /// Returns the number of steps between two plans.
     pub const fn steps(self) -> usize {
         self.steps
     }
@@ -81,14 +81,15 @@ impl FromStr for Replan {
     }
 }
 
-/// Everything that decides a rollout besides the scenario, the simulator and the AV.
+/// Settings of a rollout other than the scenario, the simulator and the AV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// The protocol.
     pub protocol: Protocol,
     /// Replan interval.
     pub replan: Replan,
-    /// Whether agents at t+1 see the AV at t+1 (Algorithm 1) or only up to t (the formula of section 3.1).
+    /// Whether agents at t+1 see the AV at t+1 (Algorithm 1) or only up to t (the formula of section
+    /// 3.1).
     pub av_lookahead: bool,
     /// Seed of all random streams.
     pub seed: u64,

@@ -1,12 +1,13 @@
-//! Random streams by name.
+//! Named random streams.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// A random stream. Its numbers depend on its name only, never on order, threads or what else ran.
+/// A random stream. Its numbers depend on its name only, never on execution order, threads or other
+/// streams.
 pub type Stream = ChaCha8Rng;
 
-/// What a stream is used for: part of its name.
+/// Purpose of a stream: part of its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Choices made once per episode (routes, driver parameters).
@@ -15,15 +16,16 @@ pub enum Purpose {
     Plan,
     /// Resampling of scenarios for confidence intervals.
     Bootstrap,
-    /// What a source of deviated AVs draws; the number of the candidate stands in the place of the rollout.
+    /// Draws of a source of deviated AVs; the candidate number takes the place of the rollout.
     Candidate,
-    /// What a generated map is drawn from; the number of the attempt stands in the place of the rollout.
+    /// Draws of a generated map; the attempt number takes the place of the rollout.
     Map,
-    /// What generated traffic is drawn from.
+    /// Draws of generated traffic.
     Traffic,
 }
 
-/// The stream named by seed, scenario, rollout and purpose: ChaCha8 keyed by the BLAKE3 digest of the name.
+/// Returns the stream named by seed, scenario, rollout and purpose: ChaCha8 keyed by the BLAKE3 digest
+/// of the name.
 pub fn stream(seed: u64, scenario: &str, rollout: u32, purpose: Purpose) -> Stream {
     let mut name = Vec::with_capacity(scenario.len() + 24);
     name.extend_from_slice(b"reactsim");

@@ -13,7 +13,7 @@ pub enum AgentKind {
     Pedestrian,
     /// People on bicycles.
     Cyclist,
-    /// Anything else; static context, never simulated or judged.
+    /// Anything else; static context that is never simulated or judged.
     Other,
 }
 
@@ -21,7 +21,7 @@ impl AgentKind {
     /// All kinds.
     pub const ALL: [Self; 4] = [Self::Vehicle, Self::Pedestrian, Self::Cyclist, Self::Other];
 
-    /// The name in files: `vehicle`, `pedestrian`, `cyclist` or `other`.
+    /// Returns the name used in files: `vehicle`, `pedestrian`, `cyclist` or `other`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Vehicle => "vehicle",
@@ -31,7 +31,7 @@ impl AgentKind {
         }
     }
 
-    /// The kind with this name.
+    /// Returns the kind with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
@@ -43,7 +43,7 @@ impl fmt::Display for AgentKind {
     }
 }
 
-/// What of an agent does not change: identity, class and box.
+/// The constant properties of an agent: identity, class and box size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Agent {
     /// Name, unique in the scenario.
@@ -56,7 +56,7 @@ pub struct Agent {
     pub width: f64,
 }
 
-/// Where an agent is and how it moves, at one frame.
+/// Pose and velocity of an agent at one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentState {
     /// Box centre, metres, scenario frame (world axes, origin at the AV's current position).
@@ -65,45 +65,46 @@ pub struct AgentState {
     pub y: f64,
     /// Heading, radians counter-clockwise from the x axis; need not be wrapped.
     pub heading: f64,
-    /// Velocity along x, m/s; NaN where unknown.
+    /// Velocity along x, m/s; NaN if unknown.
     pub vx: f64,
-    /// Velocity along y, m/s; NaN where unknown.
+    /// Velocity along y, m/s; NaN if unknown.
     pub vy: f64,
 }
 
 impl AgentState {
-    /// Box centre.
+    /// Returns the box centre, metres.
     pub fn position(&self) -> Vec2 {
         Vec2::new(self.x, self.y)
     }
 
-    /// Velocity in the scenario frame, m/s; `None` where unknown.
+    /// Returns the velocity in the scenario frame, m/s; `None` if unknown.
     pub fn velocity(&self) -> Option<Vec2> {
         (self.vx.is_finite() && self.vy.is_finite()).then(|| Vec2::new(self.vx, self.vy))
     }
 
-    /// Magnitude of the velocity, m/s; NaN where unknown.
+    /// Returns the magnitude of the velocity, m/s; NaN if unknown.
     pub fn speed(&self) -> f64 {
         math::hypot(self.vx, self.vy)
     }
 
-    /// Velocity along the heading, m/s, negative in reverse; 0 where unknown.
+    /// Returns the velocity along the heading, m/s, negative in reverse; 0 if unknown.
     pub fn forward_speed(&self) -> f64 {
         self.velocity().map_or(0.0, |v| v.dot(&direction(self.heading)))
     }
 
-    /// The box of an agent of this size at this state.
+    /// Returns the box of `agent` in this state.
     pub fn footprint(&self, agent: &Agent) -> OrientedBox {
         OrientedBox::new(self.position(), self.heading, agent.length, agent.width)
     }
 
-    /// Whether position and heading are finite.
+    /// Returns whether position and heading are finite.
     pub fn is_finite(&self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.heading.is_finite()
     }
 }
 
-/// One frame of a track: the state, or `None` where the agent is absent (invalid). Absent agents collide with nobody.
+/// One frame of a track: the state, or `None` if the agent is absent (invalid). Absent agents collide with
+/// nothing.
 pub type Frame = Option<AgentState>;
 
 /// An agent with its recorded track over all frames.

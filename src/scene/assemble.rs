@@ -1,4 +1,4 @@
-//! From what a file holds to a scenario: checks, choice of agents, coordinates, links.
+//! Assembly of a scenario from the contents of a file: checks, selection of agents, coordinates, links.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
@@ -11,32 +11,35 @@ use super::{
 };
 use crate::geometry::{Polygon, Polyline, Vec2, left};
 
-/// Coordinates farther than this from the AV are taken for damage.
-const FARTHEST: f64 = 100_000.0;
-/// Boxes from this size on are taken for damage, metres.
-const LARGEST: f64 = 1000.0;
-/// Velocities from this magnitude on are taken for damage, m/s.
-const FASTEST: f64 = 1000.0;
-/// Headings from this magnitude on are taken for damage, radians: about a thousand circles.
-const MOST_TURNED: f64 = 6300.0;
-/// Longest name of a scenario, an agent or a lane, in bytes.
-const LONGEST_NAME: usize = 1000;
-/// Most comparisons of links when lanes without extent are taken out: real maps have a few of them.
-const MOST_JOINED: usize = 50_000_000;
-/// Most segments of lanes that are looked at to find where stop lines cross them.
-const MOST_PROJECTED: usize = 200_000_000;
-/// By how much the median step of the timestamps may miss 0.1 s, as a share of it.
+/// Coordinate magnitude relative to the AV, in metres, from which a point is refused as damaged.
+const MAX_COORDINATE: f64 = 100_000.0;
+/// Box length or width in metres from which a box is refused as damaged.
+const MAX_BOX_SIZE: f64 = 1000.0;
+/// Velocity component in m/s from which a state is refused as damaged.
+const MAX_VELOCITY: f64 = 1000.0;
+/// Heading magnitude in radians from which a state is refused as damaged: about a thousand turns.
+const MAX_HEADING: f64 = 6300.0;
+/// Maximum length of the name of a scenario, an agent or a lane, bytes.
+const MAX_NAME_BYTES: usize = 1000;
+/// Maximum number of link comparisons while lanes without extent are removed; real maps have few such lanes.
+const MAX_LINK_COMPARISONS: usize = 50_000_000;
+/// Maximum number of lane segments that are searched for the crossing points of stop lines.
+const MAX_PROJECTED_SEGMENTS: usize = 200_000_000;
+/// Maximum relative deviation of the median timestamp step from 0.1 s.
 const STEP_TOLERANCE: f64 = 0.1;
 
 impl Scenario {
-    /// Checks parts and makes a scenario of them: shifts coordinates to the AV, chooses and orders agents, resolves links.
+    /// Checks parts and assembles a scenario: shifts coordinates to the AV, selects and orders agents,
+    /// resolves links.
     ///
-    /// Stated meanings of odd input: a box of size zero stands for an absent agent (it is never chosen); links, lights and
-    /// stop lines of missing lanes are dropped and counted; headings need not be wrapped; NaN velocities are unknown.
+    /// Unusual input has defined meanings: a box of size zero marks an absent agent (it is never selected);
+    /// links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
+    /// NaN velocities are unknown.
     ///
     /// # Errors
-    /// [`SceneError`] names the field and the value: wrong number of frames or rate, no AV, coordinates that are not finite
-    /// or farther than 100 km from the AV, negative sizes, ids that are repeated, empty, or no names.
+    /// [`SceneError`] names the field and the value: a wrong number of frames or a wrong rate, no AV,
+    /// coordinates that are not finite or farther than 100 km from the AV, negative sizes, and ids that are
+    /// repeated, empty or invalid.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut builder = Builder { id: parts.id.clone(), shift: Vec2::zeros(), repairs: BTreeMap::new() };
         builder.name(|| "id".into(), &parts.id)?;
@@ -78,7 +81,7 @@ impl Scenario {
         }
 
         let mut stop_lines = Vec::new();
-        let mut left_to_project = MOST_PROJECTED;
+        let mut segments_left = MAX_PROJECTED_SEGMENTS;
         for (i, line) in parts.map.stop_lines.into_iter().enumerate() {
             let Some(&lane) = names.get(line.lane.as_str()) else {
                 builder.repaired("stop lines on missing lanes");
@@ -86,7 +89,7 @@ impl Scenario {
             };
             let at = builder.point(&format!("map.stop_lines[{i}].at"), line.at)?;
             let baseline = &lanes[lane].baseline;
-            left_to_project = left_to_project.checked_sub(baseline.segments()).ok_or_else(|| {
+            segments_left = segments_left.checked_sub(baseline.segments()).ok_or_else(|| {
                 let found =
                     format!("one too many on lanes of many points, the last one of {}", baseline.segments());
                 builder.error(format!("map.stop_lines[{i}]"), found, "a few stop lines on each lane")
@@ -97,8 +100,8 @@ impl Scenario {
                 LaneArea::Polygon(_) => LANE_HALF_WIDTH,
             };
             let (from, to) = baseline.segment(baseline.segment_at(s));
-            let (on, aside) = (baseline.at(s), left((to - from).normalize()) * half);
-            stop_lines.push(StopLine { kind: line.kind, lane, s, ends: [on + aside, on - aside] });
+            let (center, aside) = (baseline.at(s), left((to - from).normalize()) * half);
+            stop_lines.push(StopLine { kind: line.kind, lane, s, ends: [center + aside, center - aside] });
         }
 
         let map = RoadMap {
@@ -150,23 +153,23 @@ impl Scenario {
             }
         };
 
-        let (chosen, unselected) = choose(agents, parts.av, &mut builder);
+        let (selected, unselected) = select_agents(agents, parts.av, &mut builder);
         let obstacles = unselected
             .iter()
             .filter(|a| a.agent.kind == AgentKind::Other && a.agent.length > 0.0 && a.agent.width > 0.0)
             .filter_map(|a| Some(a.track[CURRENT]?.footprint(&a.agent)))
             .collect();
         let mut start = Start {
-            agents: Vec::with_capacity(chosen.len()),
-            history: Vec::with_capacity(chosen.len()),
+            agents: Vec::with_capacity(selected.len()),
+            history: Vec::with_capacity(selected.len()),
             obstacles,
             map,
             lights,
             light_history,
             index: OnceLock::new(),
         };
-        let mut tracks = Vec::with_capacity(chosen.len());
-        for mut logged in chosen {
+        let mut tracks = Vec::with_capacity(selected.len());
+        for mut logged in selected {
             tracks.push(logged.track.split_off(HISTORY));
             start.agents.push(logged.agent);
             start.history.push(logged.track);
@@ -187,8 +190,9 @@ impl Scenario {
     }
 }
 
-/// The AV, then the dynamic agents present now by distance to it (stable in file order), at most [`MAX_AGENTS`]; and the rest.
-fn choose(
+/// Returns the selected agents, at most [`MAX_AGENTS`], and the rest. The AV comes first, then the dynamic
+/// agents present now by distance to it (ties in file order).
+fn select_agents(
     agents: Vec<LoggedAgent>,
     av: usize,
     builder: &mut Builder,
@@ -210,11 +214,11 @@ fn choose(
     candidates.truncate(MAX_AGENTS - 1);
     let mut slots: Vec<Option<LoggedAgent>> = agents.into_iter().map(Some).collect();
     let order = std::iter::once(av).chain(candidates.into_iter().map(|c| c.1));
-    let chosen = order.filter_map(|i| slots[i].take()).collect();
-    (chosen, slots.into_iter().flatten().collect())
+    let selected = order.filter_map(|i| slots[i].take()).collect();
+    (selected, slots.into_iter().flatten().collect())
 }
 
-/// Checks and shifts; every refusal names the field.
+/// Checks and shifts the parts of a scenario. Every error names the field.
 struct Builder {
     id: String,
     shift: Vec2,
@@ -230,9 +234,9 @@ impl Builder {
         *self.repairs.entry(what.to_owned()).or_default() += 1;
     }
 
-    /// Names are shown to people, and are those of files.
+    /// Checks a name, which is displayed and used in file names.
     fn name(&self, field: impl Fn() -> String, name: &str) -> Result<(), SceneError> {
-        if !name.is_empty() && name.len() <= LONGEST_NAME && !name.contains(char::is_control) {
+        if !name.is_empty() && name.len() <= MAX_NAME_BYTES && !name.contains(char::is_control) {
             return Ok(());
         }
         let begin: String = name.chars().take(60).collect();
@@ -254,7 +258,7 @@ impl Builder {
         let mut steps: Vec<f64> = timestamps.windows(2).map(|w| w[1] - w[0]).collect();
         if let Some(i) = steps.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
             let field = format!("timestamps[{}]", i + 1);
-            return Err(self.error(field, timestamps[i + 1], "finite times that grow"));
+            return Err(self.error(field, timestamps[i + 1], "finite, increasing times"));
         }
         steps.sort_by(f64::total_cmp);
         let median = steps[steps.len() / 2];
@@ -280,7 +284,7 @@ impl Builder {
                 return Err(self.error(field, format!("{} frames", track.len()), "91 frames"));
             }
             for (name, size) in [("length", agent.length), ("width", agent.width)] {
-                if !(size.is_finite() && (0.0..LARGEST).contains(&size)) {
+                if !(size.is_finite() && (0.0..MAX_BOX_SIZE).contains(&size)) {
                     let field = format!("agents[{i}].{name}");
                     return Err(self.error(field, size, "a size of at least 0 and less than 1000 m"));
                 }
@@ -297,7 +301,7 @@ impl Builder {
         let av = &parts.agents[parts.av].agent;
         if !(av.length > 0.0 && av.width > 0.0) {
             let value = format!("{} m x {} m", av.length, av.width);
-            return Err(self.error(format!("agents[{}]", parts.av), value, "a box for the AV"));
+            return Err(self.error(format!("agents[{}]", parts.av), value, "a positive box size for the AV"));
         }
         Ok(())
     }
@@ -313,8 +317,8 @@ impl Builder {
 
     fn point(&self, field: &str, p: Vec2) -> Result<Vec2, SceneError> {
         let q = p - self.shift;
-        // One test for NaN, infinity and distance on the hot path; the message is made only when it fails.
-        if q.x.abs() < FARTHEST && q.y.abs() < FARTHEST {
+        // Hot path: one test for NaN, infinity and distance. The message is built only if it fails.
+        if q.x.abs() < MAX_COORDINATE && q.y.abs() < MAX_COORDINATE {
             return Ok(q);
         }
         self.finite(field, p)?;
@@ -329,26 +333,26 @@ impl Builder {
         &self,
         items: Vec<T>,
         field: &str,
-        make: impl Fn(&Self, T, &str) -> Result<U, SceneError>,
+        convert: impl Fn(&Self, T, &str) -> Result<U, SceneError>,
     ) -> Result<Vec<U>, SceneError> {
         items
             .into_iter()
             .enumerate()
-            .map(|(i, item)| make(self, item, &format!("map.{field}[{i}]")))
+            .map(|(i, item)| convert(self, item, &format!("map.{field}[{i}]")))
             .collect()
     }
 
     fn shift_track(&self, track: &mut [Frame], field: &str) -> Result<(), SceneError> {
         for (f, state) in track.iter_mut().enumerate() {
             let Some(state) = state else { continue };
-            let p = self.point(&format_args_field(field, f, state, self.shift), state.position())?;
+            let p = self.point(&field_if_refused(field, f, state, self.shift), state.position())?;
             (state.x, state.y) = (p.x, p.y);
-            if !(state.heading.abs() < MOST_TURNED) {
+            if !(state.heading.abs() < MAX_HEADING) {
                 return Err(self.error(format!("{field}[{f}].heading"), state.heading, "a finite heading"));
             }
             for (name, v) in [("vx", state.vx), ("vy", state.vy)] {
-                if !v.is_nan() && !(v.abs() < FASTEST) {
-                    let expected = "a velocity below 1000 m/s, or NaN where unknown";
+                if !v.is_nan() && !(v.abs() < MAX_VELOCITY) {
+                    let expected = "a velocity below 1000 m/s, or NaN if unknown";
                     return Err(self.error(format!("{field}[{f}].{name}"), v, expected));
                 }
             }
@@ -356,7 +360,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Checks the responses of a certificate and moves them into the scenario frame.
+    /// Checks the responses of a certificate and transforms them into the scenario frame.
     fn certificate(&self, certificate: &mut Certificate, agents: &[LoggedAgent]) -> Result<(), SceneError> {
         let mut seen = BTreeSet::new();
         for (i, response) in certificate.responses.iter_mut().enumerate() {
@@ -409,7 +413,7 @@ impl Builder {
                 found
             };
             let (successors, predecessors) = (resolve(&lane.successors), resolve(&lane.predecessors));
-            let mut beside = |neighbors: &[NeighborParts]| -> Vec<LaneNeighbor> {
+            let mut resolve_neighbors = |neighbors: &[NeighborParts]| -> Vec<LaneNeighbor> {
                 let of = |n: &NeighborParts| {
                     Some(LaneNeighbor {
                         lane: *index.get(&n.lane)?,
@@ -425,7 +429,7 @@ impl Builder {
                 }
                 found
             };
-            let (left, right) = (beside(&lane.left), beside(&lane.right));
+            let (left, right) = (resolve_neighbors(&lane.left), resolve_neighbors(&lane.right));
             let area = match lane.area {
                 LaneArea::Polygon(ring) => {
                     LaneArea::Polygon(self.points(&format!("map.lanes[{i}].polygon"), &ring)?)
@@ -445,7 +449,7 @@ impl Builder {
                     "a positive speed or none",
                 ));
             }
-            let baseline = baselines.remove(&lane.id).expect("lanes without a baseline were taken out");
+            let baseline = baselines.remove(&lane.id).expect("lanes without a baseline were removed");
             lanes.push(Lane {
                 id: lane.id,
                 kind: lane.kind,
@@ -462,9 +466,9 @@ impl Builder {
         Ok(lanes)
     }
 
-    /// Takes lanes without extent out and joins what they linked, so that the graph stays connected through them.
+    /// Removes lanes without extent and joins the lanes that they linked, so that the graph stays connected.
     fn splice(&mut self, lanes: &mut Vec<LaneParts>, keep: impl Fn(&str) -> bool) -> Result<(), SceneError> {
-        let mut left = MOST_JOINED;
+        let mut comparisons_left = MAX_LINK_COMPARISONS;
         while let Some(i) = lanes.iter().position(|l| !keep(&l.id)) {
             let gone = lanes.remove(i);
             self.repaired("lanes without extent");
@@ -474,11 +478,11 @@ impl Builder {
                     + comparisons(&lane.predecessors, &gone.id, &gone.predecessors)
                     + lane.left.len()
                     + lane.right.len();
-                let Some(less) = left.checked_sub(compared) else {
+                let Some(rest) = comparisons_left.checked_sub(compared) else {
                     let found = "too many lanes without extent, or links through them".to_owned();
                     return Err(self.error("map.lanes".into(), found, "lanes of two points or more"));
                 };
-                left = less;
+                comparisons_left = rest;
                 join(&mut lane.successors, &gone.id, &gone.successors, &lane.id);
                 join(&mut lane.predecessors, &gone.id, &gone.predecessors, &lane.id);
                 lane.left.retain(|n| n.lane != gone.id);
@@ -489,29 +493,34 @@ impl Builder {
     }
 }
 
-/// How many comparisons [`join`] takes, about.
-fn comparisons(links: &[String], gone: &str, instead: &[String]) -> usize {
+/// Returns the approximate number of comparisons that [`join`] makes.
+fn comparisons(links: &[String], gone: &str, replacements: &[String]) -> usize {
     if !links.iter().any(|l| l == gone) {
         return links.len();
     }
-    (instead.len() + 1).saturating_mul(links.len() + instead.len()).min(usize::MAX / 4)
+    (replacements.len() + 1).saturating_mul(links.len() + replacements.len()).min(usize::MAX / 4)
 }
 
-/// Replaces the link `gone` by `instead`, without repeats and without a link to `own` itself.
-fn join(links: &mut Vec<String>, gone: &str, instead: &[String], own: &str) {
+/// Replaces the link `gone` by `replacements`, without repeats and without a link to `own` itself.
+fn join(links: &mut Vec<String>, gone: &str, replacements: &[String], own: &str) {
     if !links.iter().any(|l| l == gone) {
         return;
     }
     links.retain(|l| l != gone);
-    for link in instead {
+    for link in replacements {
         if link != own && link != gone && !links.contains(link) {
             links.push(link.clone());
         }
     }
 }
 
-/// The path of a state, made only when its position will be refused (this runs for every recorded state).
-fn format_args_field(field: &str, frame: usize, state: &AgentState, shift: Vec2) -> String {
+/// Returns the field path of a state if its position will be refused, else an empty string: this runs for
+/// every recorded state.
+fn field_if_refused(field: &str, frame: usize, state: &AgentState, shift: Vec2) -> String {
     let q = state.position() - shift;
-    if q.x.abs() < FARTHEST && q.y.abs() < FARTHEST { String::new() } else { format!("{field}[{frame}]") }
+    if q.x.abs() < MAX_COORDINATE && q.y.abs() < MAX_COORDINATE {
+        String::new()
+    } else {
+        format!("{field}[{frame}]")
+    }
 }

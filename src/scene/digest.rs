@@ -1,10 +1,11 @@
-//! A digest of everything that a scenario holds, for provenance and against damage.
+//! Digest of the whole content of a scenario, for provenance and to detect damage.
 
 use super::{Certificate, Frame, LaneArea, Scenario};
 use crate::geometry::{Polygon, Vec2};
 
 impl Scenario {
-    /// BLAKE3 digest of the whole content, as 64 hexadecimal digits. Equal scenarios have equal digests, on any machine.
+    /// Returns the BLAKE3 digest of the whole content, as 64 hexadecimal digits. Equal scenarios have equal
+    /// digests on every machine.
     pub fn digest(&self) -> String {
         let mut sink = Sink(Vec::with_capacity(1 << 19));
         sink.text("reactsim-scenario-1");
@@ -36,7 +37,8 @@ impl Scenario {
         if let Some(deviation) = &self.deviation {
             sink.text(deviation.category.map_or("", |c| c.name()));
             sink.list(&deviation.track, |s, state| s.frame(&Some(*state)));
-            // Scenarios without a certificate have the digests that they had before there were any.
+            // Nothing is written for a missing certificate, to keep the digests from before certificates
+            // existed.
             if let Some(certificate) = &deviation.certificate {
                 sink.certificate(certificate);
             }
@@ -98,7 +100,7 @@ impl Scenario {
     }
 }
 
-/// Bytes with a length before every list, so that different contents never give the same bytes.
+/// Serialized bytes, with a length before every list, so that different contents never give the same bytes.
 struct Sink(Vec<u8>);
 
 impl Sink {
@@ -111,7 +113,7 @@ impl Sink {
     }
 
     fn number(&mut self, v: f64) {
-        // All NaNs are one: they mean "unknown".
+        // All NaNs are equal: they mean "unknown".
         let v = if v.is_nan() { f64::NAN } else { v };
         self.0.extend_from_slice(&v.to_bits().to_le_bytes());
     }

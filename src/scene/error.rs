@@ -1,6 +1,7 @@
-//! What can be wrong with a scenario.
+//! The error of an invalid scenario.
 
-/// Why parts make no scenario. The text names the field and the value; formats add file and record.
+/// The reason why parts do not form a scenario. The text names the field and the value; formats add file and
+/// record.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("scenario `{scenario}`: {field} is {value}, expected {expected}")]
 pub struct SceneError {
@@ -10,6 +11,6 @@ pub struct SceneError {
     pub field: String,
     /// The value found.
     pub value: String,
-    /// What was expected instead.
+    /// The expected value.
     pub expected: String,
 }

@@ -2,10 +2,10 @@
 
 use crate::geometry::Vec2;
 
-/// What a light shows to one lane (the states of the Waymo Open Motion Dataset).
+/// The state of a light for one lane (the states of the Waymo Open Motion Dataset).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LightState {
-    /// Seen, colour unknown.
+    /// Observed, but with unknown colour.
     Unknown,
     /// Red arrow.
     ArrowStop,
@@ -21,7 +21,7 @@ pub enum LightState {
     Go,
     /// Flashing red: stop, then go when clear.
     FlashingStop,
-    /// Flashing yellow: go with care.
+    /// Flashing yellow: proceed with caution.
     FlashingCaution,
 }
 
@@ -39,7 +39,7 @@ impl LightState {
         Self::FlashingCaution,
     ];
 
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
@@ -54,32 +54,33 @@ impl LightState {
         }
     }
 
-    /// The state with this name.
+    /// Returns the state with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|s| s.name() == name)
     }
 
-    /// The code 0 to 8.
+    /// Returns the code, 0 to 8.
     pub const fn code(self) -> u8 {
         self as u8
     }
 
-    /// Red or red arrow (steady).
+    /// Returns whether the light is red or a red arrow (steady).
     pub const fn is_red(self) -> bool {
         matches!(self, Self::Stop | Self::ArrowStop)
     }
 
-    /// Yellow or yellow arrow (steady).
+    /// Returns whether the light is yellow or a yellow arrow (steady).
     pub const fn is_yellow(self) -> bool {
         matches!(self, Self::Caution | Self::ArrowCaution)
     }
 }
 
-/// A light that controls one lane: where it stands. Its states are kept apart, split at the current frame.
+/// The position of a light that controls one lane. Its states are stored separately, split at the current
+/// frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrafficLight {
     /// Index of the controlled lane in the map.
     pub lane: usize,
-    /// Where to stop, metres.
+    /// Point at which to stop, metres.
     pub stop_point: Vec2,
 }

@@ -7,32 +7,33 @@ use crate::geometry::{Polygon, Polyline, Vec2};
 pub struct Lane {
     /// Name, unique in the map.
     pub id: String,
-    /// Lane proper or connector inside a junction.
+    /// Lane between junctions, or connector inside a junction.
     pub kind: LaneKind,
-    /// What the lane is for.
+    /// Purpose of the lane.
     pub class: LaneClass,
-    /// Speed limit, m/s, where known.
+    /// Speed limit, m/s, if known.
     pub speed_limit: Option<f64>,
     /// Centre line in driving direction.
     pub baseline: Polyline,
-    /// The ground that the lane covers.
+    /// Ground covered by the lane.
     pub area: LaneArea,
     /// Lanes that begin where this one ends (indices into `RoadMap::lanes`).
     pub successors: Vec<usize>,
     /// Lanes that end where this one begins.
     pub predecessors: Vec<usize>,
-    /// Lanes beside it on the left, same direction.
+    /// Adjacent lanes on the left with the same direction.
     pub left: Vec<LaneNeighbor>,
-    /// Lanes beside it on the right, same direction.
+    /// Adjacent lanes on the right with the same direction.
     pub right: Vec<LaneNeighbor>,
 }
 
-/// Lane proper or connector.
+/// Position of a lane relative to junctions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LaneKind {
     /// A lane between junctions; lanes do not overlap one another.
     Lane,
-    /// A path through a junction; connectors overlap. Maps with overlapping lanes (Waymo) call every lane a connector.
+    /// A lane through a junction; connectors overlap. In maps with overlapping lanes (Waymo) every lane is a
+    /// connector.
     Connector,
 }
 
@@ -40,7 +41,7 @@ impl LaneKind {
     /// All kinds.
     pub const ALL: [Self; 2] = [Self::Lane, Self::Connector];
 
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Lane => "lane",
@@ -48,16 +49,16 @@ impl LaneKind {
         }
     }
 
-    /// The kind with this name.
+    /// Returns the kind with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
 }
 
-/// What a lane is for.
+/// The purpose of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LaneClass {
-    /// Not said.
+    /// Not recorded.
     Undefined,
     /// Motorway.
     Freeway,
@@ -71,7 +72,7 @@ impl LaneClass {
     /// All classes, in the order of their codes 0 to 3.
     pub const ALL: [Self; 4] = [Self::Undefined, Self::Freeway, Self::SurfaceStreet, Self::Bike];
 
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Undefined => "undefined",
@@ -81,28 +82,29 @@ impl LaneClass {
         }
     }
 
-    /// The class with this name.
+    /// Returns the class with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|c| c.name() == name)
     }
 }
 
-/// Half of the width of a lane whose width is not recorded, metres.
+/// Half-width of a lane whose width is not recorded, metres.
 pub const LANE_HALF_WIDTH: f64 = 1.75;
 
-/// The ground that a lane covers.
+/// The ground covered by a lane.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LaneArea {
     /// A ring, open or closed.
     Polygon(Vec<Vec2>),
-    /// The baseline buffered by `half_width` metres with flat ends and round joins (maps that record no lane outline).
+    /// The baseline buffered by `half_width` metres with flat ends and round joins (maps that record no lane
+    /// outline).
     Corridor {
-        /// Half of the width, metres.
+        /// Half-width, metres.
         half_width: f64,
     },
 }
 
-/// A stretch along which another lane runs beside.
+/// A stretch along which another lane is adjacent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LaneNeighbor {
     /// Index of the other lane.
@@ -126,10 +128,10 @@ pub struct RoadEdge {
     pub points: Vec<Vec2>,
 }
 
-/// What a road edge bounds.
+/// The area that a road edge bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RoadEdgeKind {
-    /// Not said.
+    /// Not recorded.
     Unknown,
     /// Outer boundary.
     Boundary,
@@ -141,7 +143,7 @@ impl RoadEdgeKind {
     /// All kinds, in the order of their codes 0 to 2.
     pub const ALL: [Self; 3] = [Self::Unknown, Self::Boundary, Self::Median];
 
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
@@ -150,7 +152,7 @@ impl RoadEdgeKind {
         }
     }
 
-    /// The kind with this name.
+    /// Returns the kind with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|c| c.name() == name)
     }
@@ -159,16 +161,17 @@ impl RoadEdgeKind {
 /// A painted line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoadLine {
-    /// Paint: the codes 0 to 8 of the Waymo messages (0 unknown, 1 broken single white, … 8 passing double yellow).
+    /// Paint, as the codes 0 to 8 of the Waymo messages (0 unknown, 1 broken single white, … 8 passing double
+    /// yellow).
     pub paint: u8,
     /// Points.
     pub points: Vec<Vec2>,
 }
 
-/// Where vehicles of one lane stop.
+/// A stop line across one lane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StopLine {
-    /// What makes them stop.
+    /// Reason for stopping.
     pub kind: StopKind,
     /// Index of the lane.
     pub lane: usize,
@@ -178,7 +181,7 @@ pub struct StopLine {
     pub ends: [Vec2; 2],
 }
 
-/// What makes vehicles stop at a line.
+/// The reason for stopping at a stop line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StopKind {
     /// A traffic light: stop on red and yellow.
@@ -193,7 +196,7 @@ impl StopKind {
     /// All kinds.
     pub const ALL: [Self; 3] = [Self::Light, Self::Sign, Self::Yield];
 
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Light => "light",
@@ -202,7 +205,7 @@ impl StopKind {
         }
     }
 
-    /// The kind with this name.
+    /// Returns the kind with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|c| c.name() == name)
     }
@@ -222,10 +225,10 @@ pub struct Surface {
     pub outline: Vec<Vec2>,
 }
 
-/// Everything that does not move.
+/// The static map.
 ///
-/// The drivable area is polygons **or**, where there are none, the left of the road edges. Order matters: where several lanes
-/// hold a point, the first counts.
+/// The drivable area is given by polygons **or**, if there are none, by the left side of the road edges. The
+/// order of the lanes matters: if several contain a point, the first one counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RoadMap {
     /// Lanes; links are indices into this list.
@@ -244,6 +247,6 @@ pub struct RoadMap {
     pub driveways: Vec<Surface>,
     /// Outlines of junctions.
     pub intersections: Vec<Vec<Vec2>>,
-    /// Drivable polygons (union, strict interior); `None` where the map has none.
+    /// Drivable polygons (union, strict interior); `None` if the map has none.
     pub drivable_area: Option<Vec<Polygon>>,
 }

@@ -1,4 +1,4 @@
-//! The spatial index of a map, built once per scenario, and the queries through it.
+//! The spatial index of a map, built once per scenario, and its queries.
 
 use super::{Lane, LaneArea, RoadMap};
 use crate::geometry::{
@@ -14,7 +14,7 @@ pub struct LaneHit {
     pub projection: Projection,
 }
 
-/// Indexes over lanes, edges and areas.
+/// Spatial indices of lanes, edges and areas.
 #[derive(Clone, Debug)]
 pub struct MapIndex {
     pieces: Vec<Piece>,
@@ -27,7 +27,7 @@ pub struct MapIndex {
     intersection_grid: Grid,
 }
 
-/// A few successive segments of a lane's baseline.
+/// Successive segments of a lane's baseline.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     lane: u32,
@@ -35,10 +35,10 @@ struct Piece {
     last: u32,
 }
 
-/// Segments per piece: about 4 m of a Waymo lane.
-const PIECE: usize = 8;
-/// Cell size of the lane grids, metres.
-const CELL: f64 = 6.0;
+/// Number of segments per piece: about 4 m of a Waymo lane.
+const PIECE_SEGMENTS: usize = 8;
+/// Cell size of the grids, metres.
+const CELL_SIZE: f64 = 6.0;
 
 impl MapIndex {
     /// Builds the index.
@@ -56,31 +56,31 @@ impl MapIndex {
             };
             let mut first = 0;
             while first < lane.baseline.segments() {
-                let last = (first + PIECE).min(lane.baseline.segments());
+                let last = (first + PIECE_SEGMENTS).min(lane.baseline.segments());
                 pieces.push(Piece { lane: i as u32, first: first as u32, last: last as u32 });
                 bounds.push(Bounds::of(lane.baseline.points()[first..=last].iter().copied()).inflated(reach));
                 first = last;
             }
         }
         let area = map.drivable_area.iter().flatten();
-        let crossings = map.intersections.iter();
+        let intersections = map.intersections.iter();
         Self {
-            piece_grid: Grid::new(&bounds, CELL),
+            piece_grid: Grid::new(&bounds, CELL_SIZE),
             pieces,
             polygon_lanes,
-            polygon_grid: Grid::new(&polygon_bounds, CELL),
+            polygon_grid: Grid::new(&polygon_bounds, CELL_SIZE),
             edges: OrientedEdges::new(map.road_edges.iter().map(|e| e.points.as_slice())),
             areas: area.clone().map(PolygonIndex::new).collect(),
-            area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL),
+            area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL_SIZE),
             intersection_grid: Grid::new(
-                &crossings.map(|r| Bounds::of(r.iter().copied())).collect::<Vec<_>>(),
-                CELL,
+                &intersections.map(|r| Bounds::of(r.iter().copied())).collect::<Vec<_>>(),
+                CELL_SIZE,
             ),
         }
     }
 }
 
-/// A map with its index: what every query goes through.
+/// A map with its spatial index, which answers all map queries.
 #[derive(Clone, Copy, Debug)]
 pub struct Road<'a> {
     /// The map.
@@ -89,17 +89,18 @@ pub struct Road<'a> {
 }
 
 impl<'a> Road<'a> {
-    /// Joins a map and the index that was built of it.
+    /// Joins a map with the index that was built from it.
     pub fn new(map: &'a RoadMap, index: &'a MapIndex) -> Self {
         Self { map, index }
     }
 
-    /// A lane.
+    /// Returns the lane with this index.
     pub fn lane(&self, lane: usize) -> &'a Lane {
         &self.map.lanes[lane]
     }
 
-    /// The lanes whose area strictly holds `p`, in map order, into `hits` (cleared first).
+    /// Finds the lanes whose area strictly contains `p`, in map order, and writes them to `hits` (cleared
+    /// first).
     pub fn lanes_at(&self, p: Vec2, hits: &mut Vec<LaneHit>) {
         hits.clear();
         let cell = self.index.piece_grid.at(p);
@@ -129,7 +130,8 @@ impl<'a> Road<'a> {
         hits.sort_by_key(|h| h.lane);
     }
 
-    /// Whether the area of one lane strictly holds `p`, and where on its baseline: what [`Road::lanes_at`] says of that lane.
+    /// Returns the projection of `p` onto the baseline of one lane if its area strictly contains `p`. The
+    /// result equals that of [`Road::lanes_at`] for this lane.
     pub fn lane_at(&self, p: Vec2, lane: usize) -> Option<Projection> {
         match &self.map.lanes[lane].area {
             LaneArea::Corridor { half_width } => {
@@ -145,7 +147,8 @@ impl<'a> Road<'a> {
         }
     }
 
-    /// Whether a corridor strictly holds `p`: within the half width of the baseline, and not beyond its flat ends.
+    /// Returns the projection of `p` if the corridor strictly contains it: within the half-width of the
+    /// baseline and not beyond its flat ends.
     fn in_corridor(&self, p: Vec2, lane: usize, half_width: f64, pieces: &[u32]) -> Option<Projection> {
         let line = &self.map.lanes[lane].baseline;
         let reach = half_width * half_width;
@@ -166,7 +169,8 @@ impl<'a> Road<'a> {
         inside.then(|| line.project_between(p, nearest.1, nearest.1 + 1))
     }
 
-    /// The lanes whose baseline comes within `radius` of `p`, in map order, into `hits` (cleared first).
+    /// Finds the lanes whose baseline is within `radius` metres of `p`, in map order, and writes them to
+    /// `hits` (cleared first).
     pub fn lanes_near(&self, p: Vec2, radius: f64, hits: &mut Vec<LaneHit>) {
         hits.clear();
         let mut found: Vec<u32> = Vec::new();
@@ -191,18 +195,19 @@ impl<'a> Road<'a> {
         }
     }
 
-    /// The nearest road edge; `start` is the segment found for a point close by. `None` without edges.
+    /// Finds the nearest road edge; `start` is the segment found for a nearby point. `None` without edges.
     fn nearest_edge(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
         self.index.edges.nearest(p, start)
     }
 
-    /// Whether the map tells drivable ground from other ground at all.
-    pub fn knows_drivable(&self) -> bool {
+    /// Returns whether the map records its drivable area.
+    pub fn has_drivable_area(&self) -> bool {
         self.map.drivable_area.is_some() || !self.index.edges.is_empty()
     }
 
-    /// Whether `p` lies on drivable ground: strictly inside a polygon or, in maps without polygons, left of the nearest edge.
-    /// `start` carries the nearest edge from one point of a track to the next. `None` where the map does not tell.
+    /// Returns whether `p` is on drivable ground: strictly inside a polygon or, in maps without polygons,
+    /// left of the nearest edge. `start` carries the nearest edge from one point of a track to the next.
+    /// `None` if the map does not record its drivable area.
     pub fn drivable(&self, p: Vec2, start: &mut Option<u32>) -> Option<bool> {
         if self.map.drivable_area.is_some() {
             let areas = &self.index.areas;
@@ -213,8 +218,9 @@ impl<'a> Road<'a> {
         Some(!nearest.outside)
     }
 
-    /// How far `p` lies off the drivable ground, metres; 0 on it. `start` as in [`Road::drivable`]. `None` where the map does not tell.
-    pub fn off_road_by(&self, p: Vec2, start: &mut Option<u32>) -> Option<f64> {
+    /// Returns the distance from `p` to the drivable ground, metres; 0 on it. `start` and `None` as in
+    /// [`Road::drivable`].
+    pub fn distance_off_road(&self, p: Vec2, start: &mut Option<u32>) -> Option<f64> {
         if let Some(area) = &self.map.drivable_area {
             if self.drivable(p, start)? {
                 return Some(0.0);
@@ -227,13 +233,13 @@ impl<'a> Road<'a> {
         Some(if nearest.outside { nearest.distance } else { 0.0 })
     }
 
-    /// Whether `p` lies strictly inside a junction.
+    /// Returns whether `p` is strictly inside a junction.
     pub fn in_intersection(&self, p: Vec2) -> bool {
         let at = self.index.intersection_grid.at(p);
         at.iter().any(|&i| point_in_ring(p, &self.map.intersections[i as usize]) == Some(true))
     }
 
-    /// Distance from `p` to the ground of a lane, metres; 0 inside.
+    /// Returns the distance from `p` to the area of a lane, metres; 0 inside.
     pub fn distance_to_lane(&self, p: Vec2, lane: usize) -> f64 {
         match &self.map.lanes[lane].area {
             LaneArea::Polygon(ring) if point_in_ring(p, ring) == Some(true) => 0.0,

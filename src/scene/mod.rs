@@ -1,4 +1,4 @@
-//! The vocabulary: agents, tracks, maps, lights and scenarios. Pure data; knows geometry and nothing else.
+//! The data types of scenarios: agents, tracks, maps and lights. This module depends on geometry only.
 
 mod agent;
 mod assemble;

@@ -1,4 +1,4 @@
-//! Scenarios as files give them: before agents are chosen, coordinates shifted and links resolved.
+//! Scenarios as read from files, before agents are selected, coordinates shifted and links resolved.
 
 use super::{
     Crosswalk, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, RoadEdge, RoadLine, StopKind, Surface,
@@ -6,25 +6,26 @@ use super::{
 use crate::geometry::{Polygon, Vec2};
 use crate::scene::{Certificate, Deviation, Frame};
 
-/// A scenario as a format reads it. [`super::Scenario::assemble`] checks it and makes the domain type.
+/// A scenario as read by a format. [`super::Scenario::assemble`] checks it and converts it to the domain
+/// type.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScenarioParts {
     /// Name of the scenario.
     pub id: String,
     /// Name of the data set or of the file's format, for provenance.
     pub source: String,
-    /// `None`: coordinates are world coordinates, and the AV's current position becomes the origin. `Some`: coordinates are
-    /// already relative to this point of the world.
+    /// World point of the origin. `None`: coordinates are world coordinates, and the AV's current position
+    /// becomes the origin. `Some`: coordinates are already relative to this point.
     pub origin: Option<Vec2>,
-    /// Time of each frame, seconds; empty where not recorded.
+    /// Time of each frame, seconds; empty if not recorded.
     pub timestamps: Vec<f64>,
     /// Index of the AV in `agents`.
     pub av: usize,
-    /// Every recorded agent with 91 frames.
+    /// Every recorded agent, with 91 frames each.
     pub agents: Vec<LoggedAgent>,
-    /// Agents that the data set asks to predict (ids).
+    /// Ids of the agents that the data set marks for prediction.
     pub tracks_to_predict: Vec<String>,
-    /// Agents that the data set calls interesting (ids).
+    /// Ids of the agents that the data set marks as interesting.
     pub objects_of_interest: Vec<String>,
     /// The map.
     pub map: MapParts,
@@ -34,7 +35,7 @@ pub struct ScenarioParts {
     pub deviation: Option<DeviationParts>,
 }
 
-/// The map as a format reads it; lanes are named by id.
+/// A map as read by a format; lanes are named by id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapParts {
     /// Lanes in map order.
@@ -57,32 +58,33 @@ pub struct MapParts {
     pub drivable_area: Option<Vec<Polygon>>,
 }
 
-/// A lane as a format reads it.
+/// A lane as read by a format.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LaneParts {
     /// Name.
     pub id: String,
-    /// Lane proper or connector.
+    /// Lane between junctions, or connector.
     pub kind: LaneKind,
-    /// What it is for.
+    /// Purpose.
     pub class: LaneClass,
     /// Speed limit, m/s.
     pub speed_limit: Option<f64>,
-    /// Centre line in driving direction. A lane of fewer than two distinct points is taken out and its links are joined.
+    /// Centre line in driving direction. A lane of fewer than two distinct points is removed and its links
+    /// are joined.
     pub points: Vec<Vec2>,
-    /// The ground that the lane covers.
+    /// Ground covered by the lane.
     pub area: LaneArea,
-    /// Ids of the lanes that begin where this one ends. Missing ones are dropped and counted.
+    /// Ids of the lanes that begin where this one ends. Missing lanes are dropped and counted.
     pub successors: Vec<String>,
     /// Ids of the lanes that end where this one begins.
     pub predecessors: Vec<String>,
-    /// Lanes beside it on the left.
+    /// Adjacent lanes on the left.
     pub left: Vec<NeighborParts>,
-    /// Lanes beside it on the right.
+    /// Adjacent lanes on the right.
     pub right: Vec<NeighborParts>,
 }
 
-/// A lane beside another, by id; point indices as in [`super::LaneNeighbor`].
+/// An adjacent lane, by id; point indices as in [`super::LaneNeighbor`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NeighborParts {
     /// Id of the other lane.
@@ -100,11 +102,11 @@ pub struct NeighborParts {
 /// A stop line by lane id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StopLineParts {
-    /// What makes vehicles stop.
+    /// Reason for stopping.
     pub kind: StopKind,
     /// Id of the lane. Lines on missing lanes are dropped and counted.
     pub lane: String,
-    /// A point on or beside the line; it is projected onto the lane's baseline.
+    /// A point on or near the line; it is projected onto the lane's baseline.
     pub at: Vec2,
 }
 
@@ -113,14 +115,14 @@ pub struct StopLineParts {
 pub struct LightParts {
     /// Id of the controlled lane. Lights on missing lanes are dropped and counted.
     pub lane: String,
-    /// Where to stop.
+    /// Point at which to stop.
     pub stop_point: Vec2,
-    /// One entry per frame (91); `None` where the light was not observed.
+    /// One entry per frame (91); `None` if the light was not observed.
     pub states: Vec<Option<LightState>>,
 }
 
 impl LightParts {
-    /// The stop line of the controlled lane.
+    /// Returns the stop line of the controlled lane.
     pub fn stop_line(&self) -> StopLineParts {
         StopLineParts { kind: StopKind::Light, lane: self.lane.clone(), at: self.stop_point }
     }
@@ -129,10 +131,10 @@ impl LightParts {
 /// A deviated AV trajectory for the steps 1 to 80.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviationParts {
-    /// Dominant source of the deviation, where known.
+    /// Dominant source of the deviation, if known.
     pub category: Option<Deviation>,
     /// 80 states.
     pub track: Vec<Frame>,
-    /// Responses of the agents that the deviation disturbs, where they are known; in the same frame as `track`.
+    /// Responses of the agents that the deviation affects, if known; in the same frame as `track`.
     pub certificate: Option<Certificate>,
 }

@@ -1,4 +1,4 @@
-//! Scenarios: what was known at the current frame, and what the log holds after it.
+//! Scenarios: the information known at the current frame, and the log after it.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -9,7 +9,7 @@ use super::{
 };
 use crate::geometry::{OrientedBox, Vec2};
 
-/// The AV plus the 63 nearest agents (ReactSim-Bench, "Scenario Data").
+/// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
 pub const MAX_AGENTS: usize = 64;
 
 /// The dominant source of a deviation from the log (ReactSim-Bench, "Deviation Taxonomy").
@@ -27,7 +27,7 @@ impl Deviation {
     /// All categories.
     pub const ALL: [Self; 3] = [Self::Longitudinal, Self::Lateral, Self::Directional];
 
-    /// The name in files.
+    /// Returns the name used in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Longitudinal => "longitudinal",
@@ -36,7 +36,7 @@ impl Deviation {
         }
     }
 
-    /// The category with this name.
+    /// Returns the category with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|c| c.name() == name)
     }
@@ -45,87 +45,90 @@ impl Deviation {
 /// A deviated AV: its category and its states at the steps 1 to 80, in the scenario frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviatedTrack {
-    /// Dominant source of the deviation, where known.
+    /// Dominant source of the deviation, if known.
     pub category: Option<Deviation>,
     /// 80 states.
     pub track: Vec<AgentState>,
-    /// How every agent that the deviation disturbs can avoid it, where that is known.
+    /// Responses with which every agent that the deviation affects can avoid it, if known.
     pub certificate: Option<Certificate>,
 }
 
-/// A recorded scene, split at the current frame. The split is the privacy boundary: simulators are given [`Start`] only.
+/// A recorded scene, split at the current frame. The split is the information boundary: simulators get
+/// [`Start`] only.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// Name.
     pub id: String,
-    /// Data set or format that it came from.
+    /// Data set or format of origin.
     pub source: String,
-    /// The point of the world that is the origin of all coordinates here, metres.
+    /// World point that is the origin of all coordinates here, metres.
     pub origin: Vec2,
-    /// Time of each frame, seconds; empty where not recorded.
+    /// Time of each frame, seconds; empty if not recorded.
     pub timestamps: Vec<f64>,
-    /// Agents that the data set asks to predict (ids).
+    /// Ids of the agents that the data set marks for prediction.
     pub tracks_to_predict: Vec<String>,
-    /// Agents that the data set calls interesting (ids).
+    /// Ids of the agents that the data set marks as interesting.
     pub objects_of_interest: Vec<String>,
-    /// What is known at the current frame.
+    /// Information known at the current frame.
     pub start: Start,
-    /// What the log holds after the current frame.
+    /// The log after the current frame.
     pub log_future: LogFuture,
-    /// Recorded agents that are neither the AV nor among the chosen world agents: absent now, too far, or of kind `other`.
+    /// Recorded agents other than the AV and the selected world agents: absent now, too far away, or of kind
+    /// `other`.
     pub unselected: Vec<LoggedAgent>,
     /// A deviated AV that came with the scenario.
     pub deviation: Option<DeviatedTrack>,
-    /// What had to be left out of the file's data, by what it was: counts.
+    /// Number of items that had to be dropped from the file's data, by description.
     pub repairs: BTreeMap<String, u32>,
 }
 
-/// What is known at the current frame: agents, their history, the map, the lights so far. Holds nothing of the future.
+/// The information known at the current frame: agents, their history, the map, the lights so far. It contains
+/// nothing of the future.
 #[derive(Clone, Debug)]
 pub struct Start {
-    /// Slot 0 is the AV; then the world agents by distance to it.
+    /// The AV in slot 0, then the world agents by distance to it.
     pub agents: Vec<Agent>,
-    /// Per agent 11 frames; the last one is now and never absent.
+    /// 11 frames per agent; the last one is now and never absent.
     pub history: Vec<Vec<Frame>>,
     /// Boxes of the static context (kind `other`, present now).
     pub obstacles: Vec<OrientedBox>,
     /// The road map.
     pub map: RoadMap,
-    /// The lights that stand in the map.
+    /// The lights of the map.
     pub lights: Vec<TrafficLight>,
-    /// Per light its 11 observed states; `None` where not observed.
+    /// 11 observed states per light; `None` if not observed.
     pub light_history: Vec<Vec<Option<LightState>>>,
     pub(super) index: OnceLock<MapIndex>,
 }
 
 impl Start {
-    /// The map with its spatial index, which is built at the first call.
+    /// Returns the map with its spatial index, which is built at the first call.
     pub fn road(&self) -> Road<'_> {
         Road::new(&self.map, self.index.get_or_init(|| MapIndex::new(&self.map)))
     }
 
-    /// The state of an agent at the current frame.
+    /// Returns the state of an agent at the current frame.
     pub fn now(&self, agent: usize) -> AgentState {
-        self.history[agent][CURRENT].expect("agents are chosen by being present now")
+        self.history[agent][CURRENT].expect("selected agents are present now")
     }
 }
 
 /// The log after the current frame. Only oracles, metrics and logged AVs may look at it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogFuture {
-    /// Per agent (same order as in [`Start`]) 80 frames.
+    /// 80 frames per agent, in the order of [`Start`].
     pub tracks: Vec<Vec<Frame>>,
-    /// Per light 80 observed states.
+    /// 80 observed states per light.
     pub lights: Vec<Vec<Option<LightState>>>,
 }
 
 impl Scenario {
-    /// The whole logged track of an agent: 91 frames.
+    /// Returns the whole logged track of an agent: 91 frames.
     pub fn logged(&self, agent: usize) -> Vec<Frame> {
         self.start.history[agent].iter().chain(&self.log_future.tracks[agent]).copied().collect()
     }
 
-    /// The logged state of an agent at a frame; beyond the last one it is absent.
+    /// Returns the logged state of an agent at a frame; absent beyond the last frame.
     pub fn logged_at(&self, agent: usize, frame: usize) -> Frame {
         match frame.checked_sub(HISTORY) {
             None => self.start.history[agent][frame],
@@ -133,8 +136,9 @@ impl Scenario {
         }
     }
 
-    /// The logged velocity of an agent at a frame, m/s: the recorded one, else the backward difference of its positions, else the forward
-    /// difference (the rule of the metrics). `None` where it is absent or alone.
+    /// Returns the logged velocity of an agent at a frame, m/s: the recorded velocity, else the backward
+    /// difference of its positions, else the forward difference (the rule of the metrics). `None` if the
+    /// agent is absent at this frame, or present at neither neighbouring frame.
     pub fn logged_velocity(&self, agent: usize, frame: usize) -> Option<Vec2> {
         let at = |f: usize| self.logged_at(agent, f);
         let here = at(frame)?;
@@ -144,7 +148,7 @@ impl Scenario {
         here.velocity().or_else(before).or_else(after)
     }
 
-    /// The observed states of a light over all 91 frames.
+    /// Returns the observed states of a light over all 91 frames.
     pub fn light_states(&self, light: usize) -> Vec<Option<LightState>> {
         self.start.light_history[light].iter().chain(&self.log_future.lights[light]).copied().collect()
     }

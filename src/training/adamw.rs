@@ -1,15 +1,16 @@
-//! AdamW on a list of numbers.
+//! AdamW on a flat list of parameter values.
 
 use super::Settings;
 use super::parameters::Layout;
 use crate::geometry::math::pow;
 
-/// The moments of AdamW (Loshchilov and Hutter, "Decoupled Weight Decay Regularization", <https://arxiv.org/abs/1711.05101>).
+/// Moments of AdamW (Loshchilov and Hutter, "Decoupled Weight Decay Regularization",
+/// <https://arxiv.org/abs/1711.05101>).
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct AdamW {
     pub(super) first: Vec<f32>,
     pub(super) second: Vec<f32>,
-    /// Updates so far.
+    /// Number of updates so far.
     pub(super) updates: u64,
 }
 
@@ -18,7 +19,7 @@ impl AdamW {
         Self { first: vec![0.0; len], second: vec![0.0; len], updates: 0 }
     }
 
-    /// Moves the values against the gradient.
+    /// Updates the values with a gradient at learning rate `rate`.
     pub(super) fn update(
         &mut self,
         settings: &Settings,
@@ -57,9 +58,9 @@ mod tests {
     use super::*;
     use crate::training::parameters;
 
-    /// Burn's own AdamW, step by step, on a curved surface.
+    /// Compares each step with burn's own AdamW on a non-quadratic loss.
     #[test]
-    fn it_is_the_same_as_another_one() {
+    fn it_agrees_with_another_implementation() {
         let settings = Settings { weight_decay: 0.1, epsilon: 1e-5, ..Settings::default() };
         let device = Device::flex().autodiff();
         let mut theirs = LinearConfig::new(3, 4).with_bias(false).init(&device);
@@ -80,7 +81,7 @@ mod tests {
             theirs = other.step(rate, theirs, gradients);
             let (_, expected) = parameters::read(&theirs);
             let most = values.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            // The other one forms 1 - beta in single precision.
+            // The other implementation computes 1 - beta in single precision.
             assert!(most < 1e-4, "step {step}: {most}");
         }
     }

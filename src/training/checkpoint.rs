@@ -1,4 +1,4 @@
-//! Where a training stands.
+//! Checkpoints: the state of a training.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -8,12 +8,12 @@ use super::adamw::AdamW;
 use super::parameters::Layout;
 use super::tensors::{NamedTensor, NamedTensors};
 
-/// What checkpoints say they are.
+/// Kind and format version in the metadata of checkpoints.
 const KIND: &str = "reactsim-training-1";
-/// Before the names of parameters and of their moments.
+/// Prefixes of the tensor names of parameters and of their first and second moments.
 const PREFIXES: [&str; 3] = ["model.", "first.", "second."];
 
-/// All that the rest of a training depends on.
+/// State that determines the rest of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Checkpoint {
     pub(super) progress: Progress,
@@ -21,31 +21,31 @@ pub(super) struct Checkpoint {
     pub(super) adamw: AdamW,
 }
 
-/// How far a training is. The place in the order of the data follows from the step.
+/// Progress of a training. The position in the order of the data follows from the step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Progress {
-    /// Steps that were taken.
+    /// Number of steps taken.
     pub(super) step: u64,
-    /// Updates of the optimiser: fewer where batches were empty.
+    /// Updates of the optimiser: fewer than steps if batches were empty.
     pub(super) updates: u64,
     /// The lowest validation loss so far.
     pub(super) best: Option<Best>,
-    /// Validations since.
+    /// Number of validations since then.
     pub(super) stale: u64,
-    /// Seconds that were spent; nothing depends on it.
+    /// Wall time spent, in seconds; informative only.
     pub(super) seconds: f64,
 }
 
-/// The lowest validation loss, and when it was.
+/// The lowest validation loss and its step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Best {
-    /// Steps that were taken before.
+    /// Number of steps taken before the validation.
     pub step: u64,
-    /// Mean loss over the items that are held out.
+    /// Mean loss over the held-out items.
     pub loss: f64,
 }
 
-/// Values by the names of the parameters, each after `prefix`.
+/// Returns the tensors of a flat list, named by `prefix` and the path of the parameter.
 pub(super) fn named<'a>(
     layout: &'a Layout,
     values: &'a [f32],
@@ -58,7 +58,7 @@ pub(super) fn named<'a>(
 }
 
 impl Checkpoint {
-    /// As a file of a training that is identified by this.
+    /// Converts the checkpoint to the content of a file, with the identity of its training.
     pub(super) fn tensors(&self, layout: &Layout, identity: &Value) -> NamedTensors {
         let mut file = NamedTensors::default();
         for (prefix, values) in
@@ -73,10 +73,12 @@ impl Checkpoint {
         file
     }
 
-    /// From a file of a training that is identified by this. The refusal is in words.
+    /// Reads a checkpoint of the training with this identity. The error is a message.
     pub(super) fn of(mut file: NamedTensors, layout: &Layout, identity: &Value) -> Result<Self, String> {
         if file.about.get("kind").and_then(Value::as_str) != Some(KIND) {
-            return Err(format!("it is no checkpoint of a training: its metadata name no kind `{KIND}`"));
+            return Err(format!(
+                "it is not a checkpoint of a training: its metadata lacks the kind `{KIND}`"
+            ));
         }
         let differences = differences(file.about.get("training").unwrap_or(&Value::Null), identity);
         if !differences.is_empty() {
@@ -84,7 +86,7 @@ impl Checkpoint {
         }
         let progress = file.about.remove("progress").unwrap_or_default();
         let progress: Progress =
-            serde_json::from_value(progress).map_err(|e| format!("its progress can not be read: {e}"))?;
+            serde_json::from_value(progress).map_err(|e| format!("its progress cannot be read: {e}"))?;
         let mut lists = Vec::new();
         for prefix in PREFIXES {
             let mut list = Vec::with_capacity(layout.len);
@@ -101,7 +103,7 @@ impl Checkpoint {
             lists.push(list);
         }
         if let Some((name, _)) = file.tensors.first_key_value() {
-            return Err(format!("the network has no tensor `{name}`"));
+            return Err(format!("the network does not have the tensor `{name}`"));
         }
         let [values, first, second] = lists.try_into().expect("there is one list for every prefix");
         let adamw = AdamW { first, second, updates: progress.updates };
@@ -109,7 +111,7 @@ impl Checkpoint {
     }
 }
 
-/// What two trainings differ in: names with both values.
+/// Returns the differences between the identities of two trainings: names with both values.
 pub(super) fn differences(old: &Value, new: &Value) -> Vec<String> {
     let mut found = Vec::new();
     compare("", old, new, &mut found);
@@ -131,7 +133,7 @@ fn compare(name: &str, old: &Value, new: &Value, found: &mut Vec<String>) {
     }
 }
 
-/// The refusal of a folder whose training is another one.
+/// Refuses a folder that holds another training.
 pub(super) fn refuse_other(path: &std::path::Path, old: &Value, new: &Value) -> Result<(), TrainingError> {
     let differences = differences(old, new);
     if differences.is_empty() {

@@ -1,73 +1,75 @@
-//! Why a training does not begin, or ends.
+//! Errors of trainings.
 
 use std::io;
 use std::path::PathBuf;
 
-/// Why a training does not begin, or ends early.
+/// Error that prevents a training or ends it early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrainingError {
-    /// A setting can not be.
+    /// A setting is invalid.
     #[error("{0}")]
     Setting(String),
     /// There is nothing to learn from.
     #[error("there is nothing to learn from: {0}")]
     NoData(String),
-    /// The loss or its gradient is no number any more.
+    /// The loss or its gradient is not finite.
     #[error(
-        "the {what} is {value} at step {step}, with {}: try a lower learning rate, or look at these scenarios",
+        "the {what} is {value} at step {step}, with {}: try a lower learning rate, or check these scenarios",
         named(.examples)
     )]
     NotFinite {
-        /// What is not finite.
+        /// Quantity that is not finite.
         what: &'static str,
         /// Its value.
         value: f64,
-        /// The step, counted from 1.
+        /// Step, counted from 1.
         step: u64,
-        /// The names of the examples that the network was run on.
+        /// Names of the examples that the network was run on.
         examples: Vec<String>,
     },
-    /// An example can not be read.
+    /// An example cannot be read.
     #[error("could not read {example}: {cause}")]
     Read {
-        /// Its name.
+        /// Name of the example.
         example: String,
-        /// Why.
+        /// Reason.
         cause: String,
     },
-    /// A file can not be read, or is not what it should be.
+    /// A file cannot be read or has unexpected content.
     #[error("{}: {why}", .path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         why: String,
     },
-    /// The last checkpoint can not be used.
-    #[error("can not resume from {}: {why}; {mend}", .path.display())]
+    /// The last checkpoint cannot be used.
+    #[error("cannot resume from {}: {why}; {mend}", .path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         why: String,
-        /// What to do.
+        /// Suggested remedy.
         mend: String,
     },
     /// The folder holds a training already.
     #[error(
-        "{} holds a training already; give --resume to go on with it, or choose another folder", .path.display()
+        "{} already holds a training; give --resume to continue it, or choose another folder", .path.display()
     )]
     Exists {
         /// The folder.
         path: PathBuf,
     },
     /// The folder holds another training.
-    #[error("can not resume {}: {differences}; give the same settings and data, or another folder", .path.display())]
+    #[error(
+        "cannot resume {}: {differences}; give the same settings and data, or another folder", .path.display()
+    )]
     OtherTraining {
         /// The folder.
         path: PathBuf,
-        /// What differs.
+        /// Differences between the two trainings.
         differences: String,
     },
     /// Another training writes to the folder.
@@ -76,20 +78,20 @@ pub enum TrainingError {
         /// The folder.
         path: PathBuf,
     },
-    /// What is measured in closed loop can not be.
+    /// The closed-loop validation failed.
     #[error("could not validate in closed loop: {0}")]
     ClosedLoop(String),
-    /// A file can not be written.
+    /// A file cannot be written.
     #[error("could not write {}: {source}", .path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// The system's answer.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
 
-/// A list of names for people.
+/// Formats a list of names.
 fn named(examples: &[String]) -> String {
     if examples.is_empty() { "no scenario".to_owned() } else { format!("scenario {}", examples.join(", ")) }
 }

@@ -1,4 +1,4 @@
-//! The folder of a training: what it is, its log, its last checkpoints, its weights.
+//! The folder of a training: description, log, last checkpoints, weights.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -12,28 +12,29 @@ use super::log::{Row, read_log};
 use super::parameters::Layout;
 use super::tensors::{NamedTensors, PARTIAL, replace};
 
-/// Name of the file that tells what is trained, how and on what.
+/// Name of the file that describes the task, the settings and the data.
 pub const ABOUT: &str = "training.json";
 /// Name of the log.
 pub const LOG: &str = "log.jsonl";
-/// Name of the file with the weights of the lowest validation loss; of the last step where nothing is held out.
+/// Name of the file with the weights of the lowest validation loss; without held-out examples, of the
+/// last step.
 pub const WEIGHTS: &str = "weights.safetensors";
-/// Checkpoints that are kept.
-const KEPT: usize = 2;
-/// Field of the file that tells what is trained by which a training is told from others.
+/// Number of checkpoints to keep.
+const KEPT_CHECKPOINTS: usize = 2;
+/// Field of [`ABOUT`] that identifies the training.
 const IDENTITY: &str = "training";
 
-/// The folder of a training that is going on.
+/// The folder of a running training.
 pub(super) struct Folder {
     path: PathBuf,
     log: File,
     identity: Value,
-    /// Held while the training lasts: two must not write to one folder.
+    /// Held during the training, so that no other training writes to the folder.
     _lock: File,
 }
 
 impl Folder {
-    /// Makes a folder for a new training. What else lies in it stays.
+    /// Creates the folder of a new training. Other files in it stay.
     pub(super) fn create(
         path: &Path,
         identity: Value,
@@ -46,13 +47,13 @@ impl Folder {
         }
         let mut content = about.clone();
         content.insert(IDENTITY.to_owned(), identity.clone());
-        let text = serde_json::to_string_pretty(&content).expect("it is text and numbers");
+        let text = serde_json::to_string_pretty(&content).expect("the description is text and numbers");
         replace(&path.join(ABOUT), format!("{text}\n").as_bytes())?;
         Self::open(path, identity)
     }
 
-    /// Opens the folder of an earlier training that is the same, with its last checkpoint: none where it was killed before the first. What was
-    /// logged after the checkpoint is forgotten.
+    /// Opens the folder of an interrupted training, with its last checkpoint; `None` if it was killed
+    /// before the first one. Rows logged after the checkpoint are removed.
     pub(super) fn resume(
         path: &Path,
         identity: Value,
@@ -80,8 +81,8 @@ impl Folder {
                     path: last.clone(),
                     why,
                     mend: earlier.last().map_or_else(
-                        || "delete it to begin again from the first step".to_owned(),
-                        |earlier| format!("delete it to go on from {}", earlier.display()),
+                        || "delete it to start from the first step".to_owned(),
+                        |earlier| format!("delete it to continue from {}", earlier.display()),
                     ),
                 })?)
             }
@@ -93,7 +94,7 @@ impl Folder {
             replace(&log, kept.map(|row| row.line()).collect::<String>().as_bytes())?;
         }
         let folder = Self::open(path, identity)?;
-        remove_halves(path);
+        remove_partial_files(path);
         Ok((folder, checkpoint))
     }
 
@@ -101,7 +102,7 @@ impl Folder {
         let at = path.join(ABOUT);
         let refuse = |path: PathBuf| move |source| TrainingError::Write { path, source };
         let lock = File::open(&at).map_err(refuse(at))?;
-        // Where the file system knows no locks there is nothing to be done about it.
+        // File systems without locks are accepted unprotected.
         if let Err(TryLockError::WouldBlock) = lock.try_lock() {
             return Err(TrainingError::Busy { path: path.to_owned() });
         }
@@ -110,18 +111,18 @@ impl Folder {
         Ok(Self { path: path.to_owned(), log, identity, _lock: lock })
     }
 
-    /// What this training is told from others by.
+    /// Identity of this training: settings, task and data.
     pub(super) fn identity(&self) -> &Value {
         &self.identity
     }
 
-    /// Appends a line to the log.
+    /// Appends a row to the log.
     pub(super) fn append(&mut self, row: &Row) -> Result<(), TrainingError> {
         let refuse = |source| TrainingError::Write { path: self.path.join(LOG), source };
         self.log.write_all(row.line().as_bytes()).map_err(refuse)
     }
 
-    /// Writes a checkpoint and forgets those before the last ones.
+    /// Writes a checkpoint and removes all but the last ones.
     pub(super) fn keep(
         &mut self,
         checkpoint: &Checkpoint,
@@ -131,28 +132,28 @@ impl Folder {
         let path = self.path.join(format!("checkpoint-{:08}.safetensors", checkpoint.progress.step));
         checkpoint.tensors(layout, &self.identity).write(&path)?;
         let all = checkpoints(&self.path)?;
-        for old in &all[..all.len().saturating_sub(KEPT)] {
-            // One too many does no harm.
+        for old in &all[..all.len().saturating_sub(KEPT_CHECKPOINTS)] {
+            // A checkpoint that cannot be removed does no harm.
             fs::remove_file(old).ok();
         }
         Ok(path)
     }
 
-    /// Writes weights.
+    /// Writes the weights as named tensors.
     pub(super) fn put_weights(&self, mut weights: NamedTensors) -> Result<(), TrainingError> {
         weights.about.insert("kind".to_owned(), "reactsim-weights-1".into());
         weights.about.insert("training".to_owned(), self.identity.clone());
         weights.write(&self.path.join(WEIGHTS))
     }
 
-    /// Writes weights in a layout of the task's own.
+    /// Writes the weights in the task's own file format.
     pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
         replace(&self.path.join(WEIGHTS), bytes)
     }
 }
 
-/// Removes what a kill left of a file that was being written. What can not be removed only takes room.
-fn remove_halves(folder: &Path) {
+/// Removes partially written files of a killed training. Files that cannot be removed only take space.
+fn remove_partial_files(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         let own = ["checkpoint-", WEIGHTS, LOG, ABOUT].iter().any(|own| name.starts_with(own));
@@ -162,7 +163,7 @@ fn remove_halves(folder: &Path) {
     }
 }
 
-/// The checkpoints of a folder, by step.
+/// Returns the checkpoints of a folder in the order of their steps.
 fn checkpoints(folder: &Path) -> Result<Vec<PathBuf>, TrainingError> {
     let refuse =
         |e: std::io::Error| TrainingError::Unreadable { path: folder.to_owned(), why: e.to_string() };

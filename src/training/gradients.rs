@@ -1,4 +1,4 @@
-//! The loss and the gradient of one batch, on several threads, to the same bits on any number of them.
+//! Loss and gradient of one batch, bit-identical on any number of threads.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,18 +10,18 @@ use super::parameters::{self, Layout};
 use super::stream::stream;
 use super::{Output, Settings, Source, Sums, Task, TrainingError, View};
 
-/// What a batch came to.
+/// Sums over the examples of a batch.
 #[derive(Debug, Default)]
 pub(super) struct BatchSum {
     /// Loss, summed over items.
     pub(super) loss: f64,
     pub(super) items: f64,
     pub(super) metrics: Sums,
-    /// Gradient of the loss by all parameters; empty while validating.
+    /// Gradient of the loss with respect to all parameters; empty in validation.
     pub(super) gradient: Vec<f32>,
-    /// Examples in which there was something to learn.
+    /// Number of examples that yielded a sample.
     pub(super) samples: usize,
-    /// Numbers of those in which there was nothing.
+    /// Numbers of the examples that yielded none.
     pub(super) passed_over: Vec<usize>,
 }
 
@@ -39,22 +39,22 @@ impl BatchSum {
         }
     }
 
-    /// Mean of the loss over items.
+    /// Returns the mean loss over items.
     pub(super) fn mean_loss(&self) -> f64 {
         self.loss / self.items
     }
 }
 
-/// Examples by place in the order and number, that the network sees together.
+/// Examples of one forward pass: place in the order, and number.
 pub(super) type Part = Vec<(u64, usize)>;
 
-/// Samples that the network sees together.
+/// Samples of one forward pass.
 #[derive(Debug)]
 pub(super) struct Prepared<S> {
     samples: Vec<S>,
-    /// The names of the examples that they were made of.
+    /// Names of their examples.
     ids: Vec<String>,
-    /// Numbers of the examples that nothing was made of.
+    /// Numbers of the examples that yielded no sample.
     passed_over: Vec<usize>,
 }
 
@@ -64,7 +64,7 @@ impl<S> Default for Prepared<S> {
     }
 }
 
-/// Parts by the place of their first example.
+/// Prepared parts by the place of their first example.
 type Ahead<S> = BTreeMap<u64, Result<Prepared<S>, TrainingError>>;
 
 /// Runs the network on batches.
@@ -74,7 +74,7 @@ pub(super) struct Batches<'a, T: Task, S> {
     pub(super) settings: &'a Settings,
     pub(super) layout: &'a Layout,
     pub(super) jobs: usize,
-    /// What was prepared ahead.
+    /// Parts of the next batch that are already prepared.
     ahead: Mutex<Ahead<T::Sample>>,
 }
 
@@ -93,7 +93,7 @@ where
         Self { task, source, settings, layout, jobs, ahead: Mutex::default() }
     }
 
-    /// Loss and gradient of a batch. Threads that find nothing more to do in it prepare parts of the `next` one.
+    /// Computes loss and gradient of a batch. Idle threads prepare parts of the `next` batch.
     pub(super) fn learn(
         &self,
         step: u64,
@@ -125,8 +125,8 @@ where
         self.sum(models, parts.len(), begin, work, idle)
     }
 
-    /// What the network without its gradients comes to on samples after `step` steps.
-    pub(super) fn judge(
+    /// Validates the network, without gradients, on samples after `step` steps.
+    pub(super) fn validate(
         &self,
         step: u64,
         model: &T::Model,
@@ -135,7 +135,7 @@ where
     ) -> Result<BatchSum, TrainingError> {
         let work = |model: &T::Model, number: usize| {
             let part: &Prepared<T::Sample> = &parts[number];
-            let sum = Self::judged(&self.task.validate(model, &part.samples), part);
+            let sum = Self::batch_sum(&self.task.validate(model, &part.samples), part);
             if sum.loss.is_finite() {
                 Ok(sum)
             } else {
@@ -147,8 +147,12 @@ where
         self.sum(models, parts.len(), begin, work, || false)
     }
 
-    /// Samples of examples as they are, some at a time; examples in which there is nothing are left out.
-    pub(super) fn plain(&self, examples: &[usize]) -> Result<Vec<Prepared<T::Sample>>, TrainingError> {
+    /// Prepares samples of unvaried examples, grouped for forward passes; examples without a sample are
+    /// left out.
+    pub(super) fn prepare_plain(
+        &self,
+        examples: &[usize],
+    ) -> Result<Vec<Prepared<T::Sample>>, TrainingError> {
         let mut parts: Result<Vec<Prepared<T::Sample>>, TrainingError> = Ok(Vec::new());
         let workers = vec![(); self.jobs.min(examples.len()).max(1)];
         let work = |(): &(), i: usize| -> Result<_, TrainingError> {
@@ -161,15 +165,15 @@ where
             |()| (),
             work,
             || false,
-            |made| {
+            |sample| {
                 let Ok(list) = &mut parts else { return };
-                match made {
+                match sample {
                     Ok(None) => {}
                     Ok(Some((sample, id))) => {
                         if list.last().is_none_or(|part| part.samples.len() == self.settings.together) {
                             list.push(Prepared::default());
                         }
-                        let part = list.last_mut().expect("one was pushed where there was none");
+                        let part = list.last_mut().expect("one was pushed if there was none");
                         part.samples.push(sample);
                         part.ids.push(id);
                     }
@@ -180,7 +184,7 @@ where
         parts
     }
 
-    /// Adds up what the parts of a batch come to, in their order.
+    /// Adds up the results of the parts of a batch, in their order.
     fn sum(
         &self,
         models: Vec<T::Model>,
@@ -232,7 +236,7 @@ where
         }
         let mut stream = stream(self.settings.seed, "loss", step, &part.to_string());
         let output = self.task.loss(model, &prepared.samples, Some(&mut stream));
-        let mut sum = Self::judged(&output, prepared);
+        let mut sum = Self::batch_sum(&output, prepared);
         if !sum.loss.is_finite() {
             return Err(not_finite("loss", sum.loss, step + 1, prepared));
         }
@@ -245,7 +249,7 @@ where
         }
     }
 
-    fn judged(output: &Output, prepared: &Prepared<T::Sample>) -> BatchSum {
+    fn batch_sum(output: &Output, prepared: &Prepared<T::Sample>) -> BatchSum {
         BatchSum {
             loss: f64::from(output.loss.clone().into_scalar::<f32>()),
             items: output.items,
@@ -261,7 +265,7 @@ fn not_finite<S>(what: &'static str, value: f64, step: u64, prepared: &Prepared<
     TrainingError::NotFinite { what, value, step, examples: prepared.ids.clone() }
 }
 
-/// Euclidean norm of a list.
+/// Returns the Euclidean norm of a list.
 pub(super) fn norm(list: &[f32]) -> f64 {
     list.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>().sqrt()
 }
@@ -270,13 +274,14 @@ fn place(part: &Part) -> u64 {
     part.first().map_or(0, |(place, _)| *place)
 }
 
-/// What a mutex guards. A thread that panicked while it held it ends the program anyway.
+/// Locks a mutex. Poisoning is ignored: a panic of another thread ends the program anyway.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Shares the numbers below `end` among threads, one for each seed of a worker, and hands the results over in the order of the numbers. A
-/// thread that finds no number any more asks for `idle` work until there is none.
+/// Distributes the numbers below `end` to threads, one thread per seed of a worker, and passes the
+/// results to `take` in the order of the numbers. A thread without a further number does `idle` work
+/// until there is none.
 fn share<W: Send, V, R: Send>(
     seeds: Vec<W>,
     end: usize,

@@ -1,4 +1,4 @@
-//! Initial values that depend on the seed and the parameter's name alone.
+//! Initial parameter values that depend only on the seed and the parameter's name.
 
 use burn::module::Module;
 
@@ -6,11 +6,13 @@ use super::parameters::{self, Parameter};
 use super::stream::{Stream, stream, unit};
 use crate::geometry::math;
 
-/// Draws the parameters of all linear layers and embeddings of a network anew, each from a stream named by seed and path; burn's own random
-/// numbers are shared by all threads of the program, so that they depend on what else runs. Other parameters stay as they are.
+/// Redraws the parameters of all linear layers and embeddings of a network, each from a stream named
+/// by seed and path. Burn's own random numbers are shared by all threads of the program, and so depend
+/// on what else runs. Other parameters are left unchanged.
 ///
-/// Weights and biases of linear layers are uniform within ±1/√(inputs), those of embeddings normal with this deviation: as PyTorch draws
-/// linear layers (<https://pytorch.org/docs/stable/generated/torch.nn.Linear.html>).
+/// Weights and biases of linear layers are uniform within ±1/√(inputs), as in PyTorch
+/// (<https://pytorch.org/docs/stable/generated/torch.nn.Linear.html>); embeddings are normal with
+/// standard deviation `embedding_deviation`.
 pub fn draw_parameters<M: Module>(model: M, seed: u64, embedding_deviation: f32) -> M {
     let (layout, mut values) = parameters::read(&model);
     let mut inputs = 1;
@@ -20,7 +22,7 @@ pub fn draw_parameters<M: Module>(model: M, seed: u64, embedding_deviation: f32)
         let mut stream = stream(seed, "initial", 0, path);
         match owner.as_str() {
             "Struct:Linear" => {
-                // The bias comes after the weight, which is [inputs, outputs].
+                // The bias follows the weight, which is [inputs, outputs].
                 if shape.len() == 2 {
                     inputs = shape[0].max(1);
                 }
@@ -34,7 +36,7 @@ pub fn draw_parameters<M: Module>(model: M, seed: u64, embedding_deviation: f32)
     parameters::write(model, &values)
 }
 
-/// A number of the standard normal distribution (Box and Muller).
+/// Draws a number from the standard normal distribution (Box and Muller).
 fn normal(stream: &mut Stream) -> f32 {
     let (u, v) = (1.0 - f64::from(unit(stream)), f64::from(unit(stream)));
     ((-2.0 * math::ln(u)).sqrt() * math::cos(2.0 * std::f64::consts::PI * v)) as f32

@@ -1,4 +1,4 @@
-//! The loop.
+//! The training loop.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,68 +19,68 @@ use super::schedule::learning_rate;
 use super::tensors::NamedTensors;
 use super::{Execution, Settings, Source, Task, TrainingError};
 
-/// What is trained, on what and how.
+/// A training: task, data and settings.
 pub struct Learner<'a, T: Task, S> {
-    /// The network.
+    /// The network and its loss.
     pub task: &'a T,
-    /// What it learns from.
+    /// Training data.
     pub source: &'a S,
-    /// What decides about the outcome.
+    /// Settings that determine the result.
     pub settings: Settings,
-    /// What does not.
+    /// Settings that do not change the result.
     pub execution: Execution,
-    /// What is written to `training.json` beside settings, task and data.
+    /// Fields written to `training.json` in addition to settings, task and data.
     pub about: Map<String, Value>,
-    /// What else is measured while validating.
+    /// Closed-loop evaluation at every validation, if any.
     pub closed_loop: Option<&'a ClosedLoop<'a, T::Model>>,
-    /// Who is told what happens.
+    /// Receiver of progress events.
     pub observer: &'a dyn Observer,
 }
 
-/// Measures a network in closed loop after so many steps: numbers by name, none where it is not the time. The network has no autodiff. The
-/// refusal is in words.
+/// Evaluates a network in closed loop after a number of steps: metrics by name, or none if nothing is
+/// due at this step. The network has no autodiff. The error is a message.
 pub type ClosedLoop<'a, M> = dyn Fn(&M, u64) -> Result<BTreeMap<String, f64>, String> + 'a;
 
-/// Who is told what happens in a training.
+/// Receiver of the progress events of a training.
 pub trait Observer {
-    /// It begins, after so many steps of so many.
+    /// Called when the training begins or resumes, after `step` of `steps` steps.
     fn begun(&self, _step: u64, _steps: u64) {}
-    /// A line of the log.
+    /// Called for every row of the log.
     fn row(&self, _row: &Row) {}
-    /// A checkpoint was written.
+    /// Called after a checkpoint was written.
     fn checkpoint(&self, _path: &Path) {}
-    /// There is nothing to learn from this example. Told once.
+    /// Called once for every example that yields no sample.
     fn passed_over(&self, _id: &str) {}
 }
 
-/// Nobody.
+/// Observer that ignores all events.
 impl Observer for () {}
 
-/// How a training ended.
+/// Result of a training.
 #[derive(Debug)]
 pub struct Outcome<M> {
-    /// Why.
+    /// Reason for the end.
     pub ending: Ending,
-    /// The network as it is now.
+    /// The network after the last step.
     pub model: M,
-    /// Steps that were taken, those before an interruption among them.
+    /// Number of steps taken, including those before an interruption.
     pub steps: u64,
-    /// The lowest validation loss; `None` where nothing is held out.
+    /// The lowest validation loss; `None` without held-out examples.
     pub best: Option<Best>,
 }
 
-/// Why a training ended.
+/// Reason for the end of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// The data were gone through as often as asked.
+    /// All epochs are done.
     Finished,
-    /// The validation loss did not get lower any more.
-    NoBetter,
-    /// It was asked to end; it can be resumed.
+    /// The validation loss stopped decreasing.
+    NoImprovement,
+    /// It was interrupted on request; it can be resumed.
     Interrupted,
 }
 
-/// What a training works with.
+/// State of a running training.
 struct Run<'a, T: Task, S> {
     batches: Batches<'a, T, S>,
     model: T::Model,
@@ -90,8 +90,9 @@ struct Run<'a, T: Task, S> {
     steps: u64,
     state: Checkpoint,
     begun: Instant,
-    told: BTreeSet<usize>,
-    /// Whether anything was learned since the program began.
+    /// Numbers of the examples without a sample that the observer knows of.
+    reported: BTreeSet<usize>,
+    /// Whether any batch had items since the program began.
     learned: bool,
 }
 
@@ -100,10 +101,12 @@ where
     T: Task,
     S: Source<Example = T::Example>,
 {
-    /// Trains in a folder until the data were gone through as often as asked, the validation loss gets no better, or `stop` is set.
+    /// Trains in a folder until all epochs are done, the validation loss stops decreasing, or `stop` is
+    /// set.
     ///
     /// # Errors
-    /// [`TrainingError`]; the last checkpoint stays, and the training can be resumed from it when what was wrong is mended.
+    /// [`TrainingError`]; the last checkpoint stays, and the training can be resumed from it once the
+    /// cause is fixed.
     pub fn learn(
         &self,
         folder: &Path,
@@ -118,7 +121,7 @@ where
         let order = Order::new(settings.seed, &split.learned);
         if order.length() == 0 {
             let held = split.held_out.len();
-            return Err(TrainingError::NoData(format!("no scenario is left beside {held} held out")));
+            return Err(TrainingError::NoData(format!("no scenario is left to train on ({held} held out)")));
         }
         let model = self.task.init(settings.seed);
         let (layout, values) = parameters::read(&model);
@@ -135,7 +138,7 @@ where
         let begins = old.is_none();
         let batches = Batches::new(self.task, self.source, settings, &layout, self.execution.jobs);
         let mut run = Run {
-            held_out: batches.plain(&split.held_out)?,
+            held_out: batches.prepare_plain(&split.held_out)?,
             batches,
             model,
             folder,
@@ -143,11 +146,11 @@ where
             order,
             state: old.unwrap_or_else(new),
             begun: Instant::now(),
-            told: BTreeSet::new(),
+            reported: BTreeSet::new(),
             learned: false,
         };
         if begins {
-            // A folder that can not hold a checkpoint is found out now, not after the first hour.
+            // Detect a folder that cannot hold a checkpoint before the first step.
             self.checkpoint(&mut run)?;
         }
         self.run(&mut run, stop)
@@ -161,7 +164,7 @@ where
         let ending = loop {
             let step = run.state.progress.step;
             if settings.patience > 0 && run.state.progress.stale >= settings.patience {
-                break Ending::NoBetter;
+                break Ending::NoImprovement;
             } else if step >= run.steps {
                 break Ending::Finished;
             } else if stop.load(Ordering::Relaxed) {
@@ -172,8 +175,8 @@ where
             let places = (step - first).saturating_mul(settings.batch as u64);
             if !run.learned && places >= run.order.length() as u64 {
                 return Err(TrainingError::NoData(format!(
-                    "none of {} scenarios has anything that the network could learn",
-                    run.told.len()
+                    "none of {} scenarios yields a training sample",
+                    run.reported.len()
                 )));
             }
             if step.is_multiple_of(settings.validate_every) || step == run.steps {
@@ -204,7 +207,7 @@ where
         let next = if step + 1 < run.steps { self.parts(&mut run.order, step + 1) } else { Vec::new() };
         let mut batch = run.batches.learn(step, &run.model, &run.state.values, &parts, &next)?;
         for number in std::mem::take(&mut batch.passed_over) {
-            if run.told.insert(number) {
+            if run.reported.insert(number) {
                 self.observer.passed_over(self.source.id(number));
             }
         }
@@ -230,7 +233,7 @@ where
         Ok(())
     }
 
-    /// Moves the parameters; the norm of the gradient before clipping.
+    /// Updates the parameters. Returns the norm of the gradient before clipping.
     fn descend(&self, layout: &Layout, state: &mut Checkpoint, rate: f64, batch: &mut BatchSum) -> f64 {
         if batch.items <= 0.0 {
             return 0.0;
@@ -243,14 +246,14 @@ where
         length
     }
 
-    /// Looks at what is held out, and keeps the weights where they are better than any before.
+    /// Validates on the held-out examples, and writes the weights if their loss is the lowest so far.
     fn validate(&self, run: &mut Run<'_, T, S>) -> Result<(), TrainingError> {
         if run.held_out.is_empty() {
             return Ok(());
         }
         let began = Instant::now();
         let step = run.state.progress.step;
-        let sum = run.batches.judge(step, &run.model, &run.state.values, &run.held_out)?;
+        let sum = run.batches.validate(step, &run.model, &run.state.values, &run.held_out)?;
         let seconds = began.elapsed().as_secs_f64();
         if sum.items <= 0.0 {
             return Ok(());
@@ -295,7 +298,7 @@ where
         Ok(())
     }
 
-    /// Writes the network as it is now to the file for those who use it.
+    /// Writes the current network to the weights file.
     fn put_weights(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
         let weights = self.weights(run);
         let mut about = weights.about.clone();
@@ -307,7 +310,7 @@ where
         }
     }
 
-    /// The network's parameters as they are now.
+    /// Returns the network's current parameters.
     fn weights(&self, run: &Run<'_, T, S>) -> NamedTensors {
         let mut weights = NamedTensors::default();
         weights.tensors.extend(named(run.batches.layout, &run.state.values, ""));
@@ -316,7 +319,7 @@ where
         weights
     }
 
-    /// What a training is told from others by.
+    /// Returns the identity of the training: settings, task and data.
     fn identity(&self, split: &Split) -> Value {
         let learned: usize = split.learned.iter().map(|(numbers, _)| numbers.len()).sum();
         json!({
@@ -326,19 +329,19 @@ where
         })
     }
 
-    /// The parts of a step's batch.
+    /// Returns the parts of a step's batch.
     fn parts(&self, order: &mut Order, step: u64) -> Vec<Part> {
         let places = step * self.settings.batch as u64..(step + 1) * self.settings.batch as u64;
         let examples: Vec<(u64, usize)> = places.clone().zip(order.at(places)).collect();
         examples.chunks(self.settings.together).map(<[_]>::to_vec).collect()
     }
 
-    /// How often the data were gone through.
+    /// Returns the number of epochs done, fractional.
     fn epoch(&self, run: &Run<'_, T, S>) -> f64 {
         (run.state.progress.step * self.settings.batch as u64) as f64 / run.order.length() as f64
     }
 
-    /// Seconds since the training began.
+    /// Returns the seconds since the training began, without interruptions.
     fn seconds(run: &Run<'_, T, S>) -> f64 {
         run.state.progress.seconds + run.begun.elapsed().as_secs_f64()
     }

@@ -1,4 +1,4 @@
-//! What is logged: one line of JSON per step and per validation.
+//! The log: one line of JSON per step and per validation.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,73 +8,73 @@ use serde::{Deserialize, Serialize};
 
 use super::TrainingError;
 
-/// A line of the log. All but `wall` is the same whenever and wherever the same training is done.
+/// A row of the log. All fields except `wall` are reproducible.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "row", rename_all = "snake_case")]
 pub enum Row {
     /// A step of the optimiser.
     Step(StepRow),
-    /// A look at what is held out.
+    /// A validation on the held-out examples.
     Validation(ValidationRow),
 }
 
 /// A step of the optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepRow {
-    /// Its number, from 1.
+    /// Number of the step, from 1.
     pub step: u64,
-    /// How often the data were gone through after it.
+    /// Epochs done after the step.
     pub epoch: f64,
-    /// Mean loss over the items of the batch; `None` where there were none.
+    /// Mean loss over the items of the batch; `None` for an empty batch.
     pub loss: Option<f64>,
     /// Learning rate.
     pub learning_rate: f64,
-    /// Norm of the gradient of the mean loss, before it was clipped.
+    /// Norm of the gradient of the mean loss, before clipping.
     pub gradient_norm: f64,
-    /// Items in the batch, or the sum of their weights.
+    /// Number of items in the batch, or the sum of their weights.
     pub items: f64,
-    /// Examples with something to learn.
+    /// Number of examples that yielded a sample.
     pub samples: usize,
-    /// What else the task measures.
+    /// Further metrics of the task.
     pub metrics: BTreeMap<String, f64>,
-    /// Clocks.
+    /// Wall time.
     pub wall: Wall,
 }
 
-/// A look at what is held out.
+/// A validation on the held-out examples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidationRow {
-    /// Steps that were taken before.
+    /// Number of steps taken before.
     pub step: u64,
-    /// How often the data were gone through.
+    /// Epochs done.
     pub epoch: f64,
     /// Mean loss over the items.
     pub loss: f64,
-    /// Whether no earlier one was as low.
+    /// Whether this loss is the lowest so far.
     pub best: bool,
-    /// Items, or the sum of their weights.
+    /// Number of items, or the sum of their weights.
     pub items: f64,
-    /// Examples.
+    /// Number of examples.
     pub samples: usize,
-    /// What else the task measures.
+    /// Further metrics of the task.
     pub metrics: BTreeMap<String, f64>,
-    /// What was measured in closed loop.
+    /// Metrics of the closed-loop evaluation.
     pub closed_loop: BTreeMap<String, f64>,
-    /// Clocks.
+    /// Wall time.
     pub wall: Wall,
 }
 
-/// What clocks said: no part of what is the same in every training.
+/// Wall times, which differ between repetitions of a training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
-    /// Seconds since the training began, without those between an interruption and its continuation.
+    /// Seconds since the training began, without interruptions.
     pub seconds: f64,
     /// Examples per second in this step.
     pub per_second: f64,
 }
 
 impl Row {
-    /// The number of the step that the row is about, or that came before.
+    /// Returns the number of the step, or of the last step before a validation.
     pub fn step(&self) -> u64 {
         match self {
             Self::Step(row) => row.step,
@@ -82,7 +82,7 @@ impl Row {
         }
     }
 
-    /// The row as a line of the log.
+    /// Returns the row as a line of JSON.
     pub(super) fn line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("a row is text and numbers");
         line.push('\n');
@@ -90,10 +90,10 @@ impl Row {
     }
 }
 
-/// The rows of a log; a line that was torn by a kill ends it.
+/// Reads the rows of a log up to the first incomplete line, which a killed training leaves.
 ///
 /// # Errors
-/// [`TrainingError::Unreadable`] when the file can not be read.
+/// [`TrainingError::Unreadable`] if the file cannot be read.
 pub fn read_log(path: &Path) -> Result<Vec<Row>, TrainingError> {
     let refuse = |e: std::io::Error| TrainingError::Unreadable { path: path.to_owned(), why: e.to_string() };
     let text = String::from_utf8_lossy(&fs::read(path).map_err(refuse)?).into_owned();

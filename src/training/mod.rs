@@ -1,17 +1,19 @@
-//! The learning loop: what is the same for every network that is trained here. Knows no particular one.
+//! The training loop, common to all networks and independent of any particular one.
 //!
-//! Read [`Task`] and [`Source`] first, then [`Learner`]. What comes out depends on the settings, the data and the seed alone: not on
-//! threads, on when checkpoints were written, or on whether the training was interrupted in between.
+//! Read [`Task`] and [`Source`] first, then [`Learner`]. The result depends only on the settings, the
+//! data and the seed, not on the number of threads, the times of checkpoints or interruptions.
 //!
-//! - A batch is split into parts of a fixed size. Threads take parts; losses and gradients are added in the order of the parts. Every thread
-//!   works on a copy of the network whose parameters are leaves of their own: burn puts graphs that share a leaf under one lock.
-//! - A thread that finds no part any more prepares examples of the next batch, so that two batches are in memory at the most. Nothing that
-//!   was prepared is kept: reading a scenario by number takes 6 to 13 ms in a debug build, a fraction of what learning from it does, and every
-//!   look at it is varied anew.
-//! - The order of the examples has no end: a batch may reach from one epoch into the next. The place of a step in it follows from its number,
-//!   so that a checkpoint is parameters, moments and a few numbers.
-//! - Checkpoints and weights are written under another name, synchronised and renamed; the last two checkpoints are kept. One that is damaged
-//!   is refused by name, and the one before is never taken unasked.
+//! - A batch is split into parts of a fixed size. Threads take parts; losses and gradients are added in
+//!   the order of the parts. Every thread works on a copy of the network whose parameters are its own
+//!   leaves: burn puts graphs that share a leaf under one lock.
+//! - A thread that finds no further part prepares examples of the next batch, so that at most two
+//!   batches are in memory. Prepared samples are not kept: reading a scenario by number takes 6 to 13 ms
+//!   in a debug build, a fraction of the time of learning from it, and each use is augmented anew.
+//! - The order of the examples is endless: a batch may span two epochs. The position of a step follows
+//!   from its number, so that a checkpoint holds only parameters, moments and a few numbers.
+//! - Checkpoints and weights are written under another name, synchronised and renamed; the last two
+//!   checkpoints are kept. A damaged checkpoint is refused by name; the program never falls back to the
+//!   previous one by itself.
 
 mod adamw;
 mod checkpoint;

@@ -1,25 +1,26 @@
-//! Which example is seen when.
+//! Order of the training examples, and the split into training and validation.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::stream::{shuffle, stream};
 use super::{Settings, Source};
 
-/// The order of the examples, without end: a function of the seed and the parts alone.
+/// Endless order of the examples, a function of the seed and the parts only.
 ///
-/// Of every part the same number of examples is taken in each epoch: the next ones of an endless row of permutations, so that no example of a
-/// part is seen twice more often than another. What is taken of all parts is shuffled.
+/// Each epoch takes the same number of examples from every part: the next ones in an endless sequence
+/// of permutations, so that the counts of two examples of a part differ by at most one. The examples
+/// taken from all parts are then shuffled.
 pub(super) struct Order {
     seed: u64,
     parts: Vec<Part>,
     length: usize,
-    /// Epochs that are being gone through.
+    /// Orders of the current epochs.
     known: BTreeMap<u64, Vec<usize>>,
 }
 
 struct Part {
     examples: Vec<usize>,
-    /// Taken in an epoch.
+    /// Number of examples taken per epoch.
     taken: usize,
 }
 
@@ -34,12 +35,13 @@ impl Order {
         Self { seed, parts, length, known: BTreeMap::new() }
     }
 
-    /// Examples in an epoch.
+    /// Returns the number of examples per epoch.
     pub(super) fn length(&self) -> usize {
         self.length
     }
 
-    /// The examples at these places of the endless order. Places may only grow from call to call, or there is work twice.
+    /// Returns the examples at these places of the endless order. Calls with increasing places are
+    /// efficient; others recompute epochs.
     pub(super) fn at(&mut self, places: std::ops::Range<u64>) -> Vec<usize> {
         let length = self.length as u64;
         let first = places.start / length;
@@ -75,16 +77,16 @@ impl Order {
     }
 }
 
-/// What is learned from and what is held out.
+/// Split of the examples into training and validation.
 pub(super) struct Split {
-    /// By part, with the number of times per epoch.
+    /// Training examples by part, with their repetitions per epoch.
     pub(super) learned: Vec<(Vec<usize>, f64)>,
-    /// In the order of the hashes of the names.
+    /// Validation examples, in the order of the hashes of their names.
     pub(super) held_out: Vec<usize>,
 }
 
-/// Holds examples out by a hash of their names alone: the same whatever else is in the data. Where no hash is low enough, but examples
-/// of two names or more are there, the lowest is.
+/// Holds examples out by a hash of their names, independently of the rest of the data. If no hash is
+/// low enough, but there are at least two different names, the example with the lowest hash is held out.
 pub(super) fn split(source: &impl Source, settings: &Settings) -> Split {
     let hash = |number: usize| {
         let digest = blake3::hash(source.id(number).as_bytes());

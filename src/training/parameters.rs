@@ -1,11 +1,11 @@
-//! The trained parameters of a network as one list of numbers.
+//! The trained parameters of a network as one flat list of numbers.
 
 use std::ops::Range;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 
-/// Where the trained parameters of a network lie in a list of all of their numbers, in the order in which the network names them.
+/// Layout of the trained parameters of a network in a flat list, in the order in which burn visits them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
     pub(super) parameters: Vec<Parameter>,
@@ -15,22 +15,23 @@ pub(super) struct Layout {
 /// A trained tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Parameter {
-    /// The names of the modules from the network down to it, with points between.
+    /// Names of the modules from the network down to the tensor, joined by dots.
     pub(super) path: String,
-    /// What the module is that it belongs to, as burn says it, such as `Struct:Linear`.
+    /// Burn's type of the module that owns it, such as `Struct:Linear`.
     pub(super) owner: String,
     pub(super) shape: Vec<usize>,
     pub(super) range: Range<usize>,
 }
 
 impl Parameter {
-    /// Whether weight decay is for it: for matrices, but for those of embeddings, whose rows stand for themselves.
+    /// Returns whether weight decay applies: for matrices other than embeddings, whose rows are
+    /// independent vectors.
     pub(super) fn decays(&self) -> bool {
         self.shape.len() >= 2 && self.owner != "Struct:Embedding"
     }
 }
 
-/// The layout of a network and the values of its parameters.
+/// Returns the layout of a network and the values of its parameters.
 pub(super) fn read<M: Module>(model: &M) -> (Layout, Vec<f32>) {
     let mut reader = Reader {
         path: Path::default(),
@@ -41,20 +42,21 @@ pub(super) fn read<M: Module>(model: &M) -> (Layout, Vec<f32>) {
     (reader.layout, reader.values)
 }
 
-/// The network with these values. Its parameters are leaves of their own: what runs on it shares no graph with what runs on another copy,
-/// which burn would guard by one lock.
+/// Returns the network with these values. Its parameters are new leaves, so that it shares no graph
+/// with other copies, which burn would guard by one lock.
 pub(super) fn write<M: Module>(model: M, values: &[f32]) -> M {
     model.map(&mut Writer { values, at: 0 })
 }
 
-/// Adds the gradients of a network's parameters to a list of zeros of the layout's length.
+/// Returns the gradients of a network's parameters as a flat list in the layout's order; unused
+/// parameters have zeros.
 pub(super) fn gradients<M: Module>(model: &M, mut gradients: Gradients, len: usize) -> Vec<f32> {
     let mut collector = Collector { gradients: &mut gradients, list: Vec::with_capacity(len) };
     model.visit(&mut collector);
     collector.list
 }
 
-/// Where a visitor is in a network.
+/// Position of a visitor in a network.
 #[derive(Default)]
 struct Path {
     names: Vec<String>,
@@ -96,7 +98,7 @@ impl ModuleVisitor for Reader {
     }
 }
 
-/// The numbers of a tensor, row by row.
+/// Returns the numbers of a tensor in row-major order.
 fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data_as::<f32>().iter::<f32>().collect()
 }

@@ -1,10 +1,11 @@
-//! The learning rate over the steps.
+//! Learning-rate schedule.
 
 use super::Settings;
 use crate::geometry::math::cos;
 
-/// The learning rate of a step, counted from 0, of `steps`: it grows in a line during the warm-up, then falls along half a cosine to its
-/// floor (Loshchilov and Hutter, "SGDR", <https://arxiv.org/abs/1608.03983>, without restarts).
+/// Returns the learning rate of a step, counted from 0, of `steps`: linear warm-up, then half a cosine
+/// down to the floor (Loshchilov and Hutter, "SGDR", <https://arxiv.org/abs/1608.03983>, without
+/// restarts).
 pub(super) fn learning_rate(settings: &Settings, step: u64, steps: u64) -> f64 {
     let warm_up = settings.warm_up.min(steps);
     if step < warm_up {

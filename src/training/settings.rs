@@ -1,47 +1,47 @@
-//! What a training depends on, and what it does not.
+//! Settings of a training: those that determine the result, and those of its execution.
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// What decides about the outcome, together with the task and the data.
+/// Settings that, together with the task and the data, determine the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Seed of all random choices.
     pub seed: u64,
-    /// How often the data are gone through.
+    /// Number of epochs.
     pub epochs: f64,
     /// Examples per step.
     pub batch: usize,
-    /// Examples that the network sees at a time; a batch is split into parts of this size, which threads share.
+    /// Examples per forward pass; a batch is split into parts of this size, which threads share.
     pub together: usize,
-    /// Learning rate at the height of the schedule.
+    /// Peak learning rate.
     pub learning_rate: f64,
-    /// Part of the learning rate that is left at the end of the cosine.
+    /// Final learning rate as a fraction of the peak.
     pub floor: f64,
-    /// Steps in which the learning rate grows from 0 at the beginning.
+    /// Number of warm-up steps, in which the learning rate grows from 0.
     pub warm_up: u64,
-    /// Decay of the weights of matrices, per step and learning rate.
+    /// Weight decay of matrices, per step and unit of learning rate.
     pub weight_decay: f64,
-    /// Memory of the first and second moment.
+    /// Decay rates of the first and second moments.
     pub betas: [f64; 2],
-    /// Added to the root of the second moment.
+    /// Constant added to the square root of the second moment.
     pub epsilon: f64,
-    /// Norm of the whole gradient above which it is scaled down to it.
+    /// Norm to which larger gradients are clipped.
     pub clip: f64,
     /// Steps between validations.
     pub validate_every: u64,
-    /// Part of the examples that is held out for validation, by a hash of the name.
+    /// Fraction of the examples held out for validation, by a hash of the name.
     pub held_out: f64,
-    /// Most examples that are held out and looked at; what is held out beyond them is not used at all.
+    /// Maximum number of examples per validation; further held-out examples are not used at all.
     pub most_held_out: usize,
-    /// Validations without a better loss after which the training ends; 0: never.
+    /// Number of validations without a lower loss after which the training ends; 0: never.
     pub patience: u64,
 }
 
 impl Default for Settings {
-    /// Values for networks of about a million parameters. Betas and epsilon are those of Loshchilov and Hutter, "Decoupled Weight Decay
-    /// Regularization", <https://arxiv.org/abs/1711.05101>.
+    /// Values for networks of about a million parameters. Betas and epsilon are those of Loshchilov and
+    /// Hutter, "Decoupled Weight Decay Regularization", <https://arxiv.org/abs/1711.05101>.
     fn default() -> Self {
         Self {
             seed: 0,
@@ -64,7 +64,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The first setting that can not be, in words.
+    /// Returns a message about the first invalid setting.
     pub(super) fn refuse(&self) -> Option<String> {
         let not =
             |name: &str, value: f64, expected: &str| Some(format!("{name} is {value}, expected {expected}"));
@@ -98,10 +98,10 @@ impl Settings {
     }
 }
 
-/// How a training is carried out: nothing here changes what comes out.
+/// Settings of the execution, which do not change the result.
 #[derive(Clone, Copy, Debug)]
 pub struct Execution {
-    /// Threads.
+    /// Number of threads.
     pub jobs: usize,
     /// Time between checkpoints.
     pub checkpoint_every: Duration,

@@ -1,20 +1,20 @@
-//! Means that are still being summed up.
+//! Accumulated weighted means.
 
 use std::collections::BTreeMap;
 
-/// A sum and the weight it is divided by in the end.
+/// A sum and its total weight.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Sum {
     total: f64,
     weight: f64,
 }
 
-/// Means by name, such as the share of tokens that were met.
+/// Weighted means by name, such as the share of tokens that were predicted correctly.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sums(BTreeMap<&'static str, Sum>);
 
 impl Sums {
-    /// Nothing yet.
+    /// Creates empty sums.
     pub fn new() -> Self {
         Self::default()
     }
@@ -33,17 +33,17 @@ impl Sums {
         }
     }
 
-    /// The weight of what was summed up under a name.
+    /// Returns the total weight under a name.
     pub fn weight(&self, name: &str) -> f64 {
         self.0.get(name).map_or(0.0, |sum| sum.weight)
     }
 
-    /// The mean of a name, if something was summed up under it and it is finite.
+    /// Returns the mean under a name, if there is one and it is finite.
     pub fn mean(&self, name: &str) -> Option<f64> {
         self.0.get(name).map(|sum| sum.total / sum.weight).filter(|mean| mean.is_finite())
     }
 
-    /// The means, by name; what nothing was summed up of, or is no finite number, is left out.
+    /// Returns the means by name, without those that are not finite.
     pub fn means(&self) -> BTreeMap<String, f64> {
         self.0.keys().filter_map(|name| Some(((*name).to_owned(), self.mean(name)?))).collect()
     }

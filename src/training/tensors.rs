@@ -1,4 +1,4 @@
-//! Named tensors in files that are whole or not there.
+//! Files of named tensors, written completely or not at all.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -11,15 +11,15 @@ use serde_json::Value;
 
 use super::TrainingError;
 
-/// The key of what the file says of itself: one key, as the order of several would not be the same in every file.
+/// Metadata key of the description. A single key, because the order of several keys varies between files.
 const ABOUT: &str = "reactsim";
-/// The field of it with the digest of the tensors.
+/// Field of the description with the digest of the tensors.
 const DIGEST: &str = "tensors";
 
-/// Tensors by name, `f32`, with what the file says of itself: safetensors, <https://github.com/huggingface/safetensors>.
+/// Tensors (`f32`) by name, with a description: safetensors, <https://github.com/huggingface/safetensors>.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NamedTensors {
-    /// What the file says of itself: a JSON object, which is kept under `reactsim` in the metadata.
+    /// Description: a JSON object, stored under `reactsim` in the metadata.
     pub about: serde_json::Map<String, Value>,
     /// The tensors.
     pub tensors: BTreeMap<String, NamedTensor>,
@@ -30,7 +30,7 @@ pub struct NamedTensors {
 pub struct NamedTensor {
     /// Sizes of its dimensions.
     pub shape: Vec<usize>,
-    /// Its numbers, row by row.
+    /// Its numbers in row-major order.
     pub values: Vec<f32>,
 }
 
@@ -53,10 +53,11 @@ impl View for &NamedTensor {
 }
 
 impl NamedTensors {
-    /// Writes a file, with a digest of the tensors: under another name first, so that a file of this name is always whole.
+    /// Writes a file with a digest of the tensors, under another name first, so that a file with this
+    /// name is always complete.
     ///
     /// # Errors
-    /// [`TrainingError::Write`]; what was there before is left as it was.
+    /// [`TrainingError::Write`]; an existing file is left unchanged.
     pub fn write(&self, path: &Path) -> Result<(), TrainingError> {
         let mut about = self.about.clone();
         about.insert(DIGEST.to_owned(), self.digest().into());
@@ -69,17 +70,17 @@ impl NamedTensors {
     /// Reads a file that this program wrote.
     ///
     /// # Errors
-    /// [`TrainingError::Unreadable`]: it is cut short, damaged, or of another program.
+    /// [`TrainingError::Unreadable`] if it is truncated, damaged, or written by another program.
     pub fn read(path: &Path) -> Result<Self, TrainingError> {
         let refuse = |why: String| TrainingError::Unreadable { path: path.to_owned(), why };
         let content = fs::read(path).map_err(|e| refuse(e.to_string()))?;
-        let damaged = |e| refuse(format!("it is cut short, damaged or no safetensors file ({e})"));
+        let damaged = |e| refuse(format!("it is truncated, damaged or not a safetensors file ({e})"));
         let (_, metadata) = SafeTensors::read_metadata(&content).map_err(damaged)?;
         let tensors = SafeTensors::deserialize(&content).map_err(damaged)?;
         let about = metadata.metadata().as_ref().and_then(|m| m.get(ABOUT));
         let about = about.and_then(|text| serde_json::from_str(text).ok());
         let Some(Value::Object(mut about)) = about else {
-            return Err(refuse(format!("its metadata have no `{ABOUT}`: another program wrote it")));
+            return Err(refuse(format!("its metadata has no `{ABOUT}`: another program wrote it")));
         };
         let mut read = Self::default();
         for (name, tensor) in tensors.iter() {
@@ -94,14 +95,14 @@ impl NamedTensors {
         let (found, stated) = (read.digest(), about.remove(DIGEST));
         if stated.as_ref().and_then(Value::as_str) != Some(&found) {
             return Err(refuse(
-                "it is damaged: the digest of its tensors is not the one that it states".to_owned(),
+                "it is damaged: the digest of its tensors differs from the recorded one".to_owned(),
             ));
         }
         read.about = about;
         Ok(read)
     }
 
-    /// BLAKE3 digest of names, shapes and numbers.
+    /// Returns the BLAKE3 digest of names, shapes and numbers.
     fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         for (name, tensor) in &self.tensors {
@@ -117,17 +118,17 @@ impl NamedTensors {
     }
 }
 
-/// What the name of a file ends with while it is being written.
+/// Suffix of the name of a file while it is being written.
 pub(super) const PARTIAL: &str = ".partial";
 
-/// The name under which a file is written first.
+/// Returns the temporary name of a file that is being written.
 fn partial(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(PARTIAL);
     path.with_file_name(name)
 }
 
-/// Gives a file this content: it has the old one or the new one, whatever happens meanwhile.
+/// Replaces the content of a file atomically.
 pub(super) fn replace(path: &Path, content: &[u8]) -> Result<(), TrainingError> {
     let partial = partial(path);
     let write = || -> io::Result<()> {
@@ -135,14 +136,14 @@ pub(super) fn replace(path: &Path, content: &[u8]) -> Result<(), TrainingError> 
         file.write_all(content)?;
         file.sync_all()?;
         fs::rename(&partial, path)?;
-        // The name is on the disk when the folder is; where folders can not be synchronised there is nothing to be done about it.
+        // Synchronise the folder, which holds the name; ignored if the system does not support it.
         if let Some(folder) = path.parent().and_then(|folder| File::open(folder).ok()) {
             folder.sync_all().ok();
         }
         Ok(())
     };
     write().map_err(|source| {
-        // What is left of it is of no use, and takes room.
+        // A partial file is of no use and takes space.
         fs::remove_file(&partial).ok();
         TrainingError::Write { path: path.to_owned(), source }
     })

@@ -1,17 +1,17 @@
-//! The files of pages. They are part of the program; nothing is read from the disk.
+//! Embedded files of pages; nothing is read from the disk.
 
 /// A file of a page.
 #[derive(Clone, Copy, Debug)]
 pub struct Asset {
-    /// Its name.
+    /// File name.
     pub name: &'static str,
-    /// Its media type.
+    /// Media type.
     pub kind: &'static str,
-    /// Its content.
+    /// Content.
     pub text: &'static str,
 }
 
-/// The media type of scripts.
+/// Media type of scripts.
 pub const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
 macro_rules! shared {
@@ -20,7 +20,7 @@ macro_rules! shared {
     };
 }
 
-/// The scripts that every page has, each after those that it imports.
+/// Scripts shared by all pages, each after its imports.
 pub const SHARED: &[Asset] = &[
     shared!("camera.js"),
     shared!("palette.js"),
@@ -31,6 +31,6 @@ pub const SHARED: &[Asset] = &[
     shared!("curves.js"),
 ];
 
-/// The colours of all pages.
+/// Colours of all pages.
 pub const PALETTE: Asset =
     Asset { name: "palette.css", kind: "text/css; charset=utf-8", text: include_str!("assets/palette.css") };

@@ -1,10 +1,11 @@
-//! Modules of scripts as one script: a page that is opened from a disk may not import.
+//! Bundles JavaScript modules into one script: a page opened from a disk cannot import modules.
 
 use super::assets::Asset;
 
-/// Joins modules, each after those that it imports. A module becomes a function that is called at once; what it exports is kept under its
-/// name. Understood are `import { a, b as c } from "./name.js";`, `import * as name from "./name.js";` (each on one line) and `export`
-/// before `function`, `async function`, `class` and `const`.
+/// Joins modules, each given after its imports. A module becomes a function that is called immediately;
+/// a variable named after it holds its exports. Supported: `import { a, b as c } from "./name.js";`,
+/// `import * as name from "./name.js";` (each on one line), and `export` before `function`,
+/// `async function`, `class` and `const`.
 pub fn bundle<'a>(modules: impl IntoIterator<Item = &'a Asset>) -> String {
     let mut out = String::from("\"use strict\";\n");
     for module in modules {
@@ -27,13 +28,13 @@ pub fn bundle<'a>(modules: impl IntoIterator<Item = &'a Asset>) -> String {
     out
 }
 
-/// The variable that holds what a module exports.
+/// Returns the variable that holds the exports of a module.
 fn variable(file: &str) -> String {
     let stem = file.trim_start_matches("./").trim_end_matches(".js");
     format!("${}", stem.replace(|c: char| !c.is_alphanumeric(), "_"))
 }
 
-/// `{ a, b as c } from "./name.js";` as a declaration.
+/// Converts `{ a, b as c } from "./name.js";` to a declaration.
 fn imported(rest: &str) -> String {
     let (what, from) = rest.split_once(" from ").unwrap_or((rest, ""));
     let own = variable(from.trim_end_matches(';').trim_matches('"'));
@@ -43,7 +44,7 @@ fn imported(rest: &str) -> String {
     }
 }
 
-/// The name that a line declares.
+/// Returns the name that a line declares.
 fn exported(rest: &str) -> Option<&str> {
     let rest = rest.strip_prefix("async ").unwrap_or(rest);
     let rest = ["function* ", "function ", "class ", "const "].iter().find_map(|k| rest.strip_prefix(k))?;
@@ -55,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn modules_keep_to_themselves() {
+    fn modules_are_isolated() {
         let module = |name, text| Asset { name, kind: "", text };
         let modules = [
             module("a.js", "const secret = 1;\nexport const open = 2;\nexport async function go() {}\n"),
@@ -64,7 +65,8 @@ mod tests {
         assert_eq!(
             bundle(&modules),
             "\"use strict\";\n\
-             const $a = (() => {\nconst secret = 1;\nconst open = 2;\nasync function go() {}\nreturn { open, go };\n})();\n\
+             const $a = (() => {\nconst secret = 1;\nconst open = 2;\nasync function go() {}\n\
+             return { open, go };\n})();\n\
              const $b_c = (() => {\nconst { open: o, go } = $a;\nconst a = $a;\nreturn {  };\n})();\n"
         );
     }

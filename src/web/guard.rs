@@ -1,4 +1,4 @@
-//! Who is answered: requests with the token, from a page of this server.
+//! Access control: answers only requests with the token that come from a page of this server.
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 
 use super::server::Site;
 
-/// What every request is held against.
+/// Criteria that every request must meet.
 #[derive(Clone)]
 pub(super) struct Guard {
     token: blake3::Hash,
@@ -24,27 +24,27 @@ impl Guard {
         }
     }
 
-    /// Whether the request was sent to this address: a foreign name that was made to point here (DNS rebinding) is refused. A page of
-    /// another origin is too.
+    /// Returns whether the request is addressed to this server and comes from no other origin. Refuses
+    /// foreign host names that resolve to this machine (DNS rebinding).
     fn is_ours(&self, headers: &HeaderMap) -> bool {
         let known = |value: &HeaderValue, scheme: &str| {
             let host = value.to_str().ok().and_then(|v| v.strip_prefix(scheme));
             host.is_some_and(|host| self.hosts.iter().any(|h| h == host))
         };
-        // A request may name several hosts only to confuse.
+        // Refuse requests with several host headers.
         let mut hosts = headers.get_all(header::HOST).iter();
         let one = hosts.next().is_some_and(|host| known(host, "")) && hosts.next().is_none();
         one && headers.get_all(header::ORIGIN).iter().all(|origin| known(origin, "http://"))
     }
 
-    /// Whether the path begins with the token. Digests are compared, in a time that tells nothing.
+    /// Returns whether the path begins with the token. Compares digests, in constant time.
     fn has_token(&self, path: &str) -> bool {
         let first = path.strip_prefix('/').and_then(|rest| rest.split_once('/')).map(|(first, _)| first);
         first.is_some_and(|first| blake3::hash(first.as_bytes()) == self.token)
     }
 }
 
-/// What every answer says beside what the page may load: nothing is kept, the address is not passed on.
+/// Headers of every response, apart from the content security policy: no caching, no referrer.
 const HEADERS: [(HeaderName, &str); 5] = [
     (header::CACHE_CONTROL, "no-store"),
     (header::REFERRER_POLICY, "no-referrer"),
@@ -53,10 +53,10 @@ const HEADERS: [(HeaderName, &str); 5] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// Lets through what may be answered.
+/// Passes permitted requests on and refuses the others.
 pub(super) async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     let mut response = if !guard.is_ours(request.headers()) {
-        (StatusCode::FORBIDDEN, "this server answers its own page only\n").into_response()
+        (StatusCode::FORBIDDEN, "this server answers only its own page\n").into_response()
     } else if !guard.has_token(request.uri().path()) {
         (StatusCode::NOT_FOUND, format!("not found: {}\n", guard.site.hint)).into_response()
     } else {
@@ -66,7 +66,7 @@ pub(super) async fn guard(State(guard): State<Guard>, request: Request, next: Ne
     for (name, value) in HEADERS {
         headers.insert(name, HeaderValue::from_static(value));
     }
-    // What is no header would let everything be loaded; then nothing is.
+    // An invalid policy header must not allow everything: fall back to allowing nothing.
     let policy = HeaderValue::from_str(&guard.site.policy);
     headers.insert(
         header::CONTENT_SECURITY_POLICY,

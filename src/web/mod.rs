@@ -1,5 +1,6 @@
-//! What the pages of this program share: what is drawn of a scenario ([`sketch()`]), the scripts that draw it, and a server that only this
-//! machine reaches ([`Loopback`]). It must never know what a page is for.
+//! Common parts of the program's pages: the drawn content of a scenario ([`sketch()`]), the scripts that
+//! draw it, and a server that only this machine can reach ([`Loopback`]). Independent of the purpose of a
+//! page.
 
 mod assets;
 mod bundle;

@@ -1,4 +1,4 @@
-//! A server on the loopback interface, for the one who started it.
+//! A server on the loopback interface, for the user who started it.
 
 use std::io;
 use std::net::{Ipv4Addr, TcpListener as StdListener};
@@ -13,16 +13,16 @@ use tokio::sync::Notify;
 
 use super::guard::{Guard, guard};
 
-/// Why a page can not be served.
+/// Error in serving a page.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServeError {
-    /// The port can not be had, or was lost.
+    /// The port is unavailable, or was lost.
     #[error("could not serve the page at {address}: {source}; choose another port, or 0 for any free one")]
     Serve {
         /// Address and port.
         address: String,
-        /// Why.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The operating system has no random numbers for the token.
@@ -30,27 +30,27 @@ pub enum ServeError {
     Random(String),
 }
 
-/// Ends a server from another thread.
+/// Handle that ends a server from another thread.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<Notify>);
 
 impl Stop {
-    /// Asks the server to end. It does so after the requests that it is answering.
+    /// Ends the server after the requests in progress.
     pub fn stop(&self) {
         self.0.notify_one();
     }
 }
 
-/// What a site says to those who ask.
+/// Settings of a site.
 #[derive(Clone, Debug)]
 pub struct Site {
-    /// To those who come without the token: how the address is found.
+    /// Hint for requests without the token: how to find the address.
     pub hint: &'static str,
-    /// What the page may load (`Content-Security-Policy`).
+    /// Content security policy of the page (`Content-Security-Policy`).
     pub policy: String,
 }
 
-/// A port of this machine that nobody else reaches, and the token without which nothing is answered.
+/// A port that only this machine can reach, and the token that every request needs.
 pub struct Loopback {
     listener: StdListener,
     port: u16,
@@ -58,10 +58,10 @@ pub struct Loopback {
 }
 
 impl Loopback {
-    /// Takes a port, 0 for any free one.
+    /// Binds a port, 0 for any free one.
     ///
     /// # Errors
-    /// [`ServeError`] when the port can not be had or there are no random numbers.
+    /// [`ServeError`] if the port is unavailable or there are no random numbers.
     pub fn bind(port: u16) -> Result<Self, ServeError> {
         let refuse = lost(port);
         let listener = StdListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(&refuse)?;
@@ -70,37 +70,38 @@ impl Loopback {
         Ok(Self { listener, port, token: token()? })
     }
 
-    /// Where the page is: the address holds the token.
+    /// Returns the address of the page, which contains the token.
     pub fn url(&self) -> String {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Answers requests until `stop` is asked for. All routes begin with `/{token}/`, which is checked before them.
+    /// Answers requests until `stop` is triggered. All routes begin with `/{token}/`, which is checked
+    /// first.
     ///
     /// # Errors
-    /// [`ServeError`] when the port is lost.
+    /// [`ServeError`] if the port is lost.
     pub fn run(self, router: Router, site: Site, stop: &Stop) -> Result<(), ServeError> {
         let Self { listener, port, token } = self;
         let refuse = lost(port);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(&refuse)?;
         let ended = Arc::new(Notify::new());
-        let told = Arc::clone(&ended);
+        let notifier = Arc::clone(&ended);
         runtime.block_on(async move {
             let listener = TcpListener::from_std(listener).map_err(&refuse)?;
             let router = router.layer(middleware::from_fn_with_state(Guard::new(&token, port, &site), guard));
             let graceful = stop.0.clone();
             let server = axum::serve(listener, router).with_graceful_shutdown(async move {
                 graceful.notified().await;
-                told.notify_one();
+                notifier.notify_one();
             });
-            // A browser keeps connections open that it may never use.
-            let patience = async {
+            // Browsers keep idle connections open: do not wait for them.
+            let timeout = async {
                 ended.notified().await;
                 tokio::time::sleep(Duration::from_millis(500)).await;
             };
             tokio::select! {
                 result = server => result.map_err(&refuse),
-                () = patience => Ok(()),
+                () = timeout => Ok(()),
             }
         })
     }
@@ -110,7 +111,7 @@ fn lost(port: u16) -> impl Fn(io::Error) -> ServeError {
     move |source| ServeError::Serve { address: format!("127.0.0.1:{port}"), source }
 }
 
-/// 128 random bits as 32 hexadecimal digits.
+/// Draws a token of 128 random bits, as 32 hexadecimal digits.
 fn token() -> Result<String, ServeError> {
     let mut bytes = [0; 16];
     SysRng.try_fill_bytes(&mut bytes).map_err(|e| ServeError::Random(e.to_string()))?;

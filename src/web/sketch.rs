@@ -1,10 +1,11 @@
-//! What pages draw of a scenario, as compact JSON.
+//! Sketches: the drawn content of a scenario as compact JSON.
 //!
-//! Lengths are centimetres, angles milliradians, both rounded to integers. A list of points is flat: the first point, then the
-//! difference of each point to the one before (`x0 y0 dx dy …`). Tracks are lists of spans without gaps, each with the frame of its
-//! first state and flat states `x y heading speed`, the first one whole and the others as differences. Speeds (cm/s) are those of a
-//! replayed log, the way since the frame before: taken from rounded positions they would be too coarse for times to collision. The same
-//! scenario gives the same bytes.
+//! Lengths are centimetres, angles milliradians, both rounded to integers. A list of points is flat: the
+//! first point, then the difference of each point from the previous one (`x0 y0 dx dy …`). Tracks are
+//! lists of spans without gaps, each with the frame of its first state and flat states
+//! `x y heading speed`, the first one whole and the others as differences. Speeds (cm/s) are those of a
+//! replayed log, from the distance since the previous frame: computed from rounded positions they would
+//! be too coarse for times to collision. The same scenario gives the same bytes.
 
 mod lines;
 mod near;
@@ -16,11 +17,12 @@ use self::near::Near;
 use crate::geometry::{Vec2, wrap};
 use crate::scene::{Agent, DT, Frame, LaneArea, LightState, RoadMap, Scenario};
 
-/// Version of the form of [`sketch`].
+/// Version of the format of [`sketch`].
 pub const SKETCH_VERSION: u32 = 1;
 
-/// The JSON of a scenario: `agents` (the AV first, then the others that take part), `context` (what is recorded but takes no part), the
-/// map in the surroundings, and the lights with one character per frame (code 0 to 8, `-` where not observed).
+/// Returns the JSON of a scenario: `agents` (the AV first, then the world agents), `context` (recorded
+/// agents that take no part), the map in the surroundings, and the lights with one character per frame
+/// (code 0 to 8, `-` if not observed).
 pub fn sketch(scenario: &Scenario) -> String {
     let near = Near::new(scenario);
     let mut out = format!("{{\"v\":{SKETCH_VERSION},\"agents\":[");
@@ -38,7 +40,7 @@ pub fn sketch(scenario: &Scenario) -> String {
     out
 }
 
-/// Centimetres. Nobody is as far away as where this ends; differences must not overflow.
+/// Converts to centimetres. Clamped far beyond any real value, so that differences cannot overflow.
 fn cm(metres: f64) -> i64 {
     (metres * 100.0).round().clamp(-1e15, 1e15) as i64
 }
@@ -75,13 +77,13 @@ fn agent(out: &mut String, agent: &Agent, track: &[Frame]) {
         out.push_str(if is_first { "[" } else { ",[" });
         is_first = false;
         write!(out, "{f}").ok();
-        // Headings are unrolled, so that differences stay small.
+        // Headings are unwrapped, so that differences stay small.
         let (mut before, mut last) = ([0; 4], None::<(Vec2, f64)>);
         for state in span {
             let heading = last.map_or(wrap(state.heading), |(_, h)| h + wrap(state.heading - h));
             let speed = last.map_or(state.speed(), |(p, _)| (state.position() - p).norm() / DT);
             last = Some((state.position(), heading));
-            // What is not a number becomes 0.
+            // The casts turn NaN into 0.
             let now = [cm(state.x), cm(state.y), (heading * 1000.0).round() as i64, cm(speed)];
             for (now, before) in now.iter().zip(before) {
                 write!(out, ",{}", now - before).ok();
@@ -95,7 +97,7 @@ fn agent(out: &mut String, agent: &Agent, track: &[Frame]) {
 }
 
 fn map(out: &mut String, map: &RoadMap, near: &Near) {
-    // Lanes: class, half width (0 where the outline is given instead), centre line.
+    // Lanes: class, half width (0 if the outline is given instead), centre line.
     out.push_str(",\"lanes\":[");
     let lanes = map.lanes.iter().flat_map(|lane| {
         let half_width = if let LaneArea::Corridor { half_width } = lane.area { cm(half_width) } else { 0 };

@@ -166,7 +166,7 @@ fn wrong_arguments_are_told_with_the_mend() {
     assert!(error(&["--gif", "x.gif", "--case", "cut-in"]).contains("cannot be used with"));
     assert!(error(&["--gif", "x.gif", "--rollout", "RUN"]).contains("--simulator <ID>"));
     let two = error(&["--svg", "x.svg", "--rollout", "RUN", "--simulator", "idm,stop"]);
-    assert!(two.contains("name one --simulator, or draw all of them with --gif alone"), "{two}");
+    assert!(two.contains("give one --simulator, or draw all of them with --gif alone"), "{two}");
     let unknown = error(&["--gif", "x.gif", "--rollout", "/nowhere", "--simulator", "idm"]);
     assert!(unknown.contains("/nowhere has no rollouts.parquet: run with --keep-rollouts"), "{unknown}");
     assert!(!Path::new("x.gif").exists());
@@ -229,5 +229,5 @@ fn a_scenario_without_deviated_av_has_nothing_to_react_to() {
     writer.finish().unwrap();
     let output = inspect(&[path.to_str().unwrap(), "--simulator", "idm", "--gif", "x.gif"]);
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.code() == Some(2) && text.contains("carries no deviated AV"), "{text}");
+    assert!(output.status.code() == Some(2) && text.contains("has no deviated AV"), "{text}");
 }

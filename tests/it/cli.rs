@@ -92,18 +92,18 @@ fn help_fits_a_terminal() {
     Commands:
       run          Run simulators on scenarios and print the table of their metrics
       score        Score rollouts that any program produced
-      curate       Make AV trajectories that leave the log (deviated AVs), review and analyse them
-      generate     Generate scenarios: maps, traffic, and for benchmarks deviated AVs
-      train        Train networks, and build what they need
+      curate       Create AV trajectories that leave the log (deviated AVs), review and analyse them
+      generate     Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
+      train        Train networks, build vocabularies and intention points
       convert      Convert scenarios of any format to native Parquet
-      report       Print the tables of finished runs, or make one page of them
+      report       Print the tables of finished runs, or write them as an HTML page
       compare      Compare two runs on the same scenarios, scenario by scenario
-      verify       Check that this program gives the numbers of a reference
-      reference    Make references, and write their tables into documents
-      leaderboard  Put references and runs of others into one table
-      view         Show run folders in a browser: tables, figures, every scenario from above
-      study        Run studies: replan intervals, both protocols, ablations of simulators
-      inspect      Print and draw what is in a scenario
+      verify       Check that this program reproduces the numbers of a reference
+      reference    Create references, and write their tables into documents
+      leaderboard  List references and submitted runs in one table
+      view         Show run folders in a browser: tables, figures, every scene from above
+      study        Run studies: replan interval, reactive against realism protocol, ablations
+      inspect      Describe and draw a scenario
       list         List models, metrics, formats, weights, map types or case studies
       completions  Print a completion script for a shell
       man          Write manual pages
@@ -115,7 +115,7 @@ fn help_fits_a_terminal() {
 
     Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
 
-    With no arguments at all it runs every baseline on the shipped scenarios.
+    Without arguments the program runs every baseline on the shipped scenarios.
     ");
     for verb in [
         "run",
@@ -160,12 +160,12 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     let unknown = error(&["run", "--models", "idmm"]);
     assert!(unknown.starts_with("error: there is no simulator `idmm`; there are: log-replay, "), "{unknown}");
     assert!(unknown.contains("\nhint: `reactsim list models`"), "{unknown}");
-    insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios carry no deviated AV: give --deviations <file>, or say with --av who drives: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>");
+    insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios have no deviated AV: give --deviations <file>, or choose a driver with --av: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>");
     insta::assert_snapshot!(error(&["run", "--metric-option", "fault_order=mine"]), @r"error: metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
     insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av out");
     insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: --deviations goes with --av deviated only");
     insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");
-    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is no run folder: it has no provenance.json");
+    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is not a run folder: it has no provenance.json");
     assert!(error(&["run", "--av", "brake:9"]).contains("a deceleration above 0 and at most 6 m/s²"));
     assert!(error(&["run", "--replan", "3hz"]).contains("such as `2hz`"));
     assert!(error(&["run", "--rollouts", "0"]).contains("1..=10000"));
@@ -216,7 +216,7 @@ fn files_that_only_look_like_scenarios_are_named() {
     let output = reactsim(&["run", text(home.path()), "--models", "stop"]);
     assert_eq!(output.status.code(), Some(0));
     let said = stderr(&output);
-    assert!(said.contains("b.json is passed over: it is no scenario file"), "{said}");
+    assert!(said.contains("b.json is skipped: it is not a scenario file"), "{said}");
     assert_eq!(said.lines().count(), 1, "{said}");
 }
 

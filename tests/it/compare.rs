@@ -110,8 +110,8 @@ fn what_can_not_be_compared_is_refused() {
     for (bound, part) in [
         ("aav-collision", "write METRIC=BOUND"),
         ("speed=1", "no metric `speed`"),
-        ("ade=-1", "`-1` is no number from 0 up"),
-        ("ade=nan", "`nan` is no number"),
+        ("ade=-1", "`-1` is not a number of at least 0"),
+        ("ade=nan", "`nan` is not a number"),
     ] {
         assert!(refused(&[text(&run), text(&run), "--worse", bound]).contains(part), "{bound}");
     }

@@ -39,10 +39,10 @@ fn wrong_settings_are_refused_by_name() {
         let said = error(&["--preset", "train", "--count", count, "--out", path(&out)]);
         assert!(said.contains(&format!("'{count}'")) && said.contains("--count"), "{said}");
     }
-    assert!(with(&["--maps", "moon"]).starts_with("error: there is no map type `moon`; there are: "));
+    assert!(with(&["--maps", "moon"]).starts_with("error: no map type `moon`; available: "));
     for density in ["0", "NaN", "4", "-1", "inf"] {
         let said = with(&["--density", density]);
-        let expected = format!("error: density {density}: expected a number above 0 and up to 3\n");
+        let expected = format!("error: density {density}: expected a number above 0 and at most 3\n");
         assert_eq!(said, expected);
     }
     assert!(with(&["--density", "dense"]).contains("--density"));
@@ -50,7 +50,7 @@ fn wrong_settings_are_refused_by_name() {
     assert!(error(&[]).contains("--preset"), "{}", error(&[]));
     assert!(error(&["--preset", "train", "--count", "2"]).contains("--out"));
     let few = error(&["--preset", "bench", "--count", "1", "--out", path(&out)]);
-    assert!(few.starts_with("error: 1 scenarios can not hold all of "), "{few}");
+    assert!(few.starts_with("error: 1 scenarios cannot hold all of "), "{few}");
     for preset in ["bench", "train"] {
         let absent = home.path().join("absent/a.parquet");
         let said = error(&["--preset", preset, "--count", "100", "--out", path(&absent)]);

@@ -94,7 +94,7 @@ fn entries_that_are_not_alike_are_refused() {
     };
     // Rows that the rollouts do not give.
     let edited = refused(&better);
-    assert!(edited.contains("the rollouts do not give the rows: scenario"), "{edited}");
+    assert!(edited.contains("the rollouts do not reproduce the rows: scenario"), "{edited}");
     assert!(edited.contains("`log-replay`: `metrics.aav-collision"), "{edited}");
     // A summary that the rows do not give.
     let summed = refused(&|entry| {

@@ -97,7 +97,7 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
 fn parameters_that_are_none_are_refused_by_name() {
     for (set, part) in [
         ("idm.vehicle.headwind=1", "no parameter `vehicle.headwind`; it has: "),
-        ("idm.vehicle.headway=soon", "`soon` is no value for the parameter `vehicle.headway`"),
+        ("idm.vehicle.headway=soon", "`soon` is not a valid `vehicle.headway`"),
         ("idm.vehicle.headway", "write ID.KEY=VALUE"),
         ("idm=1", "write ID.KEY=VALUE"),
         ("nobody.x=1", "there is no simulator `nobody`"),

@@ -530,7 +530,7 @@ fn what_can_not_be_shown_is_refused_or_said() {
         let out = at("page.html");
         said(&[&["report", "--format", "html", "--out", text(&out)], arguments].concat(), code)
     };
-    assert!(html(&[text(&at("none"))], 2).contains("is no run folder"));
+    assert!(html(&[text(&at("none"))], 2).contains("is not a run folder"));
     assert!(html(&[text(&run), text(&run)], 2).contains("two runs are named"));
     assert!(html(&[text(&run), "--case", "nobody"], 2).contains("no run has a scenario `nobody`"));
     assert!(html(&[text(&run)], 0).contains("give --scenarios"));
@@ -541,7 +541,7 @@ fn what_can_not_be_shown_is_refused_or_said() {
     // Events that are none, rollouts of another run, scenarios that changed.
     let events = run.join("events.jsonl");
     fs::write(&events, "{\"input\":0}\n").unwrap();
-    assert!(html(&[text(&run), "--scenarios", MINI], 2).contains("events.jsonl can not be read"));
+    assert!(html(&[text(&run), "--scenarios", MINI], 2).contains("events.jsonl cannot be read"));
     fs::write(&events, "").unwrap();
     let rows = fs::read_to_string(run.join("rows.jsonl")).unwrap();
     let digest = lines_of(&run.join("rows.jsonl"))[0]["digest"].as_str().unwrap().to_owned();

@@ -1,4 +1,4 @@
-//! How real a set of scenarios is: statistics with known values, sets of any size, what a user sees.
+//! Realism of sets of scenarios: statistics with known values, sets of any size, what a user sees.
 
 use reactsim::formats::find_inputs;
 use reactsim::generation::realism::{Comparison, Measured, Quantity, Tally, divergence, measure};

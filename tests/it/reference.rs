@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use reactsim::evaluation::reference::{Given, Reference, SimulatorClass, verify};
+use reactsim::evaluation::reference::{Reference, RerunInputs, SimulatorClass, verify};
 use reactsim::evaluation::{
     Execution, Provenance, Row, RunObserver, Source, Summary, Tally, Value, read_provenance, read_rows,
     read_summary, read_tally, shipped_benchmark,
@@ -172,7 +172,7 @@ fn runs_that_can_be_no_reference_are_refused() {
     let lines = fs::read_to_string(halved.join("rows.jsonl")).unwrap();
     let kept: Vec<&str> = lines.lines().skip(1).collect();
     fs::write(halved.join("rows.jsonl"), kept.join("\n") + "\n").unwrap();
-    assert!(refused(&halved, &[]).contains("are not whole"));
+    assert!(refused(&halved, &[]).contains("are incomplete"));
 
     let limited = at("limited");
     said(&["run", "--models", "stop", "--limit", "3", "--out", text(&limited)], 0);
@@ -182,7 +182,7 @@ fn runs_that_can_be_no_reference_are_refused() {
     assert!(refused(&limited, &[]).contains("no known benchmark, or on a part of one"));
     let out = at("out");
     let no_name = ["reference", "make", text(run()), "--name", "../x", "--out", text(&out)];
-    assert!(said(&no_name, 2).1.contains("is no name of a reference"));
+    assert!(said(&no_name, 2).1.contains("is not a valid name of a reference"));
 }
 
 #[test]
@@ -258,7 +258,7 @@ fn a_changed_reference_is_refused_by_name() {
     assert!(foreign.contains("`benchmark` is") && foreign.contains("--scenarios PATH"), "{foreign}");
     assert!(
         refused(&|folder| fs::remove_file(folder.join("reference.toml")).unwrap())
-            .contains("is no reference")
+            .contains("is not a reference")
     );
     let bound = refused(&|folder| {
         let record = folder.join("reference.toml");
@@ -268,7 +268,7 @@ fn a_changed_reference_is_refused_by_name() {
         )
         .unwrap();
     });
-    assert!(bound.contains("reference.toml can not be read"), "{bound}");
+    assert!(bound.contains("reference.toml cannot be read"), "{bound}");
     assert!(said(&["verify", "nothing-here"], 2).1.contains("there is no reference `nothing-here`"));
 }
 
@@ -370,7 +370,8 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
             let found = formats::find_inputs(&open)?;
             Ok(Box::new(found[0].open_undecoded()?) as formats::PendingScenarios)
         });
-        let given = Given { sources: vec![Source { file, open }], deviations: None, weights: Vec::new() };
+        let given =
+            RerunInputs { sources: vec![Source { file, open }], deviations: None, weights: Vec::new() };
         let execution = Execution { jobs: 2, batch: 4 };
         let stop = AtomicBool::new(false);
         verify(reference, given, every, execution, &Quiet, &stop).unwrap().unwrap()
@@ -469,7 +470,7 @@ fn tables_of_documents_are_written_and_checked() {
     );
     fs::write(&page, &old).unwrap();
     let (_, stale) = said(&["reference", "tables", text(&page), "--check"], 1);
-    assert_eq!(stale.matches("is not as its reference says").count(), 3, "{stale}");
+    assert_eq!(stale.matches("differs from its reference").count(), 3, "{stale}");
     assert!(stale.contains("line 2: the table"), "{stale}");
     assert_eq!(fs::read_to_string(&page).unwrap(), old, "a check changes nothing");
     said(&["reference", "tables", text(&page)], 0);
@@ -496,7 +497,7 @@ fn tables_of_documents_are_written_and_checked() {
     assert!(refused("category=absurd").contains("no scenario has the category `absurd`"));
     assert!(refused("columns=speed").contains("no column `speed`"));
     fs::write(&page, "<!-- table references/none -->\n<!-- end -->\n").unwrap();
-    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("references/none is no reference"));
+    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("references/none is not a reference"));
 }
 
 #[test]

@@ -13,7 +13,7 @@ use reactsim::models::qp::{self, Ending};
 use reactsim::models::qp_regression::learn::{Recipe, Regression};
 use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppress};
 use reactsim::models::qp_regression::{
-    Driving, Intentions, Policy, Prediction, QpRegressionSimulator, RegressionSimulator, Smooth,
+    Driving, Intentions, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
 use reactsim::rollout::{Controller, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
@@ -413,7 +413,7 @@ fn rollouts_are_the_same_every_time() {
 /// Plans along the modes of a policy.
 fn smoothed(policy: Policy, agents: usize, keep_clear: bool) -> Controller {
     let settings = qp::settings().unwrap();
-    let smooth = Smooth { agents, keep_clear };
+    let smooth = PlanningParameters { agents, keep_clear };
     Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device())))
 }
 

@@ -133,7 +133,7 @@ fn intervals_are_runs_side_by_side() {
     // The same numbers as JSON, without another run.
     let before = results(&out);
     let (json, told) = said(&[&arguments[..], &["--resume", "--format", "json"]].concat(), 0);
-    assert!(told.lines().count() == 2 && told.lines().all(|l| l.ends_with(": finished before")), "{told}");
+    assert!(told.lines().count() == 2 && told.lines().all(|l| l.ends_with(": already finished")), "{told}");
     assert!(results(&out) == before);
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!((&json["study"], &json["members"][1]["replan_steps"]), (&"replan".into(), &40.into()));
@@ -312,13 +312,13 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     let error = read_study(&cut).unwrap_err().to_string();
     assert!(error.contains("is not finished (steps-10, steps-20); finish it by"), "{error}");
     let told = study(&cut, &["--resume"], 0);
-    assert_eq!(told.matches("finished before").count(), 1, "{told}");
+    assert_eq!(told.matches("already finished").count(), 1, "{told}");
     assert!(results(&cut) == wanted);
     // Rows that are gone although the member was finished; a table that was not written.
     fs::write(member.join("rows.jsonl"), half).unwrap();
     fs::remove_file(cut.join("steps-20/summary.md")).unwrap();
     let told = study(&cut, &["--resume"], 0);
-    assert_eq!(told.matches("finished before").count(), 1, "{told}");
+    assert_eq!(told.matches("already finished").count(), 1, "{told}");
     assert!(results(&cut) == wanted);
     // A folder that a kill left before the study began.
     let begun = home.path().join("begun");
@@ -348,7 +348,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     assert!(told.contains("`study` is replan there and guards now"), "{told}");
     let (_, told) =
         said(&["study", "guards", MINI, "--models", "stop", "--out", text(&member), "--resume"], 2);
-    assert!(told.contains("steps-10 is no study: it has no study.json"), "{told}");
+    assert!(told.contains("steps-10 is not a study: it has no study.json"), "{told}");
 }
 
 #[cfg(unix)]
@@ -392,7 +392,7 @@ fn an_interrupt_leaves_a_study_that_goes_on() {
             continue;
         }
         assert_eq!(output.status.code(), Some(130), "{}", of(&output.stderr));
-        assert!(of(&output.stderr).contains("go on with the same command and --resume"));
+        assert!(of(&output.stderr).contains("to continue, repeat the command with --resume"));
         assert!(read_study(&out).unwrap_err().to_string().contains("is not finished"));
         assert!(study(&out, true).status().unwrap().success());
         assert!(results(&out) == results(&whole));
@@ -411,11 +411,11 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
         told
     };
     for (intervals, part) in [
-        ("0", "`0` is no replan rate: expected 1 to 80 steps"),
-        ("5,81", "`81` is no replan rate"),
-        ("abc", "`abc` is no replan rate"),
-        ("", "`` is no replan rate"),
-        ("5,2hz", "--intervals names 5 steps twice: give each interval once"),
+        ("0", "`0` is not a replan interval: expected 1 to 80 steps"),
+        ("5,81", "`81` is not a replan interval"),
+        ("abc", "`abc` is not a replan interval"),
+        ("", "`` is not a replan interval"),
+        ("5,2hz", "--intervals has 5 steps twice: give each interval once"),
     ] {
         let told = refused(&["replan", MINI, "--models", "stop", "--intervals", intervals]);
         assert!(told.contains(part), "{told}");
@@ -493,7 +493,7 @@ fn failures_are_counted_and_tried_again() {
     assert!(told.ends_with("warning: 2 failed; the others are in the table\n"), "{told}");
     let before = results(&out);
     let (_, told) = said(&[&arguments[..], &["--resume"]].concat(), 1);
-    assert!(!told.contains("finished before"), "{told}");
+    assert!(!told.contains("already finished"), "{told}");
     assert!(results(&out) == before);
 }
 
@@ -503,7 +503,7 @@ fn a_damaged_study_is_refused() {
     let refused = |text: &str, part: &str| {
         fs::write(home.path().join("study.json"), text).unwrap();
         let error = read_study(home.path()).unwrap_err().to_string();
-        assert!(error.contains("study.json can not be read") && error.contains(part), "{error}");
+        assert!(error.contains("study.json cannot be read") && error.contains(part), "{error}");
     };
     let study =
         |kind: &str, members: &str| format!(r#"{{"version": 1, "kind": "{kind}", "members": [{members}]}}"#);
@@ -516,7 +516,7 @@ fn a_damaged_study_is_refused() {
     refused(&study("replan", ""), "it has no members");
     refused(
         &study("replan", r#"{"folder": "../x", "label": "", "replan_steps": 1}"#),
-        "`../x` is no name of a folder",
+        "`../x` is not a valid folder name",
     );
     refused(&study("replan", r#"{"folder": "x", "label": ""}"#), "the member `x` has no `replan_steps`");
     refused(&study("realism", r#"{"folder": "x", "label": ""}"#), "has no `protocol`");
@@ -525,6 +525,7 @@ fn a_damaged_study_is_refused() {
     let twice = r#"{"folder": "x", "label": "", "replan_steps": 1}"#;
     refused(&study("replan", &format!("{twice}, {twice}")), "two members `x`");
     fs::remove_file(home.path().join("study.json")).unwrap();
-    assert!(read_study(home.path()).unwrap_err().to_string().contains("is no study: it has no study.json"));
+    let error = read_study(home.path()).unwrap_err().to_string();
+    assert!(error.contains("is not a study: it has no study.json"), "{error}");
     assert!(!is_study(home.path()));
 }

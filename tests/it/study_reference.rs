@@ -45,7 +45,7 @@ fn every_member_is_a_reference() {
     assert!(fs::read_to_string(&page).unwrap().contains(tables));
     assert_eq!(said(&["reference", "tables", text(&page), "--check"], 0).1, "");
     fs::write(&page, format!("<!-- table {} models=idm -->\n<!-- end -->\n", text(&reference))).unwrap();
-    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("are written whole"));
+    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("are written as a whole"));
 }
 
 #[test]

@@ -193,7 +193,7 @@ fn a_motion_predictor_is_trained_and_drives() {
         said(&output)
     };
     assert!(refused(&["--intentions", text(&recipe)]).contains("not safetensors"));
-    assert!(refused(&["--from", text(&recipe)]).contains("recipe.toml can not be used"));
+    assert!(refused(&["--from", text(&recipe)]).contains("cannot use the weights"));
     assert!(refused(&["--from", &first]).contains("other sizes than the recipe"));
     assert!(refused(&["--from", &first, "--intentions", text(&points)]).contains("--intentions"));
     let wrong = folder.path().join("wrong.toml");

@@ -1,74 +1,78 @@
-//! What can be wrong with a file of weights.
+//! Errors of weights files.
 
-/// Why weights are refused. Shapes are as in the file: linear weights are [out, in].
+/// Reason why weights are rejected. Shapes are as in the file: linear weights are [out, in].
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
-    /// Cut short, or of another format.
+    /// The file is cut short or has another format.
     #[error("the file is cut short or not safetensors ({0}): export it again")]
     Format(#[from] safetensors::SafeTensorError),
-    /// The network has tensors that the file lacks.
+    /// A tensor of the network is not in the file.
     #[error(
-        "tensor `{name}` {expected:?} is missing, and {others} more: the weights are of another network or configuration"
+        "tensor `{name}` {expected:?} is missing, and {others} more: the weights belong to \
+         another network or configuration"
     )]
     Missing {
-        /// The first one by name.
+        /// First such tensor by name.
         name: String,
-        /// The shape that the network has.
+        /// Its shape in the network.
         expected: Vec<usize>,
-        /// How many are missing beside this one.
+        /// Number of other missing tensors.
         others: usize,
     },
-    /// The file has tensors that the network lacks.
+    /// A tensor of the file is not in the network.
     #[error(
-        "tensor `{name}` {found:?} has no place in the network, and {others} more: the weights are of another network or configuration"
+        "tensor `{name}` {found:?} has no place in the network, and {others} more: the weights belong \
+         to another network or configuration"
     )]
     Extra {
-        /// The first one by name.
+        /// First such tensor by name.
         name: String,
-        /// Its shape.
+        /// Its shape in the file.
         found: Vec<usize>,
-        /// How many have no place beside this one.
+        /// Number of other such tensors.
         others: usize,
     },
     /// A tensor has another shape than in the network.
     #[error(
-        "tensor `{name}` is {found:?}, expected {expected:?}: the configuration is not the one of these weights"
+        "tensor `{name}` is {found:?}, expected {expected:?}: the configuration is not that of these weights"
     )]
     Shape {
-        /// Which one.
+        /// Name of the tensor.
         name: String,
-        /// The shape that the network has.
+        /// Its shape in the network.
         expected: Vec<usize>,
-        /// The shape in the file.
+        /// Its shape in the file.
         found: Vec<usize>,
     },
     /// A tensor does not hold 32-bit floats.
     #[error("tensor `{name}` holds {found}, expected F32: convert it when exporting")]
     Type {
-        /// Which one.
+        /// Name of the tensor.
         name: String,
-        /// What it holds.
+        /// Its element type.
         found: String,
     },
-    /// A weight is not a number or infinite.
-    #[error("tensor `{name}` holds {value} at {at}: the weights are damaged, or training went astray")]
+    /// A weight is NaN or infinite.
+    #[error("tensor `{name}` holds {value} at {at}: the weights are damaged, or training diverged")]
     NotFinite {
-        /// Which one.
+        /// Name of the tensor.
         name: String,
-        /// Where, counted row by row.
+        /// Index of the value, row by row.
         at: usize,
-        /// What is there.
+        /// The value.
         value: f32,
     },
-    /// Two names of one tensor, with different values.
-    #[error("tensors `{name}` and `{other}` should be one and differ: the weights are of another network")]
+    /// Two names of one tensor have different values.
+    #[error(
+        "tensors `{name}` and `{other}` should be identical but differ: the weights belong to another network"
+    )]
     Twins {
-        /// One of them.
+        /// First name.
         name: String,
-        /// The other one.
+        /// Second name.
         other: String,
     },
     /// The configuration in the file's metadata is missing or does not fit.
-    #[error("the file's metadata hold no usable `config`: {0}")]
+    #[error("the file's metadata has no usable `config`: {0}")]
     Config(String),
 }

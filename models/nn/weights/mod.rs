@@ -1,7 +1,8 @@
-//! Weights as safetensors: read strictly, written to the same bytes every time.
+//! Weights as safetensors files: read strictly, and written deterministically to the same bytes.
 //!
-//! Names and layouts are those of PyTorch's state dicts, in both directions: linear weights [out, in], norms with `weight` and `bias`,
-//! sequences by number. So a file exported from PyTorch and one that was trained here are read by the same code.
+//! Names and layouts are those of PyTorch's state dicts, in both directions: linear weights are
+//! [out, in], norms have `weight` and `bias`, sequences are numbered. So the same code reads files
+//! exported from PyTorch and files trained here.
 
 mod error;
 mod load;
@@ -13,5 +14,5 @@ pub use error::WeightsError;
 pub use save::{Tables, save, save_tables, save_with};
 pub use tensors::Tensors;
 
-/// The entry of the file's metadata that holds the configuration of the network, as JSON.
+/// Key of the metadata entry that holds the configuration of the network, as JSON.
 pub const CONFIG: &str = "config";

@@ -1,7 +1,8 @@
-//! What the parts of layers are called in files.
+//! Names of parameters in files.
 
-/// The names of PyTorch's state dicts for fields of layers whose own names say more: container, field, name in the file.
-const STORED: &[(&str, &str, &str)] = &[
+/// Names in PyTorch's state dicts for fields that are named differently here: container, field,
+/// name in the file.
+const STORED_NAMES: &[(&str, &str, &str)] = &[
     ("Struct:LayerNorm", "gamma", "weight"),
     ("Struct:LayerNorm", "beta", "bias"),
     ("Struct:MlpLayer", "hidden", "mlp.0"),
@@ -34,18 +35,18 @@ const STORED: &[(&str, &str, &str)] = &[
     ("Struct:MotionDecoder", "dense", ""),
 ];
 
-/// Where a walk over a module stands.
+/// Path to the current parameter in a walk over a module.
 #[derive(Debug, Default)]
-pub(super) struct Place {
+pub(super) struct ParameterPath {
     parts: Vec<String>,
     /// Whether the innermost part is the weight of a linear layer, which files hold as [out, in].
     linear: Vec<bool>,
 }
 
-impl Place {
+impl ParameterPath {
     pub(super) fn enter(&mut self, name: &str, container: &str) {
-        let stored = STORED.iter().find(|(c, field, _)| (*c, *field) == (container, name));
-        // Which variant of an enumeration it is does not stand in names: the tensors tell.
+        let stored = STORED_NAMES.iter().find(|(c, field, _)| (*c, *field) == (container, name));
+        // Names do not include the variant of an enum: the tensors identify it.
         let name_there = if container.starts_with("Enum:") { "" } else { stored.map_or(name, |s| s.2) };
         self.parts.push(name_there.to_owned());
         self.linear.push(container == "Struct:Linear" && name == "weight");
@@ -56,27 +57,27 @@ impl Place {
         self.linear.pop();
     }
 
-    /// The name in the file.
+    /// Returns the name in the file.
     pub(super) fn name(&self) -> String {
         let parts: Vec<&str> = self.parts.iter().map(String::as_str).filter(|p| !p.is_empty()).collect();
         parts.join(".")
     }
 
-    /// The shape in the file of what has this shape here.
+    /// Converts a shape from this program to its shape in the file.
     pub(super) fn stored_shape(&self, mut shape: Vec<usize>) -> Vec<usize> {
-        if self.turned() {
+        if self.is_transposed() {
             shape.reverse();
         }
         shape
     }
 
-    /// Whether rows and columns change places between file and network.
-    pub(super) fn turned(&self) -> bool {
+    /// Returns whether the file holds the transpose of the current parameter.
+    pub(super) fn is_transposed(&self) -> bool {
         self.linear.last() == Some(&true)
     }
 }
 
-/// Rows and columns change places: from [rows, columns] to [columns, rows].
-pub(super) fn turn(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+/// Transposes [rows, columns] to [columns, rows].
+pub(super) fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     (0..columns).flat_map(|c| (0..rows).map(move |r| values[r * columns + c])).collect()
 }

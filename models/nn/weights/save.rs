@@ -1,14 +1,15 @@
-//! A network into bytes.
+//! Writes a network to bytes.
 
 use std::collections::BTreeMap;
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
-use super::names::{Place, turn};
+use super::names::{ParameterPath, transpose};
 
-/// The weights of a network as a safetensors file with these metadata ([`CONFIG`](super::CONFIG) among them, if the file is to say what
-/// it is). The same weights and metadata give the same bytes.
+/// Returns the weights of a network as a safetensors file with these metadata;
+/// [`CONFIG`](super::CONFIG) should be among them to identify the network. The same weights and
+/// metadata give the same bytes.
 pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<u8> {
     save_with(network, Tables::new(), metadata)
 }
@@ -16,16 +17,17 @@ pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<
 /// Tensors by name: shape, and values row by row.
 pub type Tables = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 
-/// As [`save`], with `tables` beside the weights. Their names must not be those of weights.
+/// Like [`save`], with `tables` in addition to the weights. Their names must differ from those of
+/// weights.
 pub fn save_with<M: Module>(network: &M, tables: Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-    let mut weights = Weights { tensors: tables, ..Weights::default() };
+    let mut weights = TensorCollector { tensors: tables, ..TensorCollector::default() };
     network.visit(&mut weights);
     save_tables(&weights.tensors, metadata)
 }
 
-/// Tensors alone as a safetensors file.
+/// Returns tensors alone as a safetensors file.
 pub fn save_tables(tables: &Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-    // Not by the crate: it writes metadata in the order of a hash map.
+    // Not written by the crate, which orders metadata as in a hash map.
     let mut header = serde_json::Map::new();
     if !metadata.is_empty() {
         header.insert("__metadata__".into(), serde_json::json!(metadata));
@@ -46,25 +48,25 @@ pub fn save_tables(tables: &Tables, metadata: &BTreeMap<String, String>) -> Vec<
 }
 
 #[derive(Default)]
-struct Weights {
-    place: Place,
+struct TensorCollector {
+    path: ParameterPath,
     tensors: Tables,
 }
 
-impl ModuleVisitor for Weights {
+impl ModuleVisitor for TensorCollector {
     fn enter_module(&mut self, name: &str, container: &str) {
-        self.place.enter(name, container);
+        self.path.enter(name, container);
     }
 
     fn exit_module(&mut self, _: &str, _: &str) {
-        self.place.exit();
+        self.path.exit();
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let tensor = param.val();
         let shape = tensor.dims();
         let values: Vec<f32> = tensor.into_data().iter::<f32>().collect();
-        let values = if self.place.turned() { turn(&values, shape[0], shape[1]) } else { values };
-        self.tensors.insert(self.place.name(), (self.place.stored_shape(shape.to_vec()), values));
+        let values = if self.path.is_transposed() { transpose(&values, shape[0], shape[1]) } else { values };
+        self.tensors.insert(self.path.name(), (self.path.stored_shape(shape.to_vec()), values));
     }
 }

@@ -1,4 +1,4 @@
-//! The tensors of a file.
+//! Tensors of a file.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::{CONFIG, WeightsError};
 
-/// The tensors of a safetensors file, by name. Nothing is copied until it is asked for.
+/// Tensors of a safetensors file, by name. Values are copied only on access.
 #[derive(Debug)]
 pub struct Tensors<'a> {
     tensors: BTreeMap<String, TensorView<'a>>,
@@ -16,7 +16,7 @@ pub struct Tensors<'a> {
 }
 
 impl<'a> Tensors<'a> {
-    /// The tensors in the bytes of a whole file.
+    /// Reads the tensors from the bytes of a whole file.
     ///
     /// # Errors
     /// [`WeightsError::Format`].
@@ -27,26 +27,27 @@ impl<'a> Tensors<'a> {
         Ok(Self { tensors, metadata })
     }
 
-    /// Texts that lie beside the tensors.
+    /// Returns the metadata of the file.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.metadata
     }
 
-    /// The configuration of the network, from the metadata.
+    /// Parses the configuration of the network from the metadata.
     ///
     /// # Errors
-    /// [`WeightsError::Config`] if there is none, or it does not fit the type.
+    /// [`WeightsError::Config`] if it is missing or does not fit the type.
     pub fn config<T: DeserializeOwned>(&self) -> Result<T, WeightsError> {
-        let text = self.metadata.get(CONFIG).ok_or_else(|| WeightsError::Config("it is not there".into()))?;
+        let text = self.metadata.get(CONFIG).ok_or_else(|| WeightsError::Config("it is missing".into()))?;
         serde_json::from_str(text).map_err(|e| WeightsError::Config(e.to_string()))
     }
 
-    /// Names with shapes, in order.
+    /// Returns names and shapes, ordered by name.
     pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
         self.tensors.iter().map(|(name, view)| (name.as_str(), view.shape()))
     }
 
-    /// Takes a prefix off the names, such as `encoder.` of the checkpoint of a larger model, if all of them have it.
+    /// Removes a prefix from the names if all of them have it, such as `encoder.` in the checkpoint
+    /// of a larger model.
     #[must_use]
     pub fn without_prefix(mut self, prefix: &str) -> Self {
         if self.tensors.keys().all(|name| name.starts_with(prefix)) {
@@ -56,7 +57,7 @@ impl<'a> Tensors<'a> {
         self
     }
 
-    /// Takes out the tensors whose names begin so.
+    /// Removes and returns the tensors whose names begin with `prefix`.
     #[must_use]
     pub fn split_off(&mut self, prefix: &str) -> Self {
         let (own, rest) =
@@ -65,18 +66,18 @@ impl<'a> Tensors<'a> {
         Self { tensors: own, metadata: self.metadata.clone() }
     }
 
-    /// Leaves out what has such a name.
+    /// Removes the tensors whose names satisfy `unwanted`.
     #[must_use]
     pub fn without(mut self, unwanted: impl Fn(&str) -> bool) -> Self {
         self.tensors.retain(|name, _| !unwanted(name));
         self
     }
 
-    /// Leaves a tensor out that is another one under a second name, as PyTorch stores layers that are used twice. If either is not there
-    /// nothing happens.
+    /// Removes a tensor that duplicates another one under a second name, as PyTorch stores layers
+    /// that are used twice. Does nothing if either is missing.
     ///
     /// # Errors
-    /// [`WeightsError::Twins`] if the two are not the same.
+    /// [`WeightsError::Twins`] if the two differ.
     pub fn drop_twin(&mut self, name: &str, other: &str) -> Result<(), WeightsError> {
         let (Some(a), Some(b)) = (self.tensors.get(name), self.tensors.get(other)) else {
             return Ok(());
@@ -88,7 +89,7 @@ impl<'a> Tensors<'a> {
         Ok(())
     }
 
-    /// The shape and the values of a tensor of 32-bit floats, row by row.
+    /// Returns the shape and the values of a tensor of 32-bit floats, row by row.
     ///
     /// # Errors
     /// [`WeightsError`] if it is missing, of another type, or holds a value that is not finite.

@@ -1,8 +1,8 @@
-//! What agents would have done with tokens along the log: states to learn from, and what to choose in each.
+//! Replay of logged tracks by tokens: training states and the token to choose in each.
 //!
-//! Every agent follows its logged track by tokens, as a simulator executes them, with errors put in on purpose: some tokens are not the
-//! nearest, some starts are off. What is to be learnt in each state leads half of the way back to the log, so that errors die out without
-//! swerving.
+//! Every agent follows its logged track by tokens, as a simulator executes them, with deliberate errors:
+//! some tokens are not the nearest, and some steps start off the log. The target in each state leads
+//! part of the way back to the log, so that errors decay without swerving.
 
 use rand::RngExt;
 use reactsim::dynamics::Pose;
@@ -13,38 +13,39 @@ use serde::{Deserialize, Serialize};
 use super::super::execute::Executor;
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary, motion_between, moved};
 
-/// Errors that are put in.
+/// Deliberate errors during replay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Noise {
-    /// How often an agent does not do what is nearest to the log.
+pub struct Perturbation {
+    /// Probability that an agent does not take the token nearest to the target.
     pub wrong: f64,
-    /// Among how many of the nearest tokens it then chooses.
+    /// Number of nearest tokens from which it then chooses.
     pub among: usize,
-    /// Which part of the distance to the log remains after a token that does right.
+    /// Fraction of the offset from the log that remains after a correct token.
     pub remains: f64,
 }
 
-/// The track of an agent as executed, and per step what it should choose.
+/// Executed track of an agent, with the token to choose at every step.
 #[derive(Clone, Debug)]
-pub(crate) struct Driven {
-    /// 91 frames.
+pub(crate) struct LabeledTrack {
+    /// 91 states.
     pub track: Vec<Frame>,
-    /// Per step the nearest token; `None` where there is nothing to learn.
+    /// Nearest token to the target at each step; `None` if there is nothing to learn.
     pub labels: Vec<Option<usize>>,
 }
 
-/// Drives an agent along its log from `first` on in steps of half a second. Without noise it follows the log as well as tokens can.
+/// Replays the log of an agent from frame `first` in steps of half a second. Without `noise` it follows
+/// the log as closely as tokens can.
 pub(crate) fn drive(
     agent: &Agent,
     logged: &[Frame],
     first: usize,
     vocabulary: &Vocabulary,
     executor: &mut Executor,
-    mut noise: Option<(&Noise, &mut Stream)>,
-) -> Driven {
+    mut noise: Option<(&Perturbation, &mut Stream)>,
+) -> LabeledTrack {
     let steps = (FRAMES - 1 - first) / TOKEN_FRAMES;
-    let mut driven = Driven { track: logged[..=first].to_vec(), labels: vec![None; steps] };
+    let mut driven = LabeledTrack { track: logged[..=first].to_vec(), labels: vec![None; steps] };
     let Some(class) = Class::of(agent.kind) else {
         driven.track.extend_from_slice(&logged[first + 1..]);
         return driven;
@@ -54,15 +55,15 @@ pub(crate) fn drive(
         let next = at + TOKEN_FRAMES;
         let here = driven.track[at];
         let (Some(state), Some(log), Some(goal)) = (here, logged[at], logged[next]) else {
-            // Who comes and goes is shown as recorded.
+            // Agents that appear or disappear are shown as recorded.
             driven.track.extend_from_slice(&logged[at + 1..=next]);
             continue;
         };
         let (from, log, goal) = (Pose::from(state), Pose::from(log), Pose::from(goal));
-        // Where the agent would be if it kept its distance to the log, and how much of that is to remain.
-        let off = motion_between(log, from);
+        // Offset of the agent from the log, and the part of it that is to remain.
+        let offset = motion_between(log, from);
         let remains = noise.as_ref().map_or(0.0, |(n, _)| n.remains);
-        let kept = Pose { position: off.position * remains, heading: off.heading * remains };
+        let kept = Pose { position: offset.position * remains, heading: offset.heading * remains };
         let target = motion_between(from, moved(goal, kept));
         let nearest = vocabulary.nearest(class, target);
         *label = Some(nearest);
@@ -77,7 +78,7 @@ pub(crate) fn drive(
         }
         executor.execute(agent, class, vocabulary.poses(class, chosen), &mut driven.track);
     }
-    // Frames after the last whole step are of no use.
+    // Frames after the last whole step are not used.
     driven.track.resize(FRAMES, None);
     driven
 }

@@ -1,4 +1,4 @@
-//! What is minimised: the cross-entropy of the next token, smoothed toward tokens that end nearby.
+//! Training loss: cross-entropy of the next token, smoothed toward tokens that end nearby.
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -10,32 +10,40 @@ use super::super::reactive::network::{Network, PastNodes};
 use super::super::tokens::{Class, Vocabulary};
 use super::sample::{Sample, Target};
 
-/// How the mass of a label is spread.
+/// Label smoothing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Smoothing {
-    /// Part that all tokens share alike (label smoothing).
+    /// Probability mass shared equally by all tokens (label smoothing).
     pub uniform: f64,
-    /// Part that goes to other tokens by nearness (spatial-aware smoothing of TrajTok, arXiv 2506.21618): as 1 / (d + 1e-4)², where d is
-    /// the mean distance of the corners at the tokens' ends, metres.
+    /// Probability mass given to other tokens by proximity (spatial-aware smoothing of TrajTok, arXiv
+    /// 2506.21618): proportional to 1 / (d + 1e-4)², where d is the mean distance in metres between the
+    /// corners at the tokens' ends.
     pub spatial: f64,
 }
 
-/// Per class a row for each token: the distribution that is learnt where it is right. Rows sum to 1.
-pub(crate) struct Spread([Tensor<2>; 3]);
+/// Target distributions: one matrix per class, whose row is the distribution to learn if that token is
+/// the label. Rows sum to 1.
+pub(crate) struct TargetDistributions([Tensor<2>; 3]);
 
-impl Spread {
+impl TargetDistributions {
     pub(crate) fn of(vocabulary: &Vocabulary, smoothing: &Smoothing, device: &Device) -> Self {
         Self(Class::ALL.map(|class| {
             let n = vocabulary.tokens(class);
-            let values: Vec<f32> = (0..n).flat_map(|t| spread(vocabulary, class, t, smoothing)).collect();
+            let values: Vec<f32> =
+                (0..n).flat_map(|t| target_distribution(vocabulary, class, t, smoothing)).collect();
             Tensor::from_data(TensorData::new(values, [n, n]), device)
         }))
     }
 }
 
-/// The distribution to learn where `token` is right.
-pub(crate) fn spread(vocabulary: &Vocabulary, class: Class, token: usize, smoothing: &Smoothing) -> Vec<f32> {
+/// Returns the distribution to learn if `token` is the label.
+pub(crate) fn target_distribution(
+    vocabulary: &Vocabulary,
+    class: Class,
+    token: usize,
+    smoothing: &Smoothing,
+) -> Vec<f32> {
     let n = vocabulary.tokens(class);
     let end = vocabulary.end(class, token);
     let near: Vec<f64> = (0..n)
@@ -57,23 +65,23 @@ pub(crate) fn spread(vocabulary: &Vocabulary, class: Class, token: usize, smooth
         .collect()
 }
 
-/// What a pass over some samples gives, as sums.
+/// Sums of losses and metrics over samples.
 pub(crate) struct Losses {
     /// Sum of weighted cross-entropies.
     pub loss: Tensor<1>,
     /// Sum of the weights.
     pub weight: f64,
-    /// Sum over nodes of weight x (1 where the likeliest token is the right one).
+    /// Sum of the weights of nodes whose likeliest token is the label.
     pub right: f64,
-    /// Sum of weighted negative log-likelihoods of the right tokens, nats.
+    /// Sum of weighted negative log-likelihoods of the labels, nats.
     pub surprise: f64,
 }
 
-/// Runs the network over samples.
+/// Runs the network on samples.
 pub(crate) fn losses(
     network: &Network,
     samples: &[Sample],
-    spread: &Spread,
+    target_distributions: &TargetDistributions,
     config: &Config,
     device: &Device,
 ) -> Losses {
@@ -108,10 +116,10 @@ pub(crate) fn losses(
 
         let logits = network.logits(class, encoded.nodes.clone().select(0, rows));
         let log_p = log_softmax(logits, 1);
-        let wanted = spread.0[class.index()].clone().select(0, labels.clone());
-        total.loss = total.loss - (log_p.clone() * wanted * weights.clone()).sum();
+        let target = target_distributions.0[class.index()].clone().select(0, labels.clone());
+        total.loss = total.loss - (log_p.clone() * target * weights.clone()).sum();
 
-        // For the log, not for learning.
+        // Metrics only: no gradients needed.
         let log_p = log_p.inner();
         let weights = weights.inner();
         let labels = labels.inner().unsqueeze_dim::<2>(1);

@@ -1,4 +1,4 @@
-//! How the network learns: samples from logged scenes, and the loss.
+//! Training of the network: samples from logged scenes, and the loss.
 
 mod task;
 

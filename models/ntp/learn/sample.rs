@@ -1,4 +1,4 @@
-//! A scenario made ready for the network to learn from.
+//! Training samples of the network.
 
 use rand::RngExt;
 use reactsim::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame};
@@ -9,43 +9,45 @@ use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::places::Places;
-use super::super::reactive::step::{Earlier, Step, View};
+use super::super::reactive::step::{EarlierNode, Step, View};
 use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
-use super::drive::{Noise, drive};
+use super::drive::{Perturbation, drive};
 use crate::models::learning::LearningScene;
 
-/// How scenes are varied.
+/// Data augmentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Augmentation {
-    /// How often scenes are mirrored.
+    /// Probability that a scene is mirrored.
     pub mirror: f64,
-    /// Scenes are stretched by up to this part, either way.
+    /// Largest relative change of scale, up or down.
     pub stretch: f64,
-    /// The first step is up to so many frames from the current one, or from one that is some half seconds later.
+    /// Largest shift of the first step, in frames, from the current frame or from a later one on the
+    /// same half-second grid.
     pub shift: usize,
-    /// Steps that are learnt from at a time, from a random one on: fewer cost less, and neighbouring steps teach much the same.
+    /// Number of steps per sample, starting at a random one: fewer cost less, and neighbouring steps
+    /// teach much the same.
     pub window: usize,
-    /// How often the AV is not known one step ahead.
+    /// Probability that the AV is not known one frame ahead.
     pub blind: f64,
-    /// Errors put in.
-    pub noise: Noise,
+    /// Deliberate errors during replay.
+    pub noise: Perturbation,
 }
 
-/// What is to be chosen at a node.
+/// Label of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Target {
     /// Row of the node.
     pub row: usize,
-    /// Its class.
+    /// Class of the agent.
     pub class: Class,
-    /// The token.
+    /// Token to choose.
     pub token: usize,
-    /// How much it counts.
+    /// Weight in the loss.
     pub weight: f32,
 }
 
-/// One scene: the steps as the network reads them and what it should choose.
+/// Training sample of one scene: network inputs of its steps, and labels.
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(crate) places: Places,
@@ -53,14 +55,15 @@ pub struct Sample {
     pub(crate) targets: Vec<Target>,
 }
 
-/// Steps from the current frame to the last one.
+/// Number of steps from the current frame to the last one.
 const ALL_STEPS: usize = FUTURE / TOKEN_FRAMES;
-/// What parked vehicles count.
-const PARKED: f32 = 0.05;
-/// Who moves less than this over the whole log is parked, metres.
-const PARKED_WAY: f64 = 0.5;
+/// Loss weight of parked agents; that of others is 1.
+const PARKED_WEIGHT: f32 = 0.05;
+/// Largest displacement over the whole log for an agent to count as parked, metres.
+const PARKED_DISPLACEMENT: f64 = 0.5;
 
-/// Makes a sample of at most `most` agents, varied by what is drawn from the stream, or as logged. `None` where nothing can be learnt.
+/// Builds a sample of at most `most` agents, augmented by draws from the stream, or as logged. `None` if
+/// there is nothing to learn.
 pub(crate) fn sample(
     mut scene: LearningScene<KnownMap>,
     config: &Config,
@@ -96,18 +99,18 @@ pub(crate) fn sample(
             &mut executor,
             noise.as_mut().map(|(n, s)| (*n, &mut **s)),
         );
-        // The AV comes from outside: it is shown as recorded.
+        // The AV is an external input: it is shown as recorded.
         tracks.push(if slot == 0 { logged.clone() } else { driven.track });
         labels.push(driven.labels);
     }
     let weights: Vec<f32> =
-        scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED } else { 1.0 }).collect();
+        scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED_WEIGHT } else { 1.0 }).collect();
 
     let places = Places::of(&scene.map, config);
     let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
-    let mut earlier: Vec<Earlier> = Vec::new();
+    let mut earlier: Vec<EarlierNode> = Vec::new();
     let mut row = 0;
-    // Two steps before the first one, as far as there are any: what a rollout remembers when it begins.
+    // Start two steps before the first one, if they exist: the past of a rollout when it begins.
     let mut at = first - TOKEN_FRAMES * (first / TOKEN_FRAMES).min(2);
     while at + TOKEN_FRAMES < FRAMES && at < first + window * TOKEN_FRAMES {
         let lights: Vec<_> = scene.lights.iter().map(|l| l[at]).collect();
@@ -132,7 +135,7 @@ pub(crate) fn sample(
 }
 
 impl Sample {
-    /// Most of a map is seen by nobody.
+    /// Removes places that no agent attends to, which are most of a map.
     fn forget_unused_places(&mut self, hops: usize) {
         let used = self.steps.iter().flat_map(|s| s.places.sources());
         let (places, moved) = self.places.reduced(used, hops);
@@ -148,5 +151,5 @@ impl Sample {
 fn is_parked(track: &[Frame]) -> bool {
     let mut present = track.iter().flatten();
     let Some(first) = present.next() else { return true };
-    present.all(|s| (s.position() - first.position()).norm() < PARKED_WAY)
+    present.all(|s| (s.position() - first.position()).norm() < PARKED_DISPLACEMENT)
 }

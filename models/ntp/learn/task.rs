@@ -1,4 +1,4 @@
-//! Next-token prediction as a task for the learner.
+//! Next-token prediction as a training task.
 
 use std::collections::BTreeMap;
 
@@ -10,23 +10,23 @@ use serde::{Deserialize, Serialize};
 use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::{Config, Network, Policy};
 use super::super::tokens::{Class, Vocabulary};
-use super::drive::Noise;
-use super::loss::{Smoothing, Spread, losses};
+use super::drive::Perturbation;
+use super::loss::{Smoothing, TargetDistributions, losses};
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
 
-/// What decides about learning, besides the data and the learner's own settings.
+/// Settings of training, in addition to the data and the learner's own settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
     /// Sizes of the network.
     pub network: Config,
-    /// How many agents of a scene are learnt from, nearest to the AV first.
+    /// Number of agents per scenario to learn from, nearest to the AV first.
     pub agents: usize,
-    /// How scenes are varied.
+    /// Data augmentation.
     pub augmentation: Augmentation,
-    /// How labels are smoothed.
+    /// Label smoothing.
     pub smoothing: Smoothing,
 }
 
@@ -41,32 +41,32 @@ impl Default for Recipe {
                 shift: 4,
                 window: 8,
                 blind: 0.1,
-                noise: Noise { wrong: 0.2, among: 6, remains: 0.5 },
+                noise: Perturbation { wrong: 0.2, among: 6, remains: 0.5 },
             },
             smoothing: Smoothing { uniform: 0.0, spatial: 0.1 },
         }
     }
 }
 
-/// The task.
+/// The training task of next-token prediction.
 pub struct NextToken {
     recipe: Recipe,
     vocabulary: Vocabulary,
     device: Device,
-    /// On the device with gradients, and on the one without.
-    spread: [Spread; 2],
+    /// Target distributions on the device with gradients and on the one without.
+    target_distributions: [TargetDistributions; 2],
 }
 
 impl NextToken {
-    /// A task on this device, which is one without autodiff.
+    /// Builds a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, vocabulary: Vocabulary, device: &Device) -> Self {
         let device = device.clone();
-        let spread = [device.clone().autodiff(), device.clone()]
-            .map(|d| Spread::of(&vocabulary, &recipe.smoothing, &d));
-        Self { recipe, vocabulary, device, spread }
+        let target_distributions = [device.clone().autodiff(), device.clone()]
+            .map(|d| TargetDistributions::of(&vocabulary, &recipe.smoothing, &d));
+        Self { recipe, vocabulary, device, target_distributions }
     }
 
-    /// The vocabulary.
+    /// Returns the vocabulary.
     pub fn vocabulary(&self) -> &Vocabulary {
         &self.vocabulary
     }
@@ -97,22 +97,22 @@ impl Task for NextToken {
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        // While validating there is no stream and no autodiff.
-        let (spread, device) = match stream {
-            Some(_) => (&self.spread[0], self.device.clone().autodiff()),
-            None => (&self.spread[1], self.device.clone()),
+        // Validation has neither a stream nor autodiff.
+        let (target_distributions, device) = match stream {
+            Some(_) => (&self.target_distributions[0], self.device.clone().autodiff()),
+            None => (&self.target_distributions[1], self.device.clone()),
         };
-        let found = losses(model, samples, spread, &self.recipe.network, &device);
+        let sums = losses(model, samples, target_distributions, &self.recipe.network, &device);
         let mut metrics = Sums::new();
-        metrics.add("accuracy", found.right, found.weight);
-        metrics.add("surprise", found.surprise, found.weight);
-        Output { loss: found.loss, items: found.weight, metrics }
+        metrics.add("accuracy", sums.right, sums.weight);
+        metrics.add("surprise", sums.surprise, sums.weight);
+        Output { loss: sums.loss, items: sums.weight, metrics }
     }
 
     fn file(&self, model: &Network, about: &serde_json::Value) -> Option<Vec<u8>> {
         let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
         let (config, vocabulary) = (self.recipe.network, self.vocabulary.clone());
-        // The vocabulary was read from text and files: it can be written again.
+        // Writing cannot fail: the vocabulary was read from text and files.
         Policy { config, vocabulary, network: model.clone() }.write(&made).ok()
     }
 

@@ -1,82 +1,82 @@
-//! Scenes and steps, laid out as the tensors that the network reads.
+//! Scenes and steps as the tensors that the network reads.
 
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::super::tokens::Class;
-use super::body::BODY;
+use super::body::BODY_FEATURES;
 use super::config::Config;
 use super::links::Links;
-use super::pair::PAIR;
-use super::place::{PLACE, PLACE_PAIR, TO_PLACE};
+use super::pair::PAIR_FEATURES;
+use super::place::{PLACE_FEATURES, PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::places::Places;
-use super::step::{PAST, Step};
+use super::step::{PAST_FEATURES, Step};
 use crate::models::nn::Neighbors;
 
 /// Neighbours as tensors.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkTensors {
-    /// Who attends to whom: `n` nodes, `k` slots each.
+    /// Neighbours of `n` nodes, with `k` slots each.
     pub neighbors: Neighbors,
-    /// `[n * k, numbers]`: how the source of each slot stands to the node.
+    /// `[n * k, features]`: relation of the source of each slot to the node.
     pub relation: Tensor<2>,
 }
 
-/// The places of some scenes as tensors, and how they stand to one another.
+/// Places of several scenes as tensors, and their relations to each other.
 #[derive(Clone, Debug)]
 pub(crate) struct MapTensors {
-    /// `[p, PLACE]`.
+    /// Features, `[p, PLACE_FEATURES]`.
     pub places: Tensor<2>,
-    /// Among places.
+    /// Links among places.
     pub links: LinkTensors,
 }
 
 /// Steps of agents as tensors.
 #[derive(Clone, Debug)]
 pub(crate) struct NodeTensors {
-    /// `[n, BODY]`.
+    /// Features, `[n, BODY_FEATURES]`.
     pub bodies: Tensor<2>,
-    /// To earlier nodes.
+    /// Links to earlier nodes.
     pub past: LinkTensors,
-    /// To places.
+    /// Links to places.
     pub places: LinkTensors,
-    /// To other agents at the same step.
+    /// Links to other agents at the same step.
     pub agents: LinkTensors,
-    /// Per class the rows of its nodes.
+    /// Rows of the nodes of each class.
     pub rows: BTreeMap<Class, Vec<usize>>,
 }
 
-/// Floats as a tensor of rows.
+/// Converts floats to a tensor of rows.
 pub(crate) fn floats(values: Vec<f32>, columns: usize, device: &Device) -> Tensor<2> {
     let rows = values.len() / columns;
     Tensor::from_data(TensorData::new(values, [rows, columns]), device)
 }
 
-/// Links that are collected from several scenes, with indices moved to where their sources stand.
+/// Links collected from several scenes, with source indices shifted to the rows of their scene.
 #[derive(Default)]
-struct Collected(Links);
+struct LinkCollector(Links);
 
-impl Collected {
+impl LinkCollector {
     fn add(&mut self, links: &Links, shift: impl Fn(u32) -> u32) {
         self.0.index.extend(links.index.iter().zip(&links.open).map(|(&i, &o)| if o { shift(i) } else { 0 }));
         self.0.open.extend_from_slice(&links.open);
         self.0.relation.extend_from_slice(&links.relation);
     }
 
-    fn tensors(self, k: usize, numbers: usize, device: &Device) -> LinkTensors {
+    fn tensors(self, k: usize, features: usize, device: &Device) -> LinkTensors {
         let nodes = self.0.index.len() / k;
         LinkTensors {
             neighbors: Neighbors::from_slots(nodes, k, &self.0.index, &self.0.open, device),
-            relation: floats(self.0.relation, numbers, device),
+            relation: floats(self.0.relation, features, device),
         }
     }
 }
 
-/// All places of several scenes.
+/// Lays out all places of several scenes.
 pub(crate) fn map_tensors(scenes: &[&Places], config: &Config, device: &Device) -> MapTensors {
     let mut features = Vec::new();
-    let mut links = Collected::default();
+    let mut links = LinkCollector::default();
     let mut base = 0;
     for scene in scenes {
         scene.all.iter().for_each(|p| features.extend_from_slice(&p.features));
@@ -84,15 +84,16 @@ pub(crate) fn map_tensors(scenes: &[&Places], config: &Config, device: &Device) 
         base += scene.all.len() as u32;
     }
     MapTensors {
-        places: floats(features, PLACE, device),
-        links: links.tensors(config.map_neighbours, PLACE_PAIR, device),
+        places: floats(features, PLACE_FEATURES, device),
+        links: links.tensors(config.map_neighbours, PLACE_PAIR_FEATURES, device),
     }
 }
 
-/// The steps of several scenes: per scene its steps, oldest first, and at which rows its places and its earlier nodes begin.
+/// Lays out the steps of several scenes: for each scene its steps, oldest first, and the first rows of
+/// its places and of its earlier nodes.
 pub(crate) fn node_tensors(scenes: &[(&[Step], SceneRows)], config: &Config, device: &Device) -> NodeTensors {
     let (mut past, mut places, mut agents) =
-        (Collected::default(), Collected::default(), Collected::default());
+        (LinkCollector::default(), LinkCollector::default(), LinkCollector::default());
     let mut bodies = Vec::new();
     let mut rows: BTreeMap<Class, Vec<usize>> = BTreeMap::new();
     let mut base = 0;
@@ -109,19 +110,19 @@ pub(crate) fn node_tensors(scenes: &[(&[Step], SceneRows)], config: &Config, dev
         }
     }
     NodeTensors {
-        bodies: floats(bodies, BODY, device),
-        past: past.tensors(config.past, PAST, device),
-        places: places.tensors(config.places(), TO_PLACE, device),
-        agents: agents.tensors(config.agents, PAIR, device),
+        bodies: floats(bodies, BODY_FEATURES, device),
+        past: past.tensors(config.past, PAST_FEATURES, device),
+        places: places.tensors(config.places(), TO_PLACE_FEATURES, device),
+        agents: agents.tensors(config.agents, PAIR_FEATURES, device),
         rows,
     }
 }
 
-/// Where the rows of a scene begin.
+/// First rows of a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SceneRows {
-    /// In the table of places.
+    /// First row in the table of places.
     pub places: usize,
-    /// In the table of nodes that the past refers to.
+    /// First row in the table of nodes that links to the past refer to.
     pub earlier: usize,
 }

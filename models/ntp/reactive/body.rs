@@ -1,31 +1,37 @@
-//! What of an agent enters the network at one step: where it is, how it moves, how it moved.
+//! Features of an agent at one step: position, present and past motion.
 
 use reactsim::geometry::{Vec2, direction, into_frame, math};
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame};
 
 use super::super::tokens::Class;
-use super::corridor::CORRIDOR;
-use super::lane::{self, Driver, LANE, Way};
+use super::corridor::CORRIDOR_FEATURES;
+use super::lane::{self, CandidatePath, LANE_FEATURES, MotionState};
+use super::links::put;
 use super::places::Places;
 
-/// Frames before now whose poses are shown to the network.
-const LOOKS_BACK: [usize; 4] = [1, 2, 5, 10];
-/// Numbers per earlier pose: forward and left in the frame of now, cosine and sine of the turn, whether it is known.
-const PER_LOOK: usize = 5;
-/// Numbers that describe an agent at a step.
-pub(crate) const BODY: usize = OWN + LANE + CORRIDOR;
-/// Of these, numbers of its own; then its lane, then what is in its way.
-const OWN: usize = 14 + LOOKS_BACK.len() * PER_LOOK;
-/// The course of an agent bends as it did over so many frames: over less it is mostly noise in recordings.
-const COURSE_FRAMES: usize = 5;
-/// Who has gone less in that time is taken to have gone so far, metres.
-const MOVES: f64 = 1.0;
-/// No course bends more, 1/m.
-const BEND: f64 = 0.2;
-/// Pedestrians who are faster walk, m/s.
-const WALKS: f64 = 0.3;
+/// Past poses that the network sees, in frames before the present one.
+const PAST_POSE_FRAMES: [usize; 4] = [1, 2, 5, 10];
+/// Number of features per past pose: x and y in the present frame (forward, left), 1 - cosine and sine
+/// of the turn, and a flag that the pose is known.
+const PAST_POSE_FEATURES: usize = 5;
+/// Number of features of an agent at a step.
+pub(crate) const BODY_FEATURES: usize = OWN_FEATURES + LANE_FEATURES + CORRIDOR_FEATURES;
+/// Number of these that describe the agent's own motion; its lane and the agents ahead follow.
+const OWN_FEATURES: usize = MOTION_FEATURES + PAST_POSE_FRAMES.len() * PAST_POSE_FEATURES;
+/// Number of features of class, size and present motion.
+const MOTION_FEATURES: usize = 14;
+/// Time over which the curvature of an agent's course is measured, frames: over a shorter time it is
+/// mostly noise in recordings.
+const CURVATURE_FRAMES: usize = 5;
+/// Minimum distance in metres for the curvature: a shorter distance travelled in that time counts as
+/// this much.
+const MIN_CURVATURE_DISTANCE: f64 = 1.0;
+/// Largest curvature of a course, 1/m.
+const MAX_CURVATURE: f64 = 0.2;
+/// Speed above which a pedestrian counts as walking, m/s.
+const WALKING_SPEED: f64 = 0.3;
 
-/// An agent at one step, as relations are computed from it.
+/// An agent at one step: motion from which relations are computed, and its features.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body {
     /// Box centre, metres, scenario frame.
@@ -34,21 +40,23 @@ pub(crate) struct Body {
     pub ahead: Vec2,
     /// Velocity, m/s, scenario frame.
     pub velocity: Vec2,
-    /// Half of length and width, metres.
+    /// Half length and half width, metres.
     pub half: Vec2,
-    /// Change of the forward speed, m/s².
+    /// Rate of change of the forward speed, m/s².
     pub acceleration: f64,
-    /// Class.
+    /// Class of the agent.
     pub class: Class,
     /// Whether it is the AV.
     pub is_av: bool,
-    /// What describes the agent alone.
-    pub features: [f32; BODY],
+    /// Features of the agent alone.
+    pub features: [f32; BODY_FEATURES],
 }
 
 impl Body {
-    /// The agent at frame `now` of its track, from this and earlier frames; the AV also from its state one step later where the
-    /// protocol shows it (`next`), with its lane among `places`; and the ways on, its own course first. `None` where it is absent or of no class.
+    /// Describes the agent at frame `now` from this and earlier frames of its track, and the AV also
+    /// from its state one frame later (`next`) if the protocol shows it. `places` are searched for its
+    /// lane. Also returns its candidate paths, its own course first. `None` if the agent is absent or
+    /// has no class.
     pub(crate) fn at(
         agent: &Agent,
         track: &[Frame],
@@ -56,7 +64,7 @@ impl Body {
         is_av: bool,
         next: Option<AgentState>,
         places: &Places,
-    ) -> Option<(Self, Vec<Way>)> {
+    ) -> Option<(Self, Vec<CandidatePath>)> {
         let class = Class::of(agent.kind)?;
         let state = track.get(now).copied().flatten()?;
         let ahead = direction(state.heading);
@@ -66,7 +74,7 @@ impl Body {
         let last = step(back(1), Some(state));
         let coming = next.and_then(|n| step(Some(state), Some(n)));
         let velocity = coming.or(last).unwrap_or_else(recorded);
-        // Over 0.2 s: differences of single frames are mostly noise in recordings.
+        // Over 0.2 s, because differences of single frames are mostly noise in recordings.
         let earlier = if coming.is_some() { step(back(2), back(1)) } else { step(back(3), back(2)) };
         let acceleration =
             earlier.map_or(0.0, |e| ((velocity - e).dot(&ahead) / (2.0 * DT)).clamp(-10.0, 10.0));
@@ -78,35 +86,40 @@ impl Body {
             acceleration,
             class,
             is_av,
-            features: [0.0; BODY],
+            features: [0.0; BODY_FEATURES],
         };
         body.describe(agent.kind, state, next, back);
         let speed = body.velocity.dot(&ahead).max(0.0);
-        let (course, curvature) = body.course(back(COURSE_FRAMES));
-        let driver = Driver { position: body.position, ahead, speed, class, course, curvature };
-        let mut ways = vec![lane::course(&driver)];
-        ways.extend(lane::describe(&driver, places, &mut body.features[OWN..OWN + LANE]));
-        Some((body, ways))
+        let (course, curvature) = body.course(back(CURVATURE_FRAMES));
+        let motion = MotionState { position: body.position, ahead, speed, class, course, curvature };
+        let mut paths = vec![lane::course_path(&motion)];
+        paths.extend(lane::describe(
+            &motion,
+            places,
+            &mut body.features[OWN_FEATURES..OWN_FEATURES + LANE_FEATURES],
+        ));
+        Some((body, paths))
     }
 
-    /// Which way it moves and how that way bends, 1/m, by how it was turned a moment `ago`. Pedestrians walk where they do not look.
+    /// Returns the direction of motion and its curvature in 1/m, from the turn since the state `ago`.
+    /// The direction of walking pedestrians is that of their velocity, not their heading.
     fn course(&self, ago: Frame) -> (Vec2, f64) {
         let speed = self.velocity.norm();
         if self.class == Class::Pedestrian {
-            return (if speed > WALKS { self.velocity / speed } else { self.ahead }, 0.0);
+            return (if speed > WALKING_SPEED { self.velocity / speed } else { self.ahead }, 0.0);
         }
         let Some(ago) = ago else { return (self.ahead, 0.0) };
         let turned = into_frame(direction(ago.heading), self.ahead);
-        let gone = (self.position - ago.position()).norm().max(MOVES);
-        (self.ahead, (math::atan2(turned.y, turned.x) / gone).clamp(-BEND, BEND))
+        let gone = (self.position - ago.position()).norm().max(MIN_CURVATURE_DISTANCE);
+        (self.ahead, (math::atan2(turned.y, turned.x) / gone).clamp(-MAX_CURVATURE, MAX_CURVATURE))
     }
 
-    /// Where what is in the way of an agent is described.
-    pub(crate) const fn corridor() -> std::ops::Range<usize> {
-        OWN + LANE..BODY
+    /// Returns the range of the features that describe agents and stops on the candidate paths.
+    pub(crate) const fn corridor_features() -> std::ops::Range<usize> {
+        OWN_FEATURES + LANE_FEATURES..BODY_FEATURES
     }
 
-    /// Fills `features`.
+    /// Fills the features of the agent's own motion.
     fn describe(
         &mut self,
         kind: AgentKind,
@@ -126,35 +139,34 @@ impl Body {
             (None, None) => 0.0,
         };
         let yaw_rate = yaw_rate.clamp(-2.0, 2.0);
-        let f = &mut self.features;
-        let class = [AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist];
-        for (slot, k) in class.into_iter().enumerate() {
-            f[slot] = f32::from(u8::from(kind == k));
-        }
-        f[3] = f32::from(u8::from(self.is_av));
-        f[4] = (self.half.x / 2.5) as f32;
-        f[5] = self.half.y as f32;
-        f[6] = (moving.x / 10.0) as f32;
-        f[7] = (moving.y / 2.0) as f32;
-        // Low speeds decide whether somebody sets off.
-        f[8] = (moving.x / (1.0 + moving.x.abs())) as f32;
-        f[9] = (self.acceleration / 4.0) as f32;
-        f[10] = yaw_rate as f32;
-        f[11] = (yaw_rate / moving.x.abs().max(1.0) * 5.0) as f32;
-        f[12] = f32::from(u8::from(moving.norm() < 0.05));
-        f[13] = f32::from(u8::from(next.is_some()));
-        for (slot, k) in LOOKS_BACK.into_iter().enumerate() {
+        let flag = |is: bool| f64::from(u8::from(is));
+        let motion: [f64; MOTION_FEATURES] = [
+            flag(kind == AgentKind::Vehicle),
+            flag(kind == AgentKind::Pedestrian),
+            flag(kind == AgentKind::Cyclist),
+            flag(self.is_av),
+            self.half.x / 2.5,
+            self.half.y,
+            moving.x / 10.0,
+            moving.y / 2.0,
+            // Resolves low speeds, which show whether an agent starts to move.
+            moving.x / (1.0 + moving.x.abs()),
+            self.acceleration / 4.0,
+            yaw_rate,
+            yaw_rate / moving.x.abs().max(1.0) * 5.0,
+            flag(moving.norm() < 0.05),
+            flag(next.is_some()),
+        ];
+        put(&mut self.features, motion);
+        for (slot, k) in PAST_POSE_FRAMES.into_iter().enumerate() {
             let Some(earlier) = back(k) else { continue };
             let at = into_frame(self.ahead, earlier.position() - state.position());
             let toward = into_frame(self.ahead, direction(earlier.heading));
-            // Displacements per half second look alike at all distances in time.
+            // Displacements per half second are of similar size whatever the time difference.
             let scale = 5.0 / (k as f64) / 5.0;
-            let out = &mut f[14 + slot * PER_LOOK..][..PER_LOOK];
-            out[0] = (at.x * scale) as f32;
-            out[1] = (at.y * scale * 2.0) as f32;
-            out[2] = ((1.0 - toward.x) * scale) as f32;
-            out[3] = (toward.y * scale * 5.0) as f32;
-            out[4] = 1.0;
+            let past: [f64; PAST_POSE_FEATURES] =
+                [at.x * scale, at.y * scale * 2.0, (1.0 - toward.x) * scale, toward.y * scale * 5.0, 1.0];
+            put(&mut self.features[MOTION_FEATURES + slot * PAST_POSE_FEATURES..], past);
         }
     }
 }

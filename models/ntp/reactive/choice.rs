@@ -1,4 +1,4 @@
-//! Which places an agent attends to.
+//! Choice of the places that an agent attends to.
 
 use reactsim::geometry::into_frame;
 
@@ -7,8 +7,8 @@ use super::config::Config;
 use super::links::Nearest;
 use super::place::{Place, Role};
 
-/// Stops farther ahead than this do not count, metres.
-const STOP_REACH: f64 = 70.0;
+/// Distance ahead beyond which stops are ignored, metres.
+const MAX_STOP_DISTANCE: f64 = 70.0;
 
 /// Chooses the places that agents attend to.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub(crate) struct Chooser {
 }
 
 impl Chooser {
-    /// As many of each role as the settings say.
+    /// Builds a chooser with the numbers of places per role from `config`.
     pub(crate) fn new(config: &Config) -> Self {
         Self {
             near: Nearest::new(config.near_pieces),
@@ -28,8 +28,8 @@ impl Chooser {
         }
     }
 
-    /// The places for one agent: the pieces nearest to it; the lane pieces, not against its heading and not among these, nearest to
-    /// the point where it will be in 2 s (8 to 35 m ahead); the nearest stops ahead.
+    /// Chooses the places for one agent: the pieces nearest to it; other lane pieces, not against its
+    /// heading, nearest to its position in 2 s (8 to 35 m ahead); and the nearest stops ahead.
     pub(crate) fn choose(&mut self, me: &Body, places: &[Place], chosen: &mut Vec<usize>) {
         self.near.clear();
         self.ahead.clear();
@@ -54,7 +54,7 @@ impl Chooser {
         for (i, place) in places.iter().enumerate().skip(pieces) {
             let at = into_frame(me.ahead, place.start - me.position);
             let facing = place.ahead.dot(&me.ahead) > 0.3;
-            if facing && at.x > -2.0 && at.x < STOP_REACH && at.y.abs() < 6.0 + 0.3 * at.x.abs() {
+            if facing && at.x > -2.0 && at.x < MAX_STOP_DISTANCE && at.y.abs() < 6.0 + 0.3 * at.x.abs() {
                 self.stops.offer(at.norm_squared(), i);
             }
         }

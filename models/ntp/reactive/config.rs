@@ -4,54 +4,54 @@ use serde::{Deserialize, Serialize};
 
 use super::policy::PolicyError;
 
-/// Sizes and reaches of the reactive network. Stored with its weights.
+/// Sizes and ranges of the reactive network. Stored with its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// Width of a node.
+    /// Width of node features.
     pub hidden: usize,
-    /// Heads of attention.
+    /// Number of attention heads.
     pub heads: usize,
     /// Width of a head.
     pub head_width: usize,
     /// Width of an embedded relation.
     pub relation: usize,
-    /// Hidden width of the feed-forward parts.
+    /// Hidden width of the feed-forward layers.
     pub feed_forward: usize,
     /// Hidden width of the token heads.
     pub head_hidden: usize,
-    /// Layers that only the map passes.
+    /// Number of attention layers of the map.
     pub map_layers: usize,
-    /// Layers of agents; each attends to the agent's past, to the map and to other agents.
+    /// Number of agent layers; each attends to the agent's past, to the map and to other agents.
     pub agent_layers: usize,
-    /// Neighbours of a map piece among the map pieces.
+    /// Number of neighbours of a map place.
     pub map_neighbours: usize,
-    /// Map pieces nearest to an agent that it attends to.
+    /// Number of map pieces nearest to an agent that it attends to.
     pub near_pieces: usize,
-    /// Lane pieces nearest to a point ahead of an agent that it attends to.
+    /// Number of lane pieces nearest to a point ahead of an agent that it attends to.
     pub ahead_pieces: usize,
-    /// Stopping places ahead that an agent attends to.
+    /// Number of stops ahead that an agent attends to.
     pub stops: usize,
-    /// Nearest agents that an agent attends to; the AV is always one of them.
+    /// Number of nearest agents that an agent attends to; the AV is always one of them.
     pub agents: usize,
-    /// Earlier steps of its own that an agent attends to.
+    /// Number of its own earlier steps that an agent attends to.
     pub past: usize,
-    /// How far away an agent that is attended to may be, metres (the AV excepted).
+    /// Largest distance of an agent that is attended to, metres (except for the AV).
     pub agent_radius: f64,
-    /// How far from the AV map pieces are known, metres.
+    /// Radius of the known map around the AV, metres.
     pub map_radius: f64,
 }
 
 impl Config {
-    /// Places of the map that an agent attends to.
+    /// Returns the number of places that an agent attends to.
     pub const fn places(&self) -> usize {
         self.near_pieces + self.ahead_pieces + self.stops
     }
 
-    /// Refuses sizes that no network has.
+    /// Checks the sizes.
     ///
     /// # Errors
-    /// [`PolicyError::Size`] names the field.
+    /// [`PolicyError::Size`] naming the field.
     pub fn check(&self) -> Result<(), PolicyError> {
         let sizes = [
             ("hidden", self.hidden),
@@ -85,7 +85,7 @@ impl Config {
 }
 
 impl Default for Config {
-    /// Size S: for two processor cores.
+    /// Size S, for two processor cores.
     fn default() -> Self {
         Self {
             hidden: 64,

@@ -1,4 +1,4 @@
-//! What is known of a map: what places are made of.
+//! The known part of a map, from which places are built.
 
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{RoadMap, Start, StopKind};
@@ -6,21 +6,21 @@ use reactsim::scene::{RoadMap, Start, StopKind};
 use super::super::tokens::{MapPiece, PieceKind, map_pieces};
 use crate::models::learning::LearningMap;
 
-/// What is known of a map: what places are made of.
+/// The known part of a map, from which places are built.
 #[derive(Clone, Debug)]
 pub(crate) struct KnownMap {
-    /// Pieces of lines, without stop lines: those are [`Stop`]s.
+    /// Pieces of lines, without stop lines, which are [`Stop`]s.
     pub pieces: Vec<MapPiece>,
-    /// Where to stop.
+    /// Stops.
     pub stops: Vec<Stop>,
-    /// Per light the lane that it controls.
+    /// Lane that each light controls.
     pub light_lanes: Vec<usize>,
-    /// Per lane those that follow.
+    /// Successors of each lane.
     pub successors: Vec<Vec<usize>>,
 }
 
 impl KnownMap {
-    /// The map of a scenario within `radius` of where the AV is at the current frame.
+    /// Returns the map of a scenario within `radius` metres of the AV's position at the current frame.
     pub(crate) fn of(start: &Start, radius: f64) -> Self {
         let mut pieces = map_pieces(&start.map, start.now(0).position(), radius);
         let is_stop = |k| matches!(k, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine);
@@ -38,7 +38,7 @@ impl LearningMap for KnownMap {
     fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
         for piece in &mut self.pieces {
             piece.points = piece.points.map(flip);
-            // Edges have the road on their left.
+            // Road edges have the road on their left.
             if matches!(piece.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian) {
                 piece.points.reverse();
             }
@@ -60,21 +60,22 @@ impl LearningMap for KnownMap {
     }
 }
 
-/// Where vehicles stop.
+/// A position at which vehicles stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stop {
-    /// Where, metres.
+    /// Position, metres.
     pub at: Vec2,
-    /// Direction of its lane there.
+    /// Unit vector of its lane's direction there.
     pub ahead: Vec2,
-    /// The light that says when.
+    /// Light that controls the stop.
     pub light: Option<usize>,
-    /// 0 at lights, 1 at signs, 2 at give-way lines.
+    /// 0 for lights, 1 for stop signs, 2 for give-way lines.
     pub kind: usize,
 }
 
 impl Stop {
-    /// The stops of a scenario within `radius` of where the AV is at the current frame: lights, then signs and give-way lines.
+    /// Returns the stops of a scenario within `radius` metres of the AV's position at the current frame:
+    /// lights, then stop signs and give-way lines.
     fn all(start: &Start, radius: f64) -> Vec<Self> {
         let map: &RoadMap = &start.map;
         let ahead = |lane: usize, p: Vec2| {
@@ -88,7 +89,7 @@ impl Stop {
         }
         for line in &map.stop_lines {
             let kind = match line.kind {
-                // Lights are above, with their states.
+                // Already added above, with the index of its light.
                 StopKind::Light => continue,
                 StopKind::Sign => 1,
                 StopKind::Yield => 2,
@@ -96,8 +97,8 @@ impl Stop {
             let at = map.lanes[line.lane].baseline.at(line.s);
             found.push(Self { at, ahead: ahead(line.lane, at), light: None, kind });
         }
-        let about = start.now(0).position();
-        found.retain(|s| (s.at - about).norm() < radius);
+        let center = start.now(0).position();
+        found.retain(|s| (s.at - center).norm() < radius);
         found
     }
 }

@@ -1,8 +1,9 @@
-//! The reactive network: sized for processor cores, made to notice the AV.
+//! The reactive network, sized for CPUs and designed to react to the AV.
 //!
-//! Differences from SMART: every agent attends to a fixed number of neighbours; relations are hand-made numbers that hold relative
-//! velocity, closing speed, gaps and crossing times; the AV is marked on nodes and on relations and is known one step ahead where the
-//! protocol shows it; motion enters as it is, not as a token; lights enter with the relation to the places they control.
+//! Differences from SMART: every agent attends to a fixed number of neighbours; relations are engineered
+//! features with relative velocity, closing speed, gaps and crossing times; the AV is marked on nodes
+//! and relations and is known one frame ahead if the protocol shows it; motion enters as continuous
+//! features, not as a token; light states enter with the relation to the places that they control.
 
 pub(crate) mod batch;
 pub(crate) mod body;

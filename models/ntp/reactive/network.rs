@@ -1,4 +1,4 @@
-//! The reactive network itself.
+//! Layers of the reactive network.
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -7,16 +7,16 @@ use burn::tensor::{Int, Tensor, TensorData};
 
 use super::super::tokens::Class;
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
-use super::body::BODY;
+use super::body::BODY_FEATURES;
 use super::config::Config;
-use super::pair::PAIR;
-use super::place::{PLACE, PLACE_PAIR, TO_PLACE};
-use super::step::PAST;
+use super::pair::PAIR_FEATURES;
+use super::place::{PLACE_FEATURES, PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
+use super::step::PAST_FEATURES;
 use crate::models::nn::{
     AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations,
 };
 
-/// A block: an agent attends to its past, to the map, to the others.
+/// A block: attention of agents to their past, to the map and to other agents.
 #[derive(Module, Debug)]
 pub(crate) struct Block {
     past: RelationalAttention,
@@ -38,26 +38,26 @@ pub struct Network {
     heads: Vec<MlpLayer>,
 }
 
-/// Where earlier nodes are found.
+/// Source of the features of earlier nodes.
 #[derive(Debug)]
 pub(crate) enum PastNodes<'a> {
-    /// Among the nodes that are computed now.
+    /// Earlier nodes are among those that are computed now.
     Here,
-    /// Per block the states with which earlier nodes entered it, `[m, hidden]`.
-    Kept(&'a [Tensor<2>]),
+    /// Cached input features of earlier nodes for each block, `[m, hidden]`.
+    Cached(&'a [Tensor<2>]),
 }
 
-/// What comes out.
+/// Encoding nodes.
 #[derive(Debug)]
-pub(crate) struct Encoded {
-    /// `[n, hidden]`: what the heads read.
+pub(crate) struct Encoding {
+    /// Input of the heads, `[n, hidden]`.
     pub nodes: Tensor<2>,
-    /// Per block the states with which the nodes entered it: what later steps attend to.
+    /// Input features of the nodes for each block, which later steps attend to.
     pub entering: Vec<Tensor<2>>,
 }
 
 impl Network {
-    /// A network with fresh weights. `tokens` are the numbers of tokens per class.
+    /// Builds a network with initial weights. `tokens` holds the number of tokens per class.
     pub(crate) fn init(config: &Config, tokens: [usize; 3], init: &mut Initializer) -> Self {
         let (h, r) = (config.hidden, config.relation);
         let attention = |bipartite| AttentionConfig {
@@ -71,12 +71,12 @@ impl Network {
             dropout: 0.0,
         };
         Self {
-            place: MlpLayer::init(PLACE, h, h, init),
-            place_pair: init.linear(PLACE_PAIR, r, false),
-            body: MlpLayer::init(BODY, 2 * h, h, init),
-            past: init.linear(PAST, r, false),
-            to_place: init.linear(TO_PLACE, r, false),
-            pair: init.linear(PAIR, r, false),
+            place: MlpLayer::init(PLACE_FEATURES, h, h, init),
+            place_pair: init.linear(PLACE_PAIR_FEATURES, r, false),
+            body: MlpLayer::init(BODY_FEATURES, 2 * h, h, init),
+            past: init.linear(PAST_FEATURES, r, false),
+            to_place: init.linear(TO_PLACE_FEATURES, r, false),
+            pair: init.linear(PAIR_FEATURES, r, false),
             heads: tokens.into_iter().map(|n| MlpLayer::init(h, config.head_hidden, n, init)).collect(),
             map: (0..config.map_layers).map(|_| attention(false).init(init)).collect(),
             blocks: (0..config.agent_layers)
@@ -89,7 +89,8 @@ impl Network {
         }
     }
 
-    /// `[p, hidden]`: the places of the map. Holds for a whole rollout: what changes enters with relations.
+    /// Encodes the places of the map, `[p, hidden]`. The result holds for a whole rollout: everything
+    /// that changes enters with relations.
     pub(crate) fn encode_map(&self, map: &MapTensors) -> Tensor<2> {
         let relation = embed(&self.place_pair, &map.links);
         let mut x = self.place.forward(map.places.clone());
@@ -99,8 +100,8 @@ impl Network {
         x
     }
 
-    /// The nodes of some steps, from the encoded places.
-    pub(crate) fn encode(&self, nodes: &NodeTensors, places: Tensor<2>, past: &PastNodes<'_>) -> Encoded {
+    /// Encodes the nodes of some steps, given the encoded places.
+    pub(crate) fn encode(&self, nodes: &NodeTensors, places: Tensor<2>, past: &PastNodes<'_>) -> Encoding {
         let to_past = embed(&self.past, &nodes.past);
         let to_places = embed(&self.to_place, &nodes.places);
         let to_agents = embed(&self.pair, &nodes.agents);
@@ -110,24 +111,24 @@ impl Network {
             entering.push(x.clone());
             let earlier = match past {
                 PastNodes::Here => x.clone(),
-                PastNodes::Kept(kept) => kept[i].clone(),
+                PastNodes::Cached(cached) => cached[i].clone(),
             };
             x = attend(&block.past, x, Some(earlier), &nodes.past, &to_past);
             x = attend(&block.places, x, Some(places.clone()), &nodes.places, &to_places);
             x = attend(&block.agents, x, None, &nodes.agents, &to_agents);
         }
-        Encoded { nodes: x, entering }
+        Encoding { nodes: x, entering }
     }
 
-    /// `[m, tokens of the class]`: unnormalised log-probabilities of the next token of nodes of one class.
+    /// Returns the logits of the next token for nodes of one class, `[m, tokens of the class]`.
     pub(crate) fn logits(&self, class: Class, nodes: Tensor<2>) -> Tensor<2> {
         self.heads[class as usize].forward(nodes)
     }
 }
 
 impl Network {
-    /// Per node its logits, as many as its class has tokens.
-    pub(crate) fn all_logits(&self, nodes: &NodeTensors, encoded: &Encoded) -> Vec<Vec<f32>> {
+    /// Returns the logits of each node, one per token of its class.
+    pub(crate) fn all_logits(&self, nodes: &NodeTensors, encoded: &Encoding) -> Vec<Vec<f32>> {
         let mut all = vec![Vec::new(); encoded.nodes.dims()[0]];
         for (class, rows) in &nodes.rows {
             let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
@@ -144,7 +145,7 @@ impl Network {
     }
 }
 
-/// One layer; without `sources` nodes attend to one another.
+/// Applies one attention layer; without `sources`, nodes attend to one another.
 fn attend(
     layer: &RelationalAttention,
     x: Tensor<2>,
@@ -156,8 +157,8 @@ fn attend(
     layer.forward_with(x, sources, &links.neighbors, relation, &mut Noise::none())
 }
 
-/// `[n, k, relation]`: one hidden layer over the numbers of a relation, the last of which is 1 in place of a bias. The layer of attention
-/// has the weights that would follow: what it does with relations is linear.
+/// Embeds relations with one hidden layer, `[n, k, relation]`; the last relation feature is 1 and
+/// replaces a bias. The following linear layer is part of the attention layer.
 fn embed(linear: &Linear, links: &LinkTensors) -> Relations {
     let (n, k) = (links.neighbors.destinations(), links.neighbors.slots());
     let embedded = relu(linear.forward(links.relation.clone()));

@@ -5,14 +5,15 @@ use reactsim::geometry::{Vec2, into_frame};
 use super::body::Body;
 use super::links::put;
 
-/// Numbers that describe how another agent stands to one.
-pub(crate) const PAIR: usize = 29;
+/// Number of features of the relation between two agents.
+pub(crate) const PAIR_FEATURES: usize = 29;
 
-/// Farther ahead in time than this nothing is foreseen, seconds.
+/// Prediction horizon, seconds.
 const HORIZON: f64 = 6.0;
 
-/// How `other` stands to `me`, in the frame of `me`: place, heading, relative motion, gaps between the boxes, time to contact, nearest
-/// approach, and who reaches the crossing of the two straight ways first.
+/// Writes the relation of `other` to `me`, in the frame of `me`: position, heading, relative motion,
+/// gaps between the boxes, time to contact, closest approach, and which agent reaches the crossing of
+/// the two straight paths first.
 pub(crate) fn relate(me: &Body, other: &Body, out: &mut [f32]) {
     let apart = into_frame(me.ahead, other.position - me.position);
     let toward = into_frame(me.ahead, other.ahead);
@@ -21,7 +22,7 @@ pub(crate) fn relate(me: &Body, other: &Body, out: &mut [f32]) {
     let relative = theirs - own;
     let distance = apart.norm().max(1e-3);
     let closing = -apart.dot(&relative) / distance;
-    // Gaps along and across my heading, between my box and the box around theirs.
+    // Gaps along and across my heading, between my box and the bounding box of theirs.
     let reach = Vec2::new(
         toward.x.abs() * other.half.x + toward.y.abs() * other.half.y,
         toward.y.abs() * other.half.x + toward.x.abs() * other.half.y,
@@ -60,7 +61,7 @@ pub(crate) fn relate(me: &Body, other: &Body, out: &mut [f32]) {
             crossing.mine / HORIZON,
             crossing.theirs / HORIZON,
             ((crossing.theirs - crossing.mine) / 3.0).clamp(-2.0, 2.0),
-            crossing.room / 30.0,
+            crossing.distance / 30.0,
             other.half.x / 2.5,
             other.half.y,
             f64::from(u8::from(other.is_av)),
@@ -69,28 +70,28 @@ pub(crate) fn relate(me: &Body, other: &Body, out: &mut [f32]) {
     );
 }
 
-/// Time and distance of the nearest approach of two points that go straight on, seconds and metres.
+/// Returns time (s) and distance (m) of the closest approach of two points at constant velocity.
 fn nearest_approach(apart: Vec2, relative: Vec2) -> (f64, f64) {
     let speed2 = relative.norm_squared();
     let time = if speed2 > 1e-4 { (-apart.dot(&relative) / speed2).clamp(0.0, HORIZON) } else { 0.0 };
     (time, (apart + relative * time).norm())
 }
 
-/// Where two straight ways cross ahead of both, in the frame of the first.
+/// Crossing of two straight paths ahead of both agents, in the frame of the first.
 struct Crossing {
     exists: bool,
-    /// When I am there, seconds; the horizon where there is none.
+    /// Arrival time of the first agent, seconds; the horizon if there is no crossing.
     mine: f64,
-    /// When the other is there.
+    /// Arrival time of the other agent, seconds.
     theirs: f64,
-    /// How far I am from it, metres.
-    room: f64,
+    /// Distance of the first agent from the crossing, metres.
+    distance: f64,
 }
 
 impl Crossing {
     fn of(apart: Vec2, toward: Vec2, own: f64, theirs: f64) -> Self {
-        let none = Self { exists: false, mine: HORIZON, theirs: HORIZON, room: 30.0 };
-        // My way is the x axis: apart + toward * t = (s, 0).
+        let none = Self { exists: false, mine: HORIZON, theirs: HORIZON, distance: 30.0 };
+        // My path is the x axis: apart + toward * t = (s, 0).
         if toward.y.abs() < 0.1 {
             return none;
         }
@@ -99,7 +100,8 @@ impl Crossing {
         if !(0.0..=80.0).contains(&s) || !(0.0..=80.0).contains(&t) {
             return none;
         }
-        let when = |way: f64, speed: f64| if speed > 0.2 { (way / speed).min(HORIZON) } else { HORIZON };
-        Self { exists: true, mine: when(s, own), theirs: when(t, theirs), room: s.min(60.0) }
+        let arrival =
+            |distance: f64, speed: f64| if speed > 0.2 { (distance / speed).min(HORIZON) } else { HORIZON };
+        Self { exists: true, mine: arrival(s, own), theirs: arrival(t, theirs), distance: s.min(60.0) }
     }
 }

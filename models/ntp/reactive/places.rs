@@ -1,4 +1,4 @@
-//! Places of the map that agents attend to: pieces of lanes, edges and crosswalks, and where to stop.
+//! Places of the map that agents attend to: pieces of lanes, edges and crosswalks, and stops.
 
 use reactsim::geometry::Vec2;
 use reactsim::scene::Start;
@@ -7,26 +7,26 @@ use super::config::Config;
 use super::known_map::KnownMap;
 use super::lane::LaneGraph;
 use super::links::{Links, Nearest};
-use super::place::{PLACE_PAIR, Place};
+use super::place::{PLACE_PAIR_FEATURES, Place};
 
-/// All places of a map within reach of its AV, and the neighbours of each.
+/// All places of a map within range of the AV, with the neighbours of each.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Places {
     /// Pieces, then stops.
     pub all: Vec<Place>,
-    /// To the nearest other places.
+    /// Links of each place to its nearest other places.
     pub links: Links,
-    /// Which pieces of lanes follow which.
+    /// Successors of lane pieces.
     pub graph: LaneGraph,
 }
 
 impl Places {
-    /// The places that are known of a scenario.
+    /// Returns the known places of a scenario.
     pub(crate) fn known(start: &Start, config: &Config) -> Self {
         Self::of(&KnownMap::of(start, config.map_radius), config)
     }
 
-    /// The places of a map.
+    /// Returns the places of a map.
     pub(crate) fn of(map: &KnownMap, config: &Config) -> Self {
         let mut places = Self::unlinked(map);
         let mut nearest = Nearest::new(config.map_neighbours);
@@ -41,12 +41,12 @@ impl Places {
             found.clear();
             found.extend(nearest.found());
             let relate = |j: usize, out: &mut [f32]| place.relate_place(&places.all[j], out);
-            places.links.push(config.map_neighbours, PLACE_PAIR, &found, relate);
+            places.links.push(config.map_neighbours, PLACE_PAIR_FEATURES, &found, relate);
         }
         places
     }
 
-    /// The places of a map, without the neighbours of each.
+    /// Returns the places of a map, without the neighbours of each.
     pub(crate) fn unlinked(map: &KnownMap) -> Self {
         let KnownMap { pieces, stops, light_lanes, successors } = map;
         let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
@@ -59,7 +59,8 @@ impl Places {
         Self { all, links: Links::default(), graph }
     }
 
-    /// The places that are used, and those that their encoding depends on (`hops` layers away); per old index the new one.
+    /// Returns only the places that are used and those within `hops` links of them, on which their
+    /// encoding depends; and the new index of each old one.
     pub(crate) fn reduced(&self, used: impl IntoIterator<Item = usize>, hops: usize) -> (Self, Vec<u32>) {
         let n = self.all.len();
         let k = self.links.index.len().checked_div(n).unwrap_or(0);
@@ -78,10 +79,12 @@ impl Places {
             reduced.all.push(self.all[i].clone());
         }
         for i in (0..n).filter(|&i| kept[i]) {
-            // Neighbours of the outermost places may be missing: nothing that is used depends on those.
+            // Neighbours of the outermost places may be missing: no used place depends on them.
             let there: Vec<usize> = neighbours(i).filter(|&at| kept[self.links.index[at] as usize]).collect();
-            reduced.links.push(k, PLACE_PAIR, &there, |at, out| {
-                out.copy_from_slice(&self.links.relation[at * PLACE_PAIR..(at + 1) * PLACE_PAIR]);
+            reduced.links.push(k, PLACE_PAIR_FEATURES, &there, |at, out| {
+                out.copy_from_slice(
+                    &self.links.relation[at * PLACE_PAIR_FEATURES..(at + 1) * PLACE_PAIR_FEATURES],
+                );
             });
             let row = reduced.links.index.len() - k;
             for slot in 0..there.len() {

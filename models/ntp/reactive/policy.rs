@@ -11,62 +11,63 @@ use super::super::tokens::file::PREFIX;
 use super::super::tokens::{Class, Vocabulary, VocabularyError};
 use super::{Config, Network};
 
-/// What the configuration in the file calls this kind of network.
+/// Name of this kind of network in the configuration of a file.
 const KIND: &str = "reactive";
 
-/// A network that is ready to drive, and the tokens that it chooses from.
+/// A trained network and the tokens that it chooses from.
 #[derive(Clone, Debug)]
 pub struct Policy {
-    /// Sizes.
+    /// Sizes of the network.
     pub config: Config,
-    /// Tokens.
+    /// Vocabulary of tokens.
     pub vocabulary: Vocabulary,
     /// The network.
     pub network: Network,
 }
 
-/// The configuration in a file's metadata.
+/// Configuration in a file's metadata.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+struct StoredConfig {
     kind: String,
     network: Config,
 }
 
-/// Why a file holds no such policy.
+/// Error from reading a policy.
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyError {
-    /// Its tensors or its configuration.
+    /// Invalid tensors or configuration.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// Its tokens.
+    /// Invalid vocabulary.
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
-    /// A network of another kind.
+    /// The file holds another kind of network.
     #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: give it to the simulator that it was made for"
+        "the file holds a network of kind `{0}`, expected `{KIND}`: \
+         give it to the simulator that it was made for"
     )]
     Kind(String),
-    /// Sizes that can not be.
+    /// A size is out of range.
     #[error("the file's configuration has {field} = {value}, expected {expected}")]
     Size {
-        /// Field.
+        /// Name of the field.
         field: &'static str,
-        /// Value.
+        /// Value of the field.
         value: f64,
-        /// What can be.
+        /// Allowed values.
         expected: &'static str,
     },
 }
 
 impl Policy {
-    /// Reads the bytes of a file.
+    /// Reads a policy from the bytes of a file.
     ///
     /// # Errors
-    /// [`PolicyError`] that names the tensor, the token or the field.
+    /// [`PolicyError`] naming the tensor, token or field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
         let mut tensors = Tensors::read(bytes)?;
-        let stored: Stored = tensors.config()?;
+        let stored: StoredConfig = tensors.config()?;
         if stored.kind != KIND {
             return Err(PolicyError::Kind(stored.kind));
         }
@@ -79,13 +80,13 @@ impl Policy {
         Ok(Self { config, vocabulary, network })
     }
 
-    /// The bytes of a file; `made` tells how it was made.
+    /// Returns the bytes of a file; `made` is metadata describing how it was made.
     ///
     /// # Errors
-    /// [`PolicyError`] where what it was made of can not be written as text.
+    /// [`PolicyError`] if the provenance cannot be serialized.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
         let (tables, entry) = self.vocabulary.tables()?;
-        let stored = Stored { kind: KIND.to_owned(), network: self.config };
+        let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
         let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
         let mut metadata = made.clone();
         metadata.extend([entry, (CONFIG.to_owned(), config)]);

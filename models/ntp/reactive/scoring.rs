@@ -1,4 +1,4 @@
-//! What the network thinks of motion that is known: all steps in one pass.
+//! Scores of known motion, all steps in one pass.
 
 use burn::tensor::Device;
 use reactsim::scene::{Frame, LightState, Start};
@@ -9,33 +9,33 @@ use super::places::Places;
 use super::policy::Policy;
 use super::step::{Step, View};
 
-/// The unnormalised log-probabilities of an agent's next token at a step.
+/// Logits of an agent's next token at a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logits {
     /// Frame of the step.
     pub frame: usize,
     /// Slot of the agent.
     pub slot: usize,
-    /// One per token of the agent's class.
+    /// One logit per token of the agent's class.
     pub values: Vec<f32>,
 }
 
-/// Motion that is known: a rollout, or a log.
+/// Known motion: a rollout or a log.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
     /// Agents and map.
     pub start: &'a Start,
-    /// Per agent its frames.
+    /// Frames of each agent.
     pub tracks: &'a [Vec<Frame>],
-    /// Per light what it showed, per frame.
+    /// State of each light per frame.
     pub lights: &'a [Vec<Option<LightState>>],
     /// Whether agents see the AV one frame ahead.
     pub av_lookahead: bool,
 }
 
 impl Policy {
-    /// The logits of all agents that are present at these frames (ascending), in the order of frames and slots. Every step attends to
-    /// those before it: what a rollout computes step by step.
+    /// Returns the logits of all agents that are present at these frames (ascending), ordered by frame
+    /// and slot. Every step attends to those before it, as in a rollout that is computed step by step.
     pub fn logits(&self, known: &Known<'_>, frames: &[usize], device: &Device) -> Vec<Logits> {
         let config = &self.config;
         let places = Places::known(known.start, config);

@@ -1,4 +1,4 @@
-//! What the network remembers of an episode between two plans.
+//! Memory of computed steps between plans.
 
 use burn::tensor::Tensor;
 use reactsim::rollout::Observation;
@@ -7,27 +7,28 @@ use reactsim::scene::Frame;
 use super::super::tokens::TOKEN_FRAMES;
 use super::config::Config;
 use super::places::Places;
-use super::step::{Earlier, Step, View};
+use super::step::{EarlierNode, Step, View};
 
-/// One step that was computed: its nodes, and per block the states with which they entered it.
+/// A computed step: its nodes and their input features for each block.
 #[derive(Clone, Debug)]
-pub(crate) struct Remembered {
+pub(crate) struct StepMemory {
     /// Frame of the step.
     pub frame: usize,
-    /// The nodes.
-    pub nodes: Vec<Earlier>,
-    /// Per block `[n, hidden]`.
+    /// Nodes of the step.
+    pub nodes: Vec<EarlierNode>,
+    /// Input features for each block, `[n, hidden]`.
     pub entering: Vec<Tensor<2>>,
 }
 
-/// The frames of the earlier steps that a step at `now` attends to, oldest first: every half second, as far as there are any.
+/// Returns the frames of the earlier steps that a step at `now` attends to, oldest first: every half
+/// second, as far as they exist.
 pub(crate) fn earlier_frames(now: usize, past: usize) -> Vec<usize> {
     let back = |k: usize| now.checked_sub(k * TOKEN_FRAMES);
     (1..=past).rev().filter_map(back).collect()
 }
 
-/// Steps of an observed episode at the given frames and at the last one of the tracks, oldest first. What the AV did a frame later is
-/// known for frames before the last one if the protocol shows the AV one step ahead at all.
+/// Returns the steps of an observed episode at these frames, oldest first. For frames before the last
+/// realized one, the AV's next state is known if the protocol shows the AV one frame ahead at all.
 pub(crate) fn observed_steps(
     seen: &Observation<'_>,
     tracks: &[Vec<Frame>],
@@ -45,23 +46,23 @@ pub(crate) fn observed_steps(
     steps
 }
 
-/// The step at one frame.
+/// Returns the step at one frame.
 pub(crate) fn step_at(
     seen: &Observation<'_>,
     tracks: &[Vec<Frame>],
     now: usize,
     places: &Places,
-    earlier: &[Earlier],
+    earlier: &[EarlierNode],
     config: &Config,
 ) -> Step {
-    let real = seen.frame();
-    // After the last realised frame the AV is only guessed, and lights stay as they are.
+    let realized = seen.frame();
+    // After the last realized frame the AV is only predicted, and lights keep their states.
     let av_next = match seen.av_next() {
-        Some(next) if now == real => Some(next),
-        Some(_) if now < real => tracks[0][now + 1],
+        Some(next) if now == realized => Some(next),
+        Some(_) if now < realized => tracks[0][now + 1],
         _ => None,
     };
-    let lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l)[now.min(real)]).collect();
+    let lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l)[now.min(realized)]).collect();
     let view = View { agents: &seen.start().agents, tracks, now, av_next, lights: &lights };
     Step::of(&view, places, earlier, config)
 }

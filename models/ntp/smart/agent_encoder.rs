@@ -1,4 +1,4 @@
-//! The agent half of the network.
+//! Agent half of the network.
 
 use burn::module::Module;
 use burn::nn::Embedding;
@@ -9,7 +9,8 @@ use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, MlpLayer
 use super::vocabulary::{pick, rows};
 use super::{Agents, SmartConfig, TokenHead};
 
-/// Agents attend to their own past, to the map, and to one another; then tokens are scored.
+/// Encoder of agents: they attend to their own past, to the map and to one another, then tokens are
+/// scored.
 #[derive(Module, Debug)]
 pub struct AgentEncoder {
     token_emb_veh: MlpEmbedding,
@@ -56,12 +57,13 @@ impl AgentEncoder {
         [&self.token_emb_veh, &self.token_emb_ped, &self.token_emb_cyc][class]
     }
 
-    /// The embeddings of pairs: of an agent's steps, of map tokens and agents, of agents.
+    /// Returns the relation embeddings of an agent's own steps, of map tokens to agents, and among
+    /// agents.
     pub fn relation_embeddings(&self) -> [&FourierEmbedding; 3] {
         [&self.r_t_emb, &self.r_pt2a_emb, &self.r_a2a_emb]
     }
 
-    /// What agents are, whatever they do: class and shape, [A, h].
+    /// Returns the features of agents that do not depend on motion: class and shape, [A, h].
     pub(super) fn identities(&self, agents: &Agents, device: &Device) -> Tensor<2> {
         let class = pick(&self.type_a_emb.weight.val(), agents.class.iter().map(|c| usize::from(*c)));
         if agents.is_empty() {
@@ -70,7 +72,8 @@ impl AgentEncoder {
         class + self.shape_emb.forward(rows(&agents.shape, device))
     }
 
-    /// What goes into the first block, [N, h]: the vectors of tokens [N, h], identities [N, h], motions.
+    /// Returns the input of the first block, [N, h], from token vectors [N, h], identities [N, h] and
+    /// motions.
     pub(super) fn embed(&self, tokens: Tensor<2>, identities: Tensor<2>, motion: &[[f32; 2]]) -> Tensor<2> {
         let device = tokens.device();
         let motion = self.x_a_emb.forward_host(motion.as_flattened(), Some(identities), &device);

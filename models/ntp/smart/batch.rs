@@ -1,41 +1,42 @@
-//! Whole scenes, all steps at once.
+//! Batches of whole scenes, all steps at once.
 
 use reactsim::models::nn::Noise;
 
-use super::edges::Shown;
+use super::edges::Visibility;
 use super::relation::Pose;
 use super::{Agents, Edges, InputError, MapTokens, Scene, SmartConfig};
 
-/// Scenes one after the other, with all pairs that attend to each other. A node is an agent at a step; nodes are numbered by scene, then
-/// agent, then step.
+/// Concatenated scenes with all pairs that attend to each other. A node is an agent at a step; nodes are
+/// numbered by scene, then agent, then step.
 #[derive(Clone, Debug)]
 pub struct Batch {
-    /// The maps.
+    /// Maps of all scenes.
     pub(super) map: MapTokens,
     /// Pairs of map tokens. May be replaced before the batch is used.
     pub map_edges: Edges,
     pub(super) agents: Agents,
-    /// Of each node: its agent.
+    /// Agent of each node.
     pub(super) agent: Vec<usize>,
-    /// Of each node: its class.
+    /// Class of each node.
     pub(super) class: Vec<u8>,
-    /// Of each node: the token that led there.
+    /// Token of each node that led to its pose.
     pub(super) token: Vec<u32>,
-    /// Of each node: distance and bearing of what it moved.
+    /// Distance (m) and bearing (rad) of the last displacement of each node.
     pub(super) motion: Vec<[f32; 2]>,
-    /// Pairs of steps of one agent.
+    /// Pairs of steps of the same agent.
     pub over_time: Edges,
     /// Pairs of map tokens and nodes.
     pub from_map: Edges,
-    /// Pairs of nodes of one step.
+    /// Pairs of nodes at the same step.
     pub among_agents: Edges,
 }
 
 impl Batch {
-    /// The scenes as one batch. With `noise` that is active, agents' steps are hidden from later ones as training wants it.
+    /// Builds a batch. With active `noise`, steps of agents are randomly hidden from later ones, as in
+    /// training.
     ///
     /// # Errors
-    /// [`InputError`] if a scene is not what the network can read.
+    /// [`InputError`] if the network cannot read a scene.
     pub fn new<'a>(
         config: &SmartConfig,
         scenes: impl IntoIterator<Item = &'a Scene>,
@@ -71,7 +72,8 @@ impl Batch {
                 self.class.push(scene.agents.class[agent]);
                 self.token.push(step.token[agent]);
                 let own = Pose::new(step.position[agent], step.heading[agent]);
-                // The first step has no motion; one after an invalid step moves from wherever that is said to be, as published.
+                // The first step has no motion. After an invalid step, motion counts from that step's
+                // stated position, as published.
                 self.motion.push(if t == 0 {
                     [0.0; 2]
                 } else {
@@ -81,10 +83,11 @@ impl Batch {
         }
         self.agents.class.extend_from_slice(&scene.agents.class);
         self.agents.shape.extend_from_slice(&scene.agents.shape);
-        let mut show = |valid: &bool| *valid && !noise.happens(config.hist_drop_prob);
-        let shown: Shown = scene.steps.iter().map(|s| s.valid.iter().map(&mut show).collect()).collect();
+        let mut is_visible = |valid: &bool| *valid && !noise.happens(config.hist_drop_prob);
+        let visible: Visibility =
+            scene.steps.iter().map(|s| s.valid.iter().map(&mut is_visible).collect()).collect();
         let node = |agent: usize, step: usize| agent * count + step;
-        let own = Edges::over_time(config, &scene.steps, &shown, 0..count, node, node);
+        let own = Edges::over_time(config, &scene.steps, &visible, 0..count, node, node);
         let (mut seen, mut others) = (Edges::new(3), Edges::new(3));
         let map = Pose::all(&scene.map.position, &scene.map.orientation);
         for (t, step) in scene.steps.iter().enumerate() {
@@ -96,12 +99,12 @@ impl Batch {
         self.among_agents.append(&others, first_node, first_node);
     }
 
-    /// How many nodes there are.
+    /// Returns the number of nodes.
     pub fn nodes(&self) -> usize {
         self.agent.len()
     }
 
-    /// Of each node: distance and bearing of what it moved.
+    /// Distance (m) and bearing (rad) of the last displacement of each node.
     pub fn motion(&self) -> &[[f32; 2]] {
         &self.motion
     }

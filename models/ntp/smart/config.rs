@@ -1,114 +1,114 @@
-//! The measures of a network.
+//! Configuration of the network.
 
 use serde::{Deserialize, Serialize};
 
 use reactsim::models::nn::{AttentionConfig, FeedForwardConfig};
 
-/// The measures of a network, under the names of the published configurations. Entries that it does not know are passed over; those with
-/// a default may be left out.
+/// Dimensions and options of the network, under the names of the published configurations. Unknown
+/// entries are ignored; entries with a default may be omitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SmartConfig {
-    /// Width of all features.
+    /// Feature width.
     pub hidden_dim: usize,
-    /// Learned frequencies per scalar.
+    /// Number of learned frequencies per scalar.
     pub num_freq_bands: usize,
-    /// Attention heads.
+    /// Number of attention heads.
     pub num_heads: usize,
     /// Width of a head.
     pub head_dim: usize,
-    /// Share of attention weights and hidden features that training drops.
+    /// Dropout rate of attention weights and hidden features in training.
     pub dropout: f64,
-    /// Share of agents' steps that training hides from the later ones.
+    /// Fraction of agents' steps that training hides from later steps.
     #[serde(default = "hist_drop_prob")]
     pub hist_drop_prob: f64,
-    /// Attention layers among map tokens.
+    /// Number of attention layers among map tokens.
     pub num_map_layers: usize,
-    /// Blocks of three attention layers for agents.
+    /// Number of blocks of three attention layers for agents.
     pub num_agent_layers: usize,
-    /// Map tokens see those nearer than this, m.
+    /// Radius within which map tokens see each other, metres.
     pub pl2pl_radius: f32,
-    /// Agents see map tokens nearer than this, m.
+    /// Radius within which agents see map tokens, metres.
     pub pl2a_radius: f32,
-    /// Agents see agents nearer than this, m.
+    /// Radius within which agents see each other, metres.
     pub a2a_radius: f32,
-    /// How far back agents see themselves, frames.
+    /// Time span over which agents see their own past, frames.
     pub time_span: usize,
-    /// Frames of a token.
+    /// Length of a token, frames.
     #[serde(default = "shift_frames")]
     pub shift_frames: usize,
-    /// How many tokens agents choose among.
+    /// Number of tokens that agents choose from.
     pub n_token_agent: TokenCounts,
-    /// How many curves map tokens are taken from.
+    /// Number of curves in the map vocabulary.
     #[serde(default = "n_token_map")]
     pub n_token_map: usize,
-    /// The number of parameters, to be compared with that of the network; 0 says nothing.
+    /// Number of parameters, to be compared with that of the network; 0 if not stated.
     #[serde(default)]
     pub n_params: usize,
-    /// At most so many sources of a map token.
+    /// Largest number of sources of a map token.
     #[serde(default = "max_neighbours_pl2pl")]
     pub max_neighbours_pl2pl: usize,
-    /// At most so many agents near an agent.
+    /// Largest number of agents that an agent sees.
     #[serde(default = "max_neighbours_a2a")]
     pub max_neighbours_a2a: usize,
-    /// At most so many agents that see one map token.
+    /// Largest number of agents that see one map token.
     #[serde(default = "max_agents_per_map_token_pl2a")]
     pub max_agents_per_map_token_pl2a: usize,
-    /// Added to variances in layer norms; no other value than 1e-5 is known.
+    /// Variance offset of layer norms; only 1e-5 is supported.
     #[serde(default = "layer_norm_eps")]
     pub layer_norm_eps: f64,
-    /// Kinds of map tokens.
+    /// Number of types of map tokens.
     #[serde(default = "map_point_types")]
     pub map_point_types: usize,
-    /// Kinds of polylines.
+    /// Number of types of polylines.
     #[serde(default = "map_polygon_types")]
     pub map_polygon_types: usize,
-    /// States of lights.
+    /// Number of light states.
     #[serde(default = "map_light_types")]
     pub map_light_types: usize,
-    /// Classes of agents; no other number than 3 is known.
+    /// Number of agent classes; only 3 is supported.
     #[serde(default = "agent_types")]
     pub agent_types: usize,
     /// First width of token embeddings.
     #[serde(default = "mlp_embedding_first_width")]
     pub mlp_embedding_first_width: usize,
-    /// Width of the feed-forward networks, in widths of the features.
+    /// Hidden width of the feed-forward networks, as a multiple of the feature width.
     #[serde(default = "ffn_multiple")]
     pub ffn_multiple: usize,
-    /// Which feed-forward networks the attention layers have.
+    /// Type of the feed-forward networks in attention layers.
     #[serde(default)]
     pub feed_forward: FeedForwardKind,
 }
 
-/// Which feed-forward networks the attention layers have.
+/// Type of the feed-forward networks in attention layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeedForwardKind {
     /// Linear, ReLU, linear: SMART and CATK.
     #[default]
     Relu,
-    /// SwiGLU of two thirds of the width: TrajTok.
+    /// SwiGLU with two thirds of the width: TrajTok.
     Swiglu,
 }
 
-/// How many tokens there are to choose among, and with it whether the classes share a head.
+/// Number of tokens per class, which also determines whether the classes share a head.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TokenCounts {
-    /// As many for every class, and one head (SMART, CATK).
+    /// The same number for all classes, and one shared head (SMART, CATK).
     Shared(usize),
-    /// Heads of their own (TrajTok).
+    /// A separate head per class (TrajTok).
     PerClass {
-        /// Vehicles.
+        /// Number for vehicles.
         veh: usize,
-        /// Pedestrians.
+        /// Number for pedestrians.
         ped: usize,
-        /// Cyclists.
+        /// Number for cyclists.
         cyc: usize,
     },
 }
 
 impl TokenCounts {
-    /// Of vehicles, pedestrians and cyclists.
+    /// Returns the numbers for vehicles, pedestrians and cyclists.
     pub fn of_classes(self) -> [usize; 3] {
         match self {
             Self::Shared(count) => [count; 3],
@@ -117,39 +117,39 @@ impl TokenCounts {
     }
 }
 
-/// A configuration that no network can have.
+/// Reason why a configuration is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// Not JSON, or entries are missing or of another type.
+    /// The text is not JSON, or entries are missing or have another type.
     #[error("the network's configuration is not usable: {0}")]
     Json(#[from] serde_json::Error),
-    /// An entry has a value that makes no sense.
+    /// An entry has an invalid value.
     #[error("`{name}` of the network's configuration is {found}, expected {expected}")]
     Value {
-        /// Which entry.
+        /// Name of the entry.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         found: String,
-        /// What it should be.
+        /// Expected value.
         expected: &'static str,
     },
 }
 
 impl SmartConfig {
-    /// From JSON, checked.
+    /// Reads and checks a configuration from JSON.
     ///
     /// # Errors
-    /// [`ConfigError`] that names the entry.
+    /// [`ConfigError`] naming the entry.
     pub fn from_json(text: &str) -> Result<Self, ConfigError> {
         let config: Self = serde_json::from_str(text)?;
         config.check()?;
         Ok(config)
     }
 
-    /// Whether a network can have these measures.
+    /// Checks the configuration.
     ///
     /// # Errors
-    /// [`ConfigError::Value`] that names the first entry that does not fit.
+    /// [`ConfigError::Value`] naming the first invalid entry.
     pub fn check(&self) -> Result<(), ConfigError> {
         let wrong = |name, found: String, expected| Err(ConfigError::Value { name, found, expected });
         let counts = self.n_token_agent.of_classes();
@@ -195,12 +195,13 @@ impl SmartConfig {
         Ok(())
     }
 
-    /// How many steps back agents see themselves.
+    /// Returns the number of past steps that agents see of themselves.
     pub fn window(&self) -> usize {
         self.time_span / self.shift_frames
     }
 
-    /// One attention layer; bipartite ones have norms for either side.
+    /// Returns the configuration of one attention layer; bipartite layers have separate norms for
+    /// sources and destinations.
     pub(super) fn attention(&self, bipartite: bool) -> AttentionConfig {
         let hidden = self.ffn_multiple * self.hidden_dim;
         AttentionConfig {
@@ -219,7 +220,7 @@ impl SmartConfig {
     }
 }
 
-// The values of the published networks.
+// Values of the published networks.
 fn hist_drop_prob() -> f64 {
     0.1
 }

@@ -1,37 +1,38 @@
-//! Who sees whom: the four kinds of pairs, in the order and with the limits of the published networks.
+//! Attention pairs: the four kinds, in the order and with the limits of the published networks.
 
 use super::relation::Pose;
 use super::{MapTokens, SmartConfig, Step};
 
-/// Pairs of a source and a target with the scalars of their relation.
+/// Pairs of a source and a target, with the scalars of their relations.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
-    /// Who is seen.
+    /// Source of each pair, which is attended to.
     pub sources: Vec<u32>,
-    /// Who sees.
+    /// Target of each pair, which attends.
     pub targets: Vec<u32>,
-    /// `width` scalars for each pair: distance in m, bearing of the source, heading of the source minus that of the target; for an
-    /// agent's own steps also how many steps the source is later (a negative number).
+    /// `width` scalars per pair: distance in m, bearing of the source, heading of the source minus that
+    /// of the target; for an agent's own steps also the step of the source minus that of the target,
+    /// which is negative.
     pub relations: Vec<f32>,
-    /// How many scalars a relation has: 3, or 4 for an agent's own steps.
+    /// Number of scalars per relation: 3, or 4 for an agent's own steps.
     pub width: usize,
 }
 
-/// Agents' steps that are kept from later ones, or all that are valid: by step, then agent.
-pub(super) type Shown = Vec<Vec<bool>>;
+/// Whether each agent's step is visible to later ones, by step, then agent.
+pub(super) type Visibility = Vec<Vec<bool>>;
 
 impl Edges {
-    /// No pairs yet, with so many scalars each.
+    /// Builds an empty list with `width` scalars per pair.
     pub fn new(width: usize) -> Self {
         Self { width, ..Self::default() }
     }
 
-    /// How many pairs there are.
+    /// Returns the number of pairs.
     pub fn len(&self) -> usize {
         self.sources.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }
@@ -42,33 +43,37 @@ impl Edges {
         self.relations.extend_from_slice(relation);
     }
 
-    /// Adds pairs whose numbers count from these.
+    /// Appends pairs, with offsets added to their source and target indices.
     pub(super) fn append(&mut self, other: &Self, first_source: usize, first_target: usize) {
         self.sources.extend(other.sources.iter().map(|s| s + first_source as u32));
         self.targets.extend(other.targets.iter().map(|t| t + first_target as u32));
         self.relations.extend_from_slice(&other.relations);
     }
 
-    /// Pairs of different map tokens. With more sources than the limit the first by number count.
+    /// Returns the pairs of different map tokens within the radius. Beyond the limit per target, sources
+    /// with the lowest indices are kept.
     pub fn among_map(config: &SmartConfig, map: &MapTokens) -> Self {
         let poses = Pose::all(&map.position, &map.orientation);
         let mut edges = Self::new(3);
         for (target, own) in poses.iter().enumerate() {
-            let near =
-                poses.iter().enumerate().filter(|(s, p)| *s != target && own.near(p, config.pl2pl_radius));
+            let near = poses
+                .iter()
+                .enumerate()
+                .filter(|(s, p)| *s != target && own.is_within(p, config.pl2pl_radius));
             for (source, pose) in near.take(config.max_neighbours_pl2pl) {
-                edges.push(source, target, &own.sees(pose));
+                edges.push(source, target, &own.relation_to(pose));
             }
         }
         edges
     }
 
-    /// Earlier steps of an agent (sources) and those at `targets`, not further apart than the window. Nodes are numbered by the two
-    /// functions of agent and step. `shown` says which steps count at all.
+    /// Returns the pairs of an agent's steps at `targets` with its earlier steps (sources) within the
+    /// window. `source` and `target` map agent and step to node indices. `visible` marks the steps that
+    /// count at all.
     pub(super) fn over_time(
         config: &SmartConfig,
         steps: &[Step],
-        shown: &Shown,
+        visible: &Visibility,
         targets: std::ops::Range<usize>,
         source: impl Fn(usize, usize) -> usize,
         target: impl Fn(usize, usize) -> usize,
@@ -77,10 +82,10 @@ impl Edges {
         let agents = steps.first().map_or(0, |s| s.position.len());
         let poses: Vec<Vec<Pose>> = steps.iter().map(|s| Pose::all(&s.position, &s.heading)).collect();
         for agent in 0..agents {
-            for now in targets.clone().filter(|t| shown[*t][agent]) {
+            for now in targets.clone().filter(|t| visible[*t][agent]) {
                 let own = &poses[now][agent];
-                for then in (now.saturating_sub(config.window())..now).filter(|t| shown[*t][agent]) {
-                    let [distance, bearing, heading] = own.sees(&poses[then][agent]);
+                for then in (now.saturating_sub(config.window())..now).filter(|t| visible[*t][agent]) {
+                    let [distance, bearing, heading] = own.relation_to(&poses[then][agent]);
                     let steps = then as f32 - now as f32;
                     edges.push(source(agent, then), target(agent, now), &[distance, bearing, heading, steps]);
                 }
@@ -89,8 +94,8 @@ impl Edges {
         edges
     }
 
-    /// Map tokens (sources) that agents see at one step. The limit is on agents that see one map token: the first by number, those that
-    /// are not valid counted too.
+    /// Adds the map tokens (sources) that agents see at one step. The number of agents that see one map
+    /// token is limited to the first by index; invalid ones count towards the limit.
     pub(super) fn add_from_map(
         &mut self,
         config: &SmartConfig,
@@ -101,25 +106,25 @@ impl Edges {
         let mut seen_by = vec![0; map.len()];
         for (agent, own) in Pose::all(&step.position, &step.heading).iter().enumerate() {
             for (source, pose) in map.iter().enumerate() {
-                if own.near(pose, config.pl2a_radius) {
+                if own.is_within(pose, config.pl2a_radius) {
                     seen_by[source] += 1;
                     if step.valid[agent] && seen_by[source] <= config.max_agents_per_map_token_pl2a {
-                        self.push(source, node(agent), &own.sees(pose));
+                        self.push(source, node(agent), &own.relation_to(pose));
                     }
                 }
             }
         }
     }
 
-    /// Other agents (sources) that agents see at one step. With more than the limit the first by number, those that are not valid
-    /// counted too.
+    /// Adds the other agents (sources) that agents see at one step. Their number is limited to the first
+    /// by index; invalid ones count towards the limit.
     pub(super) fn among_agents(&mut self, config: &SmartConfig, step: &Step, node: impl Fn(usize) -> usize) {
         let poses = Pose::all(&step.position, &step.heading);
         for (target, own) in poses.iter().enumerate().filter(|(t, _)| step.valid[*t]) {
             let near =
-                poses.iter().enumerate().filter(|(s, p)| *s != target && own.near(p, config.a2a_radius));
+                poses.iter().enumerate().filter(|(s, p)| *s != target && own.is_within(p, config.a2a_radius));
             for (source, pose) in near.take(config.max_neighbours_a2a).filter(|(s, _)| step.valid[*s]) {
-                self.push(node(source), node(target), &own.sees(pose));
+                self.push(node(source), node(target), &own.relation_to(pose));
             }
         }
     }

@@ -1,4 +1,4 @@
-//! One step after the other: what earlier steps were is kept, only the newest is computed.
+//! Step-by-step evaluation: earlier steps are cached and only the newest is computed.
 
 use std::collections::VecDeque;
 
@@ -9,29 +9,30 @@ use reactsim::models::nn::Noise;
 use super::relation::Pose;
 use super::{Agents, Edges, InputError, Links, MapTokens, Smart, Step, TokenTables};
 
-/// A map as agents see it, worked out once. Cloning is cheap.
+/// An encoded map, computed once. Cloning is cheap.
 #[derive(Clone, Debug)]
 pub struct EncodedMap {
     poses: Vec<Pose>,
-    /// For each block: the features [P, h], normed as it wants them.
+    /// Features [P, h] for each block, normalized as its sources.
     sources: Vec<Tensor<2>>,
 }
 
-/// A scene that goes on step by step. Cloning is cheap, so that several rollouts can have one beginning.
+/// A scene that is evaluated step by step. Cloning is cheap, so that several rollouts can share a
+/// beginning.
 #[derive(Clone, Debug)]
 pub struct Episode {
     map: EncodedMap,
     agents: Agents,
-    /// [A, h]
+    /// Features of class and shape, [A, h].
     identities: Tensor<2>,
-    /// The last steps, as many as agents see back.
+    /// The last steps, as many as agents see of their past.
     steps: VecDeque<Step>,
-    /// For each block, for each of those steps: the features [A, h] that it started from, normed as sources.
+    /// Input features [A, h] for each block and each of those steps, normalized as sources.
     pasts: Vec<VecDeque<Tensor<2>>>,
 }
 
 impl Smart {
-    /// Works a map out.
+    /// Encodes a map.
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read it.
@@ -40,7 +41,7 @@ impl Smart {
         Ok(self.encode_map_with(tables, map, &Edges::among_map(self.config(), map)))
     }
 
-    /// As [`Smart::encode_map`], with pairs of map tokens from elsewhere. The map must have been checked.
+    /// Like [`Smart::encode_map`], with given pairs of map tokens. The map must have been checked.
     pub fn encode_map_with(&self, tables: &TokenTables, map: &MapTokens, edges: &Edges) -> EncodedMap {
         let features = self.map_encoder.forward(tables, map, edges, &mut Noise::none(), &mut |_, _| {});
         let sources = self.agent_encoder.pt2a_attn_layers.iter();
@@ -52,7 +53,7 @@ impl Smart {
         EncodedMap { poses: Pose::all(&map.position, &map.orientation), sources }
     }
 
-    /// A scene without steps.
+    /// Starts a scene without steps.
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the agents.
@@ -68,11 +69,11 @@ impl Smart {
         Ok(Episode { map, agents, identities, steps: VecDeque::new(), pasts })
     }
 
-    /// The next step of a scene: the scores of the tokens that lead on from it, [A, tokens], as [`Smart::forward`] has them. Neither other
-    /// scenes nor threads have an influence on a single bit.
+    /// Adds the next step of a scene and returns the scores of its next tokens, [A, tokens], as in
+    /// [`Smart::forward`]. Neither other scenes nor threads affect a single bit.
     ///
     /// # Errors
-    /// [`InputError`] if the network cannot read the step; the episode is as before.
+    /// [`InputError`] if the network cannot read the step; the episode is then unchanged.
     pub fn step(
         &self,
         tables: &TokenTables,
@@ -87,10 +88,11 @@ impl Smart {
         Ok(self.agent_encoder.token_predict_head.forward(x, &episode.agents.class, counts))
     }
 
-    /// The next step of a scene without scores: its features, [A, h]. For steps that are history.
+    /// Adds the next step of a scene and returns its features, [A, h], without scores. Used for steps of
+    /// the history.
     ///
     /// # Errors
-    /// [`InputError`] if the network cannot read the step; the episode is as before.
+    /// [`InputError`] if the network cannot read the step; the episode is then unchanged.
     pub fn advance(
         &self,
         tables: &TokenTables,
@@ -118,9 +120,10 @@ impl Smart {
         among.among_agents(config, &step, |agent| agent);
         episode.steps.push_back(step);
         let steps = episode.steps.make_contiguous();
-        let shown: Vec<Vec<bool>> = steps.iter().map(|s| s.valid.clone()).collect();
+        let visible: Vec<Vec<bool>> = steps.iter().map(|s| s.valid.clone()).collect();
         let newest = steps.len() - 1;
-        let own = Edges::over_time(config, steps, &shown, newest..newest + 1, |a, t| t * count + a, |a, _| a);
+        let own =
+            Edges::over_time(config, steps, &visible, newest..newest + 1, |a, t| t * count + a, |a, _| a);
         let own = Links::new(&own, count, &layers.r_t_emb, &device);
         let from_map = Links::new(&from_map, count, &layers.r_pt2a_emb, &device);
         let among = Links::new(&among, count, &layers.r_a2a_emb, &device);
@@ -158,12 +161,12 @@ impl Smart {
 }
 
 impl Episode {
-    /// Who takes part.
+    /// Returns the agents.
     pub fn agents(&self) -> &Agents {
         &self.agents
     }
 
-    /// The newest step.
+    /// Returns the newest step.
     pub fn newest(&self) -> Option<&Step> {
         self.steps.back()
     }

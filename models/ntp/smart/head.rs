@@ -1,4 +1,4 @@
-//! Scores of tokens.
+//! Token heads.
 
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -7,14 +7,14 @@ use reactsim::models::nn::{Initializer, MlpLayer};
 
 use super::{SmartConfig, TokenCounts};
 
-/// The score of a token that a class does not have.
-const NONE: f32 = -1e9;
+/// Score of a token that a class does not have.
+const ABSENT_TOKEN_SCORE: f32 = -1e9;
 
-/// What scores tokens: one head for all classes, or one each.
+/// Head that scores tokens: one for all classes, or one per class.
 #[derive(Module, Debug)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it")]
 pub enum TokenHead {
-    /// All classes have as many tokens.
+    /// All classes have the same number of tokens.
     Shared(MlpLayer),
     /// Classes have different numbers of tokens.
     PerClass(ClassHeads),
@@ -41,8 +41,9 @@ impl TokenHead {
         }
     }
 
-    /// Scores [N, tokens] of features [N, h] of agents of these classes. With heads for each class there are as many columns as the
-    /// class with the most tokens has; what a class does not have scores -1e9.
+    /// Returns scores [N, tokens] from features [N, h] of agents of these classes. With one head per
+    /// class, the number of columns is that of the class with the most tokens; tokens that a class does
+    /// not have score -1e9.
     pub(super) fn forward(&self, x: Tensor<2>, classes: &[u8], counts: [usize; 3]) -> Tensor<2> {
         let heads = match self {
             Self::Shared(head) => return head.forward(x),
@@ -62,7 +63,7 @@ impl TokenHead {
             placed += rows.len();
             let count = rows.len();
             let scores = head.forward(x.clone().select(0, ints(rows, &device)));
-            let fill = Tensor::full([count, most - counts[class]], NONE, &device);
+            let fill = Tensor::full([count, most - counts[class]], ABSENT_TOKEN_SCORE, &device);
             parts.push(if most > counts[class] { Tensor::cat(vec![scores, fill], 1) } else { scores });
         }
         if parts.is_empty() {

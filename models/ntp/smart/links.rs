@@ -1,4 +1,4 @@
-//! Pairs as attention wants them.
+//! Attention pairs with embedded relations.
 
 use burn::tensor::{Device, Tensor};
 
@@ -6,17 +6,18 @@ use reactsim::models::nn::{FourierEmbedding, Neighbors, Relations, normalize};
 
 use super::Edges;
 
-/// Neighbours with the vectors of their relations, embedded and normalised once for all layers.
+/// Neighbours with their relation vectors, embedded and normalized once for all layers.
 #[derive(Clone, Debug)]
 pub struct Links {
-    /// Who attends to whom.
+    /// Neighbours of each target.
     pub neighbors: Neighbors,
-    /// What is known of each pair.
+    /// Relation vectors.
     pub relations: Relations,
 }
 
 impl Links {
-    /// From pairs whose targets are among so many nodes. Only real pairs are embedded.
+    /// Builds links from pairs; `targets` is the number of nodes that attend. Only existing pairs are
+    /// embedded.
     pub fn new(edges: &Edges, targets: usize, embedding: &FourierEmbedding, device: &Device) -> Self {
         let neighbors = Neighbors::from_edges(targets, &edges.sources, &edges.targets, device);
         if edges.is_empty() {

@@ -1,4 +1,4 @@
-//! The map half of the network.
+//! Map half of the network.
 
 use burn::module::Module;
 use burn::nn::Embedding;
@@ -9,7 +9,7 @@ use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, Noise, R
 use super::vocabulary::pick;
 use super::{Edges, Links, MapTokens, SmartConfig, Stage, TokenTables};
 
-/// Map tokens attend to those near them.
+/// Encoder of the map: tokens attend to nearby tokens.
 #[derive(Module, Debug)]
 pub struct MapEncoder {
     token_emb: MlpEmbedding,
@@ -37,12 +37,12 @@ impl MapEncoder {
         &self.token_emb
     }
 
-    /// The embedding of pairs of map tokens.
+    /// Returns the relation embedding of pairs of map tokens.
     pub fn relation_embedding(&self) -> &FourierEmbedding {
         &self.r_pt2pt_emb
     }
 
-    /// The features of map tokens, [P, h].
+    /// Returns the features of map tokens, [P, h].
     pub(super) fn forward(
         &self,
         tables: &TokenTables,

@@ -1,11 +1,13 @@
-//! The published next-token network (SMART, CATK, and TrajTok's variant), so that their exported weights run unchanged.
+//! The published next-token network (SMART, CATK and the TrajTok variant); exported weights run
+//! unchanged.
 //!
-//! Read [`Scene`] first (what goes in), then [`Smart`] (what comes out: a score for every token of every agent), then [`Episode`] (one step
-//! after the other, with what is known kept). [`Edges`] says who sees whom and what is known of a pair. [`SmartSimulator`] drives with it: a
-//! [`SmartPolicy`] is the network with its vocabularies in one file, and `README.md` tells how to make that file.
+//! Read [`Scene`] first (input), then [`Smart`] (output: a score for every token of every agent), then
+//! [`Episode`] (step-by-step evaluation with cached steps). [`Edges`] defines which pairs attend and
+//! their relation scalars. [`SmartSimulator`] is the simulator; a [`SmartPolicy`] is the network with
+//! its vocabularies in one file, and `README.md` describes how to make that file.
 //!
-//! Sources: SMART (Wu et al., NeurIPS 2024, github.com/rainmaker22/SMART), CATK (Zhang et al., CVPR 2025, github.com/NVlabs/catk), TrajTok
-//! (arXiv 2506.21618, github.com/Thinklab-SJTU/TrajTok).
+//! Sources: SMART (Wu et al., NeurIPS 2024, github.com/rainmaker22/SMART), CATK (Zhang et al., CVPR
+//! 2025, github.com/NVlabs/catk), TrajTok (arXiv 2506.21618, github.com/Thinklab-SJTU/TrajTok).
 
 mod agent_encoder;
 mod batch;

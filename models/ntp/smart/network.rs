@@ -1,4 +1,4 @@
-//! The network as a whole.
+//! The complete network.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -8,8 +8,8 @@ use reactsim::models::nn::{Initializer, Noise, Tensors, WeightsError};
 use super::vocabulary::pick;
 use super::{AgentEncoder, Batch, ConfigError, Links, MapEncoder, SmartConfig, TokenTables};
 
-/// The network: scenes in, a score for every token of every agent at every step out. What it computes does not change when the scene is
-/// moved or turned, as long as all steps are valid.
+/// The network: it maps scenes to a score for every token of every agent at every step. Its output is
+/// invariant to translation and rotation of the scene as long as all steps are valid.
 #[derive(Module, Debug)]
 pub struct Smart {
     pub(super) map_encoder: MapEncoder,
@@ -18,7 +18,7 @@ pub struct Smart {
     config: SmartConfig,
 }
 
-/// Where within the network features are looked at.
+/// Stage of the network at which features are observed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
     /// Map tokens before the first layer.
@@ -27,38 +27,40 @@ pub enum Stage {
     Map(usize),
     /// Nodes before the first block.
     Fused,
-    /// Nodes after they attended to their own past, in this block.
+    /// Nodes after attention to their own past, in this block.
     OverTime(usize),
-    /// Nodes after they attended to the map, in this block.
+    /// Nodes after attention to the map, in this block.
     FromMap(usize),
-    /// Nodes after they attended to each other, in this block.
+    /// Nodes after attention to each other, in this block.
     AmongAgents(usize),
 }
 
-/// Why weights do not make a network.
+/// Error from loading a network.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// The configuration.
+    /// Invalid configuration.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The tensors.
+    /// Invalid tensors.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// The configuration states another number of parameters.
-    #[error("the configuration says {stated} parameters, its network has {found}: it is of another network")]
+    /// The configuration states a different number of parameters than its network has.
+    #[error(
+        "the configuration states {stated} parameters, its network has {found}: it belongs to another network"
+    )]
     Size {
-        /// What `n_params` says.
+        /// Number stated in `n_params`.
         stated: usize,
-        /// What there are.
+        /// Number of parameters of the network.
         found: usize,
     },
 }
 
 impl Smart {
-    /// A network with initial weights.
+    /// Builds a network with initial weights.
     ///
     /// # Errors
-    /// [`ConfigError`] if there is no such network.
+    /// [`ConfigError`] if the configuration is invalid.
     pub fn init(config: &SmartConfig, init: &mut Initializer) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {
@@ -68,19 +70,19 @@ impl Smart {
         })
     }
 
-    /// A network with the weights of a safetensors file: the state dict of SMART, CATK or TrajTok, with or without the prefix `encoder.`
-    /// of a whole training checkpoint, or what was saved here.
+    /// Loads a network from a safetensors file: the state dict of SMART, CATK or TrajTok, with or
+    /// without the prefix `encoder.` of a complete training checkpoint, or a file saved by this program.
     ///
     /// # Errors
-    /// [`LoadError`] that names what does not fit.
+    /// [`LoadError`] naming what does not fit.
     pub fn load(config: &SmartConfig, weights: &[u8], device: &Device) -> Result<Self, LoadError> {
         Self::of_tensors(config, Tensors::read(weights)?, device)
     }
 
-    /// As [`Smart::load`], from tensors that lay in a file beside others.
+    /// Like [`Smart::load`], from tensors that were in a file with others.
     ///
     /// # Errors
-    /// [`LoadError`] that names what does not fit.
+    /// [`LoadError`] naming what does not fit.
     pub fn of_tensors(
         config: &SmartConfig,
         tensors: Tensors<'_>,
@@ -92,7 +94,7 @@ impl Smart {
             return Err(LoadError::Size { stated: config.n_params, found });
         }
         let mut tensors = tensors.without_prefix("encoder.");
-        // One norm under two names wherever sources and destinations are of one kind.
+        // One norm is stored under two names where sources and destinations are of one kind.
         for (layers, count) in [
             ("map_encoder.pt2pt_layers", config.num_map_layers),
             ("agent_encoder.t_attn_layers", config.num_agent_layers),
@@ -106,31 +108,32 @@ impl Smart {
         Ok(tensors.load(network)?)
     }
 
-    /// Its measures.
+    /// Returns the configuration.
     pub fn config(&self) -> &SmartConfig {
         &self.config
     }
 
-    /// Its map half.
+    /// Returns the map half.
     pub fn map_encoder(&self) -> &MapEncoder {
         &self.map_encoder
     }
 
-    /// Its agent half.
+    /// Returns the agent half.
     pub fn agent_encoder(&self) -> &AgentEncoder {
         &self.agent_encoder
     }
 
-    /// The scores of the tokens that lead on from every node, [nodes, tokens]; also from nodes that are not valid. Where classes have
-    /// different numbers of tokens, those that a class lacks score -1e9.
+    /// Returns the scores of the next tokens of every node, [nodes, tokens], including invalid nodes.
+    /// Where classes have different numbers of tokens, tokens that a class does not have score -1e9.
     ///
-    /// For training, and for whole recorded scenes. Scenes of a batch do not see each other, but the last bits of a scene's scores may
-    /// depend on what else is in the batch; [`Episode`](super::Episode) has one scene at a time.
+    /// For training and for complete recorded scenes. Scenes of a batch do not see each other, but the
+    /// last bits of a scene's scores may depend on the rest of the batch; [`Episode`](super::Episode)
+    /// evaluates one scene at a time.
     pub fn forward(&self, tables: &TokenTables, batch: &Batch, noise: &mut Noise) -> Tensor<2> {
         self.forward_watched(tables, batch, noise, &mut |_, _| {})
     }
 
-    /// As [`Smart::forward`], with a look at the features on the way.
+    /// Like [`Smart::forward`], and passes intermediate features to `watch`.
     pub fn forward_watched(
         &self,
         tables: &TokenTables,

@@ -1,4 +1,4 @@
-//! What the network is shown of an episode: the map once, agents at every step.
+//! Network input from observed episodes: the map once, agents at every step.
 
 use reactsim::dynamics::Pose;
 use reactsim::rollout::Observation;
@@ -10,11 +10,12 @@ use super::super::tokens::{
 };
 use super::{Agents, MapTokens, Step};
 
-/// The pieces of the map that begin within `radius` metres of where the AV is now, with lights as they are now.
+/// Returns the pieces of the map that begin within `radius` metres of the AV's current position, with
+/// the current light states.
 pub(super) fn map_tokens(start: &Start, vocabulary: &MapVocabulary, radius: f64) -> MapTokens {
-    let about = start.now(0).position();
+    let center = start.now(0).position();
     let mut map = MapTokens::default();
-    for piece in curve_pieces(start).iter().filter(|p| (p.start() - about).norm() < radius) {
+    for piece in curve_pieces(start).iter().filter(|p| (p.start() - center).norm() < radius) {
         map.position.push([piece.start().x as f32, piece.start().y as f32]);
         map.orientation.push(piece.heading() as f32);
         map.token.push(vocabulary.nearest(piece) as u32);
@@ -25,23 +26,25 @@ pub(super) fn map_tokens(start: &Start, vocabulary: &MapVocabulary, radius: f64)
     map
 }
 
-/// An agent that the network knows: a row of its steps.
+/// An agent that the network knows.
 #[derive(Clone, Debug)]
 pub(super) struct Participant {
-    /// The agent.
+    /// Slot of the agent.
     pub(super) slot: usize,
-    /// Its class.
+    /// Class of the agent.
     pub(super) class: Class,
-    /// Where it was, up to the current frame: without gaps, without jumps of the heading, and long enough for one token.
+    /// Poses up to the current frame, without gaps or jumps of the heading, and extended backwards to at
+    /// least one token.
     past: PreparedTrack,
-    /// The same as states, frames 0 to 10, without what was before it was first seen.
+    /// The same as states of frames 0 to 10, absent before the agent was first seen.
     history: Vec<Frame>,
-    /// The tokens of its history.
+    /// Tokens of the history.
     tokens: TokenTrack,
 }
 
 impl Participant {
-    /// The agents of a scenario, in its order. The AV counts as a vehicle; others that have no class are not seen.
+    /// Returns the participants of a scenario, in slot order. The AV counts as a vehicle; other agents
+    /// without a class are left out.
     pub(super) fn all(start: &Start, vocabulary: &Vocabulary) -> Vec<Self> {
         let class = |slot: usize| match slot {
             0 => Some(Class::Vehicle),
@@ -64,16 +67,18 @@ impl Participant {
         Self { slot, class, past, history, tokens }
     }
 
-    /// Its track as the network knows it: the history as it was prepared, then what was realised.
+    /// Returns the track as the network knows it: the prepared history, then the realized states.
     pub(super) fn track(&self, seen: &Observation<'_>) -> Vec<Frame> {
-        let realised = seen.track(self.slot).get(self.history.len()..).unwrap_or_default();
-        self.history.iter().chain(realised).copied().collect()
+        let realized = seen.track(self.slot).get(self.history.len()..).unwrap_or_default();
+        self.history.iter().chain(realized).copied().collect()
     }
 
-    /// Where it is at the frame of a step, the token that led there, and whether it was there half a second before too.
+    /// Returns the pose at the frame of a step, the token that led there, and whether the step is valid:
+    /// the agent was also present half a second before.
     ///
-    /// Tokens of the history are matched one after the other, and their ends are where the agent is, as the published networks see it.
-    /// What came after is matched from where the agent truly was, and it is where it truly is: nothing adds up.
+    /// Tokens of the history are matched in sequence and their ends are the agent's poses, as in the
+    /// published networks. Later steps are matched between true poses and keep the true pose, so errors
+    /// do not accumulate.
     fn node(&self, track: &[Frame], frame: usize, vocabulary: &Vocabulary) -> (Pose, usize, bool) {
         if frame <= CURRENT && frame.is_multiple_of(TOKEN_FRAMES) {
             let step = frame / TOKEN_FRAMES - 1;
@@ -96,7 +101,8 @@ impl Participant {
     }
 }
 
-/// Who takes part, as the network wants it. Boxes have no height here: all get this one, metres.
+/// Returns the classes and shapes of participants as network input. Boxes have no height here: all get
+/// `height`, in metres.
 pub(super) fn identities(start: &Start, participants: &[Participant], height: f64) -> Agents {
     let shape = |p: &Participant| {
         let agent = &start.agents[p.slot];
@@ -108,7 +114,8 @@ pub(super) fn identities(start: &Start, participants: &[Participant], height: f6
     }
 }
 
-/// The step that ends at a frame from 5 on. `tracks` has a track per participant.
+/// Returns the step that ends at a frame, which must be at least 5. `tracks` has one track per
+/// participant.
 pub(super) fn step_at(
     participants: &[Participant],
     tracks: &[Vec<Frame>],

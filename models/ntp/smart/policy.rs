@@ -12,50 +12,52 @@ use super::super::tokens::map_vocabulary::MAP_PREFIX;
 use super::super::tokens::{Class, MapVocabulary, TOKEN_FRAMES, Vocabulary, VocabularyError};
 use super::{InputError, LoadError, Smart, SmartConfig, TokenTables, Vocabulary as Shapes};
 
-/// What the configuration in the file calls this kind of network.
+/// Name of this kind of network in the configuration of a file.
 const KIND: &str = "smart";
 
-/// A network that is ready to drive, and the tokens that it knows agents and the map by.
+/// A trained network with its vocabularies of agent and map tokens.
 #[derive(Clone, Debug)]
 pub struct SmartPolicy {
-    /// Tokens of agents.
+    /// Vocabulary of agent tokens.
     pub vocabulary: Vocabulary,
-    /// Tokens of the map.
+    /// Vocabulary of map tokens.
     pub map_vocabulary: MapVocabulary,
     /// The network.
     pub network: Smart,
-    /// What the network makes of the tokens.
+    /// Embedding vectors of all tokens.
     pub tables: TokenTables,
 }
 
-/// The configuration in a file's metadata.
+/// Configuration in a file's metadata.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+struct StoredConfig {
     kind: String,
     network: serde_json::Value,
 }
 
-/// Why a file holds no such policy.
+/// Error from reading or building a policy.
 #[derive(Debug, thiserror::Error)]
 pub enum SmartPolicyError {
-    /// Its network.
+    /// Invalid network.
     #[error(transparent)]
     Network(#[from] LoadError),
-    /// Its tokens.
+    /// Invalid vocabulary.
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
-    /// Tokens of another network.
+    /// The vocabularies belong to another network.
     #[error(transparent)]
     Tokens(#[from] InputError),
-    /// A network of another kind.
+    /// The file holds another kind of network.
     #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: give it to the simulator that it was made for"
+        "the file holds a network of kind `{0}`, expected `{KIND}`: \
+         give it to the simulator that it was made for"
     )]
     Kind(String),
-    /// Tokens of another duration.
+    /// Tokens have another duration.
     #[error(
-        "`shift_frames` of the network's configuration is {0}, expected {TOKEN_FRAMES}: tokens of half a second at 10 Hz"
+        "`shift_frames` of the network's configuration is {0}, expected {TOKEN_FRAMES}: \
+         tokens of half a second at 10 Hz"
     )]
     Frames(usize),
 }
@@ -67,10 +69,10 @@ impl From<WeightsError> for SmartPolicyError {
 }
 
 impl SmartPolicy {
-    /// A network with its vocabularies.
+    /// Combines a network with its vocabularies.
     ///
     /// # Errors
-    /// [`SmartPolicyError`] if they are not of one another.
+    /// [`SmartPolicyError`] if they do not belong together.
     pub fn new(
         network: Smart,
         vocabulary: Vocabulary,
@@ -85,42 +87,43 @@ impl SmartPolicy {
         Ok(Self { vocabulary, map_vocabulary, network, tables })
     }
 
-    /// Reads the bytes of a file: what [`Self::write`] or `models/ntp/export.py` wrote.
+    /// Reads a policy from the bytes of a file written by [`Self::write`] or `models/ntp/export.py`.
     ///
     /// # Errors
-    /// [`SmartPolicyError`] that names the tensor, the token or the entry.
+    /// [`SmartPolicyError`] naming the tensor, token or entry.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, SmartPolicyError> {
         let mut tensors = Tensors::read(bytes)?;
-        let stored: Stored = tensors.config()?;
+        let stored: StoredConfig = tensors.config()?;
         if stored.kind != KIND {
             return Err(SmartPolicyError::Kind(stored.kind));
         }
         let config = SmartConfig::from_json(&stored.network.to_string()).map_err(LoadError::from)?;
         let vocabulary = Vocabulary::from_tables(&tensors.split_off(PREFIX))?;
         let map_vocabulary = MapVocabulary::from_tables(&tensors.split_off(MAP_PREFIX))?;
-        // Before the network, which a vocabulary of another count would make to look wrong.
+        // Check before loading the network: with a vocabulary of another size, the network would seem
+        // wrong.
         shapes(&vocabulary, &map_vocabulary).check(&config)?;
         Self::new(Smart::of_tensors(&config, tensors, device)?, vocabulary, map_vocabulary, device)
     }
 
-    /// The bytes of a file; `made` tells how it was made.
+    /// Returns the bytes of a file; `made` is metadata describing how it was made.
     ///
     /// # Errors
-    /// [`SmartPolicyError`] where what it was made of can not be written as text.
+    /// [`SmartPolicyError`] if the provenance cannot be serialized.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, SmartPolicyError> {
         let text = |e: serde_json::Error| WeightsError::Config(e.to_string());
         let (mut tables, entry) = self.vocabulary.tables()?;
         let (map_tables, map_entry) = self.map_vocabulary.tables()?;
         tables.extend(map_tables);
         let network = serde_json::to_value(self.network.config()).map_err(text)?;
-        let config = serde_json::to_string(&Stored { kind: KIND.to_owned(), network }).map_err(text)?;
+        let config = serde_json::to_string(&StoredConfig { kind: KIND.to_owned(), network }).map_err(text)?;
         let mut metadata = made.clone();
         metadata.extend([entry, map_entry, (CONFIG.to_owned(), config)]);
         Ok(save_with(&self.network, tables, &metadata))
     }
 }
 
-/// The tokens as the network sees them.
+/// Converts the vocabularies to the token shapes that the network reads.
 fn shapes(vocabulary: &Vocabulary, map: &MapVocabulary) -> Shapes {
     let contours = |class| {
         let ends = (0..vocabulary.tokens(class)).map(|token| vocabulary.contour(class, token));

@@ -1,18 +1,19 @@
-//! What goes into the network: plain lists, checked before anything is computed.
+//! Network input: plain lists, validated before any computation.
 
 use super::SmartConfig;
 
-/// The map as pieces of 5 m, P of them. All lists have one entry per piece.
+/// The map as P pieces of 5 m. All lists have one entry per piece.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapTokens {
-    /// Where pieces start, m.
+    /// Start of the piece, m.
     pub position: Vec<[f32; 2]>,
-    /// Heading of their first half metre, rad.
+    /// Heading of its first half metre, rad.
     pub orientation: Vec<f32>,
-    /// Which curve of the vocabulary they are most like.
+    /// Index of the most similar curve of the vocabulary.
     pub token: Vec<u32>,
-    /// 0 freeway, 1 surface street, 2 lane with stop sign, 3 bike lane, 4 road edge boundary, 5 road edge median, 6 broken line, 7 solid
-    /// single line, 8 double line, 9 crosswalk, speed bump or driveway.
+    /// 0 freeway, 1 surface street, 2 lane with stop sign, 3 bike lane, 4 road edge boundary, 5 road
+    /// edge median, 6 broken line, 7 solid single line, 8 double line, 9 crosswalk, speed bump or
+    /// driveway.
     pub kind: Vec<u8>,
     /// 0 lane, 1 road edge, 2 road line, 3 crosswalk.
     pub polygon: Vec<u8>,
@@ -20,7 +21,7 @@ pub struct MapTokens {
     pub light: Vec<u8>,
 }
 
-/// Who takes part, A agents.
+/// The A agents of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Agents {
     /// 0 vehicle, 1 pedestrian, 2 cyclist.
@@ -29,73 +30,73 @@ pub struct Agents {
     pub shape: Vec<[f32; 3]>,
 }
 
-/// Where all agents are at one step (every 0.5 s). All lists have one entry per agent.
+/// Poses of all agents at one step (every 0.5 s). All lists have one entry per agent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Step {
-    /// Centre, m. The published networks were trained with 0, 0 where it is not valid.
+    /// Box centre, m. The published networks were trained with 0, 0 for invalid steps.
     pub position: Vec<[f32; 2]>,
     /// Heading, rad.
     pub heading: Vec<f32>,
-    /// Whether the agent was there at this step and the one before.
+    /// Whether the agent was present at this step and the one before.
     pub valid: Vec<bool>,
-    /// The token that led here, of the agent's class; any in range where not valid.
+    /// Token of the agent's class that led here; any valid index if the step is invalid.
     pub token: Vec<u32>,
 }
 
-/// A map, who is on it, and where they were, oldest step first.
+/// Map, agents and their steps, oldest first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// The map.
+    /// Map.
     pub map: MapTokens,
-    /// Who takes part.
+    /// Agents.
     pub agents: Agents,
-    /// Where they were.
+    /// Steps of the agents.
     pub steps: Vec<Step>,
 }
 
-/// What a scene must not be.
+/// Reason why network input is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InputError {
-    /// Lists that should be equally long are not.
-    #[error("`{field}` has {found} entries, expected {expected}: one for each")]
+    /// Lists that should have equal lengths do not.
+    #[error("`{field}` has {found} entries, expected {expected}: one per entry of the other lists")]
     Length {
-        /// Which list.
+        /// Name of the list.
         field: &'static str,
-        /// How long it is.
+        /// Its length.
         found: usize,
-        /// How long it should be.
+        /// Expected length.
         expected: usize,
     },
-    /// A number is too large for what it names.
+    /// An index is too large.
     #[error("`{field}` {index} is {found}, expected a number below {below}")]
     Range {
-        /// Which list.
+        /// Name of the list.
         field: &'static str,
-        /// Which entry.
+        /// Index of the entry.
         index: usize,
-        /// What it is.
+        /// Value of the entry.
         found: usize,
-        /// What it must be below.
+        /// Bound that it must be below.
         below: usize,
     },
-    /// A number is infinite or none.
+    /// A number is NaN or infinite.
     #[error("`{field}` {index} is not finite")]
     NotFinite {
-        /// Which list.
+        /// Name of the list.
         field: &'static str,
-        /// Which entry.
+        /// Index of the entry.
         index: usize,
     },
-    /// A vocabulary of another size than the network's.
+    /// The vocabulary has another size than the network's.
     #[error(
-        "the vocabulary has {found} tokens of {of}, expected {expected}: it is not the one of this network"
+        "the vocabulary has {found} tokens of {of}, expected {expected}: it does not belong to this network"
     )]
     Vocabulary {
-        /// Of which class.
+        /// Class of the tokens, or the map.
         of: &'static str,
-        /// How many it has.
+        /// Number of tokens in the vocabulary.
         found: usize,
-        /// How many the network knows.
+        /// Number of tokens of the network.
         expected: usize,
     },
 }
@@ -130,20 +131,20 @@ fn finite<const D: usize>(
 }
 
 impl MapTokens {
-    /// How many pieces there are.
+    /// Returns the number of pieces.
     pub fn len(&self) -> usize {
         self.position.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }
 
-    /// Whether a network of these measures can read it.
+    /// Checks the input for a network with this configuration.
     ///
     /// # Errors
-    /// [`InputError`] that names list and entry.
+    /// [`InputError`] naming the list and entry.
     pub fn check(&self, config: &SmartConfig) -> Result<(), InputError> {
         length("map.orientation", &self.orientation, self.len())?;
         length("map.token", &self.token, self.len())?;
@@ -161,7 +162,7 @@ impl MapTokens {
         Ok(())
     }
 
-    /// Adds the pieces of another map.
+    /// Appends the pieces of another map.
     pub(super) fn append(&mut self, other: &Self) {
         self.position.extend_from_slice(&other.position);
         self.orientation.extend_from_slice(&other.orientation);
@@ -173,20 +174,20 @@ impl MapTokens {
 }
 
 impl Agents {
-    /// How many agents there are.
+    /// Returns the number of agents.
     pub fn len(&self) -> usize {
         self.class.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.class.is_empty()
     }
 
-    /// Whether a network can read them.
+    /// Checks the agents.
     ///
     /// # Errors
-    /// [`InputError`] that names list and entry.
+    /// [`InputError`] naming the list and entry.
     pub fn check(&self) -> Result<(), InputError> {
         length("agents.shape", &self.shape, self.len())?;
         below("agents.class", self.class.iter().map(|c| (usize::from(*c), 3)))?;
@@ -195,10 +196,10 @@ impl Agents {
 }
 
 impl Step {
-    /// Whether a network of these measures can read it, for these agents.
+    /// Checks the step for these agents and a network with this configuration.
     ///
     /// # Errors
-    /// [`InputError`] that names list and entry.
+    /// [`InputError`] naming the list and entry.
     pub fn check(&self, config: &SmartConfig, agents: &Agents) -> Result<(), InputError> {
         length("step.position", &self.position, agents.len())?;
         length("step.heading", &self.heading, agents.len())?;
@@ -213,10 +214,10 @@ impl Step {
 }
 
 impl Scene {
-    /// Whether a network of these measures can read it.
+    /// Checks the input for a network with this configuration.
     ///
     /// # Errors
-    /// [`InputError`] that names list and entry.
+    /// [`InputError`] naming the list and entry.
     pub fn check(&self, config: &SmartConfig) -> Result<(), InputError> {
         self.map.check(config)?;
         self.agents.check()?;

@@ -11,19 +11,20 @@ use super::super::tokens::TOKEN_FRAMES;
 use super::observed::{Participant, identities, map_tokens, step_at};
 use super::{EncodedMap, Episode, InputError, SmartPolicy};
 
-/// What the cards set.
+/// Parameters on the cards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SmartParameters {
-    /// Whether vehicles drive tokens within the limits of the benchmark, or jump as tokens do.
+    /// Whether vehicles drive tokens within the limits of the benchmark; otherwise tokens are executed
+    /// exactly.
     pub projection: bool,
-    /// How far from the AV, at the current frame, the map is known, metres.
+    /// Radius of the known map around the AV's position at the current frame, metres.
     #[serde(deserialize_with = "metres")]
     pub map_radius: f64,
-    /// Height of all agents, metres; scenarios have none.
+    /// Height of all agents, metres; scenarios do not record it.
     #[serde(deserialize_with = "metres")]
     pub height: f64,
-    /// How tokens are drawn.
+    /// Settings for drawing tokens.
     pub sampling: Sampling,
 }
 
@@ -32,14 +33,17 @@ fn metres<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     if value > 0.0 && value < 1e5 {
         return Ok(value);
     }
-    Err(serde::de::Error::custom(format!("{value} is no length; expected metres, above 0 and below 100000")))
+    Err(serde::de::Error::custom(format!(
+        "invalid length {value}; expected metres, above 0 and below 100000"
+    )))
 }
 
-/// Agents that move by tokens that the published network thinks probable.
+/// Simulator that moves agents by tokens drawn from the published network.
 ///
-/// Every 0.5 s, what agents and the AV truly did is matched to tokens anew, and a step of the network goes on from what it kept of the
-/// earlier ones. Plans that do not come every 0.5 s have steps of their own: there is one row of steps, 0.5 s apart, for each of the five
-/// frames at which it can begin, so that every plan sees steps that end now, and no step is computed twice.
+/// Every 0.5 s, the realized motion of agents and the AV is matched to tokens again, and the network
+/// computes one more step on top of the cached earlier ones. If plans are not 0.5 s apart, there is one
+/// chain of steps, 0.5 s apart, for each of the five frames at which it can begin: every plan sees steps
+/// that end at the current frame, and no step is computed twice.
 #[derive(Debug)]
 pub struct SmartSimulator {
     id: &'static str,
@@ -47,41 +51,41 @@ pub struct SmartSimulator {
     parameters: SmartParameters,
 }
 
-/// What is kept of an episode.
+/// Memory of an episode between plans.
 #[derive(Debug)]
-pub struct Mind {
+pub struct EpisodeMemory {
     participants: Vec<Participant>,
     /// The episode before its first step.
     fresh: Episode,
-    /// The rows of steps, by the frame of their last step modulo 5.
-    rows: [Option<Row>; TOKEN_FRAMES],
+    /// Chains of steps, by the frame of their last step modulo 5.
+    chains: [Option<StepChain>; TOKEN_FRAMES],
 }
 
-/// Steps 0.5 s apart.
+/// A chain of steps 0.5 s apart.
 #[derive(Clone, Debug)]
-struct Row {
+struct StepChain {
     /// Frame of the last step.
     frame: usize,
     episode: Episode,
 }
 
 impl SmartSimulator {
-    /// A simulator of this policy, under the id of its baseline.
+    /// Builds a simulator of this policy, under the id of its baseline.
     pub fn new(id: &'static str, policy: SmartPolicy, parameters: SmartParameters) -> Self {
         Self { id, policy, parameters }
     }
 
-    fn begin(&self, start: &Start) -> Result<Mind, InputError> {
+    fn begin(&self, start: &Start) -> Result<EpisodeMemory, InputError> {
         let SmartPolicy { network, tables, vocabulary, map_vocabulary } = &self.policy;
         let participants = Participant::all(start, vocabulary);
         let map = map_tokens(start, map_vocabulary, self.parameters.map_radius);
         let map: EncodedMap = network.encode_map(tables, &map)?;
         let agents = identities(start, &participants, self.parameters.height);
         let fresh = network.begin(tables, map, agents)?;
-        Ok(Mind { participants, fresh, rows: [const { None }; TOKEN_FRAMES] })
+        Ok(EpisodeMemory { participants, fresh, chains: [const { None }; TOKEN_FRAMES] })
     }
 
-    /// Adds the step at a frame; its scores.
+    /// Adds the step at a frame and returns its scores.
     fn step(
         &self,
         participants: &[Participant],
@@ -93,29 +97,30 @@ impl SmartSimulator {
         self.policy.network.step(&self.policy.tables, episode, step)
     }
 
-    /// Brings the row of steps that ends now up to date; its scores, and the row.
-    fn look(
+    /// Brings the chain of steps that ends at `now` up to date. Returns the scores of the newest step,
+    /// and the episode.
+    fn advance_chain(
         &self,
-        mind: &mut Mind,
+        memory: &mut EpisodeMemory,
         tracks: &[Vec<Frame>],
         now: usize,
     ) -> Result<(Tensor<2>, Episode), InputError> {
-        let place = &mut mind.rows[now % TOKEN_FRAMES];
-        let (first, mut episode) = match place.take() {
-            Some(row) if row.frame < now => (row.frame + TOKEN_FRAMES, row.episode),
-            _ => (TOKEN_FRAMES + now % TOKEN_FRAMES, mind.fresh.clone()),
+        let slot = &mut memory.chains[now % TOKEN_FRAMES];
+        let (first, mut episode) = match slot.take() {
+            Some(chain) if chain.frame < now => (chain.frame + TOKEN_FRAMES, chain.episode),
+            _ => (TOKEN_FRAMES + now % TOKEN_FRAMES, memory.fresh.clone()),
         };
         for frame in (first..now).step_by(TOKEN_FRAMES) {
-            let step = step_at(&mind.participants, tracks, frame, &self.policy.vocabulary);
+            let step = step_at(&memory.participants, tracks, frame, &self.policy.vocabulary);
             self.policy.network.advance(&self.policy.tables, &mut episode, step)?;
         }
-        let scores = self.step(&mind.participants, tracks, now, &mut episode)?;
-        *place = Some(Row { frame: now, episode: episode.clone() });
+        let scores = self.step(&memory.participants, tracks, now, &mut episode)?;
+        *slot = Some(StepChain { frame: now, episode: episode.clone() });
         Ok((scores, episode))
     }
 
-    /// Draws a token for everybody and moves them so.
-    fn act(
+    /// Draws a token for every participant and executes it.
+    fn move_participants(
         &self,
         participants: &[Participant],
         tracks: &mut [Vec<Frame>],
@@ -126,19 +131,19 @@ impl SmartSimulator {
         let width = scores.dims()[1];
         let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
         let agents = &episode.seen.start().agents;
-        for (i, (who, track)) in participants.iter().zip(tracks).enumerate() {
-            let (agent, vocabulary) = (&agents[who.slot], &self.policy.vocabulary);
+        for (i, (participant, track)) in participants.iter().zip(tracks).enumerate() {
+            let (agent, vocabulary) = (&agents[participant.slot], &self.policy.vocabulary);
             // Classes may have fewer tokens than there are columns.
-            let own = &scores[i * width..][..vocabulary.tokens(who.class)];
+            let own = &scores[i * width..][..vocabulary.tokens(participant.class)];
             let Some(token) = self.parameters.sampling.draw(own, episode.stream) else {
                 let (id, frame) = (&agent.id, episode.seen.frame());
                 return Err(PlanError::Failed(format!(
-                    "the network's scores for agent `{id}` after frame {frame} are no numbers"
+                    "the network's scores for agent `{id}` after frame {frame} are not numbers"
                 )));
             };
             let end = track.len() + TOKEN_FRAMES;
-            executor.execute(agent, who.class, vocabulary.poses(who.class, token), track);
-            // Who is absent stays so.
+            executor.execute(agent, participant.class, vocabulary.poses(participant.class, token), track);
+            // Absent agents stay absent.
             track.resize(end, None);
         }
         Ok(())
@@ -146,7 +151,7 @@ impl SmartSimulator {
 }
 
 impl SingleEpisode for SmartSimulator {
-    type Memory = Result<Mind, InputError>;
+    type Memory = Result<EpisodeMemory, InputError>;
 
     fn id(&self) -> &'static str {
         self.id
@@ -157,23 +162,30 @@ impl SingleEpisode for SmartSimulator {
     }
 
     fn plan_one(&self, memory: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
-        let failed = |e: InputError| PlanError::Failed(format!("the network can not read the scene: {e}"));
-        let mind = memory.as_mut().map_err(|e| failed(e.clone()))?;
+        let failed = |e: InputError| PlanError::Failed(format!("the network cannot read the scene: {e}"));
+        let memory = memory.as_mut().map_err(|e| failed(e.clone()))?;
         let (now, steps) = (episode.seen.frame(), episode.plan.steps());
-        let mut tracks: Vec<Vec<Frame>> = mind.participants.iter().map(|p| p.track(&episode.seen)).collect();
-        let (mut scores, mut row) = self.look(mind, &tracks, now).map_err(failed)?;
+        let mut tracks: Vec<Vec<Frame>> =
+            memory.participants.iter().map(|p| p.track(&episode.seen)).collect();
+        let (mut scores, mut planned) = self.advance_chain(memory, &tracks, now).map_err(failed)?;
         let mut executor = Executor::new(self.parameters.projection);
         for token in 0..steps.div_ceil(TOKEN_FRAMES) {
             if token > 0 {
-                // Steps that are only planned are not kept. The AV goes on by its own tokens.
+                // Planned steps are not kept. In planned steps the AV moves by its own tokens.
                 let frame = now + token * TOKEN_FRAMES;
-                scores = self.step(&mind.participants, &tracks, frame, &mut row).map_err(failed)?;
+                scores = self.step(&memory.participants, &tracks, frame, &mut planned).map_err(failed)?;
             }
-            self.act(&mind.participants, &mut tracks, scores.clone(), &mut executor, episode)?;
+            self.move_participants(
+                &memory.participants,
+                &mut tracks,
+                scores.clone(),
+                &mut executor,
+                episode,
+            )?;
         }
-        for (who, track) in mind.participants.iter().zip(&tracks) {
+        for (participant, track) in memory.participants.iter().zip(&tracks) {
             for k in 0..steps {
-                episode.plan.set(who.slot, k, track.get(now + 1 + k).copied().flatten());
+                episode.plan.set(participant.slot, k, track.get(now + 1 + k).copied().flatten());
             }
         }
         Ok(())

@@ -1,30 +1,32 @@
-//! The shapes of tokens, and what the network makes of them.
+//! Shapes of tokens, and their embedding vectors.
 
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::{InputError, Smart, SmartConfig};
 
-/// The shapes of all tokens.
+/// Shapes of all tokens.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vocabulary {
-    /// For vehicles, pedestrians and cyclists: the corners of the class's box after 0.5 s, x and y of left-front, right-front, right-back,
-    /// left-back, in m, in the frame of the pose before (x forward, y left).
+    /// Agent tokens for vehicles, pedestrians and cyclists: the corners of the class's box after 0.5 s,
+    /// x and y of left front, right front, right back, left back, in m, in the frame of the preceding
+    /// pose (x forward, y left).
     pub agents: [Vec<[f32; 8]>; 3],
-    /// For pieces of the map: 11 points, x and y, in m, from 0, 0 along x.
+    /// Map tokens: 11 points, x and y, in m, starting at 0, 0 along x.
     pub map: Vec<[f32; 22]>,
 }
 
-/// A vector for each token. Depends on weights and vocabulary alone, so it is made once.
+/// Embedding vectors of all tokens. They depend only on weights and vocabulary, so they are computed
+/// once.
 #[derive(Clone, Debug)]
 pub struct TokenTables {
-    /// Of the three classes, one after the other.
+    /// Vectors of agent tokens of the three classes, concatenated.
     agents: Tensor<2>,
     starts: [usize; 3],
     map: Tensor<2>,
 }
 
 impl Vocabulary {
-    /// Whether it has as many tokens as a network of these measures knows.
+    /// Checks the numbers of tokens against a network with this configuration.
     ///
     /// # Errors
     /// [`InputError::Vocabulary`].
@@ -46,10 +48,10 @@ impl Vocabulary {
 }
 
 impl Smart {
-    /// The vectors of all tokens.
+    /// Computes the vectors of all tokens.
     ///
     /// # Errors
-    /// [`InputError::Vocabulary`] if there are more or fewer than the network knows.
+    /// [`InputError::Vocabulary`] if their number is not that of the network.
     pub fn tables(&self, vocabulary: &Vocabulary, device: &Device) -> Result<TokenTables, InputError> {
         vocabulary.check(self.config())?;
         let mut starts = [0; 3];
@@ -66,23 +68,23 @@ impl Smart {
 }
 
 impl TokenTables {
-    /// Where they are.
+    /// Returns the device of the vectors.
     pub(super) fn device(&self) -> Device {
         self.map.device()
     }
 
-    /// The vectors of agents' tokens: (class, token) each.
+    /// Returns the vectors of agent tokens, each given as (class, token).
     pub(super) fn agents(&self, tokens: impl Iterator<Item = (u8, u32)>) -> Tensor<2> {
         pick(&self.agents, tokens.map(|(class, token)| self.starts[usize::from(class)] + token as usize))
     }
 
-    /// The vectors of map tokens.
+    /// Returns the vectors of map tokens.
     pub(super) fn map(&self, tokens: &[u32]) -> Tensor<2> {
         pick(&self.map, tokens.iter().map(|t| *t as usize))
     }
 }
 
-/// These rows of a table.
+/// Selects rows of a table.
 pub(super) fn pick(table: &Tensor<2>, rows: impl Iterator<Item = usize>) -> Tensor<2> {
     let rows: Vec<i32> = rows.map(|r| r as i32).collect();
     let count = rows.len();
@@ -92,7 +94,7 @@ pub(super) fn pick(table: &Tensor<2>, rows: impl Iterator<Item = usize>) -> Tens
     table.clone().select(0, Tensor::from_data(TensorData::new(rows, [count]), &table.device()))
 }
 
-/// Rows of numbers as a tensor.
+/// Converts rows of numbers to a tensor.
 pub(super) fn rows<const W: usize>(rows: &[[f32; W]], device: &Device) -> Tensor<2> {
     Tensor::from_data(TensorData::new(rows.as_flattened().to_vec(), [rows.len(), W]), device)
 }

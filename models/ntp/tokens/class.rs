@@ -1,4 +1,4 @@
-//! The classes of agents that have vocabularies of their own.
+//! Agent classes, each with its own vocabulary.
 
 use std::fmt;
 
@@ -23,7 +23,7 @@ impl Class {
     /// All classes, in the order of their indices.
     pub const ALL: [Self; 3] = [Self::Vehicle, Self::Pedestrian, Self::Cyclist];
 
-    /// The class of agents of a kind; agents of kind `other` have none.
+    /// Returns the class of agents of this kind; `None` for kind `other`.
     pub const fn of(kind: AgentKind) -> Option<Self> {
         match kind {
             AgentKind::Vehicle => Some(Self::Vehicle),
@@ -33,12 +33,12 @@ impl Class {
         }
     }
 
-    /// Its place in [`Class::ALL`].
+    /// Returns its index in [`Class::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The name in files.
+    /// Returns its name in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Vehicle => "vehicle",
@@ -47,8 +47,9 @@ impl Class {
         }
     }
 
-    /// Length and width of the box that stands for every agent of the class where motions are compared, metres (SMART, CATK). The distance of
-    /// its corners weighs position against heading.
+    /// Returns length and width in metres of the box that represents all agents of the class when
+    /// motions are compared (SMART, CATK). The distance between its corners weighs position against
+    /// heading.
     pub const fn matching_box(self) -> (f64, f64) {
         match self {
             Self::Vehicle => (4.8, 2.0),
@@ -57,7 +58,8 @@ impl Class {
         }
     }
 
-    /// The corners of the matching box at a pose: left front, right front, right back, left back.
+    /// Returns the corners of the matching box at a pose: left front, right front, right back, left
+    /// back.
     pub fn contour(self, pose: Pose) -> [Vec2; 4] {
         let (length, width) = self.matching_box();
         let ahead = direction(pose.heading);

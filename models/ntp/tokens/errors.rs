@@ -1,25 +1,26 @@
-//! How far tokens lead past what was recorded.
+//! Matching errors between tokens and recorded motion.
 
 use reactsim::scene::Scenario;
 
 use super::{Class, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, motion_between};
 
-/// Distances of tokenised from recorded poses: per step the mean distance of the corners of the class's matching box, metres.
+/// Distances between tokenized and recorded poses: mean corner distance of the class's matching box at
+/// each step, metres.
 #[derive(Clone, Debug, Default)]
 pub struct MatchingErrors {
     classes: [Vec<f32>; 3],
 }
 
-/// The errors of one class in short, metres.
+/// Summary of the errors of one class, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorSummary {
-    /// Tokens that were matched.
+    /// Number of matched tokens.
     pub count: usize,
     /// Mean.
     pub mean: f64,
     /// Median.
     pub p50: f64,
-    /// 99 % are at most this.
+    /// 99th percentile.
     pub p99: f64,
     /// Largest.
     pub max: f64,
@@ -47,7 +48,7 @@ impl MatchingErrors {
         }
     }
 
-    /// The errors of a class in short; `None` where there were none of it.
+    /// Returns the summary for a class; `None` if there are no errors of it.
     pub fn of(&self, class: Class) -> Option<ErrorSummary> {
         let mut errors = self.classes[class.index()].clone();
         errors.sort_by(f32::total_cmp);

@@ -1,4 +1,4 @@
-//! Vocabularies as bytes: our own files, and those of others.
+//! Vocabulary files: the native format and foreign layouts.
 
 use std::collections::HashMap;
 
@@ -10,23 +10,25 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{Class, ORIGIN, Provenance, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
 
-/// The entry of the metadata that says what the vocabulary was made of, as JSON. One entry, so that equal vocabularies are equal bytes.
-const MADE: &str = "reactsim.vocabulary";
-/// What the names of our tensors begin with.
+/// Key of the metadata entry that holds the provenance, as JSON. A single entry, so that equal
+/// vocabularies give equal bytes.
+const PROVENANCE_KEY: &str = "reactsim.vocabulary";
+/// Prefix of the names of native tensors.
 pub(crate) const PREFIX: &str = "vocabulary.";
-/// Names of our tensors `[tokens, 6, 3]`: x, y, heading.
-const OWN: [&str; 3] = ["vocabulary.vehicle", "vocabulary.pedestrian", "vocabulary.cyclist"];
-/// Names in files of poses that were taken from the releases of SMART and CATK, `[tokens, 6, 3]`.
-const POSES: [&str; 3] = ["veh.poses", "ped.poses", "cyc.poses"];
-/// Names in files of contours as CATK keeps them, `[tokens, 6, 4, 2]`: per pose the corners left front, right front, right back, left back.
-const CONTOURS: [&str; 3] = ["agent_token_all_veh", "agent_token_all_ped", "agent_token_all_cyc"];
+/// Names of native tensors `[tokens, 6, 3]`: x, y, heading.
+const NATIVE_TENSORS: [&str; 3] = ["vocabulary.vehicle", "vocabulary.pedestrian", "vocabulary.cyclist"];
+/// Names in files of poses taken from the releases of SMART and CATK, `[tokens, 6, 3]`.
+const POSE_TENSORS: [&str; 3] = ["veh.poses", "ped.poses", "cyc.poses"];
+/// Names in files of contours as CATK stores them, `[tokens, 6, 4, 2]`: corners of each pose, left
+/// front, right front, right back, left back.
+const CONTOUR_TENSORS: [&str; 3] = ["agent_token_all_veh", "agent_token_all_ped", "agent_token_all_cyc"];
 
 impl Vocabulary {
-    /// Reads a vocabulary: our own files, and the foreign layouts of poses and of contours.
+    /// Reads a vocabulary: native files, and the foreign layouts of poses and contours.
     ///
     /// # Errors
-    /// [`VocabularyError`] that names tensor and value where the bytes are cut short, tensors are missing, of another type or shape, or
-    /// tokens are not finite or do not start at the origin.
+    /// [`VocabularyError`] naming tensor and value if the bytes are cut short, tensors are missing or
+    /// have another type or shape, or tokens are not finite or do not start at the origin.
     pub fn read(bytes: &[u8]) -> Result<Self, VocabularyError> {
         let file = SafeTensors::deserialize(bytes)?;
         let (_, header) = SafeTensors::read_metadata(bytes)?;
@@ -34,29 +36,32 @@ impl Vocabulary {
         names.sort_unstable();
         let has = |layout: &[&str; 3]| layout.iter().all(|name| names.contains(name));
         let foreign = Provenance { method: "foreign".to_owned(), ..Provenance::default() };
-        if has(&POSES) {
-            return Self::new(each(&file, &POSES, poses)?, foreign);
+        if has(&POSE_TENSORS) {
+            return Self::new(each(&file, &POSE_TENSORS, poses)?, foreign);
         }
-        if has(&CONTOURS) {
-            return Self::new(each(&file, &CONTOURS, contours)?, foreign);
+        if has(&CONTOUR_TENSORS) {
+            return Self::new(each(&file, &CONTOUR_TENSORS, contours)?, foreign);
         }
-        // A file of another count of classes is not for us.
-        let made = header.metadata().as_ref().and_then(|m| m.get(MADE));
-        let Some(made) = made.filter(|_| names.len() == OWN.len() && has(&OWN)) else {
-            return Err(VocabularyError::Layout { expected: listed(&OWN), found: listed(&names) });
+        // Files with another number of classes are rejected.
+        let made = header.metadata().as_ref().and_then(|m| m.get(PROVENANCE_KEY));
+        let Some(made) = made.filter(|_| names.len() == NATIVE_TENSORS.len() && has(&NATIVE_TENSORS)) else {
+            return Err(VocabularyError::Layout { expected: listed(&NATIVE_TENSORS), found: listed(&names) });
         };
         let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
-        Self::new(each(&file, &OWN, poses)?, provenance)
+        Self::new(each(&file, &NATIVE_TENSORS, poses)?, provenance)
     }
 
-    /// Reads a vocabulary that lies beside other tensors, as [`Self::tables`] gave it, with the text of its making.
+    /// Reads a vocabulary from a file that also holds other tensors: the tensors of [`Self::tables`],
+    /// and the provenance in the metadata.
     ///
     /// # Errors
     /// [`VocabularyError`], as [`Self::read`].
     pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, VocabularyError> {
         let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
-        let Some(made) = tensors.metadata().get(MADE).filter(|_| found.len() == OWN.len()) else {
-            return Err(VocabularyError::Layout { expected: listed(&OWN), found: listed(&found) });
+        let Some(made) =
+            tensors.metadata().get(PROVENANCE_KEY).filter(|_| found.len() == NATIVE_TENSORS.len())
+        else {
+            return Err(VocabularyError::Layout { expected: listed(&NATIVE_TENSORS), found: listed(&found) });
         };
         let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
         let table = |name: &'static str| {
@@ -69,11 +74,14 @@ impl Vocabulary {
             let pose = |v: &[f64]| Pose { position: Vec2::new(v[0], v[1]), heading: v[2] };
             Ok(values.chunks_exact(TOKEN_POSES * 3).map(|token| token_of(token, 3, pose)).collect())
         };
-        Self::new([table(OWN[0])?, table(OWN[1])?, table(OWN[2])?], provenance)
+        Self::new(
+            [table(NATIVE_TENSORS[0])?, table(NATIVE_TENSORS[1])?, table(NATIVE_TENSORS[2])?],
+            provenance,
+        )
     }
 
-    /// The tokens as tensors `[tokens, 6, 3]` by name, and the entry of metadata that says what they were made of: what lies beside the
-    /// weights of a network that was trained with them.
+    /// Returns the tokens as tensors `[tokens, 6, 3]` by name, and the metadata entry with their
+    /// provenance. Both are stored with the weights of a network trained with them.
     ///
     /// # Errors
     /// [`VocabularyError::Provenance`].
@@ -83,15 +91,15 @@ impl Vocabulary {
             let tokens = (0..self.tokens(class)).flat_map(|t| self.poses(class, t));
             let values = tokens.flat_map(|p| [p.position.x, p.position.y, p.heading].map(|v| v as f32));
             let shape = vec![self.tokens(class), TOKEN_POSES, 3];
-            (OWN[class.index()].to_owned(), (shape, values.collect()))
+            (NATIVE_TENSORS[class.index()].to_owned(), (shape, values.collect()))
         });
-        Ok((tables.collect(), (MADE.to_owned(), made)))
+        Ok((tables.collect(), (PROVENANCE_KEY.to_owned(), made)))
     }
 
-    /// The bytes of a file that [`Self::read`] reads back as the same vocabulary.
+    /// Returns the bytes of a file that [`Self::read`] reads back as the same vocabulary.
     ///
     /// # Errors
-    /// [`VocabularyError`] where the vocabulary is too large for such a file.
+    /// [`VocabularyError`] if the vocabulary is too large for such a file.
     pub fn write(&self) -> Result<Vec<u8>, VocabularyError> {
         let made = serde_json::to_string(self.provenance()).map_err(VocabularyError::Provenance)?;
         let data = Class::ALL.map(|class| {
@@ -102,15 +110,15 @@ impl Vocabulary {
         let mut tensors = Vec::new();
         for (class, data) in Class::ALL.into_iter().zip(&data) {
             let shape = vec![self.tokens(class), TOKEN_POSES, 3];
-            tensors.push((OWN[class.index()], TensorView::new(Dtype::F32, shape, data)?));
+            tensors.push((NATIVE_TENSORS[class.index()], TensorView::new(Dtype::F32, shape, data)?));
         }
-        Ok(safetensors::serialize(tensors, Some(HashMap::from([(MADE.to_owned(), made)])))?)
+        Ok(safetensors::serialize(tensors, Some(HashMap::from([(PROVENANCE_KEY.to_owned(), made)])))?)
     }
 }
 
 type Decode = fn(&str, &TensorView<'_>) -> Result<Vec<TokenPoses>, VocabularyError>;
 
-/// The tokens of every class, from its tensor.
+/// Decodes the tokens of every class from its tensor.
 fn each(
     file: &SafeTensors<'_>,
     names: &[&str; 3],
@@ -120,7 +128,7 @@ fn each(
     Ok([tokens(0)?, tokens(1)?, tokens(2)?])
 }
 
-/// The tokens of a tensor of poses.
+/// Decodes the tokens of a tensor of poses.
 fn poses(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, VocabularyError> {
     let expected = "[tokens, 6, 3]";
     let values = values(name, tensor, &[TOKEN_POSES, 3], expected)?;
@@ -128,7 +136,8 @@ fn poses(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, Vocabul
     Ok(values.chunks_exact(TOKEN_POSES * 3).map(|token| token_of(token, 3, pose)).collect())
 }
 
-/// The tokens of a tensor of contours: the centre is the mean of the corners, the heading points from the left back to the left front one.
+/// Decodes the tokens of a tensor of contours: the centre is the mean of the corners, and the heading
+/// points from the left back corner to the left front one.
 fn contours(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, VocabularyError> {
     let expected = "[tokens, 6, 4, 2]";
     let values = values(name, tensor, &[TOKEN_POSES, 4, 2], expected)?;
@@ -142,7 +151,7 @@ fn contours(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, Voca
     Ok(values.chunks_exact(TOKEN_POSES * 8).map(|token| token_of(token, 8, pose)).collect())
 }
 
-/// The poses of one token, from so many values each.
+/// Builds the poses of one token from `each` values per pose.
 fn token_of(values: &[f64], each: usize, pose: impl Fn(&[f64]) -> Pose) -> TokenPoses {
     let mut poses = [ORIGIN; TOKEN_POSES];
     for (to, from) in poses.iter_mut().zip(values.chunks_exact(each)) {
@@ -151,7 +160,7 @@ fn token_of(values: &[f64], each: usize, pose: impl Fn(&[f64]) -> Pose) -> Token
     poses
 }
 
-/// The values of a tensor of tokens, the dimensions after the first of which are given.
+/// Returns the values of a tensor of tokens; `inner` holds its dimensions after the first.
 fn values(
     name: &str,
     tensor: &TensorView<'_>,
@@ -169,7 +178,7 @@ fn values(
     Ok(tensor.data().chunks_exact(4).map(number).collect())
 }
 
-/// The first names of a list, as a message shows them.
+/// Formats the first names of a list for a message.
 fn listed(names: &[&str]) -> String {
     const SHOWN: usize = 8;
     let mut text = names.iter().take(SHOWN).map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");

@@ -1,4 +1,4 @@
-//! k-disks: tokens drawn from recorded motions, none near another (SMART, CATK).
+//! k-disks: tokens drawn from recorded motions with a minimum distance (SMART, CATK).
 
 use rand::RngExt;
 use reactsim::dynamics::Pose;
@@ -10,24 +10,25 @@ use serde::Serialize;
 use super::token_set::corner_distance;
 use super::{BuildError, Class, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
 
-/// Draws a motion, makes the mean of all near it a token, takes them away, and goes on.
+/// Repeatedly draws a motion, makes the mean of all motions near it a token, and removes them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KDisks {
-    /// Tokens per class, fewer where the motions come to an end.
+    /// Number of tokens per class; fewer if the motions are exhausted.
     pub tokens: usize,
-    /// How contours are compared.
+    /// Distance measure of contours.
     pub distance: CornerDistance,
-    /// Motions nearer than this are one token, metres; per class in the order of [`Class::ALL`].
+    /// Distance in metres below which motions are merged into one token, per class in the order of
+    /// [`Class::ALL`].
     pub tolerance: [f64; 3],
-    /// Whether token 0 stands exactly still.
+    /// Whether token 0 is an exact standstill.
     pub stand_still: bool,
-    /// Whether every token comes with its mirror image.
+    /// Whether every token has its mirror image in the vocabulary.
     pub symmetric: bool,
-    /// Motions that no road user makes are left out.
+    /// Bounds beyond which motions are discarded as implausible.
     pub quality: Option<Quality>,
 }
 
-/// The distance of two contours.
+/// Distance measure of two contours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CornerDistance {
@@ -37,18 +38,20 @@ pub enum CornerDistance {
     RootMeanSquare,
 }
 
-/// Bounds of motions that are taken.
+/// Bounds of accepted motions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quality {
-    /// Largest change of speed, m/s².
+    /// Largest acceleration or deceleration, m/s².
     pub acceleration: f64,
-    /// Largest curvature, 1/m; not asked of pedestrians, nor below 0.6 m/s, where it means nothing.
+    /// Largest curvature, 1/m. Not applied to pedestrians, nor below 0.6 m/s, where curvature is
+    /// meaningless.
     pub curvature: f64,
 }
 
 impl Default for KDisks {
-    /// As CATK's vocabulary `555_s2`, but without motions that are faults of the recording, and finer for those of whom less is recorded: at
-    /// 0.05 m their motions come to an end long before the tokens do, and what is left follows a log no nearer than that.
+    /// Settings of CATK's vocabulary `555_s2`, but without motions caused by recording faults, and with
+    /// finer tolerances for classes with less data: at 0.05 m their motions are exhausted long before
+    /// the tokens are, and the result follows logs no closer than that.
     fn default() -> Self {
         Self {
             tokens: 2048,
@@ -62,7 +65,7 @@ impl Default for KDisks {
 }
 
 impl KDisks {
-    /// As SMART's script.
+    /// Returns the settings of SMART's script.
     pub fn smart() -> Self {
         Self {
             distance: CornerDistance::RootMeanSquare,
@@ -86,9 +89,10 @@ impl KDisks {
     }
 }
 
+/// Name of the method in files and messages.
 const METHOD: &str = "k-disks";
-/// Below this speed curvature is not asked for, m/s (as in the benchmark's metric).
-const CURVATURE_FROM: f64 = 0.6;
+/// Speed below which curvature is not checked, m/s (as in the benchmark's metric).
+const MIN_CURVATURE_SPEED: f64 = 0.6;
 
 impl Tokenizer for KDisks {
     fn method(&self) -> &'static str {
@@ -102,13 +106,13 @@ impl Tokenizer for KDisks {
     fn tokens(&self, class: Class, segments: &Segments) -> Result<Vec<TokenPoses>, BuildError> {
         self.check()?;
         let mut motions: Vec<TokenPoses> =
-            segments.of(class).iter().filter(|m| self.takes(class, m)).copied().collect();
+            segments.of(class).iter().filter(|m| self.is_plausible(class, m)).copied().collect();
         if self.symmetric {
             let mirrored: Vec<_> = motions.iter().map(mirror).collect();
             motions.extend(mirrored);
         }
         if motions.is_empty() {
-            let needed = "at least one that no fault of the recording made".to_owned();
+            let needed = "at least one without recording faults".to_owned();
             let segments = segments.of(class).len();
             return Err(BuildError::NoData { class, segments, method: METHOD, needed });
         }
@@ -131,23 +135,24 @@ impl Tokenizer for KDisks {
             }
             let other = mirror(&drawn);
             if pool.are_near(&drawn, &other) {
-                // Nearly its own mirror image: made exactly so, with those that are near on the other side.
+                // Nearly its own mirror image: made exactly symmetric, merged with the motions near the
+                // mirror image.
                 pool.gather(&other);
                 tokens.push(token.map(|p| Pose { position: Vec2::new(p.position.x, 0.0), heading: 0.0 }));
             } else if tokens.len() + 2 <= self.tokens {
                 pool.gather(&other);
                 tokens.extend([token, mirror(&token)]);
             }
-            // Otherwise one place is left, which a pair does not fit into: the next draw may.
+            // Otherwise only one token is left, too few for a pair; a later draw may be symmetric.
         }
         Ok(tokens)
     }
 }
 
 impl KDisks {
-    /// Whether a motion can be one of a class.
-    fn takes(&self, class: Class, motion: &TokenPoses) -> bool {
-        // SMART's window: nobody is faster.
+    /// Returns whether a motion is plausible for a class.
+    fn is_plausible(&self, class: Class, motion: &TokenPoses) -> bool {
+        // Window of SMART: no agent is faster.
         let front = class.contour(motion[TOKEN_FRAMES])[0];
         if !(-10.0..=50.0).contains(&front.x) || front.y.abs() > 10.0 {
             return false;
@@ -158,17 +163,17 @@ impl KDisks {
             .map(|w| ((w[1].position - w[0].position).norm(), wrap(w[1].heading - w[0].heading).abs()))
             .collect();
         let accelerates = steps.windows(2).any(|w| (w[1].0 - w[0].0).abs() > quality.acceleration * DT * DT);
-        let turns = steps.iter().any(|s| s.0 > CURVATURE_FROM * DT && s.1 > quality.curvature * s.0);
+        let turns = steps.iter().any(|s| s.0 > MIN_CURVATURE_SPEED * DT && s.1 > quality.curvature * s.0);
         !accelerates && (class == Class::Pedestrian || !turns)
     }
 }
 
-/// The motions that were not taken yet.
+/// Motions that are not merged into a token yet.
 struct Pool {
     class: Class,
     motions: Vec<TokenPoses>,
     contours: Vec<[Vec2; 4]>,
-    /// Where they end, and their indices.
+    /// End points and indices of the remaining motions.
     left: Vec<(Vec2, u32)>,
     distance: CornerDistance,
     tolerance: f64,
@@ -181,18 +186,19 @@ impl Pool {
         Self { class, motions, contours, left, distance, tolerance }
     }
 
-    /// One of those that are left.
+    /// Returns one of the remaining motions.
     fn motion(&self, at: usize) -> TokenPoses {
         self.motions[self.left[at].1 as usize]
     }
 
-    /// Takes away the motions near one, and gives them.
+    /// Removes and returns the motions near `about`.
     fn gather(&mut self, about: &TokenPoses) -> Vec<TokenPoses> {
         let mut left = std::mem::take(&mut self.left);
         let end = about[TOKEN_FRAMES];
         let contour = self.class.contour(end);
         let mut near = Vec::new();
-        // The distance of the centres is at most that of the corners, by either measure; rounding aside.
+        // By either measure the distance of the centres is at most that of the corners, except for
+        // rounding.
         let reach = self.tolerance + 1e-9;
         left.retain(|&(at, i)| {
             let far = (at - end.position).norm_squared() > reach * reach;
@@ -221,12 +227,13 @@ impl Pool {
     }
 }
 
-/// The same to the other side.
+/// Returns the mirror image of a motion.
 pub(super) fn mirror(poses: &TokenPoses) -> TokenPoses {
     poses.map(|p| Pose { position: Vec2::new(p.position.x, -p.position.y), heading: -p.heading })
 }
 
-/// The mean of motions; headings are averaged about those of one of them, so that half a turn is no matter.
+/// Returns the mean of motions. Headings are averaged relative to those of `about`, so that wrapping
+/// does not matter.
 pub(super) fn mean(motions: &[TokenPoses], about: &TokenPoses) -> TokenPoses {
     let n = motions.len().max(1) as f64;
     let mut mean = [ORIGIN; TOKEN_POSES];

@@ -1,4 +1,4 @@
-//! The kinematic vocabulary: motions at constant speed and curvature, on a grid of both. No data are needed.
+//! Kinematic vocabulary: motions at constant speed and curvature on a grid of both. It needs no data.
 
 use std::f64::consts::TAU;
 
@@ -12,9 +12,11 @@ use super::{
     Vocabulary, VocabularyError,
 };
 
-/// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0 stands exactly still.
+/// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0
+/// is an exact standstill.
 ///
-/// The idea of choosing actions from a kinematic grid is that of KiGRAS (2407.12940); levels are ours, fitted by eye to where logs move.
+/// Choosing actions from a kinematic grid follows KiGRAS (2407.12940); the levels are our own, fitted by
+/// eye to recorded motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Kinematic {
     /// Cars, trucks, buses and the AV.
@@ -30,33 +32,36 @@ pub struct Kinematic {
 pub struct ArcGrid {
     /// Levels of speed, slow to fast.
     pub bands: Vec<Band>,
-    /// Levels in reverse.
+    /// Levels of speed in reverse.
     pub reverse: Vec<Band>,
     /// Largest curvature, 1/m.
     pub curvature: f64,
     /// Largest lateral acceleration, m/s².
     pub lateral: f64,
-    /// How far the point that is driven along the arc, the rear axle, lies behind the box centre, metres.
+    /// Distance in metres of the rear axle, which drives along the arc, behind the box centre.
     pub axle: f64,
-    /// Which part of the curvatures is spread evenly; the rest grows with the square, which makes levels denser near straight on.
+    /// Fraction of the curvature that is spaced evenly; the rest grows with the square, which makes
+    /// levels denser near straight.
     pub even: f64,
 }
 
-/// Levels of speed with one spacing, from the end of the band before (or 0) on.
+/// Levels of speed with one spacing, starting at the end of the previous band (or 0).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Band {
-    /// Fastest level, m/s.
+    /// Highest speed, m/s.
     pub to: f64,
     /// Spacing, m/s.
     pub step: f64,
-    /// Levels of curvature (or directions) at each speed: an odd number has one straight on.
+    /// Number of curvatures (or directions) at each speed; an odd number includes straight on.
     pub turns: usize,
 }
 
-/// Walking: levels of speed, in all directions without turning and ahead with turning, and turning on the spot.
+/// Grid of walking: levels of speed in all directions without turning, and ahead with turning; and turns
+/// on the spot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PolarGrid {
-    /// Levels of speed; `turns` directions each, evenly spread over the circle, the heading kept.
+    /// Levels of speed, with `turns` directions each, spaced evenly over the circle, at constant
+    /// heading.
     pub bands: Vec<Band>,
     /// Turns while walking ahead, radians in half a second, to both sides.
     pub walking_turns: Vec<f64>,
@@ -101,10 +106,10 @@ impl Default for Kinematic {
 }
 
 impl Kinematic {
-    /// The vocabulary of this grid.
+    /// Builds the vocabulary of this grid.
     ///
     /// # Errors
-    /// [`VocabularyError`] where a setting is not finite.
+    /// [`VocabularyError`] if a setting is not finite.
     pub fn build(&self) -> Result<Vocabulary, VocabularyError> {
         let settings = serde_json::to_value(self).map_err(VocabularyError::Provenance)?;
         let provenance = Provenance { method: "kinematic".to_owned(), settings, ..Provenance::default() };
@@ -134,11 +139,11 @@ impl Tokenizer for Kinematic {
     }
 }
 
-/// Every level of speed of some bands, with its number of turns.
+/// Returns every speed of some bands, with its number of turns.
 fn levels(bands: &[Band]) -> Vec<(f64, usize)> {
     let (mut levels, mut from) = (Vec::new(), 0.0);
     for band in bands {
-        // Half a thousandth of a step makes up for rounding.
+        // Half a thousandth of a step compensates for rounding.
         let count = ((band.to - from) / band.step + 5e-4).floor();
         let count = if count.is_finite() { count.clamp(0.0, 1e4) as usize } else { 0 };
         levels.extend((1..=count).map(|i| (from + band.step * i as f64, band.turns)));
@@ -163,7 +168,7 @@ impl ArcGrid {
         tokens
     }
 
-    /// The box centre while the rear axle drives along an arc.
+    /// Returns the poses of the box centre while the rear axle drives along an arc.
     fn arc(&self, speed: f64, curvature: f64) -> TokenPoses {
         let axle = Pose { position: Vec2::new(-self.axle, 0.0), heading: 0.0 };
         let mut poses = [ORIGIN; TOKEN_POSES];
@@ -178,10 +183,10 @@ impl ArcGrid {
 impl PolarGrid {
     fn tokens(&self) -> Vec<TokenPoses> {
         let mut tokens = vec![[ORIGIN; TOKEN_POSES]];
-        let mut both = |way: Vec2, turn: f64| {
+        let mut both = |displacement: Vec2, turn: f64| {
             for side in [-1.0, 1.0] {
-                tokens.push(walk(Vec2::new(way.x, way.y * side), turn * side));
-                if way.y == 0.0 && turn == 0.0 {
+                tokens.push(walk(Vec2::new(displacement.x, displacement.y * side), turn * side));
+                if displacement.y == 0.0 && turn == 0.0 {
                     break;
                 }
             }
@@ -190,27 +195,27 @@ impl PolarGrid {
             both(Vec2::zeros(), turn);
         }
         for (speed, directions) in levels(&self.bands) {
-            let way = speed * DT * TOKEN_FRAMES as f64;
+            let distance = speed * DT * TOKEN_FRAMES as f64;
             // Half of the circle: the other half is its mirror image.
             for i in 0..=directions / 2 {
                 let straight = i == 0 || 2 * i == directions;
                 let to = direction(TAU * i as f64 / directions.max(1) as f64);
-                both(if straight { Vec2::new(to.x.round(), 0.0) } else { to } * way, 0.0);
+                both(if straight { Vec2::new(to.x.round(), 0.0) } else { to } * distance, 0.0);
             }
             for &turn in &self.walking_turns {
-                both(direction(0.5 * turn) * way, turn);
+                both(direction(0.5 * turn) * distance, turn);
             }
         }
         tokens
     }
 }
 
-/// Straight to a point, turning evenly.
-fn walk(way: Vec2, turn: f64) -> TokenPoses {
+/// Returns a straight motion to a point, turning at a constant rate.
+fn walk(displacement: Vec2, turn: f64) -> TokenPoses {
     let mut poses = [ORIGIN; TOKEN_POSES];
     for (i, pose) in poses.iter_mut().enumerate().skip(1) {
         let share = i as f64 / TOKEN_FRAMES as f64;
-        *pose = Pose { position: way * share, heading: wrap(turn * share) };
+        *pose = Pose { position: displacement * share, heading: wrap(turn * share) };
     }
     poses
 }

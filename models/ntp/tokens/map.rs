@@ -1,42 +1,42 @@
-//! The map as CATK's network sees it: pieces of 5 m that are matched to curves of a vocabulary.
+//! The map for CATK's network: pieces of 5 m that are matched to the curves of a vocabulary.
 
 use reactsim::geometry::{Polyline, Vec2, direction, heading_of, into_frame};
 use reactsim::scene::{CURRENT, LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
-use super::map_pieces::{LONGEST, edge_rings};
+use super::map_pieces::{MAX_LINE_LENGTH, edge_rings};
 
 /// Spacing of points along a piece, metres.
 const SPACING: f64 = 0.5;
-/// Steps along a whole piece: 5 m.
+/// Number of spacings in a whole piece, which is 5 m long.
 const STEPS: usize = 10;
-/// Points of the curve of a piece.
+/// Number of points of a piece's curve.
 pub const CURVE_POINTS: usize = STEPS + 1;
-/// Where two points are farther apart than this, a line ends and another one begins, metres.
-const TORN: f64 = 3.0;
-/// In maps of chains of points so much of the lanes may be torn.
-const MOST_TORN: f64 = 0.1;
-/// Left over points are a piece of their own from so many on.
-const LEAST_LEFT: usize = 3;
+/// Distance between two points above which a line is split, metres.
+const MAX_POINT_GAP: f64 = 3.0;
+/// Largest fraction of the length of lanes with such gaps in a map that counts as sampled.
+const MAX_GAP_FRACTION: f64 = 0.1;
+/// Smallest number of remaining points that form a piece of their own.
+const MIN_REMAINING_POINTS: usize = 3;
 /// Spacing of points along the sides of crosswalks, metres.
 const CROSSWALK_SPACING: f64 = 1.0;
 
 /// A piece of a line of the map, about 5 m long.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvePiece {
-    /// Points 0.5 m apart, scenario frame: 11 of them, or 3 to 10 in what was left over of a line.
+    /// Points 0.5 m apart, scenario frame: 11 of them, or 3 to 10 for the rest of a line.
     pub points: Vec<Vec2>,
-    /// What it is part of.
+    /// Kind of line that it is part of.
     pub kind: CurveKind,
-    /// What the light of its lane shows now.
+    /// Current state of the light of its lane.
     pub light: LightCode,
 }
 
-/// What a piece is part of (the point types of CATK, in the order of their codes).
+/// Kind of a piece (the point types of CATK, in the order of their codes).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurveKind {
     /// A lane of a motorway.
     Freeway,
-    /// Another lane.
+    /// Any other lane.
     SurfaceStreet,
     /// A lane with a stop sign.
     StopSign,
@@ -56,12 +56,12 @@ pub enum CurveKind {
     Crosswalk,
 }
 
-/// What a light shows, as CATK tells it, in the order of its codes.
+/// Light state in CATK's terms, in the order of its codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightCode {
     /// There is no light.
     None,
-    /// Seen, colour unknown.
+    /// Observed, colour unknown.
     Unknown,
     /// Red, flashing or not, arrow or not.
     Stop,
@@ -75,12 +75,12 @@ impl CurveKind {
     /// Number of kinds.
     pub const COUNT: usize = 10;
 
-    /// The code 0 to 9.
+    /// Returns the code, 0 to 9.
     pub const fn code(self) -> usize {
         self as usize
     }
 
-    /// The code of the kind of line: 0 lane, 1 road edge, 2 road line, 3 crosswalk.
+    /// Returns the code of the type of line: 0 lane, 1 road edge, 2 road line, 3 crosswalk.
     pub const fn line_code(self) -> usize {
         match self {
             Self::Freeway | Self::SurfaceStreet | Self::StopSign | Self::BikeLane => 0,
@@ -95,7 +95,7 @@ impl LightCode {
     /// Number of codes.
     pub const COUNT: usize = 5;
 
-    /// The code 0 to 4.
+    /// Returns the code, 0 to 4.
     pub const fn code(self) -> usize {
         self as usize
     }
@@ -113,23 +113,24 @@ impl From<LightState> for LightCode {
 }
 
 impl CurvePiece {
-    /// Where it begins.
+    /// Returns its first point.
     pub fn start(&self) -> Vec2 {
         self.points[0]
     }
 
-    /// Direction of its first half metre, radians.
+    /// Returns the heading of its first half metre, radians.
     pub fn heading(&self) -> f64 {
         heading_of(self.points[1] - self.points[0])
     }
 
-    /// Its first, middle and last point, by which it is matched.
+    /// Returns its first, middle and last point, by which it is matched.
     pub fn samples(&self) -> [Vec2; 3] {
         let last = self.points.len() - 1;
         [self.points[0], self.points[last / 2], self.points[last]]
     }
 
-    /// Eleven points evenly along it, in the frame of its start: first point 0, 0, first chord along x.
+    /// Returns eleven evenly spaced points in the frame of its start: the first point is 0, 0, and the
+    /// first chord is along x.
     pub fn curve(&self) -> [Vec2; CURVE_POINTS] {
         let ahead = direction(self.heading());
         let last = (self.points.len() - 1) as f64;
@@ -142,10 +143,10 @@ impl CurvePiece {
     }
 }
 
-/// All pieces of a map, in its order: lanes, road edges, road lines, crosswalks, speed bumps, driveways. Maps without road edges get
-/// pieces along the edge of their drivable area.
+/// Returns all pieces of a map, in its order: lanes, road edges, road lines, crosswalks, speed bumps,
+/// driveways. Maps without road edges get pieces along the edge of their drivable area.
 ///
-/// Maps that are drawn with few points are sampled first; of chains of points, such as Waymo's, wide gaps are where lines end.
+/// Maps with sparse points are resampled first. In sampled maps, such as Waymo's, wide gaps end a line.
 pub fn curve_pieces(start: &Start) -> Vec<CurvePiece> {
     let map = &start.map;
     let mut lights = vec![LightCode::None; map.lanes.len()];
@@ -194,7 +195,7 @@ fn lane_kind(map: &RoadMap, lane: usize) -> CurveKind {
     }
 }
 
-/// The two long sides of a crossing, each there and back, as one line.
+/// Returns the two long sides of a crossing, each back and forth, as one line.
 fn crossing_line(outline: &[Vec2]) -> Vec<Vec2> {
     let n = outline.len();
     if n < 4 {
@@ -205,14 +206,14 @@ fn crossing_line(outline: &[Vec2]) -> Vec<Vec2> {
     let sides = if length(0, 1) > length(1, 2) { [(0, 1), (2, 3)] } else { [(0, 3), (2, 1)] };
     let mut line = Vec::new();
     for (a, b) in sides {
-        let (from, way) = (corner(a), corner(b) - corner(a));
-        let length = way.norm();
-        if !(length > 0.0 && length <= LONGEST) {
+        let (from, chord) = (corner(a), corner(b) - corner(a));
+        let length = chord.norm();
+        if !(length > 0.0 && length <= MAX_LINE_LENGTH) {
             continue;
         }
         let steps = (length / CROSSWALK_SPACING).floor() as usize;
         let mut side: Vec<Vec2> =
-            (0..=steps).map(|i| from + way * (i as f64 * CROSSWALK_SPACING / length)).collect();
+            (0..=steps).map(|i| from + chord * (i as f64 * CROSSWALK_SPACING / length)).collect();
         side.push(corner(b));
         line.extend(side.iter().copied());
         line.extend(side.into_iter().rev());
@@ -220,24 +221,26 @@ fn crossing_line(outline: &[Vec2]) -> Vec<Vec2> {
     line
 }
 
-/// Whether the lines of a map are chains of points so close that a gap is a tear. In maps drawn with few points it is not.
+/// Returns whether the lines of a map are sampled so densely that a gap separates two lines. In maps
+/// with sparse points it does not.
 fn is_sampled(map: &RoadMap) -> bool {
     let (mut all, mut wide) = (0.0, 0.0);
     for line in map.lanes.iter().map(|l| &l.baseline) {
         all += line.length();
-        wide += line.arc().windows(2).map(|w| w[1] - w[0]).filter(|step| *step > TORN).sum::<f64>();
+        wide += line.arc().windows(2).map(|w| w[1] - w[0]).filter(|step| *step > MAX_POINT_GAP).sum::<f64>();
     }
-    wide <= MOST_TORN * all
+    wide <= MAX_GAP_FRACTION * all
 }
 
-/// Pieces that were cut so far.
+/// Pieces that are cut so far.
 struct Pieces {
     sampled: bool,
     pieces: Vec<CurvePiece>,
 }
 
 impl Pieces {
-    /// Cuts a line. Its last point does not count, and lines of two points are none (as in the published preparation of the data).
+    /// Cuts a line. Its last point is dropped and lines of two points are skipped, as in the published
+    /// data preparation.
     fn cut(&mut self, line: &[Vec2], kind: CurveKind, light: LightCode) {
         let dense;
         let line = if self.sampled {
@@ -252,14 +255,14 @@ impl Pieces {
         let line = &line[..line.len() - 1];
         let mut first = 0;
         for i in 1..=line.len() {
-            if i == line.len() || (line[i] - line[i - 1]).norm() > TORN {
+            if i == line.len() || (line[i] - line[i - 1]).norm() > MAX_POINT_GAP {
                 self.cut_whole(&line[first..i], kind, light);
                 first = i;
             }
         }
     }
 
-    /// Cuts a line that is not torn.
+    /// Cuts a line without gaps.
     fn cut_whole(&mut self, line: &[Vec2], kind: CurveKind, light: LightCode) {
         let points = resampled(line);
         let mut first = 0;
@@ -267,17 +270,19 @@ impl Pieces {
             self.pieces.push(CurvePiece { points: points[first..=first + STEPS].to_vec(), kind, light });
             first += STEPS;
         }
-        // The point where the last whole piece ends is not left over, but begins what is.
+        // The end point of the last whole piece does not count as remaining, but begins the rest.
         let left = points.len() - if first == 0 { 0 } else { first + 1 };
-        if left >= LEAST_LEFT {
+        if left >= MIN_REMAINING_POINTS {
             self.pieces.push(CurvePiece { points: points[first..].to_vec(), kind, light });
         }
     }
 }
 
-/// Points every half metre along a line, and its last one. None where the line has no length.
+/// Returns points every half metre along a line, and its last one; none if the line has no length.
 fn resampled(line: &[Vec2]) -> Vec<Vec2> {
-    let Some(line) = Polyline::new(line).ok().filter(|l| l.length() <= LONGEST) else { return Vec::new() };
+    let Some(line) = Polyline::new(line).ok().filter(|l| l.length() <= MAX_LINE_LENGTH) else {
+        return Vec::new();
+    };
     let (mut points, mut segment) = (Vec::new(), 0);
     let mut step = 0_u32;
     loop {

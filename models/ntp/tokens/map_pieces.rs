@@ -1,53 +1,54 @@
-//! The map as our own network sees it: pieces of lines, each as eleven points.
+//! The map for our own network: pieces of lines, each as eleven points.
 
 use reactsim::geometry::{Bounds, Polygon, Polyline, Vec2, ring_area, union_of};
 use reactsim::scene::{LaneClass, LaneKind, RoadEdgeKind, RoadMap, StopKind};
 
-/// Points of a piece.
+/// Number of points of a piece.
 pub const PIECE_POINTS: usize = 11;
-/// Length of a piece, metres; the last one of a line is what is left.
-const PIECE: f64 = 5.0;
-/// What is left is joined to the piece before if it is shorter than this, metres.
-const SHORT: f64 = 0.5;
+/// Length of a piece, metres; the last piece of a line is the remainder.
+const PIECE_LENGTH: f64 = 5.0;
+/// Length below which the remainder of a line is joined to the previous piece, metres.
+const MIN_REMAINDER: f64 = 0.5;
 
-/// Lines that are longer are faults of the map, metres.
-pub(super) const LONGEST: f64 = 1e5;
+/// Length above which a line counts as a fault of the map, metres.
+pub(super) const MAX_LINE_LENGTH: f64 = 1e5;
 
 /// A piece of a line of the map, at most 5.5 m long.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapPiece {
-    /// Points at equal distances along it, both ends included; scenario frame. Lanes run in driving direction, edges with the road on their left.
+    /// Equidistant points including both ends, scenario frame. Lanes run in driving direction, edges
+    /// with the road on their left.
     pub points: [Vec2; PIECE_POINTS],
-    /// What it is part of.
+    /// Kind of line that it is part of.
     pub kind: PieceKind,
-    /// The lane that it is part of, or whose vehicles stop there: an index into `RoadMap::lanes`.
+    /// Lane that it is part of, or on which vehicles stop there: an index into `RoadMap::lanes`.
     pub lane: Option<usize>,
-    /// Its length, metres.
+    /// Length, metres.
     pub length: f64,
-    /// Speed limit of its lane, m/s, where known.
+    /// Speed limit of its lane, m/s, if known.
     pub speed_limit: Option<f64>,
 }
 
-/// What a piece is part of.
+/// Kind of a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PieceKind {
     /// A lane of a motorway.
     Freeway,
-    /// Another lane.
+    /// Any other lane.
     Street,
     /// A lane for bicycles.
     BikeLane,
-    /// A path through a junction, in maps that tell these from lanes.
+    /// A connector through a junction, in maps that distinguish these from lanes.
     Junction,
     /// The outer edge of the road.
     EdgeBoundary,
     /// The edge of a median or island.
     EdgeMedian,
-    /// Where a light makes vehicles stop.
+    /// A stop line at a light.
     LightLine,
-    /// Where a stop sign makes vehicles stop.
+    /// A stop line at a stop sign.
     SignLine,
-    /// Where vehicles give way.
+    /// A give-way line.
     YieldLine,
     /// The outline of a crosswalk.
     Crosswalk,
@@ -57,28 +58,29 @@ impl PieceKind {
     /// Number of kinds.
     pub const COUNT: usize = 10;
 
-    /// The code, from 0 on.
+    /// Returns the code, starting at 0.
     pub const fn code(self) -> usize {
         self as usize
     }
 
-    /// Whether vehicles or bicycles drive along it.
+    /// Returns whether vehicles or cyclists drive along it.
     pub const fn is_lane(self) -> bool {
         matches!(self, Self::Freeway | Self::Street | Self::BikeLane | Self::Junction)
     }
 }
 
-/// The pieces of a map of which a point lies within `radius` metres of `about`, in the order of the map: lanes, road edges (in maps
-/// without any the edge of the drivable area), stop lines, crosswalks. Painted lines are left out.
+/// Returns the pieces of a map with a point within `radius` metres of `about`, in the order of the map:
+/// lanes, road edges (in maps without any, the edge of the drivable area), stop lines, crosswalks.
+/// Painted lines are left out.
 ///
-/// Where a line is cut does not depend on the point and the radius.
+/// The positions of cuts do not depend on `about` and `radius`.
 pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
     let mut cutter = Cutter { about, radius, pieces: Vec::new() };
-    let tells_junctions = map.lanes.iter().any(|l| l.kind == LaneKind::Lane);
+    let distinguishes_connectors = map.lanes.iter().any(|l| l.kind == LaneKind::Lane);
     for (i, lane) in map.lanes.iter().enumerate() {
         let kind = match (lane.kind, lane.class) {
             (_, LaneClass::Bike) => PieceKind::BikeLane,
-            (LaneKind::Connector, _) if tells_junctions => PieceKind::Junction,
+            (LaneKind::Connector, _) if distinguishes_connectors => PieceKind::Junction,
             (_, LaneClass::Freeway) => PieceKind::Freeway,
             _ => PieceKind::Street,
         };
@@ -109,8 +111,8 @@ pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
     cutter.pieces
 }
 
-/// The rings around the drivable area, closed, with the area on their left, and whether they cut something out of it. Where its polygons
-/// overlap or touch there is none.
+/// Returns the closed rings around the drivable area, with the area on their left, and whether each is a
+/// hole. There are no rings where its polygons overlap or touch.
 pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
     let area = map.drivable_area.as_deref().unwrap_or_default();
     let merged = union_of(area).unwrap_or_else(|| area.to_vec());
@@ -121,7 +123,7 @@ pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
     merged.iter().flat_map(rings).collect()
 }
 
-/// A ring that ends where it begins.
+/// Returns a ring that ends at its first point.
 pub(crate) fn closed(ring: &[Vec2]) -> Vec<Vec2> {
     let mut ring = ring.to_vec();
     if let Some(&first) = ring.first()
@@ -132,7 +134,7 @@ pub(crate) fn closed(ring: &[Vec2]) -> Vec<Vec2> {
     ring
 }
 
-/// A closed ring that runs counter-clockwise, or clockwise.
+/// Returns a closed ring that runs counter-clockwise, or clockwise.
 fn oriented(ring: &[Vec2], counter_clockwise: bool) -> Vec<Vec2> {
     let mut ring = closed(ring);
     if (ring_area(&ring) > 0.0) != counter_clockwise {
@@ -141,7 +143,7 @@ fn oriented(ring: &[Vec2], counter_clockwise: bool) -> Vec<Vec2> {
     ring
 }
 
-/// Cuts lines near a point.
+/// Cutter of lines near a point.
 struct Cutter {
     about: Vec2,
     radius: f64,
@@ -158,13 +160,13 @@ impl Cutter {
     fn cut(&mut self, line: &Polyline, kind: PieceKind, lane: Option<usize>, speed_limit: Option<f64>) {
         let near = Bounds::around(self.about, self.radius);
         let bounds = Bounds::of(line.points().iter().copied());
-        if !bounds.intersects(&near) || !(line.length() <= LONGEST) {
+        if !bounds.intersects(&near) || !(line.length() <= MAX_LINE_LENGTH) {
             return;
         }
         let length = line.length();
         let (mut from, mut segment) = (0.0, 0);
         while from < length {
-            let to = if length - from < PIECE + SHORT { length } else { from + PIECE };
+            let to = if length - from < PIECE_LENGTH + MIN_REMAINDER { length } else { from + PIECE_LENGTH };
             let points = std::array::from_fn(|i| {
                 let s = from + (to - from) * i as f64 / (PIECE_POINTS - 1) as f64;
                 segment = line.segment_from(s, segment);

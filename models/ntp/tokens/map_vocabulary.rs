@@ -1,4 +1,4 @@
-//! The vocabulary of the map: curves of 5 m, one of which stands for every piece of a line.
+//! Map vocabulary: curves of 5 m, the nearest of which represents a piece of a line.
 
 use std::collections::HashMap;
 
@@ -12,31 +12,32 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
 use super::{CURVE_POINTS, CurvePiece, Provenance, VocabularyError, curve_pieces};
-use crate::models::learning::Sample;
+use crate::models::learning::Reservoir;
 
-/// The curve of a token: eleven points in the frame of the first, the first chord along x.
+/// Curve of a token: eleven points in the frame of the first, with the first chord along x.
 type Curve = [Vec2; CURVE_POINTS];
 
-/// Curves by which pieces of the map are told apart.
+/// Curves that represent pieces of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapVocabulary {
     curves: Vec<Curve>,
     provenance: Provenance,
 }
 
-/// The entry of the metadata that says what the vocabulary was made of, as JSON.
-const MADE: &str = "reactsim.map_vocabulary";
-/// What the name of our tensor begins with.
+/// Key of the metadata entry that holds the provenance, as JSON.
+const PROVENANCE_KEY: &str = "reactsim.map_vocabulary";
+/// Prefix of the name of the native tensor.
 pub(crate) const MAP_PREFIX: &str = "map_vocabulary.";
-/// Our tensor `[tokens, 11, 2]`, the one of SMART's curves, and CATK's `[tokens, 22]`.
-const OWN: &str = "map_vocabulary.curves";
-const FOREIGN: [&str; 2] = ["traj_src", "map_token_traj_src"];
+/// Name of the native tensor, `[tokens, 11, 2]`.
+const NATIVE_TENSOR: &str = "map_vocabulary.curves";
+/// Names of the tensors of SMART, `[tokens, 11, 2]`, and CATK, `[tokens, 22]`.
+const FOREIGN_TENSORS: [&str; 2] = ["traj_src", "map_token_traj_src"];
 
 impl MapVocabulary {
-    /// A vocabulary of these curves, to the 32 bits of files.
+    /// Builds a vocabulary of these curves, rounded to the 32 bits of files.
     ///
     /// # Errors
-    /// [`VocabularyError`] where there are none, or a coordinate is not finite.
+    /// [`VocabularyError`] if there are none, or a coordinate is not finite.
     pub fn new(curves: &[Curve], provenance: Provenance) -> Result<Self, VocabularyError> {
         if curves.is_empty() {
             return Err(VocabularyError::NoCurves);
@@ -50,27 +51,29 @@ impl MapVocabulary {
         Ok(Self { curves: curves.iter().map(|c| c.map(|p| p.map(round))).collect(), provenance })
     }
 
-    /// What it was made of.
+    /// Returns its provenance.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 
-    /// How many tokens there are; at least one.
+    /// Returns the number of tokens; at least one.
     pub fn tokens(&self) -> usize {
         self.curves.len()
     }
 
-    /// The curve of a token, metres.
+    /// Returns the curve of a token, metres.
     pub fn curve(&self, token: usize) -> &[Vec2; CURVE_POINTS] {
         &self.curves[token]
     }
 
-    /// The token whose first, middle and last point are nearest (by the sum of squares) to those of a piece; the first of equally near ones.
+    /// Returns the token whose first, middle and last point are nearest to those of a piece, by the sum
+    /// of squares; the first of equally near ones.
     pub fn nearest(&self, piece: &CurvePiece) -> usize {
         self.nearest_to(piece.samples(), piece.heading())
     }
 
-    /// As [`Self::nearest`], for a piece of which start, middle, end and the direction at the start are known.
+    /// Like [`Self::nearest`], for a piece given by its start, middle and end, and the heading at its
+    /// start.
     pub fn nearest_to(&self, points: [Vec2; 3], heading: f64) -> usize {
         let ahead = direction(heading);
         let local = |p: Vec2| into_frame(ahead, p - points[0]);
@@ -87,19 +90,24 @@ impl MapVocabulary {
         best.1
     }
 
-    /// Reads a vocabulary: our own files, and those of SMART and CATK.
+    /// Reads a vocabulary: native files, and those of SMART and CATK.
     ///
     /// # Errors
-    /// [`VocabularyError`] that names tensor and value.
+    /// [`VocabularyError`] naming tensor and value.
     pub fn read(bytes: &[u8]) -> Result<Self, VocabularyError> {
         let file = SafeTensors::deserialize(bytes)?;
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let names = file.names();
-        let Some(name) = [OWN, FOREIGN[0], FOREIGN[1]].into_iter().find(|n| names.contains(n)) else {
+        let Some(name) =
+            [NATIVE_TENSOR, FOREIGN_TENSORS[0], FOREIGN_TENSORS[1]].into_iter().find(|n| names.contains(n))
+        else {
             let mut found: Vec<_> = names.iter().map(|n| format!("`{n}`")).collect();
             found.sort_unstable();
             found.truncate(8);
-            return Err(VocabularyError::Layout { expected: format!("`{OWN}`"), found: found.join(", ") });
+            return Err(VocabularyError::Layout {
+                expected: format!("`{NATIVE_TENSOR}`"),
+                found: found.join(", "),
+            });
         };
         let tensor = file.tensor(name)?;
         if tensor.dtype() != Dtype::F32 {
@@ -108,27 +116,34 @@ impl MapVocabulary {
         let shape = tensor.shape();
         let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         let values: Vec<f64> = tensor.data().chunks_exact(4).map(number).collect();
-        let made = header.metadata().as_ref().and_then(|m| m.get(MADE));
+        let made = header.metadata().as_ref().and_then(|m| m.get(PROVENANCE_KEY));
         Self::new(&curves(name, shape, &values)?, provenance(made)?)
     }
 
-    /// Reads a vocabulary that lies beside other tensors, as [`Self::tables`] gave it, with the text of its making. Without that text it
-    /// is foreign.
+    /// Reads a vocabulary from a file that also holds other tensors: the tensor of [`Self::tables`], and
+    /// the provenance in the metadata, without which it counts as foreign.
     ///
     /// # Errors
     /// [`VocabularyError`], as [`Self::read`].
     pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, VocabularyError> {
         let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
-        if found != [OWN] {
-            return Err(VocabularyError::Layout { expected: format!("`{OWN}`"), found: found.join(", ") });
+        if found != [NATIVE_TENSOR] {
+            return Err(VocabularyError::Layout {
+                expected: format!("`{NATIVE_TENSOR}`"),
+                found: found.join(", "),
+            });
         }
-        let (shape, values) = tensors.floats(OWN).map_err(|e| VocabularyError::Table(e.to_string()))?;
+        let (shape, values) =
+            tensors.floats(NATIVE_TENSOR).map_err(|e| VocabularyError::Table(e.to_string()))?;
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
-        Self::new(&curves(OWN, shape, &values)?, provenance(tensors.metadata().get(MADE))?)
+        Self::new(
+            &curves(NATIVE_TENSOR, shape, &values)?,
+            provenance(tensors.metadata().get(PROVENANCE_KEY))?,
+        )
     }
 
-    /// The curves as a tensor `[tokens, 11, 2]` by name, and the entry of metadata that says what they were made of: what lies beside the
-    /// weights of a network that was trained with them.
+    /// Returns the curves as a tensor `[tokens, 11, 2]` by name, and the metadata entry with their
+    /// provenance. Both are stored with the weights of a network trained with them.
     ///
     /// # Errors
     /// [`VocabularyError::Provenance`].
@@ -136,23 +151,26 @@ impl MapVocabulary {
         let made = serde_json::to_string(&self.provenance).map_err(VocabularyError::Provenance)?;
         let values = self.curves.iter().flatten().flat_map(|p| [p.x as f32, p.y as f32]).collect();
         let table = (vec![self.curves.len(), CURVE_POINTS, 2], values);
-        Ok((Tables::from([(OWN.to_owned(), table)]), (MADE.to_owned(), made)))
+        Ok((Tables::from([(NATIVE_TENSOR.to_owned(), table)]), (PROVENANCE_KEY.to_owned(), made)))
     }
 
-    /// The bytes of a file that [`Self::read`] reads back as the same vocabulary.
+    /// Returns the bytes of a file that [`Self::read`] reads back as the same vocabulary.
     ///
     /// # Errors
-    /// [`VocabularyError`] where the vocabulary is too large for such a file.
+    /// [`VocabularyError`] if the vocabulary is too large for such a file.
     pub fn write(&self) -> Result<Vec<u8>, VocabularyError> {
         let made = serde_json::to_string(&self.provenance).map_err(VocabularyError::Provenance)?;
         let values = self.curves.iter().flatten().flat_map(|p| [p.x, p.y]);
         let data: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
         let view = TensorView::new(Dtype::F32, vec![self.curves.len(), CURVE_POINTS, 2], &data)?;
-        Ok(safetensors::serialize([(OWN, view)], Some(HashMap::from([(MADE.to_owned(), made)])))?)
+        Ok(safetensors::serialize(
+            [(NATIVE_TENSOR, view)],
+            Some(HashMap::from([(PROVENANCE_KEY.to_owned(), made)])),
+        )?)
     }
 }
 
-/// The curves of a tensor.
+/// Decodes the curves of a tensor.
 fn curves(name: &str, shape: &[usize], values: &[f64]) -> Result<Vec<Curve>, VocabularyError> {
     let fits = match shape {
         [_, points, 2] => *points == CURVE_POINTS,
@@ -167,7 +185,7 @@ fn curves(name: &str, shape: &[usize], values: &[f64]) -> Result<Vec<Curve>, Voc
     Ok(values.chunks_exact(2 * CURVE_POINTS).map(curve).collect())
 }
 
-/// What a file says of the making.
+/// Parses the provenance of a file.
 fn provenance(made: Option<&String>) -> Result<Provenance, VocabularyError> {
     match made {
         Some(made) => serde_json::from_str(made).map_err(VocabularyError::Provenance),
@@ -175,23 +193,24 @@ fn provenance(made: Option<&String>) -> Result<Provenance, VocabularyError> {
     }
 }
 
-/// Builds a vocabulary of the map by k-disks on the curves of pieces: draws one, makes the mean of all near it a token, takes them away.
+/// Builder of a map vocabulary by k-disks on the curves of pieces: it repeatedly draws one, makes the
+/// mean of all near it a token, and removes them.
 #[derive(Debug)]
 pub struct MapVocabularyBuilder {
-    sample: Sample<Curve>,
+    sample: Reservoir<Curve>,
     seed: u64,
     scenarios: u64,
     digest: blake3::Hasher,
 }
 
-/// Curves that agree to so much in all coordinates are one, metres.
-const SAME: f64 = 1.0 / 128.0;
+/// Resolution of coordinates at which curves count as the same, metres.
+const CURVE_RESOLUTION: f64 = 1.0 / 128.0;
 
 impl MapVocabularyBuilder {
-    /// No curves yet; at most so many will be kept.
+    /// Builds an empty sample that keeps at most `most` curves.
     pub fn new(most: usize, seed: u64) -> Self {
         Self {
-            sample: Sample::new(most, seed, "vocabulary/map"),
+            sample: Reservoir::new(most, seed, "vocabulary/map"),
             seed,
             scenarios: 0,
             digest: blake3::Hasher::new(),
@@ -205,16 +224,17 @@ impl MapVocabularyBuilder {
         for piece in curve_pieces(&scenario.start) {
             let curve = piece.curve();
             let values = curve.into_iter().flat_map(|p| [p.x, p.y]);
-            self.sample.add(curve, values, SAME);
+            self.sample.add(curve, values, CURVE_RESOLUTION);
         }
     }
 
-    /// A vocabulary of at most `tokens` curves. Two pieces are near where their middle and end points are, on the mean, within `tolerance` metres.
+    /// Builds a vocabulary of at most `tokens` curves. Two pieces are near if the mean distance of their
+    /// middle and end points is at most `tolerance` metres.
     ///
     /// # Errors
-    /// [`VocabularyError`] where no scenario had a map.
+    /// [`VocabularyError`] if no scenario had a map.
     pub fn build(&self, tokens: usize, tolerance: f64) -> Result<MapVocabulary, VocabularyError> {
-        // Not a number and negative distances would take nothing away.
+        // NaN and negative tolerances would remove nothing.
         let tolerance = tolerance.max(0.0);
         let mut left = self.sample.kept.clone();
         let mut stream = stream(self.seed, "vocabulary/map/k-disks", 0, Purpose::Begin);

@@ -1,4 +1,5 @@
-//! Rolling matching: a recorded track becomes tokens, each from where the one before ended (SMART, CATK).
+//! Rolling matching: a recorded track as tokens, each starting where the previous one ended (SMART,
+//! CATK).
 
 use rand::RngExt;
 use reactsim::dynamics::Pose;
@@ -8,77 +9,80 @@ use reactsim::scene::{AgentState, CURRENT, DT, FRAMES, Frame};
 
 use super::{Class, ORIGIN, TOKEN_FRAMES, Vocabulary, motion_between, moved};
 
-/// Tokens of a track of 91 frames: the one of step k leads from frame 5k to frame 5k + 5. Step 1 ends now.
+/// Number of tokens of a track of 91 frames: token k leads from frame 5k to frame 5k + 5, and token 1
+/// ends at the current frame.
 pub const TOKEN_STEPS: usize = (FRAMES - 1) / TOKEN_FRAMES;
-/// Headings of two frames that differ by more are one heading and its opposite, or worse, radians (CATK).
-const FLIP: f64 = 1.5;
+/// Heading difference between two frames above which the later heading counts as flipped or wrong,
+/// radians (CATK).
+const FLIP_ANGLE: f64 = 1.5;
 
-/// A track as tokens. What holds of steps that are not valid means nothing to a network, but is finite.
+/// A track as tokens. Values of invalid steps are finite but have no meaning for a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TokenTrack {
-    /// Per step the token that leads to it.
+    /// Token that leads to each step.
     pub tokens: [usize; TOKEN_STEPS],
-    /// Per step where the tokens lead to, scenario frame; the origin where the step is not valid.
+    /// Pose at the end of each token, scenario frame; the origin if the step is invalid.
     pub poses: [Pose; TOKEN_STEPS],
-    /// Per step whether both of its end frames are valid.
+    /// Whether both end frames of each step are present.
     pub valid: [bool; TOKEN_STEPS],
 }
 
-/// Tokens other than the nearest, so that what follows from them shows how to get back.
+/// Random choice among near tokens, so that later steps show how to return to the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Noise {
-    /// One of the `k` nearest, all alike (SMART).
+pub enum TokenNoise {
+    /// One of the `k` nearest, with equal probability (SMART).
     Uniform {
-        /// How many; at least 1.
+        /// Number of tokens; at least 1.
         k: usize,
     },
     /// One of the `k` nearest, in proportion to exp(-mean corner distance / temperature) (CATK).
     Weighted {
-        /// How many; at least 1.
+        /// Number of tokens; at least 1.
         k: usize,
-        /// Metres.
+        /// Temperature, metres.
         temperature: f64,
     },
 }
 
-/// A track made ready for matching: where the agent was at every frame, `None` where that is not known.
+/// A track prepared for matching: the pose at every frame, `None` if unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreparedTrack {
     poses: Vec<Option<Pose>>,
 }
 
 impl PreparedTrack {
-    /// Takes a track of frames from 0 on (91 in a scenario; what is missing is absent), turns headings that jump, and goes on backwards
-    /// from its first frame to the start of a token.
+    /// Prepares a track of frames from 0 on (91 in a scenario; missing ones are absent): corrects
+    /// flipped headings, and extrapolates backwards from its first frame to the start of a token.
     ///
-    /// States that are not finite are absent. A velocity that is not recorded is that of the frames after, or none. Gaps stay gaps: fill
-    /// them with [`fill_gaps`] where they should not.
+    /// States that are not finite are absent. A missing velocity is taken from the next frame, or is
+    /// zero. Gaps remain: fill them with [`fill_gaps`] if necessary.
     pub fn new(track: &[Frame]) -> Self {
         let mut poses: Vec<Option<Pose>> =
             (0..FRAMES).map(|f| track.get(f).copied().flatten().as_ref().and_then(pose_of)).collect();
         without_flips(&mut poses);
         if let Some(first) = poses.iter().position(Option::is_some) {
-            go_backwards(&mut poses, first, track[first].as_ref());
+            extrapolate_backwards(&mut poses, first, track[first].as_ref());
         }
         Self { poses }
     }
 
-    /// Where the agent was at a frame.
+    /// Returns the pose at a frame.
     pub fn pose(&self, frame: usize) -> Option<Pose> {
         self.poses.get(frame).copied().flatten()
     }
 
-    /// The tokens of the track, each the nearest.
+    /// Returns the nearest token at each step.
     pub fn nearest_tokens(&self, vocabulary: &Vocabulary, class: Class) -> TokenTrack {
         self.tokens(vocabulary, class, |_, motion| vocabulary.nearest(class, motion))
     }
 
-    /// The tokens of the track, with noise from the second step on. One number is drawn per valid step.
+    /// Returns the tokens of the track, with noise from the second step on. One number is drawn per
+    /// valid step.
     pub fn noisy_tokens(
         &self,
         vocabulary: &Vocabulary,
         class: Class,
-        noise: Noise,
+        noise: TokenNoise,
         stream: &mut Stream,
     ) -> TokenTrack {
         self.tokens(vocabulary, class, |step, motion| match step {
@@ -102,7 +106,7 @@ impl PreparedTrack {
         for step in 0..TOKEN_STEPS {
             let (start, end) = (self.poses[step * TOKEN_FRAMES], self.poses[(step + 1) * TOKEN_FRAMES]);
             let Some((_, to)) = start.zip(end) else {
-                // Tokens begin anew from the frame itself.
+                // Restart the tokens at the frame itself.
                 from = end.unwrap_or(ORIGIN);
                 continue;
             };
@@ -114,13 +118,14 @@ impl PreparedTrack {
     }
 }
 
-/// The token of a motion that was carried out, whatever it was meant to be: the nearest, and its summed corner distance, metres. Poses of
-/// such agents stay the true ones, so that nothing adds up.
+/// Returns the token nearest to an executed motion, and its summed corner distance in metres. Poses of
+/// such agents remain the true ones, so errors do not accumulate.
 pub fn token_of_motion(vocabulary: &Vocabulary, class: Class, from: Pose, to: Pose) -> (usize, f64) {
     vocabulary.nearest_with_distance(class, motion_between(from, to))
 }
 
-/// Fills the frames that are missing between the first and the last one of a track: position, velocity and (unwrapped) heading change evenly.
+/// Fills missing frames between the first and the last one of a track by linear interpolation of
+/// position, velocity and (unwrapped) heading.
 pub fn fill_gaps(track: &mut [Frame]) {
     let Some(mut before) = track.iter().position(Option::is_some) else { return };
     for frame in before + 1..track.len() {
@@ -144,20 +149,20 @@ fn pose_of(state: &AgentState) -> Option<Pose> {
     state.is_finite().then(|| Pose { position: state.position(), heading: wrap(state.heading) })
 }
 
-/// Gives a frame the heading of the frame before where the two differ by more than [`FLIP`].
+/// Replaces the heading of a frame by the previous one if the two differ by more than [`FLIP_ANGLE`].
 fn without_flips(poses: &mut [Option<Pose>]) {
     for i in 1..poses.len() {
         if let (Some(before), Some(here)) = (poses[i - 1], poses[i].as_mut())
-            && wrap(here.heading - before.heading).abs() > FLIP
+            && wrap(here.heading - before.heading).abs() > FLIP_ANGLE
         {
             here.heading = before.heading;
         }
     }
 }
 
-/// Goes on backwards at the velocity of the first frame to the start of a token. Who appears only now gets a whole token, so that
-/// there is one to start from.
-fn go_backwards(poses: &mut [Option<Pose>], first: usize, state: Option<&AgentState>) {
+/// Extrapolates backwards, at the velocity of the first frame, to the start of a token. An agent that
+/// first appears at the current frame gets one whole token as its past.
+fn extrapolate_backwards(poses: &mut [Option<Pose>], first: usize, state: Option<&AgentState>) {
     let Some(at) = poses[first] else { return };
     let next = || poses.get(first + 1).copied().flatten().map(|next| (next.position - at.position) / DT);
     let velocity = state.and_then(AgentState::velocity).or_else(next).unwrap_or_else(Vec2::zeros);
@@ -167,15 +172,15 @@ fn go_backwards(poses: &mut [Option<Pose>], first: usize, state: Option<&AgentSt
     }
 }
 
-impl Noise {
-    /// One of the tokens near a motion.
+impl TokenNoise {
+    /// Chooses one of the tokens near a motion.
     fn choose(self, vocabulary: &Vocabulary, class: Class, motion: Pose, stream: &mut Stream) -> usize {
         let (Self::Uniform { k } | Self::Weighted { k, .. }) = self;
         let near = vocabulary.nearest_k(class, motion, k.max(1));
         let least = near.first().map_or(0.0, |t| t.1);
         let weight = |t: &(usize, f64)| match self {
             Self::Uniform { .. } => 1.0,
-            // The distances are sums of four.
+            // The distances are sums over four corners.
             Self::Weighted { temperature, .. } => math::exp((least - t.1) / (4.0 * temperature)),
         };
         let mut left = stream.random::<f64>() * near.iter().map(weight).sum::<f64>();

@@ -1,6 +1,7 @@
-//! Motion tokens: vocabularies, how they are built, and how recorded motion is matched to them.
+//! Motion tokens: vocabularies, their construction, and matching of recorded motion.
 //!
-//! A token is half a second of motion: six poses, 0.1 s apart, in the frame of the first one. Read [`Vocabulary`] first.
+//! A token is half a second of motion: six poses, 0.1 s apart, in the frame of the first one. Read
+//! [`Vocabulary`] first.
 
 mod class;
 mod errors;
@@ -26,7 +27,7 @@ pub use map::{CURVE_POINTS, CurveKind, CurvePiece, LightCode, curve_pieces};
 pub use map_pieces::{MapPiece, PIECE_POINTS, PieceKind, map_pieces};
 pub(crate) use map_pieces::{closed, edge_rings};
 pub use map_vocabulary::{MapVocabulary, MapVocabularyBuilder};
-pub use matching::{Noise, PreparedTrack, TOKEN_STEPS, TokenTrack, fill_gaps, token_of_motion};
+pub use matching::{PreparedTrack, TOKEN_STEPS, TokenNoise, TokenTrack, fill_gaps, token_of_motion};
 pub use motion::{ORIGIN, motion_between, moved};
 pub use segments::Segments;
 pub use tokenizer::{BuildError, Tokenizer};
@@ -35,9 +36,9 @@ pub use vocabulary::{Provenance, Vocabulary, VocabularyError};
 
 use reactsim::dynamics::Pose;
 
-/// Frames that a token spans: it ends 0.5 s after it starts.
+/// Number of frames that a token spans: it ends 0.5 s after it starts.
 pub const TOKEN_FRAMES: usize = 5;
-/// Poses of a token: the start and five frames.
+/// Number of poses of a token: the start and five frames.
 pub const TOKEN_POSES: usize = TOKEN_FRAMES + 1;
-/// The poses of one token at 0, 0.1 … 0.5 s, in the frame of the first, which is the origin.
+/// Poses of one token at 0, 0.1 … 0.5 s, in the frame of the first, which is the origin.
 pub type TokenPoses = [Pose; TOKEN_POSES];

@@ -1,12 +1,13 @@
-//! Motions: a pose in the frame of another one.
+//! Motions: poses relative to another pose.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, direction, into_frame, left, wrap};
 
-/// The pose at the origin that looks along x: no motion.
+/// The pose at the origin with heading along x, which is no motion.
 pub const ORIGIN: Pose = Pose { position: Vec2::new(0.0, 0.0), heading: 0.0 };
 
-/// The motion that leads from one pose to the other: `to` in the frame of `from` (x ahead, y left). The heading is wrapped.
+/// Returns the motion from one pose to another: `to` in the frame of `from` (x ahead, y left). The
+/// heading is wrapped.
 pub fn motion_between(from: Pose, to: Pose) -> Pose {
     Pose {
         position: into_frame(direction(from.heading), to.position - from.position),
@@ -14,7 +15,7 @@ pub fn motion_between(from: Pose, to: Pose) -> Pose {
     }
 }
 
-/// The pose to which a motion leads from a pose. The heading is wrapped.
+/// Returns the pose reached from a pose by a motion. The heading is wrapped.
 pub fn moved(from: Pose, motion: Pose) -> Pose {
     let ahead = direction(from.heading);
     Pose {

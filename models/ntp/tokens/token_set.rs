@@ -1,35 +1,35 @@
-//! The tokens of one class, and the search for the nearest.
+//! Tokens of one class, and the search for the nearest.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 
 use super::{Class, TOKEN_FRAMES, TokenPoses};
 
-/// What bounds may be off by for rounding, metres: what lies within is compared in full.
-const SLACK: f64 = 1e-9;
+/// Tolerance of search bounds for rounding, metres: tokens within it are compared exactly.
+const ROUNDING_TOLERANCE: f64 = 1e-9;
 
-/// The tokens of one class.
+/// Tokens of one class.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TokenSet {
     class: Class,
     pub(super) poses: Vec<TokenPoses>,
-    /// Per token the contour at 0.5 s.
+    /// Contour of each token at 0.5 s.
     pub(super) contours: Vec<[Vec2; 4]>,
-    /// The tokens by how far ahead they end.
+    /// Tokens sorted by the x coordinate of their end.
     by_x: Vec<Entry>,
 }
 
-/// What the search looks at of a token, in one place.
+/// Data of a token that the search reads, in one place.
 #[derive(Clone, Debug, PartialEq)]
 struct Entry {
-    /// Where it ends.
+    /// End point.
     end: Vec2,
     contour: [Vec2; 4],
     token: usize,
 }
 
 impl TokenSet {
-    /// Tokens of finite poses.
+    /// Builds a set of tokens, whose poses must be finite.
     pub(super) fn new(class: Class, poses: Vec<TokenPoses>) -> Self {
         let contours: Vec<_> = poses.iter().map(|p| class.contour(p[TOKEN_FRAMES])).collect();
         let mut by_x: Vec<Entry> = poses
@@ -42,7 +42,7 @@ impl TokenSet {
         Self { class, poses, contours, by_x }
     }
 
-    /// The nearest token to a motion; the lower index of equally near ones.
+    /// Returns the nearest token to a motion and its distance; the lower index of equally near ones.
     pub(super) fn nearest(&self, motion: Pose) -> (usize, f64) {
         let mut best = (usize::MAX, f64::INFINITY);
         self.search(motion, |found| {
@@ -54,7 +54,7 @@ impl TokenSet {
         best
     }
 
-    /// The `k` nearest tokens (or all there are), nearest first.
+    /// Returns the `k` nearest tokens (or all if there are fewer) with their distances, nearest first.
     pub(super) fn nearest_k(&self, motion: Pose, k: usize) -> Vec<(usize, f64)> {
         let mut best: Vec<(usize, f64)> = Vec::with_capacity(k + 1);
         if k == 0 {
@@ -71,10 +71,12 @@ impl TokenSet {
         best
     }
 
-    /// Shows tokens with their distances to `visit`, which says up to which distance they are of interest: all within it are shown.
+    /// Calls `visit` with tokens and their distances. `visit` returns the distance up to which tokens
+    /// are of interest; all tokens within it are visited.
     ///
-    /// The mean of the corners' displacements is that of the centres, so the sum of their lengths is at least four times the distance of
-    /// the centres. The tokens are walked through from where the motion ends, ahead and back by turns.
+    /// The mean displacement of the corners equals that of the centres, so the sum of corner distances
+    /// is at least four times the distance of the centres. Tokens are visited from the end of the motion
+    /// outwards, ahead and behind in order of distance.
     fn search(&self, motion: Pose, mut visit: impl FnMut((usize, f64)) -> f64) {
         let end = motion.position;
         if !(end.x.is_finite() && end.y.is_finite() && motion.heading.is_finite()) {
@@ -90,7 +92,7 @@ impl TokenSet {
             };
             let (gap_ahead, gap_back) = (gap(Some(ahead)), gap(back.checked_sub(1)));
             let (near, i) = if gap_ahead <= gap_back { (gap_ahead, ahead) } else { (gap_back, back - 1) };
-            if near == f64::INFINITY || 4.0 * near - SLACK > reach {
+            if near == f64::INFINITY || 4.0 * near - ROUNDING_TOLERANCE > reach {
                 return;
             }
             if i == ahead {
@@ -99,7 +101,7 @@ impl TokenSet {
                 back -= 1;
             }
             let entry = &self.by_x[i];
-            let bound = reach + SLACK;
+            let bound = reach + ROUNDING_TOLERANCE;
             if 16.0 * (entry.end - end).norm_squared() > bound * bound {
                 continue;
             }
@@ -108,12 +110,12 @@ impl TokenSet {
     }
 }
 
-/// The sum of the distances of corresponding corners, metres.
+/// Returns the sum of the distances of corresponding corners, metres.
 pub(super) fn corner_distance(a: &[Vec2; 4], b: &[Vec2; 4]) -> f64 {
     (a[0] - b[0]).norm() + (a[1] - b[1]).norm() + (a[2] - b[2]).norm() + (a[3] - b[3]).norm()
 }
 
-/// Whether one token with its distance comes before another.
+/// Returns whether token `a` with its distance ranks before `b`.
 fn is_nearer(a: (usize, f64), b: (usize, f64)) -> bool {
     a.1 < b.1 || (a.1 == b.1 && a.0 < b.0)
 }

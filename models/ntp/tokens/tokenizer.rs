@@ -1,4 +1,4 @@
-//! What every way of building a vocabulary has in common.
+//! Common interface of the vocabulary builders.
 
 use super::token_set::corner_distance;
 use super::{
@@ -6,31 +6,33 @@ use super::{
     VocabularyError,
 };
 
-/// Tokens are added where the nearest is farther than this, mean distance of the corners in metres.
-const GAP: f64 = 0.1;
+/// Mean corner distance in metres from the nearest token above which a kinematic token is added.
+const FILL_DISTANCE: f64 = 0.1;
 
-/// A way of building vocabularies.
+/// A method of building vocabularies.
 pub trait Tokenizer {
-    /// Its name, as on the command line and in files.
+    /// Returns its name, as on the command line and in files.
     fn method(&self) -> &'static str;
 
-    /// Its settings, as files keep them.
+    /// Returns its settings, as stored in files.
     ///
     /// # Errors
-    /// What can not be written as JSON.
+    /// Errors of serialization to JSON.
     fn settings(&self) -> Result<serde_json::Value, serde_json::Error>;
 
-    /// The tokens of one class.
+    /// Builds the tokens of one class.
     ///
     /// # Errors
-    /// [`BuildError`] where there are not enough motions, or a setting is out of range.
+    /// [`BuildError`] if there are not enough motions, or a setting is out of range.
     fn tokens(&self, class: Class, segments: &Segments) -> Result<Vec<TokenPoses>, BuildError>;
 
-    /// The vocabulary of all classes. With `fill`, tokens of the default [`Kinematic`] grid are added where there is none near, which
-    /// helps classes and manoeuvres of which little was recorded; the settings in the provenance say how many.
+    /// Builds the vocabulary of all classes. With `fill`, tokens of the default [`Kinematic`] grid are
+    /// added where no other is near, which helps classes and maneuvers with little data; the settings in
+    /// the provenance state their number.
     ///
     /// # Errors
-    /// [`BuildError`] as of [`Self::tokens`] (but for missing data with `fill`), and where tokens are no vocabulary.
+    /// [`BuildError`] as for [`Self::tokens`] (except for missing data with `fill`), and if the tokens
+    /// do not form a vocabulary.
     fn build_from(&self, segments: &Segments, fill: bool) -> Result<Vocabulary, BuildError> {
         let mut filled = serde_json::Map::new();
         let mut tokens = [Vec::new(), Vec::new(), Vec::new()];
@@ -61,45 +63,45 @@ pub trait Tokenizer {
     }
 }
 
-/// Adds tokens that are far from all that there were.
+/// Adds those of `more` that are far from all previous tokens.
 fn add_far(class: Class, tokens: &mut Vec<TokenPoses>, more: &[TokenPoses]) {
     let contour = |t: &TokenPoses| class.contour(t[TOKEN_FRAMES]);
     let there: Vec<_> = tokens.iter().map(contour).collect();
-    let far = |t: &&TokenPoses| there.iter().all(|c| corner_distance(c, &contour(t)) > 4.0 * GAP);
+    let far = |t: &&TokenPoses| there.iter().all(|c| corner_distance(c, &contour(t)) > 4.0 * FILL_DISTANCE);
     tokens.extend(more.iter().filter(far));
 }
 
-/// Why no vocabulary can be built.
+/// Error from building a vocabulary.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
-    /// A class of which too little was recorded.
+    /// A class has too little data.
     #[error(
-        "class `{class}`: {segments} different motions are too few for `{method}`, which needs {needed}; give more \
-         scenarios, or take kinematic tokens for it with --fill"
+        "class `{class}`: {segments} different motions are too few for `{method}`, which needs {needed}; \
+         give more scenarios, or take kinematic tokens for it with --fill"
     )]
     NoData {
-        /// The class.
+        /// Class without enough data.
         class: Class,
-        /// Motions that there are.
+        /// Number of motions of the class.
         segments: usize,
-        /// The builder.
+        /// Name of the builder.
         method: &'static str,
-        /// What it needs.
+        /// Data that the builder needs.
         needed: String,
     },
-    /// A setting out of range.
+    /// A setting is out of range.
     #[error("setting `{name}` of `{method}` is {value}, expected {expected}")]
     Setting {
-        /// The builder.
+        /// Name of the builder.
         method: &'static str,
-        /// The setting.
+        /// Name of the setting.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it should be.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// The tokens are no vocabulary.
+    /// The tokens do not form a vocabulary.
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
 }

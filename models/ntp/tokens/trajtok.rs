@@ -1,4 +1,4 @@
-//! TrajTok: a token for every place where motions end, on a grid that was cleaned and filled (2506.21618).
+//! TrajTok: one token per cell of a grid of end points that is cleaned and filled (2506.21618).
 
 use std::collections::BTreeMap;
 
@@ -9,42 +9,46 @@ use serde::Serialize;
 use super::k_disks::{mean, mirror};
 use super::{BuildError, Class, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
 
-/// One token per cell of a grid over the places where motions end: the mean of the motions that end there, or a smooth curve to it.
+/// One token per cell of a grid of end points: the mean of the motions that end there, or a smooth curve
+/// to it.
 ///
-/// Unlike in the published generator the grid is the same on both sides and has a cell that stands exactly still, curves have
-/// tangents as long as the chord, and what moves the end of a mean to the middle of its cell is spread over its poses.
+/// Differences from the published generator: the grid is symmetric and has a cell of exact standstill,
+/// curves have tangents as long as the chord, and the shift of a mean to the centre of its cell is
+/// spread over its poses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrajTok {
     /// Grids per class in the order of [`Class::ALL`].
     pub grids: [EndGrid; 3],
-    /// The window of a cell reaches so many cells to each side.
+    /// Reach of the window around a cell, in cells to each side.
     pub window: i32,
-    /// A cell without enough motions is added where more cells of its window have enough; one that has is removed where fewer do.
+    /// Threshold of supported cells in the window: a cell without enough motions is added if more cells
+    /// of its window have enough; one with enough is removed if fewer do.
     pub company: usize,
 }
 
-/// The grid of one class.
+/// Grid of end points of one class.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EndGrid {
-    /// How far back it reaches, metres (negative).
+    /// Reach to the back, metres (negative).
     pub back: f64,
-    /// How far ahead it reaches, metres.
+    /// Reach ahead, metres.
     pub ahead: f64,
-    /// Spacing ahead, metres.
+    /// Spacing along x, metres.
     pub step: f64,
-    /// How far it reaches to each side, metres.
+    /// Reach to each side, metres.
     pub side: f64,
-    /// Spacing to the sides, metres.
+    /// Spacing along y, metres.
     pub side_step: f64,
-    /// Motions, mirrored ones among them, that a cell needs.
+    /// Number of motions that a cell needs, including mirrored ones.
     pub count: usize,
 }
 
+/// Name of the method in files and messages.
 const METHOD: &str = "trajtok";
-/// A mean whose heading turns by more in a frame is no motion, radians (10 degrees).
-const TURN: f64 = 10.0 * std::f64::consts::PI / 180.0;
-/// More cells than this on a side are a mistake.
-const MOST_CELLS: f64 = 5000.0;
+/// Largest heading change per frame of a token, radians (10 degrees).
+const MAX_TURN_PER_FRAME: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// Largest plausible number of cells per side.
+const MAX_CELLS: f64 = 5000.0;
 
 impl Default for TrajTok {
     fn default() -> Self {
@@ -69,7 +73,7 @@ impl EndGrid {
     fn check(&self) -> Result<(), BuildError> {
         let wrong =
             |name, value, expected| Err(BuildError::Setting { method: METHOD, name, value, expected });
-        let cells = |reach: f64, step: f64| reach / step <= MOST_CELLS;
+        let cells = |reach: f64, step: f64| reach / step <= MAX_CELLS;
         for (name, step) in [("step", self.step), ("side_step", self.side_step)] {
             if !(step > 0.0 && step.is_finite()) {
                 return wrong(name, step, "a length above 0");
@@ -87,7 +91,7 @@ impl EndGrid {
         Ok(())
     }
 
-    /// The cell where a motion ends, if the grid reaches there.
+    /// Returns the cell of an end point, if it is on the grid.
     fn cell(&self, end: Vec2) -> Option<Cell> {
         let (x, y) = (end.x / self.step, end.y / self.side_step);
         let (back, ahead, side) = (self.back / self.step, self.ahead / self.step, self.side / self.side_step);
@@ -100,7 +104,7 @@ impl EndGrid {
         Vec2::new(f64::from(cell.0) * self.step, f64::from(cell.1) * self.side_step)
     }
 
-    /// Every cell on the axis and to the left of it: those to the right are their mirror images.
+    /// Returns all cells on the axis and to the left of it; those to the right are their mirror images.
     fn left_cells(&self) -> impl Iterator<Item = Cell> {
         let steps = |reach: f64, step: f64| (reach / step).round() as i32;
         let (back, ahead) = (steps(self.back, self.step), steps(self.ahead, self.step));
@@ -121,7 +125,7 @@ impl Tokenizer for TrajTok {
     fn tokens(&self, class: Class, segments: &Segments) -> Result<Vec<TokenPoses>, BuildError> {
         let grid = &self.grids[class.index()];
         grid.check()?;
-        // Motions to the right are mirrored; those that end on the axis count on both sides.
+        // Motions to the right are mirrored; those that end on the axis count for both sides.
         let mut motions: BTreeMap<Cell, Vec<TokenPoses>> = BTreeMap::new();
         for motion in segments.of(class).iter().filter(|m| within(grid, m)) {
             let Some(cell) = grid.cell(motion[TOKEN_FRAMES].position) else { continue };
@@ -132,11 +136,11 @@ impl Tokenizer for TrajTok {
             let seen = motions.get(&(cell.0, cell.1.abs())).map_or(0, Vec::len);
             seen * (if cell.1 == 0 { 2 } else { 1 }) >= grid.count.max(1)
         };
-        let company = |cell: Cell| self.company(cell, enough);
+        let supported = |cell: Cell| self.count_supported(cell, enough);
         let mut tokens = vec![[ORIGIN; TOKEN_POSES]];
         let (mut ends, mut added) = (BTreeMap::new(), Vec::new());
         for cell in grid.left_cells().filter(|c| *c != (0, 0)) {
-            match (enough(cell), company(cell)) {
+            match (enough(cell), supported(cell)) {
                 (true, n) if n >= self.company => {
                     let token = mean_token(grid, cell, &motions[&cell], class);
                     ends.insert(cell, token[TOKEN_FRAMES].heading);
@@ -147,7 +151,7 @@ impl Tokenizer for TrajTok {
             }
         }
         if tokens.len() == 1 {
-            let needed = format!("{} neighbouring places of {} motions each", self.company, grid.count);
+            let needed = format!("{} neighbouring cells with {} motions each", self.company, grid.count);
             return Err(BuildError::NoData {
                 class,
                 segments: segments.of(class).len(),
@@ -164,21 +168,21 @@ impl Tokenizer for TrajTok {
 }
 
 impl TrajTok {
-    /// How many cells of the window of a cell have enough motions, itself included.
-    fn company(&self, cell: Cell, enough: impl Fn(Cell) -> bool) -> usize {
+    /// Counts the cells with enough motions in the window of a cell, including the cell itself.
+    fn count_supported(&self, cell: Cell, enough: impl Fn(Cell) -> bool) -> usize {
         let reach = -self.window..=self.window;
         let window = reach.clone().flat_map(|dx| reach.clone().map(move |dy| (dx, dy)));
         window.filter(|(dx, dy)| enough((cell.0 + dx, cell.1 + dy))).count()
     }
 }
 
-/// Whether the grid reaches as far as a motion does on the mean.
+/// Returns whether the mean position of a motion is within reach of the grid.
 fn within(grid: &EndGrid, motion: &TokenPoses) -> bool {
     let mean = motion.iter().map(|p| p.position.map(f64::abs)).sum::<Vec2>() / TOKEN_POSES as f64;
     mean.x < grid.ahead && mean.y < grid.side
 }
 
-/// A token, and its mirror image unless it is its own.
+/// Adds a token, and its mirror image unless the token is symmetric.
 fn push(tokens: &mut Vec<TokenPoses>, cell: Cell, token: TokenPoses) {
     tokens.push(token);
     if cell.1 != 0 {
@@ -186,11 +190,11 @@ fn push(tokens: &mut Vec<TokenPoses>, cell: Cell, token: TokenPoses) {
     }
 }
 
-/// The mean of the motions that end in a cell, moved to end in its middle.
+/// Returns the mean of the motions that end in a cell, shifted to end at its centre.
 fn mean_token(grid: &EndGrid, cell: Cell, motions: &[TokenPoses], class: Class) -> TokenPoses {
     let mut token = mean(motions, &motions[0]);
     if cell.1 == 0 {
-        // The mean of the motions and of their mirror images.
+        // Mean of the motions and of their mirror images.
         token = token.map(|p| Pose { position: Vec2::new(p.position.x, 0.0), heading: 0.0 });
     }
     let middle = grid.middle(cell);
@@ -202,19 +206,21 @@ fn mean_token(grid: &EndGrid, cell: Cell, motions: &[TokenPoses], class: Class) 
     if turns_too_fast(&token) { curve(middle, token[TOKEN_FRAMES].heading, class) } else { token }
 }
 
-/// Whether the heading turns by more than [`TURN`] within a frame.
+/// Returns whether the heading turns by more than [`MAX_TURN_PER_FRAME`] within a frame.
 fn turns_too_fast(token: &TokenPoses) -> bool {
-    token.windows(2).any(|w| wrap(w[1].heading - w[0].heading).abs() > TURN)
+    token.windows(2).any(|w| wrap(w[1].heading - w[0].heading).abs() > MAX_TURN_PER_FRAME)
 }
 
-/// The heading at the end of the nearest token, counted in cells along the axes; the first of equally near ones.
+/// Returns the heading at the end of the nearest token, with distances counted in cells along the axes;
+/// the first of equally near ones.
 fn nearest_heading(ends: &BTreeMap<Cell, f64>, cell: Cell) -> f64 {
     let far = |c: &Cell| c.0.abs_diff(cell.0) + c.1.abs_diff(cell.1);
     ends.iter().min_by_key(|(c, _)| far(c)).map_or(0.0, |(_, heading)| *heading)
 }
 
-/// A cubic Hermite curve to a point, with tangents as long as the chord. Vehicles point along it (in reverse against it); people turn
-/// evenly, and so does who would have to turn too fast, which is the case where a short way leads aside.
+/// Returns a cubic Hermite curve to a point, with tangents as long as the chord. Vehicles and cyclists
+/// point along it (against it in reverse). Pedestrians turn at a constant rate, as do agents that would
+/// turn too fast, which happens on short sideways motions.
 fn curve(to: Vec2, heading: f64, class: Class) -> TokenPoses {
     let gear = if to.x < 0.0 { -1.0 } else { 1.0 };
     let chord = to.norm() * gear;

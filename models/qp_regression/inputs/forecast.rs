@@ -1,19 +1,22 @@
-//! Where the AV will be, as far as it shows.
+//! Forecast of the AV from its motion so far.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, direction, wrap};
 use reactsim::scene::{AgentState, DT, FUTURE, Frame};
 
-/// Acceleration and turn rate are taken to last so long, s; then the AV goes straight on at constant speed.
-const LASTS: f64 = 3.0;
-/// Bounds of what is estimated, m/s² and rad/s: differences of recorded positions are noisy.
-const ACCELERATION: f64 = 6.0;
-const TURN: f64 = 1.0;
-/// Frames over which acceleration and turn rate are taken.
-const OVER: usize = 2;
+/// Time in seconds for which acceleration and yaw rate are kept; then the AV goes straight on at
+/// constant speed.
+const DURATION: f64 = 3.0;
+/// Largest magnitude of the estimated acceleration, m/s²: differences of recorded positions are noisy.
+const MAX_ACCELERATION: f64 = 6.0;
+/// Largest magnitude of the estimated yaw rate, rad/s.
+const MAX_YAW_RATE: f64 = 1.0;
+/// Frames over which acceleration and yaw rate are measured.
+const FRAMES: usize = 2;
 
-/// Position and velocity after 0.1, 0.2 … 8 s, at constant turn rate and acceleration, from the state at frame `now` and those before it,
-/// and from the state one frame later where the protocol shows it. `None` where the agent is absent now.
+/// Returns position and velocity after 0.1, 0.2 … 8 s at constant yaw rate and acceleration, from the
+/// state at frame `now`, those before it, and `next`, the state one frame later, where the protocol
+/// shows it. `None` if the agent is absent now.
 pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) -> Option<Vec<(Vec2, Vec2)>> {
     let here = track.get(now).copied().flatten()?;
     let back = |k: usize| now.checked_sub(k).and_then(|f| track[f]);
@@ -30,16 +33,17 @@ pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) ->
         Some(before) => along(&last, before),
         None => last.forward_speed(),
     };
-    let (mut acceleration, mut turn) = (0.0, 0.0);
-    if let Some(earlier) = known.get(OVER) {
-        turn = (wrap(last.heading - earlier.heading) / (OVER as f64 * DT)).clamp(-TURN, TURN);
-        if let Some(earliest) = known.get(OVER + 1) {
-            let gained = (speed - along(earlier, earliest)) / (OVER as f64 * DT);
-            acceleration = gained.clamp(-ACCELERATION, ACCELERATION);
+    let (mut acceleration, mut yaw_rate) = (0.0, 0.0);
+    if let Some(earlier) = known.get(FRAMES) {
+        yaw_rate =
+            (wrap(last.heading - earlier.heading) / (FRAMES as f64 * DT)).clamp(-MAX_YAW_RATE, MAX_YAW_RATE);
+        if let Some(earliest) = known.get(FRAMES + 1) {
+            let gained = (speed - along(earlier, earliest)) / (FRAMES as f64 * DT);
+            acceleration = gained.clamp(-MAX_ACCELERATION, MAX_ACCELERATION);
         }
     }
     if speed < 0.0 {
-        (acceleration, turn) = (0.0, 0.0);
+        (acceleration, yaw_rate) = (0.0, 0.0);
     }
     let mut pose = Pose::from(last);
     let mut states = Vec::with_capacity(FUTURE);
@@ -47,12 +51,12 @@ pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) ->
         states.push((pose.position, (pose.position - here.position()) / DT));
     }
     for k in 0..FUTURE {
-        let lasts = (k as f64) * DT < LASTS;
+        let lasts = (k as f64) * DT < DURATION;
         if lasts && speed >= 0.0 {
             speed = (speed + acceleration * DT).max(0.0);
         }
-        // Who stands does not turn.
-        let curvature = if lasts && speed > 0.5 { turn / speed } else { 0.0 };
+        // A standing AV does not turn.
+        let curvature = if lasts && speed > 0.5 { yaw_rate / speed } else { 0.0 };
         let from = pose.position;
         pose = pose.advance(speed * DT, curvature);
         states.push((pose.position, (pose.position - from) / DT));
@@ -71,13 +75,13 @@ mod tests {
 
     #[test]
     fn braking_ends_in_a_halt() {
-        // 5 m/s at first, 2 m/s² less every second.
-        let way = |t: f64| 5.0 * t - t * t;
-        let track: Vec<Frame> = (0..11).map(|k| Some(at(way(k as f64 * DT), 0.0, 0.0))).collect();
+        // 5 m/s at first, decelerating by 2 m/s².
+        let distance = |t: f64| 5.0 * t - t * t;
+        let track: Vec<Frame> = (0..11).map(|k| Some(at(distance(k as f64 * DT), 0.0, 0.0))).collect();
         let states = forecast(&track, 10, None).unwrap();
         assert_eq!(states.len(), FUTURE);
         let end = states[FUTURE - 1];
-        assert!((end.0 - Vec2::new(way(2.5), 0.0)).norm() < 0.3, "{end:?}");
+        assert!((end.0 - Vec2::new(distance(2.5), 0.0)).norm() < 0.3, "{end:?}");
         assert!(end.1.norm() < 1e-9);
         let seen = forecast(&track[..10], 9, track[10]).unwrap();
         assert!((seen[0].0 - track[10].unwrap().position()).norm() < 1e-12);

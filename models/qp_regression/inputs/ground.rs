@@ -1,4 +1,4 @@
-//! What is known of a map: lines that are shown, and lanes that lead on.
+//! Map features: lines in the input, and lanes that lead on.
 
 use reactsim::geometry::Vec2;
 use reactsim::scene::Start;
@@ -9,31 +9,31 @@ use crate::models::ntp::reactive::known_map::KnownMap;
 use crate::models::ntp::reactive::places::Places;
 use crate::models::qp_regression::network::Config;
 
-/// A map that can still be mirrored and stretched.
+/// Map features that can still be mirrored and stretched.
 #[derive(Clone, Debug)]
 pub(crate) struct Survey {
     lines: Lines,
-    /// Where an outlook is shown.
+    /// Lane graph, if the configuration has an outlook.
     known: Option<KnownMap>,
 }
 
-/// What the network is told of a map: made once per episode.
+/// Map features of the network, the same for a whole episode.
 #[derive(Clone, Debug)]
 pub struct Ground {
-    /// The lines that are shown.
+    /// Lines of the map.
     pub(super) lines: Lines,
-    /// Lanes and stops, where an outlook is shown.
+    /// Lanes and stop lines, if the configuration has an outlook.
     pub(super) places: Option<Places>,
 }
 
 impl Survey {
-    /// The map of a scenario, within reach of where the AV is at the current frame.
+    /// Extracts the map of a scenario within the radius around the AV's position at the current frame.
     pub(crate) fn of(start: &Start, config: &Config) -> Self {
         let known = config.outlook.then(|| KnownMap::of(start, config.radius));
         Self { lines: Lines::of(start, config), known }
     }
 
-    /// Ready to be looked at.
+    /// Converts to the map features of an episode.
     pub(crate) fn ground(self) -> Ground {
         Ground { lines: self.lines, places: self.known.as_ref().map(Places::unlinked) }
     }

@@ -1,21 +1,22 @@
-//! Histories of agents as numbers.
+//! Histories of agents as input features.
 
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
-use super::surroundings::Frame2;
+use super::surroundings::AgentFrame;
 use crate::models::qp_regression::network::Attributes;
 
-/// Numbers that describe an agent at a frame.
+/// Returns the number of features of an agent at a frame.
 pub(crate) const fn agent_numbers(attributes: Attributes) -> usize {
     match attributes {
-        // Position and size in space, class, target, AV, frame, time, heading, velocity, acceleration, whether there.
+        // Position and size in space, class, target flag, AV flag, frame, time, heading, velocity,
+        // acceleration, presence.
         Attributes::Published => 3 + 3 + 5 + (HISTORY + 1) + 2 + 2 + 2 + 1,
         Attributes::Own => 2 + 2 + 5 + (HISTORY + 1) + 2 + 2 + 2 + 1,
     }
 }
 
-/// Heights are not recorded: those of most of a class, metres.
+/// Returns the typical height of a kind of agent, metres; heights are not recorded.
 const fn height(kind: AgentKind) -> f64 {
     match kind {
         AgentKind::Vehicle => 1.6,
@@ -23,9 +24,9 @@ const fn height(kind: AgentKind) -> f64 {
     }
 }
 
-/// An agent whose history is told.
+/// History of an agent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Told<'a> {
+pub(super) struct AgentHistory<'a> {
     pub agent: &'a Agent,
     pub track: &'a [Frame],
     pub now: usize,
@@ -33,7 +34,8 @@ pub(super) struct Told<'a> {
     pub is_av: bool,
 }
 
-/// The velocity at a frame, m/s: the recorded one, else the difference from the frame before, else 0.
+/// Returns the velocity at a frame, m/s: the recorded one, else the difference from the frame before,
+/// else 0.
 pub(super) fn velocity_at(track: &[Frame], frame: usize) -> Vec2 {
     let Some(state) = track.get(frame).copied().flatten() else { return Vec2::zeros() };
     let before = || frame.checked_sub(1).and_then(|f| track[f]);
@@ -41,9 +43,16 @@ pub(super) fn velocity_at(track: &[Frame], frame: usize) -> Vec2 {
     state.velocity().or_else(difference).unwrap_or_default()
 }
 
-impl Told<'_> {
-    /// Writes the numbers of the `k`-th of the eleven frames up to now; false where the agent was absent.
-    pub(super) fn write(&self, k: usize, frame: &Frame2, attributes: Attributes, out: &mut [f32]) -> bool {
+impl AgentHistory<'_> {
+    /// Writes the features of the `k`-th of the eleven frames up to now. Returns false if the agent was
+    /// absent.
+    pub(super) fn write(
+        &self,
+        k: usize,
+        frame: &AgentFrame,
+        attributes: Attributes,
+        out: &mut [f32],
+    ) -> bool {
         let Some(at) = (self.now + k).checked_sub(HISTORY - 1) else { return false };
         let Some(state) = self.track.get(at).copied().flatten() else { return false };
         let velocity = velocity_at(self.track, at);
@@ -51,7 +60,7 @@ impl Told<'_> {
             let known = f > 0 && self.track[f].is_some() && self.track[f - 1].is_some();
             known.then(|| (velocity_at(self.track, f) - velocity_at(self.track, f - 1)) / DT)
         };
-        // The first frame is told the acceleration of the second.
+        // The first frame gets the acceleration of the second.
         let acceleration = change(if k == 0 { at + 1 } else { at }).unwrap_or_default();
         let mut values = [0.0; 30];
         let mut n = 0;
@@ -62,7 +71,8 @@ impl Told<'_> {
         let own = attributes == Attributes::Own;
         self.place_and_size(state, frame, own, &mut put);
         for kind in [AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist] {
-            // The public code misspells one class, so that its networks never see that mark on pedestrians.
+            // The public code misspells one class, so that its networks never see that flag on
+            // pedestrians.
             let marked = own || kind != AgentKind::Pedestrian;
             put(flag(self.agent.kind == kind && marked));
         }
@@ -83,7 +93,7 @@ impl Told<'_> {
         true
     }
 
-    fn place_and_size(&self, state: AgentState, frame: &Frame2, own: bool, put: &mut impl FnMut(f64)) {
+    fn place_and_size(&self, state: AgentState, frame: &AgentFrame, own: bool, put: &mut impl FnMut(f64)) {
         let at = frame.point(state.position());
         if own {
             [at.x / 20.0, at.y / 20.0, self.agent.length / 5.0, self.agent.width / 2.0]

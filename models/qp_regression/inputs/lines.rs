@@ -3,32 +3,33 @@
 use reactsim::geometry::{Bounds, Polyline, Vec2};
 use reactsim::scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
-use super::surroundings::{Frame2, Rows};
+use super::surroundings::{AgentFrame, PolylineFeatures};
 use crate::models::learning::LearningMap;
 use crate::models::ntp::reactive::links::Nearest;
 use crate::models::ntp::tokens::{closed, edge_rings};
 use crate::models::qp_regression::network::{Attributes, Config};
 
-/// Numbers that describe a point of a line.
+/// Returns the number of features of a point of a line.
 pub(crate) const fn point_numbers(attributes: Attributes) -> usize {
     match attributes {
         // Point and direction in space, kind, the point before.
         Attributes::Published => 3 + 3 + 1 + 2,
-        // Point, direction, the point before, kind, what the light shows, speed limit and whether it is known.
+        // Point, direction, the point before, kind, state of the light, speed limit and whether it is
+        // known.
         Attributes::Own => 2 + 2 + 2 + KINDS + 4 + 2,
     }
 }
 
-/// Lines that are longer are faults of the map, metres.
-const LONGEST: f64 = 1e5;
+/// Length in metres above which a line is an error of the map.
+const MAX_LENGTH: f64 = 1e5;
 
-/// What a line is.
+/// Kind of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Freeway,
     Street,
     BikeLane,
-    /// A path through a junction, in maps that tell these from lanes.
+    /// A connector through a junction, in maps that distinguish connectors from lanes.
     Junction,
     Boundary,
     Median,
@@ -36,16 +37,16 @@ enum Kind {
     SignStop,
     Yield,
     Crosswalk,
-    /// With its code.
+    /// A painted line, with its code.
     Paint(u8),
     Bump,
 }
 
-/// Kinds that are marked where attributes are our own.
+/// Number of kinds in our own attributes.
 const KINDS: usize = 10;
 
 impl Kind {
-    /// Its place among our own marks; painted lines and bumps are not shown.
+    /// Returns the index in our own attributes; painted lines and bumps are not in the input.
     const fn own(self) -> Option<usize> {
         Some(match self {
             Self::Freeway => 0,
@@ -62,7 +63,7 @@ impl Kind {
         })
     }
 
-    /// Its code in the public code; stop lines of lights and give-way lines have none.
+    /// Returns the code in the public code; stop lines of lights and give-way lines have none.
     const fn published(self) -> Option<f32> {
         Some(match self {
             Self::Freeway => 1.0,
@@ -88,45 +89,48 @@ impl Kind {
 /// A piece of a line.
 #[derive(Clone, Debug)]
 struct Line {
-    /// At most as many as the network is shown, at equal distances but for the last.
+    /// At most [`Config::points`] points, at equal distances except for the last.
     points: Vec<Vec2>,
     kind: Kind,
-    /// The light of its lane.
+    /// Index of the light of its lane.
     light: Option<usize>,
+    /// Speed limit of its lane, m/s.
     speed_limit: Option<f64>,
-    /// The mean of the points.
+    /// Mean of the points.
     middle: Vec2,
 }
 
-/// The lines that are known of a map.
+/// Known lines of a map.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lines {
     all: Vec<Line>,
 }
 
 impl Lines {
-    /// Those of a scenario within reach of where the AV is at the current frame.
+    /// Extracts the lines of a scenario within the radius around the AV's position at the current
+    /// frame.
     pub(super) fn of(start: &Start, config: &Config) -> Self {
-        let mut cutter = Cutter { about: start.now(0).position(), config, lines: Self::default() };
+        let mut cutter = LineCutter { about: start.now(0).position(), config, lines: Self::default() };
         let light_of = |lane: usize| start.lights.iter().position(|l| l.lane == lane);
         cutter.cut_map(&start.map, light_of);
         cutter.lines
     }
 
-    /// The lines nearest to `base` as numbers in the frame of an agent, with what lights show.
+    /// Returns the lines nearest to `base` as features in the frame of an agent, with the states of
+    /// lights.
     pub(super) fn rows(
         &self,
         base: Vec2,
-        frame: &Frame2,
+        frame: &AgentFrame,
         lights: &[Option<LightState>],
         config: &Config,
-    ) -> Rows {
+    ) -> PolylineFeatures {
         let numbers = point_numbers(config.attributes);
         let mut nearest = Nearest::new(config.lines);
         for (i, line) in self.all.iter().enumerate() {
             nearest.offer((line.middle - base).norm_squared(), i);
         }
-        let mut rows = Rows {
+        let mut rows = PolylineFeatures {
             points: vec![0.0; config.points * config.lines * numbers],
             there: vec![0.0; config.points * config.lines],
             places: Vec::with_capacity(config.lines),
@@ -177,7 +181,7 @@ impl Line {
     fn write(
         &self,
         k: usize,
-        frame: &Frame2,
+        frame: &AgentFrame,
         light: Option<LightState>,
         attributes: Attributes,
         out: &mut [f32],
@@ -231,20 +235,20 @@ fn put(out: &mut [f32], values: &[f64]) {
     }
 }
 
-/// Cuts lines near a point.
-struct Cutter<'a> {
+/// Cutter of lines near a point.
+struct LineCutter<'a> {
     about: Vec2,
     config: &'a Config,
     lines: Lines,
 }
 
-impl Cutter<'_> {
+impl LineCutter<'_> {
     fn cut_map(&mut self, map: &RoadMap, light_of: impl Fn(usize) -> Option<usize>) {
-        let tells_junctions = map.lanes.iter().any(|l| l.kind == LaneKind::Lane);
+        let has_connectors = map.lanes.iter().any(|l| l.kind == LaneKind::Lane);
         for (i, lane) in map.lanes.iter().enumerate() {
             let kind = match (lane.kind, lane.class) {
                 (_, LaneClass::Bike) => Kind::BikeLane,
-                (LaneKind::Connector, _) if tells_junctions => Kind::Junction,
+                (LaneKind::Connector, _) if has_connectors => Kind::Junction,
                 (_, LaneClass::Freeway) => Kind::Freeway,
                 _ => Kind::Street,
             };
@@ -284,7 +288,7 @@ impl Cutter<'_> {
         }
     }
 
-    /// Where a line is cut does not depend on where the AV is.
+    /// Cuts a line into pieces; where it is cut does not depend on the position of the AV.
     fn cut(&mut self, line: &Polyline, kind: Kind, light: Option<usize>, speed_limit: Option<f64>) {
         let shown = match self.config.attributes {
             Attributes::Published => kind.published().is_some(),
@@ -292,7 +296,7 @@ impl Cutter<'_> {
         };
         let near = Bounds::around(self.about, self.config.radius);
         let bounds = Bounds::of(line.points().iter().copied());
-        if !shown || !bounds.intersects(&near) || !(line.length() <= LONGEST) {
+        if !shown || !bounds.intersects(&near) || !(line.length() <= MAX_LENGTH) {
             return;
         }
         let (length, spacing) = (line.length(), self.config.spacing);
@@ -304,7 +308,7 @@ impl Cutter<'_> {
             line.on_segment(s, segment)
         };
         let mut first = 0;
-        // Pieces share their ends, so that they show where lines go on.
+        // Pieces share their ends, which shows where lines go on.
         while first < steps {
             let last = (first + self.config.points.max(2) - 1).min(steps);
             let mut points: Vec<Vec2> = (first..=last).map(&mut at).collect();

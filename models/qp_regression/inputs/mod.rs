@@ -1,4 +1,4 @@
-//! What the network is shown of a scene: who and what is around an agent, in that agent's frame.
+//! Input features of the network: agents and map lines around an agent, in that agent's frame.
 
 mod forecast;
 mod ground;
@@ -15,5 +15,5 @@ pub(crate) use histories::agent_numbers;
 use lines::Lines;
 pub(crate) use lines::point_numbers;
 pub(crate) use outlook::{OUTLOOK, Outlook};
-pub(crate) use scene::Scene;
-pub(crate) use surroundings::{Frame2, Rows, Surroundings};
+pub(crate) use scene::SceneContext;
+pub(crate) use surroundings::{AgentFrame, PolylineFeatures, Surroundings};

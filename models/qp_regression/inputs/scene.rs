@@ -1,4 +1,4 @@
-//! A scene as predictions are made in it: what is the same for everybody who is predicted.
+//! Data of a scene that all its predictions share.
 
 use reactsim::geometry::Vec2;
 
@@ -7,28 +7,28 @@ use crate::models::ntp::reactive::body::Body;
 use crate::models::ntp::reactive::places::Places;
 use crate::models::ntp::reactive::step::View;
 
-/// A scene.
+/// Data of a scene that all its predictions share.
 #[derive(Debug)]
-pub(crate) struct Scene<'a> {
-    /// Who is where.
+pub(crate) struct SceneContext<'a> {
+    /// Agents, their tracks and the lights.
     pub view: &'a View<'a>,
-    /// The map.
+    /// Map features.
     pub ground: &'a Ground,
-    /// The forecast of the AV: position and velocity after 0.1 s and so on.
+    /// Forecast of the AV: position and velocity after 0.1 s and so on.
     pub av: Option<Vec<(Vec2, Vec2)>>,
-    /// Everybody as they are in the way of others, where an outlook is shown.
+    /// Agents as possible conflicts of others, if the configuration has an outlook.
     pub(super) bodies: Vec<Body>,
-    /// Their slots.
+    /// Slots of these agents.
     pub(super) slots: Vec<usize>,
 }
 
-impl<'a> Scene<'a> {
-    /// The scene of a view.
+impl<'a> SceneContext<'a> {
+    /// Prepares the scene of a view.
     pub(crate) fn of(view: &'a View<'a>, ground: &'a Ground) -> Self {
         let av = view.tracks.first().and_then(|track| forecast(track, view.now, view.av_next));
         let mut scene = Self { view, ground, av, bodies: Vec::new(), slots: Vec::new() };
         if ground.places.is_some() {
-            // Where the others are going does not matter.
+            // The destinations of other agents do not matter.
             let nowhere = Places::default();
             for slot in 0..view.agents.len() {
                 if let Some((body, _)) = view.body(slot, &nowhere) {

@@ -1,100 +1,105 @@
-//! What is around one agent.
+//! Surroundings of one agent.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, direction, into_frame};
 use reactsim::scene::{DT, HISTORY};
 
-use super::histories::{Told, agent_numbers, velocity_at};
+use super::histories::{AgentHistory, agent_numbers, velocity_at};
 use super::lines::point_numbers;
-use super::{Outlook, Scene};
+use super::{Outlook, SceneContext};
 use crate::models::ntp::reactive::links::Nearest;
 use crate::models::ntp::reactive::step::View;
 use crate::models::ntp::tokens::Class;
 use crate::models::qp_regression::network::{Attributes, Config};
 
-/// The frame of an agent: it is at the origin and looks along x.
+/// Frame of an agent, which is at the origin and faces along x.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Frame2 {
+pub(crate) struct AgentFrame {
     origin: Vec2,
     ahead: Vec2,
 }
 
-impl Frame2 {
+impl AgentFrame {
     pub(crate) fn of(pose: Pose) -> Self {
         Self { origin: pose.position, ahead: direction(pose.heading) }
     }
 
-    /// A point of the scene in this frame.
+    /// Converts a point of the scene to this frame.
     pub(crate) fn point(&self, p: Vec2) -> Vec2 {
         into_frame(self.ahead, p - self.origin)
     }
 
-    /// A vector of the scene in this frame.
+    /// Converts a vector of the scene to this frame.
     pub(crate) fn vector(&self, v: Vec2) -> Vec2 {
         into_frame(self.ahead, v)
     }
 
-    /// The unit vector of a heading in this frame.
+    /// Returns the unit vector of a heading in this frame.
     pub(crate) fn toward(&self, heading: f64) -> Vec2 {
         into_frame(self.ahead, direction(heading))
     }
 
-    /// A vector of this frame in the scene.
+    /// Converts a vector of this frame to the scene.
     pub(crate) fn vector_out(&self, v: Vec2) -> Vec2 {
         self.ahead * v.x + Vec2::new(-self.ahead.y, self.ahead.x) * v.y
     }
 
-    /// A point of this frame in the scene.
+    /// Converts a point of this frame to the scene.
     pub(crate) fn point_out(&self, p: Vec2) -> Vec2 {
         self.origin + self.vector_out(p)
     }
 }
 
-/// Polylines as numbers: `count` points of a fixed number of rows; rows that are not there are zeros at the end.
+/// Features of polylines: `count` points of a fixed number of rows. Absent rows are zeros at the end.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Rows {
-    /// `[count, rows, numbers]`.
+pub(crate) struct PolylineFeatures {
+    /// `[count, rows, numbers]`: features of the points.
     pub points: Vec<f32>,
-    /// `[count, rows]`: 1 where there is a point.
+    /// `[count, rows]`: 1 where a point is present.
     pub there: Vec<f32>,
-    /// Where the rows that are there are, metres.
+    /// Positions of the present rows, metres.
     pub places: Vec<[f32; 2]>,
 }
 
-/// What is around one agent, in its frame.
+/// Surroundings of one agent, in its frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Surroundings {
-    /// Its class.
+    /// Class of the agent.
     pub class: Class,
-    /// Its pose.
+    /// Pose of the agent in the scenario frame.
     pub pose: Pose,
     /// Slots of the agents, the predicted one first, then the AV, then the nearest.
     pub slots: Vec<usize>,
     /// Their histories.
-    pub agents: Rows,
-    /// Their velocities, m/s.
+    pub agents: PolylineFeatures,
+    /// Their velocities in the frame of the predicted agent, m/s.
     pub velocities: Vec<Vec2>,
-    /// The lines of the map nearest to the base point, nearest first.
-    pub lines: Rows,
-    /// Which of the agents is the AV, and its forecast `[states, 4]`: x, y, velocity x, y.
+    /// Lines of the map nearest to the base point, nearest first.
+    pub lines: PolylineFeatures,
+    /// Index of the AV among these agents, and its forecast `[states, 4]`: x, y, velocity x, y.
     pub av: Option<(usize, Vec<f32>)>,
-    /// Where its lane leads and what is in its way, where that is shown.
+    /// Lane and conflict features, if the configuration has them.
     pub outlook: Option<Outlook>,
 }
 
-/// The base point lies where an agent will be in so many seconds, between these distances, metres.
-const BASE_AHEAD: (f64, f64, f64) = (2.0, 5.0, 30.0);
-/// In the public code it lies so far ahead, metres.
-const PUBLISHED_BASE: f64 = 30.0;
+/// Distance of the base point, around which lines are chosen, as travel time at the present speed,
+/// seconds.
+const BASE_TIME: f64 = 2.0;
+/// Smallest distance of the base point, metres.
+const MIN_BASE_DISTANCE: f64 = 5.0;
+/// Largest distance of the base point, metres.
+const MAX_BASE_DISTANCE: f64 = 30.0;
+/// Distance of the base point in the public code, metres.
+const PUBLISHED_BASE_DISTANCE: f64 = 30.0;
 
 impl Surroundings {
-    /// What is around the agent `slot`; `None` where it is absent or of no class.
-    pub(crate) fn of(scene: &Scene<'_>, slot: usize, config: &Config) -> Option<Self> {
+    /// Collects the surroundings of the agent `slot`; `None` if it is absent or of no class.
+    pub(crate) fn of(scene: &SceneContext<'_>, slot: usize, config: &Config) -> Option<Self> {
         let view = scene.view;
         let class = Class::of(view.agents[slot].kind)?;
         let state = |slot: usize| view.tracks[slot].get(view.now).copied().flatten();
         let pose = Pose::from(state(slot)?);
-        let frame = Frame2::of(pose);
+        let frame = AgentFrame::of(pose);
         let mut nearest = Nearest::new(config.agents);
         for other in 0..view.agents.len() {
             let Some(there) = state(other) else { continue };
@@ -108,9 +113,10 @@ impl Surroundings {
         let slots: Vec<usize> = nearest.found().collect();
         let velocities: Vec<Vec2> = slots.iter().map(|&s| frame.vector(velocity_now(view, s))).collect();
         let base = match config.attributes {
-            Attributes::Published => PUBLISHED_BASE,
+            Attributes::Published => PUBLISHED_BASE_DISTANCE,
             Attributes::Own => {
-                (BASE_AHEAD.0 * velocities.first().map_or(0.0, Vec2::norm)).clamp(BASE_AHEAD.1, BASE_AHEAD.2)
+                let distance = BASE_TIME * velocities.first().map_or(0.0, Vec2::norm);
+                distance.clamp(MIN_BASE_DISTANCE, MAX_BASE_DISTANCE)
             }
         };
         let base = frame.point_out(Vec2::new(base, 0.0));
@@ -123,18 +129,19 @@ impl Surroundings {
             velocities,
             lines: scene.ground.lines.rows(base, &frame, view.lights, config),
             outlook: Outlook::of(scene, slot, &frame),
-            av: av.map(|(at, states)| (at, told(states, &frame, config))),
+            av: av.map(|(at, states)| (at, sampled_forecast(states, &frame, config))),
             slots,
         })
     }
 
-    /// The velocity of the predicted agent in its frame, m/s.
+    /// Returns the velocity of the predicted agent in its frame, m/s.
     pub(crate) fn velocity(&self) -> Vec2 {
         self.velocities.first().copied().unwrap_or_default()
     }
 }
 
-/// How an agent moves now, m/s: the AV as the state to come shows it, where that is shown.
+/// Returns the present velocity of an agent, m/s; that of the AV from its next state, where that is
+/// visible.
 fn velocity_now(view: &View<'_>, slot: usize) -> Vec2 {
     let here = view.tracks[slot].get(view.now).copied().flatten();
     match (here, view.av_next) {
@@ -143,15 +150,21 @@ fn velocity_now(view: &View<'_>, slot: usize) -> Vec2 {
     }
 }
 
-fn histories(view: &View<'_>, slots: &[usize], frame: &Frame2, target: usize, config: &Config) -> Rows {
+fn histories(
+    view: &View<'_>,
+    slots: &[usize],
+    frame: &AgentFrame,
+    target: usize,
+    config: &Config,
+) -> PolylineFeatures {
     let numbers = agent_numbers(config.attributes);
-    let mut rows = Rows {
+    let mut rows = PolylineFeatures {
         points: vec![0.0; HISTORY * config.agents * numbers],
         there: vec![0.0; HISTORY * config.agents],
         places: Vec::with_capacity(slots.len()),
     };
     for (row, &slot) in slots.iter().enumerate() {
-        let told = Told {
+        let history = AgentHistory {
             agent: &view.agents[slot],
             track: &view.tracks[slot],
             now: view.now,
@@ -161,7 +174,7 @@ fn histories(view: &View<'_>, slots: &[usize], frame: &Frame2, target: usize, co
         for k in 0..HISTORY {
             let at = k * config.agents + row;
             let out = &mut rows.points[at * numbers..(at + 1) * numbers];
-            if told.write(k, frame, config.attributes, out) {
+            if history.write(k, frame, config.attributes, out) {
                 rows.there[at] = 1.0;
             }
         }
@@ -173,8 +186,8 @@ fn histories(view: &View<'_>, slots: &[usize], frame: &Frame2, target: usize, co
     rows
 }
 
-/// The forecast at the instants that are predicted.
-fn told(states: &[(Vec2, Vec2)], frame: &Frame2, config: &Config) -> Vec<f32> {
+/// Returns the forecast at the predicted instants.
+fn sampled_forecast(states: &[(Vec2, Vec2)], frame: &AgentFrame, config: &Config) -> Vec<f32> {
     let each = states.iter().skip(config.step - 1).step_by(config.step).take(config.states());
     each.flat_map(|(p, v)| {
         let (p, v) = (frame.point(*p), frame.vector(*v));

@@ -1,4 +1,5 @@
-//! Agents beside their log, on the way back to it: what a closed loop gets into, and how to get out.
+//! Disturbed training tracks: agents off their log that return to it, so that the network learns to
+//! recover from the deviations of a closed loop.
 
 use rand::RngExt;
 use reactsim::geometry::{Vec2, direction, left, smooth_step};
@@ -6,61 +7,62 @@ use reactsim::scene::{AgentState, DT, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
-/// How agents are disturbed.
+/// Parameters of disturbances.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Disturbance {
-    /// How often an agent is.
+    /// Probability that an agent is disturbed.
     pub often: f64,
-    /// How far aside at most, metres, at full speed.
+    /// Largest lateral displacement at full speed, metres.
     pub aside: f64,
-    /// How far ahead or behind at most, metres, at full speed.
+    /// Largest displacement ahead or behind at full speed, metres.
     pub along: f64,
-    /// By how much it is turned at most, radians.
+    /// Largest change of the heading, radians.
     pub turn: f64,
-    /// Seconds until it is back.
+    /// Time until the agent is back on its log, seconds.
     pub recovers: f64,
 }
 
-/// Who is slower is disturbed less, m/s.
+/// Speed in m/s from which disturbances have their full size.
 const FULL_SPEED: f64 = 4.0;
-/// Slower agents stand: nobody is moved about who stands.
-const STANDS: f64 = 0.5;
-/// Seconds in which it came about.
-const BEGAN: f64 = 1.0;
+/// Speed in m/s below which an agent stands and is not disturbed.
+const STANDSTILL_SPEED: f64 = 0.5;
+/// Time over which a disturbance builds up, seconds.
+const BUILD_UP_TIME: f64 = 1.0;
 
 impl Disturbance {
-    /// The track of an agent that has got away from its log by frame `now` and goes back to it. It begins where the log was a second before,
-    /// positions change without jumps, and velocities are differences of positions.
+    /// Returns the track of an agent that has left its log by frame `now` and returns to it. The
+    /// disturbance begins one second before `now`, positions change without jumps, and velocities are
+    /// differences of positions.
     pub(super) fn apply(&self, track: &[Frame], now: usize, stream: &mut Stream) -> Vec<Frame> {
-        // The same numbers are drawn whatever the agent does.
+        // The same count of numbers is drawn whatever the agent does.
         let happens = stream.random::<f64>() < self.often;
         let mut drawn = |most: f64| most * (2.0 * stream.random::<f64>() - 1.0);
         let (aside, along, turn) = (drawn(self.aside), drawn(self.along), drawn(self.turn));
         let speed = track.get(now).copied().flatten().map_or(0.0, |s| s.velocity().map_or(0.0, |v| v.norm()));
-        if !happens || speed < STANDS {
+        if !happens || speed < STANDSTILL_SPEED {
             return track.to_vec();
         }
         let part = (speed / FULL_SPEED).min(1.0);
         let offset = |frame: usize| {
             let t = (frame as f64 - now as f64) * DT;
-            let kept = if t <= 0.0 {
-                smooth_step(1.0 + t / BEGAN)
+            let share = if t <= 0.0 {
+                smooth_step(1.0 + t / BUILD_UP_TIME)
             } else {
                 1.0 - smooth_step(t / self.recovers.max(DT))
             };
-            (kept * part, t)
+            (share * part, t)
         };
-        let (first, last) = (-BEGAN, self.recovers);
+        let (first, last) = (-BUILD_UP_TIME, self.recovers);
         let moved = |frame: usize, state: AgentState| {
-            let (kept, t) = offset(frame);
+            let (share, t) = offset(frame);
             if t <= first || t >= last {
                 return state;
             }
             let ahead = direction(state.heading);
-            let sideways = kept * (aside + turn * speed * t);
-            let p = state.position() + ahead * (kept * along) + left(ahead) * sideways;
-            AgentState { x: p.x, y: p.y, heading: state.heading + kept * turn, ..state }
+            let sideways = share * (aside + turn * speed * t);
+            let p = state.position() + ahead * (share * along) + left(ahead) * sideways;
+            AgentState { x: p.x, y: p.y, heading: state.heading + share * turn, ..state }
         };
         let mut all: Vec<Frame> =
             track.iter().enumerate().map(|(f, state)| state.map(|s| moved(f, s))).collect();
@@ -90,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_and_goes_without_jumps() {
+    fn a_disturbance_comes_and_goes_without_jumps() {
         let log = straight(8.0);
         let track = MUCH.apply(&log, 20, &mut Stream::seed_from_u64(5));
         let p = |f: usize| track[f].unwrap().position();
@@ -104,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_is_left_alone() {
+    fn a_standing_agent_is_not_disturbed() {
         let log = straight(0.2);
         assert_eq!(MUCH.apply(&log, 20, &mut Stream::seed_from_u64(5)), log);
     }

@@ -1,32 +1,33 @@
-//! What is minimised, as in MTR: the likelihood of what really happens under the mode whose intention point is nearest to its end, the
-//! velocity of that mode, its score; and the same for the dense prediction, without scores.
+//! The loss, as in MTR. For the mode whose intention point is nearest to the end of the true
+//! trajectory: the likelihood of the true states, the error of the velocity, and the score. The same,
+//! without scores, for the dense prediction.
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use super::super::Intentions;
 use super::super::inputs::Surroundings;
-use super::super::network::{Batch, Config, Network, Predicted, STATE};
-use super::super::predict::{CORRELATION, LOG_DEVIATION};
-use super::sample::{Sample, TRUTH, Target, Truth};
+use super::super::network::{Batch, Config, Network, NetworkOutput, STATE};
+use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};
+use super::sample::{Sample, TRUTH_SIZE, Target, Truth};
 
-/// What a velocity that is wrong by 1 m/s counts in modes; in the dense prediction it counts 1 (MTR).
-const VELOCITY: f64 = 0.5;
+/// Weight of a velocity error of 1 m/s in modes; in the dense prediction the weight is 1 (MTR).
+const VELOCITY_WEIGHT: f64 = 0.5;
 
-/// What a pass over some samples gives, as sums over targets.
+/// Results of a pass over samples, as sums over targets.
 pub(super) struct Losses {
-    /// What is minimised.
+    /// Loss to minimise.
     pub loss: Tensor<1>,
     /// Number of targets.
     pub targets: f64,
-    /// Negative log-likelihoods of true states in the last layer, and of how many states.
+    /// Negative log-likelihood of the true states in the last layer, and the number of states.
     pub surprise: (f64, f64),
-    /// Cross-entropies of scores in the last layer.
+    /// Cross-entropy of the scores in the last layer.
     pub score: f64,
-    /// How often the likeliest query was the right one.
+    /// Number of targets whose most probable query was the right one.
     pub right: f64,
-    /// Everything that was predicted.
-    pub predicted: Predicted,
+    /// Output of the network.
+    pub predicted: NetworkOutput,
 }
 
 /// Runs the network over samples.
@@ -43,11 +44,11 @@ pub(super) fn losses(
     let predicted = network.forward(&batch, config);
 
     let count = targets.len();
-    let positive = |t: &&Target| intentions.nearest(t.around.class, t.goal);
-    let positive: Vec<usize> = targets.iter().map(positive).collect();
-    let rows = positive.iter().enumerate().map(|(i, q)| (i * batch.queries + q) as i32);
+    let nearest_query = |t: &&Target| intentions.nearest(t.around.class, t.goal);
+    let queries: Vec<usize> = targets.iter().map(nearest_query).collect();
+    let rows = queries.iter().enumerate().map(|(i, q)| (i * batch.queries + q) as i32);
     let rows = ints(rows.collect(), device);
-    let labels = ints(positive.iter().map(|&q| q as i32).collect(), device).unsqueeze_dim::<2>(1);
+    let labels = ints(queries.iter().map(|&q| q as i32).collect(), device).unsqueeze_dim::<2>(1);
     let truths: Vec<&Truth> = targets.iter().map(|t| &t.truth).collect();
     let (truth, known) = truth_tensors(&truths, &vec![1.0; count], config, device);
 
@@ -59,7 +60,7 @@ pub(super) fn losses(
         let (likelihood, velocity) = state_losses(mode, truth.clone(), known.clone());
         let log_p = log_softmax(layer.scores.clone(), 1);
         let entropy = -log_p.clone().gather(1, labels.clone()).sum();
-        total = total + (likelihood.clone() + velocity * VELOCITY + entropy.clone()) / layers;
+        total = total + (likelihood.clone() + velocity * VELOCITY_WEIGHT + entropy.clone()) / layers;
         if i + 1 == predicted.layers.len() {
             surprise = scalar(likelihood);
             score = scalar(entropy);
@@ -67,9 +68,9 @@ pub(super) fn losses(
         }
     }
 
-    // Those who are shown, each as a part of all that are known with it.
+    // Other agents in the input, weighted by the inverse of their number per target.
     let (mut truths, mut weights) = (Vec::new(), Vec::new());
-    let nobody = Truth { states: vec![0.0; config.states() * TRUTH], known: vec![0.0; config.states()] };
+    let nobody = Truth { states: vec![0.0; config.states() * TRUTH_SIZE], known: vec![0.0; config.states()] };
     for target in &targets {
         let is_known = |t: &Truth| t.known.contains(&1.0);
         let with = target.others.iter().filter(|t| is_known(t)).count().max(1);
@@ -100,7 +101,7 @@ fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
     Tensor::from_data(TensorData::new(values, [n]), device)
 }
 
-/// True states `[n, states, 4]`, and what each counts `[n, states, 1]`: 0 where not known.
+/// Returns true states `[n, states, 4]` and their weights `[n, states, 1]`, 0 where unknown.
 fn truth_tensors(
     truths: &[&Truth],
     weights: &[f32],
@@ -111,18 +112,18 @@ fn truth_tensors(
     let states: Vec<f32> = truths.iter().flat_map(|t| t.states.iter().copied()).collect();
     let known = truths.iter().zip(weights).flat_map(|(t, w)| t.known.iter().map(move |k| k * w)).collect();
     (
-        Tensor::from_data(TensorData::new(states, [n, s, TRUTH]), device),
+        Tensor::from_data(TensorData::new(states, [n, s, TRUTH_SIZE]), device),
         Tensor::from_data(TensorData::new::<f32, _>(known, [n, s, 1]), device),
     )
 }
 
-/// Sums over all states, times their weights: negative log-likelihoods of true positions (without the constant), and absolute differences of
-/// velocities.
-fn state_losses(said: Tensor<3>, truth: Tensor<3>, weight: Tensor<3>) -> (Tensor<1>, Tensor<1>) {
-    let number = |from: usize, count: usize| said.clone().narrow(2, from, count);
-    let logs = number(2, 2).clamp(LOG_DEVIATION.0, LOG_DEVIATION.1);
-    let rho = number(4, 1).clamp(-CORRELATION, CORRELATION);
-    // How far away, in deviations.
+/// Returns weighted sums over all states: negative log-likelihoods of the true positions, without the
+/// constant, and absolute differences of velocities.
+fn state_losses(output: Tensor<3>, truth: Tensor<3>, weight: Tensor<3>) -> (Tensor<1>, Tensor<1>) {
+    let number = |from: usize, count: usize| output.clone().narrow(2, from, count);
+    let logs = number(2, 2).clamp(MIN_LOG_DEVIATION, MAX_LOG_DEVIATION);
+    let rho = number(4, 1).clamp(-MAX_CORRELATION, MAX_CORRELATION);
+    // Distance in standard deviations.
     let away = (truth.clone().narrow(2, 0, 2) - number(0, 2)) * (-logs.clone()).exp();
     let (x, y) = (away.clone().narrow(2, 0, 1), away.narrow(2, 1, 1));
     let rest = -(rho.clone() * rho.clone()) + 1.0;
@@ -140,10 +141,10 @@ mod tests {
     #[test]
     fn the_likelihood_is_that_of_a_normal_distribution() {
         let device = crate::models::nn::device();
-        let said = [1.0f32, 2.0, 0.5, -0.25, 0.3, 4.0, 5.0];
+        let output = [1.0f32, 2.0, 0.5, -0.25, 0.3, 4.0, 5.0];
         let truth = [1.7f32, 1.5, 3.0, 7.0];
         let of = |v: &[f32]| Tensor::<3>::from_data(TensorData::new(v.to_vec(), [1, 1, v.len()]), &device);
-        let (likelihood, velocity) = state_losses(of(&said), of(&truth), of(&[2.0]));
+        let (likelihood, velocity) = state_losses(of(&output), of(&truth), of(&[2.0]));
         let (sx, sy, r) = (0.5f64.exp(), (-0.25f64).exp(), 0.3f64);
         let (dx, dy) = (0.7 / sx, -0.5 / sy);
         let wanted = (sx * sy * (1.0 - r * r).sqrt()).ln()

@@ -1,4 +1,4 @@
-//! How the network learns: samples from logged scenes, the loss, what is measured.
+//! Training of the network: samples from logged scenarios, the loss, and accuracy measures.
 
 mod disturb;
 mod loss;
@@ -9,4 +9,4 @@ mod task;
 pub use disturb::Disturbance;
 pub use measure::MEASURES;
 pub use sample::{Augmentation, Sample};
-pub use task::{FromError, Recipe, Regression};
+pub use task::{InitialWeightsError, Recipe, Regression};

@@ -1,4 +1,4 @@
-//! A scenario made ready for the network to learn from.
+//! Training samples made of scenarios.
 
 use rand::RngExt;
 use reactsim::geometry::{Vec2, direction};
@@ -6,36 +6,36 @@ use reactsim::scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
-use super::super::inputs::{Frame2, Scene, Surroundings, Survey};
+use super::super::inputs::{AgentFrame, SceneContext, Surroundings, Survey};
 use super::super::network::Config;
 use super::Disturbance;
 use crate::models::learning::LearningScene;
 use crate::models::ntp::reactive::step::View;
 use crate::models::ntp::tokens::Class;
 
-/// How scenes are varied.
+/// Parameters of the augmentation of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Augmentation {
-    /// How often scenes are mirrored.
+    /// Probability that a scene is mirrored.
     pub mirror: f64,
-    /// Scenes are stretched by up to this part, either way.
+    /// Largest relative change of the scale, either way.
     pub stretch: f64,
-    /// The moment from which is predicted is up to so many frames from the current one.
+    /// Largest shift of the prediction frame from the current one, frames.
     pub shift: usize,
-    /// How often the AV is not known one frame ahead.
+    /// Probability that the AV's next state is hidden.
     pub blind: f64,
-    /// Agents beside their logs.
+    /// Disturbances of agents.
     pub disturbance: Disturbance,
 }
 
-/// Numbers of a true state: x, y, velocity x, y.
-pub(super) const TRUTH: usize = 4;
+/// Number of values per true state: x, y, velocity x, y.
+pub(super) const TRUTH_SIZE: usize = 4;
 
-/// What really happens to an agent at the instants that are predicted.
+/// True states of an agent at the predicted instants.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Truth {
-    /// `[states, 4]`, in the frame of the predicted agent; 0 where not known.
+    /// `[states, 4]`, in the frame of the predicted agent; 0 where unknown.
     pub states: Vec<f32>,
     /// `[states]`: 1 where known.
     pub known: Vec<f32>,
@@ -44,34 +44,36 @@ pub(super) struct Truth {
 /// One agent to predict.
 #[derive(Clone, Debug)]
 pub(super) struct Target {
-    /// What is around it.
+    /// Surroundings of the agent.
     pub around: Surroundings,
-    /// What it does.
+    /// True states of the agent.
     pub truth: Truth,
-    /// Where it is after 8 s; where its log ends before, it goes on as it did.
+    /// Position after 8 s. If the log ends earlier, the agent keeps its last velocity.
     pub goal: Vec2,
-    /// The unit vector of its last known heading.
+    /// Unit vector of its last known heading.
     pub goal_ahead: Vec2,
-    /// What those do who are shown, in their order.
+    /// True states of the agents in the input, in their order.
     pub others: Vec<Truth>,
 }
 
-/// Some agents of a scenario.
+/// Targets of one scenario.
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(super) targets: Vec<Target>,
 }
 
-/// Agents that are farther from the AV are not learnt from, metres.
-const REACH: f64 = 80.0;
-/// Who goes less far in the whole log is parked, metres; of those one in so many is learnt from.
-const PARKED_WAY: f64 = 0.5;
-const PARKED_PART: f64 = 0.1;
-/// An agent is learnt from if so many of its states are known.
-const LEAST_STATES: usize = 2;
+/// Largest distance from the AV of agents to learn from, metres.
+const TARGET_RANGE: f64 = 80.0;
+/// Displacement over the log below which an agent counts as parked, metres.
+const PARKED_DISPLACEMENT: f64 = 0.5;
+/// Share of parked agents that are kept in training.
+const PARKED_SHARE: f64 = 0.1;
+/// Smallest number of known states of a target.
+const MIN_KNOWN_STATES: usize = 2;
 
-/// Makes a sample of at most `most` agents, varied by what is drawn from the stream, or as logged, with those who are parked only if that is
-/// asked for. `None` where nothing can be learnt.
+/// Makes a sample of at most `most` agents. With `varied` the scene is augmented by draws from the
+/// stream; otherwise it stays as logged, and parked agents are included only if `parked` is set. `None`
+/// if there is nothing to learn from.
 pub(super) fn sample(
     mut scene: LearningScene<Survey>,
     config: &Config,
@@ -89,19 +91,19 @@ pub(super) fn sample(
         now = (CURRENT + stream.random_range(0..=2 * a.shift)).saturating_sub(a.shift);
         blind = stream.random::<f64>() < a.blind;
         chosen = candidates(&scene, now);
-        chosen.retain(|&slot| !is_parked(&scene.tracks[slot]) || stream.random::<f64>() < PARKED_PART);
-        // The first of a list in random order.
+        chosen.retain(|&slot| !is_parked(&scene.tracks[slot]) || stream.random::<f64>() < PARKED_SHARE);
+        // Take the first agents of a shuffled list.
         for i in 0..most.min(chosen.len()) {
             let j = stream.random_range(i..chosen.len());
             chosen.swap(i, j);
         }
-        // The AV comes from outside: it is shown as recorded.
+        // The AV is an external input and stays as recorded.
         for track in &mut scene.tracks[1..] {
             *track = a.disturbance.apply(track, now, stream);
         }
     } else {
         chosen = candidates(&scene, now);
-        // Whoever is parked makes every figure better.
+        // Parked agents would flatter every measure.
         chosen.retain(|&slot| parked || !is_parked(&scene.tracks[slot]));
     }
     chosen.truncate(most);
@@ -109,14 +111,14 @@ pub(super) fn sample(
     let av_next = if blind { None } else { scene.tracks[0].get(now + 1).copied().flatten() };
     let view = View { agents: &scene.agents, tracks: &scene.tracks, now, av_next, lights: &lights };
     let ground = scene.map.ground();
-    let seen = Scene::of(&view, &ground);
+    let context = SceneContext::of(&view, &ground);
     let target = |slot: usize| {
-        let around = Surroundings::of(&seen, slot, config)?;
-        let frame = Frame2::of(around.pose);
+        let around = Surroundings::of(&context, slot, config)?;
+        let frame = AgentFrame::of(around.pose);
         let track = &scene.tracks[slot];
         let truth = truth(track, now, &frame, config);
         let known = truth.known.iter().filter(|k| **k > 0.0).count();
-        if known < LEAST_STATES {
+        if known < MIN_KNOWN_STATES {
             return None;
         }
         let (goal, goal_ahead) = goal(track, now, &frame)?;
@@ -128,21 +130,21 @@ pub(super) fn sample(
     (!targets.is_empty()).then_some(Sample { targets })
 }
 
-/// Agents that may be learnt from, nearest to the AV first.
+/// Returns the slots of agents to learn from, nearest to the AV first.
 fn candidates(scene: &LearningScene<Survey>, now: usize) -> Vec<usize> {
     let at = |slot: usize| scene.tracks[slot].get(now).copied().flatten();
     let Some(av) = at(0) else { return Vec::new() };
     let far = |slot: usize| at(slot).map(|s| (s.position() - av.position()).norm());
     let mut near: Vec<(f64, usize)> = (0..scene.agents.len())
         .filter(|&slot| Class::of(scene.agents[slot].kind).is_some())
-        .filter_map(|slot| Some((far(slot).filter(|d| *d < REACH)?, slot)))
+        .filter_map(|slot| Some((far(slot).filter(|d| *d < TARGET_RANGE)?, slot)))
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     near.into_iter().map(|n| n.1).collect()
 }
 
-/// The states of a track at the instants that are predicted.
-fn truth(track: &[Frame], now: usize, frame: &Frame2, config: &Config) -> Truth {
+/// Returns the true states of a track at the predicted instants.
+fn truth(track: &[Frame], now: usize, frame: &AgentFrame, config: &Config) -> Truth {
     let mut truth = Truth::default();
     for k in 1..=config.states() {
         let at = now + k * config.step;
@@ -155,7 +157,7 @@ fn truth(track: &[Frame], now: usize, frame: &Frame2, config: &Config) -> Truth 
                 truth.known.push(1.0);
             }
             None => {
-                truth.states.extend([0.0; TRUTH]);
+                truth.states.extend([0.0; TRUTH_SIZE]);
                 truth.known.push(0.0);
             }
         }
@@ -163,8 +165,8 @@ fn truth(track: &[Frame], now: usize, frame: &Frame2, config: &Config) -> Truth 
     truth
 }
 
-/// Where a track is after eight seconds, and its heading there.
-fn goal(track: &[Frame], now: usize, frame: &Frame2) -> Option<(Vec2, Vec2)> {
+/// Returns the position of a track after eight seconds, and its last known heading.
+fn goal(track: &[Frame], now: usize, frame: &AgentFrame) -> Option<(Vec2, Vec2)> {
     let end = now + FUTURE;
     let (at, state) = (now + 1..=end.min(FRAMES - 1)).rev().find_map(|f| Some((f, track[f]?)))?;
     let before = track[at - 1].map(|b| (state.position() - b.position()) / DT);
@@ -176,5 +178,5 @@ fn goal(track: &[Frame], now: usize, frame: &Frame2) -> Option<(Vec2, Vec2)> {
 fn is_parked(track: &[Frame]) -> bool {
     let mut present = track.iter().flatten();
     let Some(first) = present.next() else { return true };
-    present.all(|s| (s.position() - first.position()).norm() < PARKED_WAY)
+    present.all(|s| (s.position() - first.position()).norm() < PARKED_DISPLACEMENT)
 }

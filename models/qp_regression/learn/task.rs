@@ -1,4 +1,4 @@
-//! Regression as a task for the learner.
+//! The training task of the regression network.
 
 use std::collections::BTreeMap;
 
@@ -18,15 +18,15 @@ use crate::models::WeightsFile;
 use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
 
-/// What decides about learning, besides the data and the learner's own settings.
+/// Everything that determines training, besides the data and the learner's own settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
     /// Sizes of the network.
     pub network: Config,
-    /// How many agents of a scenario are learnt from at a time.
+    /// Largest number of agents of a scenario in one sample.
     pub agents: usize,
-    /// How scenes are varied.
+    /// Augmentation of scenes.
     pub augmentation: Augmentation,
 }
 
@@ -46,67 +46,70 @@ impl Default for Recipe {
     }
 }
 
-/// The task.
+/// Training task of the regression network.
 pub struct Regression {
     recipe: Recipe,
     intentions: Intentions,
     device: Device,
-    /// The network to begin with, on a device with autodiff, and the digest of its file.
+    /// Initial network, on a device with autodiff, and the digest of its file.
     from: Option<(Network, String)>,
-    /// Whether who is parked is judged too.
+    /// Whether parked agents are judged too.
     parked: bool,
 }
 
-/// Weights that a training can not begin with.
+/// Error of weights that training cannot start from.
 #[derive(Debug, thiserror::Error)]
-pub enum FromError {
-    /// They can not be read.
-    #[error("the weights {0} can not be used: {1}")]
+pub enum InitialWeightsError {
+    /// The weights cannot be read.
+    #[error("cannot use the weights {0}: {1}")]
     Policy(String, PolicyError),
-    /// Their network has other sizes than the recipe.
-    #[error(
-        "the network of {0} has other sizes than the recipe: leave the recipe's `network` as it is there"
-    )]
+    /// The network has other sizes than the recipe.
+    #[error("the network of {0} has other sizes than the recipe: give the recipe the same `network`")]
     Sizes(String),
 }
 
 impl Regression {
-    /// A task on this device, which is one without autodiff.
+    /// Creates a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, intentions: Intentions, device: &Device) -> Self {
         Self { recipe, intentions, device: device.clone(), from: None, parked: false }
     }
 
-    /// A task that begins with the network of this file, and has its intention points.
+    /// Creates a task that starts from the network of this file and uses its intention points.
     ///
     /// # Errors
-    /// [`FromError`] where the file is no such network, or has other sizes than the recipe.
-    pub fn going_on(recipe: Recipe, file: &WeightsFile, device: &Device) -> Result<Self, FromError> {
+    /// [`InitialWeightsError`] if the file holds no such network, or one of other sizes than the
+    /// recipe.
+    pub fn from_weights(
+        recipe: Recipe,
+        file: &WeightsFile,
+        device: &Device,
+    ) -> Result<Self, InitialWeightsError> {
         let policy = Policy::read(&file.bytes, &device.clone().autodiff())
-            .map_err(|error| FromError::Policy(file.name.clone(), error))?;
+            .map_err(|error| InitialWeightsError::Policy(file.name.clone(), error))?;
         if policy.config != recipe.network {
-            return Err(FromError::Sizes(file.name.clone()));
+            return Err(InitialWeightsError::Sizes(file.name.clone()));
         }
         let from = Some((policy.network, file.digest.clone()));
         Ok(Self { from, ..Self::new(recipe, policy.intentions, device) })
     }
 
-    /// The same task, but whoever is parked is judged too. Learning stays as it is.
+    /// Returns the same task with parked agents judged too. Training stays the same.
     pub fn with_parked(self) -> Self {
         Self { parked: true, ..self }
     }
 
-    /// The network as a simulator reads it.
+    /// Returns a network as the policy that a simulator reads.
     pub fn policy(&self, network: &Network) -> Policy {
         Policy { config: self.recipe.network, intentions: self.intentions.clone(), network: network.clone() }
     }
 
     fn run(&self, model: &Network, samples: &[Sample], device: &Device) -> (Losses, Sums) {
-        let found = losses(model, samples, &self.intentions, &self.recipe.network, device);
+        let losses = losses(model, samples, &self.intentions, &self.recipe.network, device);
         let mut metrics = Sums::new();
-        metrics.add("surprise", found.surprise.0, found.surprise.1);
-        metrics.add("score", found.score, found.targets);
-        metrics.add("right_query", found.right, found.targets);
-        (found, metrics)
+        metrics.add("surprise", losses.surprise.0, losses.surprise.1);
+        metrics.add("score", losses.score, losses.targets);
+        metrics.add("right_query", losses.right, losses.targets);
+        (losses, metrics)
     }
 }
 
@@ -135,26 +138,26 @@ impl Task for Regression {
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        // While validating there is no stream and no autodiff.
+        // Validation has no stream and no autodiff.
         let device = match stream {
             Some(_) => self.device.clone().autodiff(),
             None => self.device.clone(),
         };
-        let (found, metrics) = self.run(model, samples, &device);
-        Output { loss: found.loss, items: found.targets, metrics }
+        let (losses, metrics) = self.run(model, samples, &device);
+        Output { loss: losses.loss, items: losses.targets, metrics }
     }
 
     fn validate(&self, model: &Network, samples: &[Sample]) -> Output {
-        let (found, mut metrics) = self.run(model, samples, &self.device);
-        if let Some(last) = found.predicted.layers.into_iter().next_back() {
+        let (losses, mut metrics) = self.run(model, samples, &self.device);
+        if let Some(last) = losses.predicted.layers.into_iter().next_back() {
             measure(samples, last, &self.recipe.network, &mut metrics);
         }
-        Output { loss: found.loss, items: found.targets, metrics }
+        Output { loss: losses.loss, items: losses.targets, metrics }
     }
 
     fn file(&self, model: &Network, about: &serde_json::Value) -> Option<Vec<u8>> {
         let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        // What is said of the intention points was read from text, or made here: it can be written again.
+        // The provenance of the intention points was read from text, or made here: it can be written.
         self.policy(model).write(&made).ok()
     }
 

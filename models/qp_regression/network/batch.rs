@@ -1,4 +1,4 @@
-//! Surroundings of some agents as the tensors that the network reads.
+//! Surroundings of several agents as the input tensors of the network.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::geometry::Vec2;
@@ -7,46 +7,51 @@ use reactsim::scene::HISTORY;
 use super::STATE;
 use super::attention::CLOSED;
 use super::config::Config;
-use super::guide::guess;
+use super::guide::reference_states;
 use crate::models::ntp::reactive::links::Nearest;
 use crate::models::ntp::tokens::Class;
 use crate::models::qp_regression::Intentions;
-use crate::models::qp_regression::inputs::{OUTLOOK, Rows, Surroundings, agent_numbers, point_numbers};
+use crate::models::qp_regression::inputs::{
+    OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers,
+};
 
-/// Histories of agents, or lines.
+/// Histories of agents, or map lines, as tensors.
 #[derive(Clone, Debug)]
 pub(crate) struct Polylines {
-    /// `[count * rows, numbers]`: all first points first.
+    /// `[count * rows, numbers]`: features of the points, all first points first.
     pub points: Tensor<2>,
-    /// `[count * rows, 1]`.
+    /// `[count * rows, 1]`: 1 where a point is present.
     pub points_there: Tensor<2>,
-    /// `[rows, 1]`.
+    /// `[rows, 1]`: 1 where a row is present.
     pub there: Tensor<2>,
-    /// `[rows, 2]`, metres.
+    /// `[rows, 2]`: positions, metres.
     pub positions: Tensor<2>,
     /// Points per row.
     pub count: usize,
 }
 
-/// What the network reads. A scene is what is around one predicted agent.
+/// Input of the network. A scene is the surroundings of one predicted agent.
 #[derive(Clone, Debug)]
 pub(crate) struct Batch {
+    /// Number of scenes.
     pub scenes: usize,
     /// Motion queries per scene.
     pub queries: usize,
+    /// Histories of agents.
     pub agents: Polylines,
+    /// Lines of the map.
     pub lines: Polylines,
-    /// `[scenes, 1, tokens, tokens]`: added to scores; open are the nearest tokens.
+    /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
     pub neighbours: Tensor<4>,
-    /// `[scenes, 1, 1, agents]`: added to scores; open is who is there.
+    /// `[scenes, 1, 1, agents]`: added to scores; present agents are open.
     pub agents_closed: Tensor<4>,
-    /// `[scenes * queries, 1]`: 0 where there is no line.
+    /// `[scenes * queries, 1]`: 0 if the scene has no lines.
     pub lines_any: Tensor<2>,
-    /// Per scene where its lines are, nearest to the base point first.
+    /// Positions of the lines of each scene, those nearest to the base point first.
     pub line_places: Vec<Vec<[f32; 2]>>,
-    /// Per scene and line whether every query attends to it.
+    /// Per scene and line, whether every query attends to it.
     pub base_lines: Vec<Vec<bool>>,
-    /// Per scene the class of its predicted agent.
+    /// Class of the predicted agent of each scene.
     pub classes: Vec<usize>,
     /// `[3 * queries, 2]`: intention points of the classes.
     pub table: Tensor<2>,
@@ -54,11 +59,12 @@ pub(crate) struct Batch {
     pub goals: Vec<f32>,
     /// `[scenes * queries, states, 7]`.
     pub mode_guide: Option<Tensor<3>>,
-    /// `[scenes, OUTLOOK]`: where the lane of each predicted agent leads and what is in its way.
+    /// `[scenes, OUTLOOK]`: lane and conflict features of each predicted agent.
     pub outlook: Option<Tensor<2>>,
-    /// `[scenes * agents, states, 7]`, relative to where each agent is.
+    /// `[scenes * agents, states, 7]`, relative to the position of each agent.
     pub dense_guide: Option<Tensor<3>>,
-    /// `[scenes * agents, states * 4]`: the forecast of the AV; and `[scenes * agents, 1]`: 1 where the AV is.
+    /// `[scenes * agents, states * 4]`: the forecast of the AV; and `[scenes * agents, 1]`: 1 for the
+    /// AV.
     pub av_forecast: Option<(Tensor<2>, Tensor<2>)>,
 }
 
@@ -133,9 +139,9 @@ fn tensor4(values: Vec<f32>, shape: [usize; 4], device: &Device) -> Tensor<4> {
     Tensor::from_data(TensorData::new(values, shape), device)
 }
 
-/// Rows of several scenes side by side, point by point.
+/// Joins the rows of several scenes, point by point.
 fn polylines<'a>(
-    scenes: impl Iterator<Item = &'a Rows> + Clone,
+    scenes: impl Iterator<Item = &'a PolylineFeatures> + Clone,
     rows: usize,
     count: usize,
     numbers: usize,
@@ -165,7 +171,8 @@ fn polylines<'a>(
     }
 }
 
-/// Who is near whom. What is not there attends to itself, so that no row is empty, and nobody attends to it.
+/// Returns the attention mask of the nearest tokens. An absent token attends to itself, so that no row
+/// is empty, and no other token attends to it.
 fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Tensor<4> {
     let (agents, tokens) = (config.agents, config.tokens());
     let mut closed = vec![CLOSED; scenes.len() * tokens * tokens];
@@ -179,7 +186,7 @@ fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Ten
         }
         for &(i, a) in &all {
             nearest.clear();
-            // Who is where somebody else is counts himself first.
+            // An agent at the position of another one counts itself first.
             nearest.offer(-1.0, i);
             for &(j, b) in &all {
                 if i != j {
@@ -193,7 +200,7 @@ fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Ten
     tensor4(closed, [scenes.len(), 1, tokens, tokens], device)
 }
 
-fn guesses(values: Vec<f32>, config: &Config, device: &Device) -> Tensor<3> {
+fn reference_tensor(values: Vec<f32>, config: &Config, device: &Device) -> Tensor<3> {
     let rows = values.len() / (config.states() * STATE);
     Tensor::from_data(TensorData::new(values, [rows, config.states(), STATE]), device)
 }
@@ -206,12 +213,12 @@ fn mode_guide(
 ) -> Tensor<3> {
     let mut values = Vec::new();
     for scene in scenes {
-        let ways = scene.outlook.as_ref().map_or(&[][..], |o| &o.ways);
+        let paths = scene.outlook.as_ref().map_or(&[][..], |o| &o.paths);
         for goal in intentions.of(scene.class) {
-            guess(scene.velocity(), Some(*goal), ways, config, &mut values);
+            reference_states(scene.velocity(), Some(*goal), paths, config, &mut values);
         }
     }
-    guesses(values, config, device)
+    reference_tensor(values, config, device)
 }
 
 fn outlook(scenes: &[&Surroundings], device: &Device) -> Tensor<2> {
@@ -229,10 +236,16 @@ fn dense_guide(scenes: &[&Surroundings], config: &Config, device: &Device) -> Te
     let mut values = Vec::new();
     for scene in scenes {
         for i in 0..config.agents {
-            guess(scene.velocities.get(i).copied().unwrap_or_default(), None, &[], config, &mut values);
+            reference_states(
+                scene.velocities.get(i).copied().unwrap_or_default(),
+                None,
+                &[],
+                config,
+                &mut values,
+            );
         }
     }
-    guesses(values, config, device)
+    reference_tensor(values, config, device)
 }
 
 fn av_forecast(scenes: &[&Surroundings], config: &Config, device: &Device) -> (Tensor<2>, Tensor<2>) {

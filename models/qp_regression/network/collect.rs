@@ -1,4 +1,4 @@
-//! Which lines a query attends to.
+//! Selection of the lines that a query attends to (dynamic map collection).
 
 use burn::tensor::{Device, Tensor, TensorData};
 
@@ -6,11 +6,12 @@ use super::attention::CLOSED;
 use super::batch::Batch;
 use super::config::Config;
 
-/// What is added to the scores of queries with lines, `[scenes, 1, queries, lines]`: open are the lines about the base point, and those
-/// nearest to any of the query's way points (dynamic map collection). `ways` are these points, `[scenes, queries, points, 2]`.
+/// Returns the attention mask of queries to lines, `[scenes, 1, queries, lines]`, which is added to
+/// scores. Open are the lines around the base point and those nearest to any of the query's trajectory
+/// points. `trajectories` are these points, `[scenes, queries, points, 2]`.
 pub(crate) fn collected(
     batch: &Batch,
-    ways: &[f32],
+    trajectories: &[f32],
     points: usize,
     config: &Config,
     device: &Device,
@@ -18,7 +19,7 @@ pub(crate) fn collected(
     let (lines, queries) = (config.lines, batch.queries);
     let mut closed = vec![CLOSED; batch.scenes * queries * lines];
     let mut distances: Vec<(f32, usize)> = Vec::with_capacity(lines);
-    for (row, way) in ways.chunks_exact(points * 2).enumerate() {
+    for (row, trajectory) in trajectories.chunks_exact(points * 2).enumerate() {
         let scene = row / queries;
         let out = &mut closed[row * lines..(row + 1) * lines];
         let places = &batch.line_places[scene];
@@ -33,7 +34,7 @@ pub(crate) fn collected(
                 let (x, y) = (p[0] - place[0], p[1] - place[1]);
                 x * x + y * y
             };
-            (way.as_chunks::<2>().0.iter().map(|p| d2(p)).fold(f32::INFINITY, f32::min), i)
+            (trajectory.as_chunks::<2>().0.iter().map(|p| d2(p)).fold(f32::INFINITY, f32::min), i)
         }));
         if distances.len() > config.way_lines {
             distances

@@ -1,54 +1,56 @@
-//! Sizes of the network.
+//! Configuration of the network.
 
 use reactsim::scene::FUTURE;
 use serde::{Deserialize, Serialize};
 
-/// What the network is shown of agents and lines.
+/// Input features of agents and lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Attributes {
-    /// What MTR shows, in metres: 30 numbers of an agent per frame, 9 of a point of a line.
+    /// Features of MTR, in metres: 30 numbers of an agent per frame, 9 of a point of a line.
     Published,
-    /// About the same in numbers near 1, and lights and speed limits with lines.
+    /// Similar features scaled to about 1, and lights and speed limits with lines.
     Own,
 }
 
-/// What follows hidden layers of perceptrons.
+/// Normalisation after hidden layers of perceptrons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Norms {
-    /// Batch norm with means and variances that are kept as they were loaded: here they are never learnt.
+    /// Batch norm with fixed means and variances as loaded; they are never trained here.
     Batch,
     /// Layer norm.
     Layer,
 }
 
-/// Sizes and reaches. Stored with the weights.
+/// Sizes and ranges, stored with the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// What is shown.
+    /// Input features.
     pub attributes: Attributes,
-    /// Norms of perceptrons.
+    /// Normalisation in perceptrons.
     pub norms: Norms,
-    /// Whether what is predicted is the difference from a guess: constant velocity for the dense prediction, constant acceleration from the
-    /// present velocity to the intention point for modes.
+    /// Whether the network predicts the difference from a reference motion: constant velocity for the
+    /// dense prediction, constant acceleration from the present velocity to the intention point for
+    /// modes.
     pub guided: bool,
-    /// Whether the forecast of the AV stands where the dense prediction of the AV is encoded.
+    /// Whether the forecast of the AV replaces its dense prediction in the encoding.
     pub av_forecast: bool,
-    /// Whether the predicted agent is told where its lane leads and what is in its way, and guesses follow these ways.
+    /// Whether the network gets lane and conflict features of the predicted agent, and reference
+    /// motions follow the paths along its lanes.
     pub outlook: bool,
     /// Frames from one predicted state to the next; a divisor of 80.
     pub step: usize,
-    /// Agents that are shown, the predicted one first.
+    /// Number of agents in the input, the predicted one first.
     pub agents: usize,
-    /// Lines that are shown, at most.
+    /// Largest number of lines in the input.
     pub lines: usize,
-    /// Points of a line, at most.
+    /// Largest number of points of a line.
     pub points: usize,
-    /// Distance of these points, metres.
+    /// Distance between these points, metres.
     pub spacing: f64,
-    /// How far from where the AV is at the current frame lines are known, metres.
+    /// Radius around the AV's position at the current frame within which lines are known, metres.
     pub radius: f64,
     /// Width of tokens in the encoder.
     pub width: usize,
@@ -56,33 +58,33 @@ pub struct Config {
     pub agent_hidden: usize,
     /// Hidden width of the encoder of lines.
     pub line_hidden: usize,
-    /// Layers of the encoder of lines before points are pooled: 1 or 3.
+    /// Layers of the encoder of lines before the first pooling: 1 or 3.
     pub line_layers: usize,
     /// Attention layers of the encoder.
     pub encoder_layers: usize,
-    /// Heads of every attention.
+    /// Heads of every attention layer.
     pub heads: usize,
-    /// Nearest tokens that a token attends to, itself among them.
+    /// Number of nearest tokens that a token attends to, including itself.
     pub neighbours: usize,
     /// Hidden width of feed-forward networks, as a multiple of the layer's.
     pub widening: usize,
     /// Width of queries.
     pub decoder_width: usize,
-    /// Width of queries where they attend to lines.
+    /// Width of queries in the attention to lines.
     pub map_width: usize,
     /// Layers of the decoder.
     pub decoder_layers: usize,
-    /// Lines nearest to the base point that every query attends to.
+    /// Number of lines nearest to the base point that every query attends to.
     pub base_lines: usize,
-    /// Lines nearest to what a query predicts so far that it attends to.
+    /// Number of lines nearest to a query's current trajectory that it attends to.
     pub way_lines: usize,
-    /// Modes that are left after suppression.
+    /// Number of modes that remain after suppression.
     pub modes: usize,
-    /// Modes that end nearer to a more probable one are suppressed, metres.
+    /// Distance in metres between end points below which the less probable mode is suppressed.
     pub apart: f64,
 }
 
-/// A size that can not be.
+/// Error of a size that is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the configuration of the network has {field} = {value}, expected {expected}")]
 pub struct SizeError {
@@ -90,12 +92,13 @@ pub struct SizeError {
     pub field: &'static str,
     /// Value.
     pub value: f64,
-    /// What can be.
+    /// Accepted values.
     pub expected: &'static str,
 }
 
 impl Config {
-    /// The sizes of the public code (`tools/cfgs/waymo/mtr+100_percent_data.yaml`): 66 million parameters.
+    /// Returns the sizes of the public code (`tools/cfgs/waymo/mtr+100_percent_data.yaml`): 66 million
+    /// parameters.
     pub const fn mtr() -> Self {
         Self {
             attributes: Attributes::Published,
@@ -127,26 +130,26 @@ impl Config {
         }
     }
 
-    /// States that are predicted of an agent.
+    /// Returns the number of predicted states of an agent.
     pub const fn states(&self) -> usize {
         FUTURE / self.step
     }
 
-    /// Tokens of an agent's surroundings: agents, then lines.
+    /// Returns the number of tokens of an agent's surroundings: agents, then lines.
     pub const fn tokens(&self) -> usize {
         self.agents + self.lines
     }
 
-    /// Seconds from now to each predicted state.
+    /// Returns the times from now to each predicted state, seconds.
     pub(crate) fn times(&self) -> impl Iterator<Item = f64> + Clone + use<> {
         let step = self.step as f64 * reactsim::scene::DT;
         (1..=self.states()).map(move |k| k as f64 * step)
     }
 
-    /// Refuses sizes that no network has.
+    /// Checks the sizes.
     ///
     /// # Errors
-    /// [`SizeError`] names the field.
+    /// [`SizeError`], which names the field.
     pub fn check(&self) -> Result<(), SizeError> {
         let sizes = [
             ("agents", self.agents),
@@ -195,7 +198,7 @@ impl Config {
 }
 
 impl Default for Config {
-    /// For two processor cores: half a million parameters.
+    /// Returns a configuration for training on two processor cores: half a million parameters.
     fn default() -> Self {
         Self {
             attributes: Attributes::Own,

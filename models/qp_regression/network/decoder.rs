@@ -1,4 +1,5 @@
-//! Motion queries: each searches for what its agent does if it goes where the query's intention point is.
+//! The decoder: each motion query predicts a trajectory of its agent towards the query's intention
+//! point.
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -8,18 +9,18 @@ use super::STATE;
 use super::batch::Batch;
 use super::collect::collected;
 use super::config::Config;
-use super::decoder_layer::{Attended, DecoderLayer, Queries};
+use super::decoder_layer::{AttentionInput, DecoderLayer, Queries};
 use super::dense::Dense;
 use super::encoder::Tokens;
 use super::guide;
 use super::layers::{NormedMlp, PlainMlp};
-use super::motion_transformer::{Predicted, PredictedLayer};
+use super::motion_transformer::{LayerOutput, NetworkOutput};
 use super::sine::sine;
 use crate::models::nn::Initializer;
 use crate::models::qp_regression::inputs::OUTLOOK;
 
-/// Metres of guesses as numbers near 1.
-const GUESS: f64 = 0.05;
+/// Scale of reference positions in the input, 1/m, for numbers near 1.
+const REFERENCE_SCALE: f64 = 0.05;
 
 /// The decoder.
 #[derive(Module, Debug)]
@@ -36,7 +37,7 @@ pub(crate) struct MotionDecoder {
     query_feature_fusion_layers: Vec<NormedMlp>,
     motion_reg_heads: Vec<NormedMlp>,
     motion_cls_heads: Vec<NormedMlp>,
-    /// Own: of the predicted agent's outlook, and of the guess of each query.
+    /// Not in MTR: perceptrons of the predicted agent's outlook and of each query's reference motion.
     outlook_mlp: Option<PlainMlp>,
     guess_mlp: Option<PlainMlp>,
 }
@@ -51,7 +52,7 @@ impl MotionDecoder {
             let layer = |_| DecoderLayer::init(width, config.heads, config.widening, init);
             (0..config.decoder_layers).map(layer).collect::<Vec<_>>()
         };
-        // Between widths there is one more layer, in the public code too.
+        // Different widths need one more layer, in the public code too.
         let narrowing = if d == m { 0 } else { config.decoder_layers };
         let states = config.states() * STATE;
         Self {
@@ -73,12 +74,13 @@ impl MotionDecoder {
         }
     }
 
-    pub(crate) fn forward(&self, tokens: Tokens, batch: &Batch, config: &Config) -> Predicted {
+    pub(crate) fn forward(&self, tokens: Tokens, batch: &Batch, config: &Config) -> NetworkOutput {
         let (scenes, queries, d, m) = (batch.scenes, batch.queries, config.decoder_width, config.map_width);
         let rows = scenes * queries;
         let device = tokens.agents.device();
 
-        // For all agents though one is needed: so the sizes of products do not hang on the number of scenes alone.
+        // Computed for all agents although one is needed, so that the sizes of products do not depend
+        // on the number of scenes alone.
         let own = self.in_proj_center_obj.forward(tokens.agents.clone());
         let mut own = own.reshape([scenes, config.agents, d]).narrow(1, 0, 1);
         if let (Some(mlp), Some(outlook)) = (&self.outlook_mlp, &batch.outlook) {
@@ -95,7 +97,7 @@ impl MotionDecoder {
             None => intention.clone(),
         };
         let any = Tensor::ones([rows, 1], &device);
-        let to_agents = Attended {
+        let to_agents = AttentionInput {
             tokens: agents,
             positions: sine(batch.agents.positions.clone(), d),
             closed: batch.agents_closed.clone(),
@@ -105,60 +107,63 @@ impl MotionDecoder {
 
         let goals = TensorData::new(batch.goals.clone(), [rows, 2]);
         let mut center = Tensor::<2>::from_data(goals, &device);
-        let (mut ways, mut points) = (batch.goals.clone(), 1);
+        let (mut trajectories, mut points) = (batch.goals.clone(), 1);
         let mut content = Tensor::zeros([rows, d], &device);
-        if let (Some(mlp), Some(guess)) = (&self.guess_mlp, &batch.mode_guide) {
-            // Guesses along lanes are no function of the goal alone: queries know theirs, and search along it from the beginning.
-            let places = guess.clone().narrow(2, 0, 2);
-            content = mlp.forward(places.clone().reshape([rows, 2 * config.states()]) * GUESS);
-            ways = places.into_data().iter::<f32>().collect();
+        if let (Some(mlp), Some(reference)) = (&self.guess_mlp, &batch.mode_guide) {
+            // Reference motions along lanes are not a function of the goal alone: queries get theirs,
+            // and collect lines along it from the first layer.
+            let places = reference.clone().narrow(2, 0, 2);
+            content = mlp.forward(places.clone().reshape([rows, 2 * config.states()]) * REFERENCE_SCALE);
+            trajectories = places.into_data().iter::<f32>().collect();
             points = config.states();
         }
         let mut layers = Vec::with_capacity(config.decoder_layers);
         for i in 0..config.decoder_layers {
-            let known = |content, intention, width| Queries {
+            let queries_of = |content, intention, width| Queries {
                 content,
                 intention,
                 searching: sine(center.clone(), width),
             };
-            let about = known(content.clone(), intention.clone(), d);
+            let about = queries_of(content.clone(), intention.clone(), d);
             let of_agents = self.obj_decoder_layers[i].forward(about, &to_agents, i == 0, scenes);
-            let to_lines = Attended {
+            let to_lines = AttentionInput {
                 tokens: lines.clone(),
                 positions: line_positions.clone(),
-                closed: collected(batch, &ways, points, config, &device),
+                closed: collected(batch, &trajectories, points, config, &device),
                 any: batch.lines_any.clone(),
             };
             let narrow = match self.map_query_content_mlps.get(i) {
                 Some(narrow) => narrow.forward(content),
                 None => content,
             };
-            let about = known(narrow, narrow_intention.clone(), m);
+            let about = queries_of(narrow, narrow_intention.clone(), m);
             let of_lines = self.map_decoder_layers[i].forward(about, &to_lines, i == 0, scenes);
             let all = Tensor::cat(vec![own.clone(), of_agents, of_lines], 1);
             content = self.query_feature_fusion_layers[i].forward(all);
 
             let scores = self.motion_cls_heads[i].forward(content.clone()).reshape([scenes, queries]);
-            let said = self.motion_reg_heads[i].forward(content.clone());
-            let said = said.reshape([rows, config.states(), STATE]);
+            let raw = self.motion_reg_heads[i].forward(content.clone());
+            let raw = raw.reshape([rows, config.states(), STATE]);
             let modes = match &batch.mode_guide {
-                Some(guess) => guide::applied(said, guess.clone(), config),
-                None => said,
+                Some(reference) => guide::add_to_reference(raw, reference.clone(), config),
+                None => raw,
             };
             let places = modes.clone().narrow(2, 0, 2);
             if i + 1 < config.decoder_layers {
-                // Where to search is no matter of gradients: the shortest waves are a metre long, and their slopes lead nowhere.
+                // The search position carries no gradient: the shortest wavelength is a metre, so its
+                // slope is useless.
                 let places = places.detach();
                 center = places.clone().narrow(1, config.states() - 1, 1).reshape([rows, 2]);
-                ways = places.into_data().iter::<f32>().collect();
+                trajectories = places.into_data().iter::<f32>().collect();
                 points = config.states();
             }
-            layers.push(PredictedLayer { scores, modes });
+            layers.push(LayerOutput { scores, modes });
         }
-        Predicted { layers, dense }
+        NetworkOutput { layers, dense }
     }
 
-    /// The static intention queries, `[scenes * queries, width]`: those of the class of each predicted agent.
+    /// Returns the static intention queries, `[scenes * queries, width]`, of the class of each
+    /// predicted agent.
     fn intentions(&self, batch: &Batch, width: usize) -> Tensor<2> {
         let device = batch.table.device();
         let all = self.intention_query_mlps.forward(sine(batch.table.clone(), width));

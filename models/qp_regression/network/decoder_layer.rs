@@ -1,4 +1,4 @@
-//! One layer in which queries learn of one another and of tokens.
+//! A layer in which queries attend to one another and to tokens.
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
@@ -8,14 +8,14 @@ use burn::tensor::activation::relu;
 use super::attention::{attend, split};
 use crate::models::nn::Initializer;
 
-/// Attention whose projections are elsewhere: what is left is the last one.
+/// Output projection of an attention whose input projections are separate fields.
 #[derive(Module, Debug)]
 pub(crate) struct Output {
     out_proj: Linear,
 }
 
-/// Self-attention of queries, attention to tokens, a feed-forward network, with norms after each (conditional DETR,
-/// <https://arxiv.org/abs/2108.06152>, as MTR uses it).
+/// Self-attention of queries, attention to tokens and a feed-forward network, each followed by a norm
+/// (conditional DETR, <https://arxiv.org/abs/2108.06152>, as MTR uses it).
 #[derive(Module, Debug)]
 pub(crate) struct DecoderLayer {
     sa_qcontent_proj: Linear,
@@ -39,35 +39,36 @@ pub(crate) struct DecoderLayer {
     heads: usize,
 }
 
-/// What queries attend to.
+/// Tokens that queries attend to.
 #[derive(Clone, Debug)]
-pub(crate) struct Attended {
-    /// `[scenes * n, width]`.
+pub(crate) struct AttentionInput {
+    /// `[scenes * n, width]`: the tokens.
     pub tokens: Tensor<2>,
-    /// `[scenes * n, width]`: their positions as sines.
+    /// `[scenes * n, width]`: sine embeddings of their positions.
     pub positions: Tensor<2>,
     /// `[scenes, 1, queries or 1, n]`: added to scores.
     pub closed: Tensor<4>,
-    /// `[scenes * queries, 1]`: 0 where there is nothing to attend to, else 1.
+    /// `[scenes * queries, 1]`: 0 if there are no tokens, else 1.
     pub any: Tensor<2>,
 }
 
-/// Queries.
+/// Motion queries.
 #[derive(Clone, Debug)]
 pub(crate) struct Queries {
-    /// `[scenes * queries, width]`: what they know.
+    /// `[scenes * queries, width]`: their content.
     pub content: Tensor<2>,
     /// `[scenes * queries, width]`: their intention points, encoded (static intention queries).
     pub intention: Tensor<2>,
-    /// `[scenes * queries, width]`: where they search now, as sines (dynamic searching queries).
+    /// `[scenes * queries, width]`: sine embeddings of their search positions (dynamic searching
+    /// queries).
     pub searching: Tensor<2>,
 }
 
 impl DecoderLayer {
     pub(crate) fn init(width: usize, heads: usize, widening: usize, init: &mut Initializer) -> Self {
         let square = |init: &mut Initializer| init.linear(width, width, true);
-        // In the first layer queries know nothing, and what they tell one another is biases alone: were those zero, a norm of nothing would
-        // follow, whose gradient is huge.
+        // In the first layer queries have no content, so that their self-attention yields biases alone.
+        // With zero biases the norm of a zero vector would follow, whose gradient is huge.
         let biased = |init: &mut Initializer| {
             let bound = 1.0 / (width as f64).sqrt();
             Linear { bias: Some(init.uniform([width], bound)), ..init.linear(width, width, false) }
@@ -95,11 +96,12 @@ impl DecoderLayer {
         }
     }
 
-    /// New contents of the queries. In the first layer intentions are added to what is compared with tokens.
+    /// Returns the new contents of the queries. In the first layer intentions are added to queries and
+    /// keys of the attention to tokens.
     pub(crate) fn forward(
         &self,
         queries: Queries,
-        attended: &Attended,
+        attended: &AttentionInput,
         first: bool,
         scenes: usize,
     ) -> Tensor<2> {

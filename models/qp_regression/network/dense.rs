@@ -1,4 +1,4 @@
-//! The dense prediction: one future of everybody, which is encoded and becomes part of what is known of him.
+//! The dense prediction: one future of every agent, which is encoded and added to the agent's token.
 
 use burn::module::Module;
 use burn::tensor::Tensor;
@@ -10,7 +10,7 @@ use super::guide;
 use super::layers::{NormedMlp, PlainMlp};
 use crate::models::nn::Initializer;
 
-/// The layers of the dense prediction. Their tensors are tensors of the decoder.
+/// Layers of the dense prediction. Their tensors belong to the decoder.
 #[derive(Module, Debug)]
 pub(crate) struct Dense {
     obj_pos_encoding_layer: PlainMlp,
@@ -30,7 +30,8 @@ impl Dense {
         }
     }
 
-    /// Agents `[n, width]` to agents that know a future, and the futures `[n, states, 7]` in the frame of the predicted agent.
+    /// Returns agents `[n, width]` with their encoded futures, and the futures `[n, states, 7]` in the
+    /// frame of the predicted agent.
     pub(crate) fn forward(
         &self,
         agents: Tensor<2>,
@@ -38,7 +39,7 @@ impl Dense {
         config: &Config,
     ) -> (Tensor<2>, Tensor<3>) {
         let (rows, states) = (agents.dims()[0], config.states());
-        // Own attributes are numbers near 1 where published ones are metres.
+        // Own attributes are scaled to about 1; published ones are in metres.
         let scale = match config.attributes {
             Attributes::Published => 1.0,
             Attributes::Own => 0.05,
@@ -48,7 +49,7 @@ impl Dense {
         let raw = self.dense_future_head.forward(Tensor::cat(vec![at, agents.clone()], 1));
         let raw = raw.reshape([rows, states, STATE]);
         let away = match &batch.dense_guide {
-            Some(guess) => guide::applied(raw, guess.clone(), config),
+            Some(reference) => guide::add_to_reference(raw, reference.clone(), config),
             None => raw,
         };
         let place = positions.reshape([rows, 1, 2]);

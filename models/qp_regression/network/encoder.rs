@@ -1,4 +1,4 @@
-//! What is around an agent, as tokens that know of their neighbours.
+//! The encoder: the surroundings of an agent as tokens that attend to their neighbours.
 
 use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
@@ -13,7 +13,7 @@ use super::sine::sine;
 use crate::models::nn::Initializer;
 use crate::models::qp_regression::inputs::{agent_numbers, point_numbers};
 
-/// Attention with one matrix for queries, keys and values, as PyTorch keeps it: `[3 width, width]`.
+/// Attention with one matrix for queries, keys and values, as in PyTorch: `[3 width, width]`.
 #[derive(Module, Debug)]
 pub(crate) struct SelfAttention {
     in_proj_weight: Param<Tensor<2>>,
@@ -24,7 +24,7 @@ pub(crate) struct SelfAttention {
 
 impl SelfAttention {
     fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
-        // Glorot's bound for the whole matrix (as PyTorch draws it).
+        // Glorot bound of the whole matrix, as in PyTorch.
         let bound = (6.0 / (4 * width) as f64).sqrt();
         Self {
             in_proj_weight: init.uniform([3 * width, width], bound),
@@ -51,7 +51,7 @@ impl SelfAttention {
     }
 }
 
-/// Attention and a feed-forward network, with norms after both.
+/// Self-attention and a feed-forward network, each followed by a norm.
 #[derive(Module, Debug)]
 pub(crate) struct EncoderLayer {
     self_attn: SelfAttention,
@@ -89,7 +89,7 @@ pub(crate) struct Encoder {
     self_attn_layers: Vec<EncoderLayer>,
 }
 
-/// Tokens of some scenes.
+/// Tokens of several scenes.
 #[derive(Clone, Debug)]
 pub(crate) struct Tokens {
     /// `[scenes * agents, width]`.

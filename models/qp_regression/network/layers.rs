@@ -1,4 +1,4 @@
-//! Perceptrons as the public code builds them, with its names (`models/nn/weights/names.rs`).
+//! Perceptrons as in the public code, with its tensor names (`models/nn/weights/names.rs`).
 
 use burn::module::{Module, Param};
 use burn::nn::Linear;
@@ -9,10 +9,11 @@ use burn::tensor::{Tensor, TensorData};
 use super::config::Norms;
 use crate::models::nn::Initializer;
 
-/// Added to variances.
+/// Constant added to variances.
 const EPSILON: f64 = 1e-5;
-/// The last of three layers, which is that of a head, begins with so much smaller weights: what is guessed is better than what nobody learnt.
-const HEAD: f64 = 0.1;
+/// Factor on the initial weights of the third layer of a perceptron, which is that of a head: the
+/// reference motion is better than an untrained output.
+const HEAD_INIT_SCALE: f64 = 0.1;
 
 /// Batch norm with fixed statistics, or layer norm.
 #[derive(Module, Debug)]
@@ -32,7 +33,7 @@ impl Norm {
         Self { weight: filled(1.0), bias: filled(0.0), running_mean: fixed(0.0), running_var: fixed(1.0) }
     }
 
-    /// `[n, width]` to the same.
+    /// Normalises `[n, width]`.
     fn forward(&self, x: Tensor<2>) -> Tensor<2> {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         match (&self.running_mean, &self.running_var) {
@@ -46,7 +47,7 @@ impl Norm {
     }
 }
 
-/// One to three linear layers. Hidden ones have a norm in place of a bias, and ReLU.
+/// One to three linear layers. Hidden layers have a norm instead of a bias, then ReLU.
 #[derive(Module, Debug)]
 pub(crate) struct NormedMlp {
     first: Linear,
@@ -58,7 +59,8 @@ pub(crate) struct NormedMlp {
 }
 
 impl NormedMlp {
-    /// From `inputs` numbers over these widths. With `open` the last layer is linear with a bias, else it is as the others.
+    /// Creates a perceptron from `inputs` numbers with these widths. With `open` the last layer is
+    /// linear with a bias; otherwise it is like the others.
     pub(crate) fn init(
         inputs: usize,
         widths: &[usize],
@@ -71,7 +73,8 @@ impl NormedMlp {
             let hidden = !open || i + 1 < widths.len();
             let mut linear = init.linear(last, width, !hidden);
             if !hidden && i == 2 {
-                linear.weight = init.uniform([last, width], HEAD * (6.0 / (last + width) as f64).sqrt());
+                linear.weight =
+                    init.uniform([last, width], HEAD_INIT_SCALE * (6.0 / (last + width) as f64).sqrt());
             }
             last = width;
             (linear, hidden.then(|| Norm::init(norms, width, init)))
@@ -83,37 +86,37 @@ impl NormedMlp {
         Self { first, first_norm, second, second_norm, third, third_norm }
     }
 
-    /// `[n, inputs]` to `[n, last width]`.
+    /// Maps `[n, inputs]` to `[n, last width]`.
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
         let x = self.first.forward(x);
         self.after_first(x)
     }
 
-    /// What follows the first linear layer, for those who computed that themselves.
+    /// Applies everything after the first linear layer, for callers that compute that layer themselves.
     pub(crate) fn after_first(&self, x: Tensor<2>) -> Tensor<2> {
-        let mut x = ended(&self.first_norm, x);
+        let mut x = normed(&self.first_norm, x);
         for (linear, norm) in [(&self.second, &self.second_norm), (&self.third, &self.third_norm)] {
             if let Some(linear) = linear {
-                x = ended(norm, linear.forward(x));
+                x = normed(norm, linear.forward(x));
             }
         }
         x
     }
 
-    /// The weights of the first layer, `[inputs, width]`.
+    /// Returns the weights of the first layer, `[inputs, width]`.
     pub(crate) fn first_weight(&self) -> Tensor<2> {
         self.first.weight.val()
     }
 }
 
-fn ended(norm: &Option<Norm>, x: Tensor<2>) -> Tensor<2> {
+fn normed(norm: &Option<Norm>, x: Tensor<2>) -> Tensor<2> {
     match norm {
         Some(norm) => relu(norm.forward(x)),
         None => x,
     }
 }
 
-/// Two or three linear layers with biases, ReLU between.
+/// Two or three linear layers with biases, with ReLU between them.
 #[derive(Module, Debug)]
 pub(crate) struct PlainMlp {
     first: Linear,
@@ -122,19 +125,19 @@ pub(crate) struct PlainMlp {
 }
 
 impl PlainMlp {
-    /// Two layers.
+    /// Creates two layers.
     pub(crate) fn two(inputs: usize, widths: [usize; 2], init: &mut Initializer) -> Self {
         let first = init.linear(inputs, widths[0], true);
         Self { first, second: init.linear(widths[0], widths[1], true), third: None }
     }
 
-    /// Three layers.
+    /// Creates three layers.
     pub(crate) fn three(inputs: usize, widths: [usize; 3], init: &mut Initializer) -> Self {
         let two = Self::two(inputs, [widths[0], widths[1]], init);
         Self { third: Some(init.linear(widths[1], widths[2], true)), ..two }
     }
 
-    /// `[n, inputs]` to `[n, last width]`.
+    /// Maps `[n, inputs]` to `[n, last width]`.
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
         let x = self.second.forward(relu(self.first.forward(x)));
         match &self.third {

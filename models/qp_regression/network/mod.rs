@@ -1,9 +1,10 @@
-//! The network of MTR (Shi et al., "Motion Transformer with Global Intention Localization and Local Movement Refinement",
-//! <https://arxiv.org/abs/2209.13508>), for processor cores.
+//! The network of MTR (Shi et al., "Motion Transformer with Global Intention Localization and Local
+//! Movement Refinement", <https://arxiv.org/abs/2209.13508>), for processor cores.
 //!
-//! One implementation with two settings: [`Config::mtr`] has the sizes, the inputs and the tensors of the public code
-//! (<https://github.com/sshaoshuai/MTR>, Apache-2.0), so that a state dict exported from it loads; [`Config::default`] is small and is
-//! what is trained here. Everything is in the frame of the agent that is predicted: x along its heading, y to its left.
+//! One implementation serves two configurations. [`Config::mtr`] has the sizes, the inputs and the
+//! tensors of the public code (<https://github.com/sshaoshuai/MTR>, Apache-2.0), so that a state dict
+//! exported from it loads. [`Config::default`] is small and is trained here. All coordinates are in the
+//! frame of the predicted agent: x along its heading, y to its left.
 
 mod attention;
 mod batch;
@@ -25,7 +26,8 @@ pub use motion_transformer::Network;
 pub use suppress::suppress;
 
 pub(crate) use batch::Batch;
-pub(crate) use motion_transformer::{Predicted, PredictedLayer};
+pub(crate) use motion_transformer::{LayerOutput, NetworkOutput};
 
-/// Numbers that are predicted of an agent at an instant: x, y (metres), the logarithms of two deviations, correlation, velocity x, y (m/s).
+/// Number of values per predicted state: x, y (metres), the logarithms of two deviations, correlation,
+/// velocity x, y (m/s).
 pub const STATE: usize = 7;

@@ -16,26 +16,26 @@ pub struct Network {
     motion_decoder: MotionDecoder,
 }
 
-/// What one layer of the decoder predicts.
+/// Output of one layer of the decoder.
 #[derive(Clone, Debug)]
-pub(crate) struct PredictedLayer {
+pub(crate) struct LayerOutput {
     /// `[scenes, queries]`: unnormalised log-probabilities.
     pub scores: Tensor<2>,
     /// `[scenes * queries, states, 7]`, in the frame of the predicted agent.
     pub modes: Tensor<3>,
 }
 
-/// What is predicted.
+/// Output of the network.
 #[derive(Clone, Debug)]
-pub(crate) struct Predicted {
-    /// By the layers of the decoder; the last one counts.
-    pub layers: Vec<PredictedLayer>,
-    /// `[scenes * agents, states, 7]`: one future of everybody who is shown.
+pub(crate) struct NetworkOutput {
+    /// Outputs of the decoder layers; the last one counts.
+    pub layers: Vec<LayerOutput>,
+    /// `[scenes * agents, states, 7]`: one future of every agent in the input.
     pub dense: Tensor<3>,
 }
 
 impl Network {
-    /// A network with fresh weights.
+    /// Creates a network with random weights.
     pub(crate) fn init(config: &Config, init: &mut Initializer) -> Self {
         Self {
             context_encoder: Encoder::init(config, init),
@@ -44,7 +44,7 @@ impl Network {
     }
 
     /// Predicts one agent per scene of the batch.
-    pub(crate) fn forward(&self, batch: &Batch, config: &Config) -> Predicted {
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config) -> NetworkOutput {
         let tokens = self.context_encoder.forward(batch, config);
         self.motion_decoder.forward(tokens, batch, config)
     }

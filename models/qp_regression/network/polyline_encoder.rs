@@ -1,4 +1,4 @@
-//! Polylines as tokens.
+//! Encoder of polylines as tokens.
 
 use burn::module::Module;
 use burn::tensor::Tensor;
@@ -7,7 +7,8 @@ use super::config::Norms;
 use super::layers::{NormedMlp, PlainMlp};
 use crate::models::nn::Initializer;
 
-/// A PointNet for polylines: points pass a perceptron, are pooled, pass another one together with what was pooled, and are pooled again.
+/// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
+/// the pooled values, and are pooled again.
 #[derive(Module, Debug)]
 pub(crate) struct PolylineEncoder {
     pre_mlps: NormedMlp,
@@ -17,7 +18,8 @@ pub(crate) struct PolylineEncoder {
 }
 
 impl PolylineEncoder {
-    /// `inputs` numbers per point; `layers` before the first pooling, two after it.
+    /// Creates an encoder of `inputs` numbers per point with `layers` layers before the first pooling
+    /// and two after it.
     pub(crate) fn init(
         inputs: usize,
         hidden: usize,
@@ -34,8 +36,9 @@ impl PolylineEncoder {
         }
     }
 
-    /// Points `[points * lines, inputs]` and which are there `[points * lines, 1]`, all first points first; which lines are there
-    /// `[lines, 1]`. Returns `[lines, outputs]`, zeros for lines that are not there.
+    /// Encodes points `[points * lines, inputs]`, all first points first. Present points are 1 in
+    /// `there`, `[points * lines, 1]`, present lines in `lines_there`, `[lines, 1]`. Returns `[lines,
+    /// outputs]`, zeros for absent lines.
     pub(crate) fn forward(
         &self,
         points: Tensor<2>,
@@ -46,18 +49,19 @@ impl PolylineEncoder {
         let lines = lines_there.dims()[0];
         let x = self.pre_mlps.forward(points) * there.clone();
         let pooled = pool(x.clone(), count);
-        // The first layer of what follows takes points and pools side by side: its halves are applied apart, to pools once per line.
+        // The first layer of the second perceptron takes points and pooled values side by side. Its
+        // halves are applied separately, to pooled values once per line.
         let weight = self.mlps.first_weight();
         let of_points = x.matmul(weight.clone().narrow(0, 0, self.hidden));
-        let of_pools = pooled.matmul(weight.narrow(0, self.hidden, self.hidden));
-        let width = of_pools.dims()[1];
-        let both = of_points.reshape([count, lines, width]) + of_pools.unsqueeze_dim::<3>(0);
+        let of_pooled = pooled.matmul(weight.narrow(0, self.hidden, self.hidden));
+        let width = of_pooled.dims()[1];
+        let both = of_points.reshape([count, lines, width]) + of_pooled.unsqueeze_dim::<3>(0);
         let x = self.mlps.after_first(both.reshape([count * lines, width])) * there;
         self.out_mlps.forward(pool(x, count)) * lines_there
     }
 }
 
-/// The largest of `count` blocks of rows, number by number.
+/// Returns the element-wise maximum of `count` blocks of rows.
 fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
     let rows = x.dims()[0] / count;
     let block = |k: usize| x.clone().narrow(0, k * rows, rows);

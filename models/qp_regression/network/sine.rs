@@ -1,15 +1,16 @@
-//! Positions as sines.
+//! Sine embeddings of positions.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::geometry::math;
 
-/// Wavelengths grow up to this many metres times the shortest, which is 1 m.
+/// Factor from the shortest wavelength, 1 m, up to which wavelengths grow.
 const TEMPERATURE: f64 = 10_000.0;
 
-/// The embedding of positions by sines of wavelengths from 1 m up (DAB-DETR, <https://arxiv.org/abs/2201.12329>, as MTR uses it): the first
-/// half of the numbers is for y, the second for x; sines and cosines take turns.
+/// Embeds positions by sines of wavelengths from 1 m up (DAB-DETR, <https://arxiv.org/abs/2201.12329>,
+/// as MTR uses it): the first half of the numbers is for y, the second for x, with sines and cosines in
+/// turn.
 ///
-/// `[n, 2]` to `[n, width]`.
+/// Maps `[n, 2]` to `[n, width]`.
 pub(crate) fn sine(positions: Tensor<2>, width: usize) -> Tensor<2> {
     let device: Device = positions.device();
     let half = width / 2;
@@ -34,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_what_the_formula_says() {
+    fn the_embedding_follows_the_formula() {
         let at = Tensor::<2>::from_data([[3.25f32, -7.5]], &crate::models::nn::device());
         let found: Vec<f32> = sine(at, 8).into_data().iter::<f32>().collect();
         let wave = |v: f64, i: usize| v * std::f64::consts::TAU / 10_000f64.powf(2.0 * (i / 2) as f64 / 4.0);

@@ -1,8 +1,8 @@
-//! Non-maximum suppression: few modes of many.
+//! Non-maximum suppression of modes.
 
-/// The modes that are kept, most probable first: the most probable one whose end is at least `apart` metres from the ends of all that were
-/// kept before, until there are `most`; where no such mode is left, the most probable of those that were passed over. Of equally probable
-/// modes the first counts.
+/// Returns the modes that remain, most probable first: the most probable one whose end is at least
+/// `apart` metres from the ends of all chosen before, until there are `most`. Where no such mode is
+/// left, the most probable suppressed ones follow. Of equally probable modes the first is taken.
 pub fn suppress(ends: &[[f64; 2]], probabilities: &[f64], apart: f64, most: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..ends.len().min(probabilities.len())).collect();
     order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]).then(a.cmp(&b)));
@@ -31,13 +31,13 @@ mod tests {
     const ENDS: [[f64; 2]; 4] = [[0.0, 0.0], [2.4, 0.0], [4.8, 0.0], [30.0, 1.0]];
 
     #[test]
-    fn near_ones_are_passed_over() {
+    fn near_modes_are_suppressed() {
         assert_eq!(suppress(&ENDS, &[0.4, 0.3, 0.2, 0.1], 2.5, 3), [0, 2, 3]);
         assert_eq!(suppress(&ENDS, &[0.3, 0.4, 0.2, 0.1], 2.5, 2), [1, 3]);
     }
 
     #[test]
-    fn what_was_passed_over_fills_the_rest() {
+    fn suppressed_modes_fill_the_rest() {
         assert_eq!(suppress(&ENDS, &[0.3, 0.4, 0.2, 0.1], 2.5, 4), [1, 3, 0, 2]);
         assert_eq!(suppress(&ENDS, &[0.25; 4], 100.0, 6), [0, 1, 2, 3]);
     }

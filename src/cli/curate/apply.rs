@@ -1,4 +1,4 @@
-//! `reactsim curate apply`: decisions of reviewers into a new file.
+//! `reactsim curate apply`: applies the decisions of reviewers to a new file.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::is_same;
 use crate::cli::{ExitStatus, count, say};
-use crate::curation::apply::{self, Applied, Decided, Refused};
+use crate::curation::apply::{self, ApplyReport, FinalDecision, RefusedPick};
 use crate::curation::review::{Journal, ReviewLine};
 use crate::curation::store::Store;
 use crate::curation::{Application, Decision, InputFile, ScenarioRecord};
@@ -20,19 +20,19 @@ pub(super) struct ApplyArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Decisions of other reviewers, besides FILE.reviews.jsonl, which `curate review` writes
+    /// Journals of other reviewers, in addition to FILE.reviews.jsonl, which `curate review` writes
     #[arg(long, num_args = 1.., value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
-    /// Take in picked candidates that a filter had rejected too
+    /// Also accept picked candidates that a filter rejected
     #[arg(long)]
     allow_rejected: bool,
-    /// The file to write, with all candidates
+    /// File to write, with all candidates
     #[arg(long, value_name = "FILE2")]
     out: PathBuf,
 }
 
 pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before a byte is written.
+    // Report every input error before writing anything.
     let store = Store::open(&args.file)?;
     if is_same(&args.file, &args.out) {
         bail!("{} is both input and output; choose another --out", args.file.display());
@@ -59,22 +59,23 @@ pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
         known.insert(id);
         disagreements += usize::from(opinions.disagree(&record.scenario_digest));
         let Some((line, fits)) = opinions.verdict_for(record) else {
-            let stands = |l: &ReviewLine| l.decision != Decision::Clear;
-            outdated += usize::from(opinions.0.values().any(stands));
+            let is_decision = |l: &ReviewLine| l.decision != Decision::Clear;
+            outdated += usize::from(opinions.0.values().any(is_decision));
             return None;
         };
-        Some(Decided { mark: line.mark(), candidate: line.candidate, fits })
+        Some(FinalDecision { mark: line.mark(), candidate: line.candidate, fits })
     };
     let applied = apply::apply(&args.file, &args.out, application, decided)?;
-    tell(&applied, disagreements, outdated + decisions.len() - known.len());
+    report(&applied, disagreements, outdated + decisions.len() - known.len());
     let n = store.scenarios().len();
     say(format_args!("{}: {} of {} chosen", args.out.display(), applied.chosen, count(n, "scenario")));
     Ok(ExitStatus::Done)
 }
 
-/// The journals to be read, each once: that beside the file where there is one, then those that are named.
+/// Returns the journals to read, each once: first the file's own journal if it exists, then those
+/// of `--reviews`.
 fn journals(args: &ApplyArgs) -> anyhow::Result<Vec<PathBuf>> {
-    let beside = Journal::beside(&args.file);
+    let beside = Journal::path_for(&args.file);
     let mut journals = Vec::new();
     if beside.exists() {
         journals.push(beside.clone());
@@ -87,28 +88,29 @@ fn journals(args: &ApplyArgs) -> anyhow::Result<Vec<PathBuf>> {
     if journals.is_empty() {
         let (file, beside) = (args.file.display(), beside.display());
         bail!(
-            "nothing was decided: {beside} is not there; run `reactsim curate review {file}`, or give --reviews"
+            "no decisions to apply: {beside} does not exist; run `reactsim curate review {file}`, \
+             or give --reviews"
         );
     }
     Ok(journals)
 }
 
-/// Says what became of the decisions.
-fn tell(applied: &Applied, disagreements: usize, unknown: usize) {
-    let Applied { picked, picked_rejected, refused, dropped, marked, unfit, .. } = applied;
+/// Prints what was applied and what was not.
+fn report(applied: &ApplyReport, disagreements: usize, unknown: usize) {
+    let ApplyReport { picked, picked_rejected, refused, dropped, marked, unfit, .. } = applied;
     say(format_args!("{picked} picked, {dropped} dropped, {marked} only marked"));
     if *picked_rejected > 0 {
         say(format_args!(
-            "warning: {} picked that a filter had rejected",
+            "warning: {} picked despite rejection by a filter",
             count(*picked_rejected, "candidate")
         ));
     }
     if let Some(first) = refused.first() {
         let n = count(refused.len(), "pick");
-        let Refused { scenario_id, candidate, rejected_by } = first;
+        let RefusedPick { scenario_id, candidate, rejected_by } = first;
         say(format_args!(
             "warning: {n} not applied: rejected by a filter, such as candidate {candidate} of scenario \
-             `{scenario_id}` by `{rejected_by}`; give --allow-rejected to take them all the same"
+             `{scenario_id}` by `{rejected_by}`; give --allow-rejected to accept them"
         ));
     }
     if disagreements > 0 {
@@ -118,13 +120,13 @@ fn tell(applied: &Applied, disagreements: usize, unknown: usize) {
     if let Some(first) = unfit.first() {
         let n = count(unfit.len(), "decision");
         say(format_args!(
-            "warning: {n} not applied: made about other candidates, such as that about scenario `{first}`"
+            "warning: {n} not applied: made for other candidates, such as the one for scenario `{first}`"
         ));
     }
     if unknown > 0 {
         let n = count(unknown, "decision");
         say(format_args!(
-            "warning: {n} not applied: the file does not have the scenario, or another content of it"
+            "warning: {n} not applied: the scenario is not in the file, or its content differs"
         ));
     }
 }

@@ -1,4 +1,4 @@
-//! `reactsim curate SCENARIOS`: the four steps over files.
+//! `reactsim curate SCENARIOS`: runs the four steps of curation on files.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -27,14 +27,15 @@ pub(super) struct MakeArgs {
     /// Files or folders of scenarios
     #[arg(required = true, value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
-    /// The file to write (Parquet): all candidates; `run --deviations` takes the chosen ones
+    /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// What proposes candidates
+    /// Source of the candidates
     #[arg(long, default_value = "rules", value_parser = sources())]
     source: String,
-    /// Candidates per scenario, at most
-    #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// Maximum number of candidates per scenario
+    #[arg(long, default_value_t = 16, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
     candidates: u32,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
@@ -45,25 +46,30 @@ pub(super) struct MakeArgs {
     /// Threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Leave out what the review page draws: a smaller file, of which it shows the AV alone
+    /// Leave out the scenes that the review page draws: the file is smaller, and the page shows only
+    /// the AV
     #[arg(long)]
     without_scenes: bool,
-    /// Step 1: keep scenarios with at least so many vehicles near the logged AV
+    /// Step 1: keep scenarios with at least N vehicles near the logged AV
     #[arg(long, default_value_t = Preselection::default().min_vehicles, value_name = "N")]
     min_vehicles: u32,
-    /// Step 1: near is up to this distance, m
-    #[arg(long, default_value_t = Preselection::default().radius, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
+    /// Step 1: largest distance of a vehicle near the AV, m
+    #[arg(long, default_value_t = Preselection::default().radius, value_name = "M", value_parser = positive,
+          allow_negative_numbers = true)]
     radius: f64,
-    /// Step 1: keep scenarios in which one of them has a time to collision below this, s
-    #[arg(long, default_value_t = Preselection::default().max_ttc, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    /// Step 1: keep scenarios in which one of these has a time to collision below S seconds
+    #[arg(long, default_value_t = Preselection::default().max_ttc, value_name = "S", value_parser = positive,
+          allow_negative_numbers = true)]
     max_ttc: f64,
-    /// Step 3: drop candidates that are closer to the log on average, m
-    #[arg(long, default_value_t = FilterSettings::default().min_ade, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
+    /// Step 3: drop candidates with a mean displacement from the log below M metres
+    #[arg(long, default_value_t = FilterSettings::default().min_ade, value_name = "M",
+          value_parser = not_negative, allow_negative_numbers = true)]
     min_ade: f64,
-    /// Step 3: drop candidates with a corner further off the drivable area, m
-    #[arg(long, default_value_t = FilterSettings::default().drivable_tolerance, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
+    /// Step 3: drop candidates with a corner more than M metres outside the drivable area
+    #[arg(long, default_value_t = FilterSettings::default().drivable_tolerance, value_name = "M",
+          value_parser = not_negative, allow_negative_numbers = true)]
     drivable_tolerance: f64,
-    /// Step 3: drop candidates that are uncomfortable by nuPlan's bounds too
+    /// Step 3: also drop candidates that exceed nuPlan's comfort bounds
     #[arg(long)]
     comfort: bool,
 }
@@ -105,8 +111,8 @@ impl MakeArgs {
 }
 
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before the first scenario.
-    let out = args.out.as_deref().context("name the file to write with --out")?;
+    // Report every input error before the first scenario.
+    let out = args.out.as_deref().context("give the file to write with --out")?;
     let source = SOURCES.iter().find(|s| s.id() == args.source).context("no such source")?;
     let found = find_inputs(&args.scenarios)?;
     if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
@@ -144,10 +150,10 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     }
     writer.finish(&provenance)?;
     write_result(None, |out| curation_tables::write_overview(out, &statistics))?;
-    Ok(tell(&provenance, &statistics))
+    Ok(report(&provenance, &statistics))
 }
 
-/// All settings by name; those of other names are the program's own.
+/// Returns all settings by name, those of the command line included.
 fn named(args: &MakeArgs, settings: &CurationSettings) -> std::collections::BTreeMap<String, String> {
     let mut named = settings.named();
     named.insert("source".into(), args.source.clone());
@@ -158,8 +164,8 @@ fn named(args: &MakeArgs, settings: &CurationSettings) -> std::collections::BTre
     named
 }
 
-/// Says how it went.
-fn tell(provenance: &CurationProvenance, statistics: &Statistics) -> ExitStatus {
+/// Prints warnings about the finished curation and returns its exit status.
+fn report(provenance: &CurationProvenance, statistics: &Statistics) -> ExitStatus {
     let failed = provenance.failures.len();
     if failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));
@@ -170,7 +176,7 @@ fn tell(provenance: &CurationProvenance, statistics: &Statistics) -> ExitStatus 
         return ExitStatus::Interrupted;
     }
     if statistics.chosen == 0 {
-        say(format_args!("warning: nothing is chosen: `run --deviations` has no use for the file"));
+        say(format_args!("warning: no candidate was chosen: the file is of no use for `run --deviations`"));
     }
     if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done }
 }

@@ -1,4 +1,4 @@
-//! `reactsim curate review`: people verify candidates in a browser.
+//! `reactsim curate review`: serves the page on which people verify candidates.
 
 use std::env;
 use std::path::PathBuf;
@@ -20,10 +20,10 @@ pub(super) struct ReviewArgs {
     /// Port of the page, on this machine only; 0 for any free one
     #[arg(long, default_value_t = 0, value_name = "PORT")]
     port: u16,
-    /// Your name, as it will stand beside your decisions [default: the page asks]
+    /// Your name, recorded with your decisions [default: the page asks]
     #[arg(long, value_name = "NAME")]
     reviewer: Option<String>,
-    /// Decisions of another reviewer, to be shown beside your own; may be repeated
+    /// Journal of another reviewer, to show next to your own decisions; may be repeated
     #[arg(long, value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
 }
@@ -45,9 +45,9 @@ pub(super) fn review(args: &ReviewArgs) -> anyhow::Result<ExitStatus> {
     let url = server.url();
     let stop = Stop::default();
     let handle = stop.clone();
-    ctrlc::set_handler(move || handle.stop()).context("could not watch for interrupts")?;
+    ctrlc::set_handler(move || handle.stop()).context("could not install the interrupt handler")?;
     write_result(None, |out| writeln!(out, "{url}"))?;
-    say(format_args!("open this address in a browser; ^C ends the review"));
+    say(format_args!("open this address in a browser; press ^C to end the review"));
     server.run(&stop)?;
     say(format_args!("decisions are in {journal}"));
     Ok(ExitStatus::Done)

@@ -1,4 +1,4 @@
-//! `reactsim curate stats`: what a set is like.
+//! `reactsim curate stats`: statistics of a file of candidates.
 
 use std::fs;
 use std::path::PathBuf;
@@ -16,10 +16,10 @@ pub(super) struct StatsArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Form of what is printed
+    /// Output format
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Draw charts into this folder too, as SVG
+    /// Also draw charts into this folder, as SVG
     #[arg(long, value_name = "FOLDER")]
     svg: Option<PathBuf>,
 }

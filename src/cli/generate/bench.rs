@@ -1,10 +1,11 @@
-//! `reactsim generate --preset bench`: scenarios with deviated AVs, and beside them what was found out about these.
+//! `reactsim generate --preset bench`: scenarios with deviated AVs, and a second file with the
+//! candidates and certificates.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use super::make::Made;
+use super::make::GeneratedFiles;
 use crate::cli::progress::Progress;
 use crate::curation::benchmark::{PATIENCE, Recipe};
 use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};
@@ -12,12 +13,12 @@ use crate::evaluation::{FileRecord, program_version};
 use crate::formats::native::Writer;
 use crate::generation::{GenerationSettings, Generator, VERSION};
 
-/// Where the deviated AVs of a file of scenarios are written.
-pub(super) fn deviations_beside(out: &Path) -> PathBuf {
+/// Returns the path of the file of candidates for a file of scenarios.
+fn deviations_path(out: &Path) -> PathBuf {
     out.with_extension("deviations.parquet")
 }
 
-/// Makes a benchmark of `wanted` scenarios.
+/// Generates a benchmark of `wanted` scenarios.
 pub(super) fn bench(
     settings: &GenerationSettings,
     wanted: u32,
@@ -25,10 +26,10 @@ pub(super) fn bench(
     out: &Path,
     progress: &Progress,
     stop: &AtomicBool,
-) -> anyhow::Result<Made> {
+) -> anyhow::Result<GeneratedFiles> {
     let generator = Generator::new(settings.clone())?;
-    let beside = deviations_beside(out);
-    let (mut scenarios, mut deviations) = (Writer::create(out)?, store::Writer::create(&beside)?);
+    let deviations_path = deviations_path(out);
+    let (mut scenarios, mut deviations) = (Writer::create(out)?, store::Writer::create(&deviations_path)?);
     let groups: Vec<String> = settings.map_types().iter().map(|m| m.source()).collect();
     let curation = CurationSettings { seed: settings.seed, scenes: false, ..CurationSettings::default() };
     let source = SOURCES[0];
@@ -66,10 +67,10 @@ pub(super) fn bench(
         provenance.inputs = vec![InputFile { name, digest }];
         deviations.finish(&provenance)?;
     }
-    Ok(Made { files: vec![out.to_owned(), beside], written, failed, interrupted })
+    Ok(GeneratedFiles { files: vec![out.to_owned(), deviations_path], written, failed, interrupted })
 }
 
-/// All settings by name. The commit is not among them: the same generator makes the same bytes.
+/// Returns all settings by name. The commit is left out: the same generator writes the same bytes.
 fn named(
     settings: &GenerationSettings,
     wanted: u32,

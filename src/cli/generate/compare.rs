@@ -1,4 +1,4 @@
-//! `reactsim generate compare`: generated logs against recorded ones.
+//! `reactsim generate compare`: compares generated logs with recorded ones.
 
 use std::fs::OpenOptions;
 use std::num::NonZeroUsize;
@@ -19,19 +19,19 @@ use crate::report::{realism_charts, realism_tables};
 /// Arguments of `generate compare`.
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
-    /// File or folder of the scenarios in question
+    /// File or folder of the generated scenarios
     #[arg(value_name = "GENERATED")]
     generated: PathBuf,
-    /// File or folder of the scenarios to hold them against
+    /// File or folder of the scenarios to compare them with
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
-    /// Form of what is printed
+    /// Output format
     #[arg(long, value_enum, default_value = "markdown")]
     format: Format,
-    /// Draw the histograms to this file too
+    /// Also draw the histograms to this file, as SVG
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Take the first N records of every file only
+    /// Only the first N records of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
     /// Threads [default: one per core]
@@ -41,20 +41,20 @@ pub(super) struct CompareArgs {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
-    /// Tables for people
+    /// Readable tables
     Markdown,
     /// One line per statistic and set
     Csv,
-    /// Everything, histograms too
+    /// All values, including histograms
     Json,
 }
 
 pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before the first scenario.
+    // Report every input error before the first scenario.
     let inputs = |path: &PathBuf| find_inputs(std::slice::from_ref(path));
     let (generated, reference) = (inputs(&args.generated)?, inputs(&args.reference)?);
     if let Some(path) = &args.svg {
-        // The picture is written at the end, to a file that can be written.
+        // The picture is written at the end: check now that the file can be written.
         OpenOptions::new()
             .append(true)
             .create(true)
@@ -116,7 +116,7 @@ fn measured(
     Ok(set)
 }
 
-/// The name of a file or folder: where it lies is nobody else's concern.
+/// Returns the name of a file or folder without the path to it, which is private to this machine.
 fn name(path: &Path) -> String {
     let name = path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned()));
     name.unwrap_or_else(|| path.display().to_string())

@@ -1,4 +1,4 @@
-//! `reactsim generate --preset …`: generated scenarios into a file.
+//! `reactsim generate --preset …`: writes generated scenarios to a file.
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
@@ -22,7 +22,7 @@ use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order}
 /// Arguments of `generate` itself.
 #[derive(Debug, Args)]
 pub(super) struct MakeArgs {
-    /// What for: a benchmark with deviated AVs, or logs to train on
+    /// Purpose: a benchmark with deviated AVs, or logs to train on
     #[arg(long, required = true, value_name = "PRESET", value_parser = presets())]
     preset: Option<String>,
     /// Scenarios to write
@@ -31,13 +31,13 @@ pub(super) struct MakeArgs {
     /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
-    /// The file to write (Parquet)
+    /// File to write (Parquet)
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Map types, separated by commas [default: all]; `list maps` names them
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     maps: Vec<String>,
-    /// Traffic volume as a multiple of what is usual [default: drawn for each scenario]
+    /// Traffic volume as a multiple of the usual one [default: drawn for each scenario]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     density: Option<f64>,
     /// Threads [default: one per core]
@@ -51,39 +51,39 @@ fn presets() -> PossibleValuesParser {
 
 impl MakeArgs {
     fn settings(&self) -> anyhow::Result<GenerationSettings> {
-        let preset = self.preset.as_deref().and_then(Preset::from_name).context("name a --preset")?;
+        let preset = self.preset.as_deref().and_then(Preset::from_name).context("give a --preset")?;
         Ok(GenerationSettings { preset, seed: self.seed, maps: self.maps.clone(), density: self.density })
     }
 }
 
-/// What was made.
-pub(super) struct Made {
-    /// The files.
+/// Files of one generation and how it went.
+pub(super) struct GeneratedFiles {
+    /// Paths; the first one is `--out`.
     pub(super) files: Vec<PathBuf>,
-    /// Scenarios in them.
+    /// Number of scenarios in them.
     pub(super) written: usize,
-    /// Scenarios that could not be made.
+    /// Number of scenarios that could not be generated.
     pub(super) failed: usize,
-    /// Whether the user ended it before everything was made.
+    /// Whether the user interrupted the generation.
     pub(super) interrupted: bool,
 }
 
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
-    let out = args.out.as_deref().context("name the file to write with --out")?;
-    let wanted = args.count.context("say with --count how many")?;
+    let out = args.out.as_deref().context("give the file to write with --out")?;
+    let wanted = args.count.context("give the number of scenarios with --count")?;
     let settings = args.settings()?;
     let jobs =
         args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
-    let made = match settings.preset {
+    let generated = match settings.preset {
         Preset::Train => train(&settings, wanted, jobs, out, &progress, &stop),
         Preset::Bench => bench(&settings, wanted, jobs, out, &progress, &stop),
     };
     progress.end();
-    let Made { files, written, failed, interrupted } = made?;
+    let GeneratedFiles { files, written, failed, interrupted } = generated?;
     if written == 0 {
-        bail!("nothing was generated, and nothing is written");
+        bail!("no scenario was generated, and no file was written");
     }
     if interrupted {
         say(format_args!("interrupted: the file holds the first {}", count(written, "scenario")));
@@ -99,7 +99,8 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// The scenarios 0 to below `wanted` as they are. One that can not be made is told and left out.
+/// Writes scenarios 0 to below `wanted` as generated. Scenarios that cannot be generated are
+/// reported and left out.
 fn train(
     settings: &GenerationSettings,
     wanted: u32,
@@ -107,13 +108,13 @@ fn train(
     out: &Path,
     progress: &Progress,
     stop: &AtomicBool,
-) -> anyhow::Result<Made> {
-    // Everything that can be wrong is found before the first scenario.
+) -> anyhow::Result<GeneratedFiles> {
+    // Report every input error before the first scenario.
     let generator = Generator::new(settings.clone())?;
     let mut writer = Writer::create(out)?;
     let mut counts = (0, 0);
-    let make = |_: &(usize, usize), number| generator.scenario(number);
-    let ending = in_order(u64::from(wanted), jobs, stop, &mut counts, make, |counts, _, scenario| {
+    let generate = |_: &(usize, usize), number| generator.scenario(number);
+    let ending = in_order(u64::from(wanted), jobs, stop, &mut counts, generate, |counts, _, scenario| {
         match scenario {
             Ok(scenario) => {
                 writer.write(&scenario)?;
@@ -131,5 +132,6 @@ fn train(
     if written > 0 {
         writer.finish()?;
     }
-    Ok(Made { files: vec![out.to_owned()], written, failed, interrupted: ending == Ending::Stopped })
+    let interrupted = ending == Ending::Stopped;
+    Ok(GeneratedFiles { files: vec![out.to_owned()], written, failed, interrupted })
 }

@@ -1,4 +1,4 @@
-//! What a generated file was made from: the entry of a manifest, with which the file can be made again and checked.
+//! Manifest entry of generated files: the command and inputs that reproduce them, and their digests.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,14 +11,14 @@ use crate::generation::{GenerationSettings, VERSION};
 /// A manifest with one entry.
 #[derive(Serialize)]
 pub(super) struct Manifest {
-    made: [Made; 1],
+    made: [ManifestEntry; 1],
 }
 
 /// One call of the program.
 #[derive(Serialize)]
-struct Made {
+struct ManifestEntry {
     command: String,
-    /// [`VERSION`] of what made it.
+    /// [`VERSION`] of the generator.
     generator: u32,
     preset: &'static str,
     count: u32,
@@ -27,24 +27,24 @@ struct Made {
     maps: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     density: Option<f64>,
-    files: Vec<Written>,
+    files: Vec<FileEntry>,
 }
 
-/// A file that it wrote.
+/// A file that the call wrote.
 #[derive(Serialize)]
-struct Written {
+struct FileEntry {
     name: String,
     bytes: u64,
     blake3: String,
 }
 
 impl Manifest {
-    /// The entry of these files, the first of which `--out` names.
+    /// Creates the entry of these files, of which the first is `--out`.
     pub(super) fn new(settings: &GenerationSettings, count: u32, files: &[&Path]) -> anyhow::Result<Self> {
         let mut written = Vec::new();
         for path in files {
             let FileRecord { name, bytes, blake3, .. } = FileRecord::of(path, "")?;
-            written.push(Written { name, bytes, blake3 });
+            written.push(FileEntry { name, bytes, blake3 });
         }
         let GenerationSettings { preset, seed, maps, density } = settings;
         let mut command =
@@ -58,7 +58,7 @@ impl Manifest {
         if let Some(first) = written.first() {
             write!(command, " --out {}", quoted(&first.name))?;
         }
-        let made = Made {
+        let entry = ManifestEntry {
             command,
             generator: VERSION,
             preset: preset.name(),
@@ -68,16 +68,16 @@ impl Manifest {
             density: *density,
             files: written,
         };
-        Ok(Self { made: [made] })
+        Ok(Self { made: [entry] })
     }
 
-    /// The entry as it stands in a manifest.
+    /// Returns the entry as TOML.
     pub(super) fn text(&self) -> anyhow::Result<String> {
         Ok(toml::to_string(self)?)
     }
 }
 
-/// A word as a shell reads it.
+/// Quotes a word for a shell, if necessary.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-+".contains(c);
     if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }

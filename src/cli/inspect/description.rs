@@ -1,8 +1,8 @@
-//! What is in a scenario, in words.
+//! Textual description of a scenario.
 
 use crate::scene::{AgentKind, CURRENT, Certificate, Difficulty, FUTURE, LaneKind, Response, Scenario};
 
-/// What is in a scenario, by name.
+/// Describes a scenario: pairs of a property and its text.
 pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
     let (start, map) = (&scenario.start, &scenario.start.map);
     let kinds = |agents: &mut dyn Iterator<Item = AgentKind>| {
@@ -84,7 +84,7 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
     lines
 }
 
-/// What avoiding the AV asks of the agents.
+/// Describes the effort with which all agents can avoid the AV.
 fn effort(certificate: &Certificate) -> String {
     let measured = |difficulty: Difficulty| {
         let time = certificate.time_to_react().map_or(String::new(), |t| format!(", {t:.1} s to react"));
@@ -97,7 +97,7 @@ fn effort(certificate: &Certificate) -> String {
         .map_or("the AV can be avoided; how hard that is was not measured".into(), measured)
 }
 
-/// One certified response.
+/// Describes one certified response.
 fn response(response: &Response) -> String {
     let Response { agent, leader, peak_deceleration, nudge, clearance, .. } = response;
     let whom = leader.as_ref().map_or("the AV".to_owned(), |leader| format!("`{leader}`"));
@@ -106,11 +106,12 @@ fn response(response: &Response) -> String {
         n => format!(", {:.1} m to the {}", n.abs(), if *n > 0.0 { "left" } else { "right" }),
     };
     format!(
-        "`{agent}` answers {whom}: brakes with {peak_deceleration:.1} m/s²{aside}, {clearance:.1} m clear of the AV"
+        "`{agent}` answers {whom}: brakes with {peak_deceleration:.1} m/s²{aside}, \
+         {clearance:.1} m clear of the AV"
     )
 }
 
-/// How far the logged AV drives, and how fast it is now.
+/// Describes the logged AV: its size, current speed and distance driven.
 fn travel(scenario: &Scenario) -> String {
     let track = scenario.logged(0);
     let pairs = track[CURRENT..].windows(2).filter_map(|w| Some((w[0]?, w[1]?)));

@@ -1,4 +1,4 @@
-//! What simulators make of a scenario, rolled out on the spot.
+//! Rollouts of simulators that are run on request.
 
 use anyhow::anyhow;
 
@@ -9,8 +9,8 @@ use crate::report::birdseye::Mark;
 use crate::rollout::{DeviatedAv, Request, Settings, roll_out};
 use crate::scene::{Frame, Scenario};
 
-/// The tracks of rollout `index` of a simulator against the deviated AV of a scenario, with the settings that `run` has by default, and
-/// the events to point out. The same as `run` writes for it.
+/// Runs rollout `index` of a simulator against the deviated AV of a scenario, with the default
+/// settings of `run` and the same result. Returns the tracks and the events to mark.
 pub(super) fn rollout(
     simulator: &PlannedSimulator,
     index: u32,
@@ -18,15 +18,16 @@ pub(super) fn rollout(
 ) -> anyhow::Result<(Vec<Vec<Frame>>, Vec<Mark>)> {
     let deviation = scenario.deviation.as_ref().ok_or_else(|| {
         anyhow!(
-            "scenario `{}` carries no deviated AV for the simulators to react to; run them with --av or --deviations \
-             and --keep-rollouts, and name the run folder with --rollout",
+            "scenario `{}` has no deviated AV for the simulators to react to; run them with --av or \
+             --deviations and --keep-rollouts, and give the run folder with --rollout",
             scenario.id
         )
     })?;
     let av = DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?;
     let request = Request { scenario, av: Box::new(av), rollout: index };
     let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
-    let done = results.pop().ok_or_else(|| anyhow!("scenario `{}`: no rollout was made", scenario.id))??;
+    let done =
+        results.pop().ok_or_else(|| anyhow!("scenario `{}`: no rollout was produced", scenario.id))??;
     let scores = score_case(&Case::of_rollout(scenario, done.tracks.clone(), Options::default()));
     Ok((done.tracks, marks_of(&scores.events)))
 }

@@ -10,39 +10,39 @@ use crate::report::animation::{Animation, Panel};
 use crate::report::birdseye::{self, Layout, Mark, View};
 use crate::scene::{Frame, HISTORY, Scenario};
 
-/// What one simulator made of the scenario.
-struct Shown {
+/// A rollout of one simulator, to be drawn.
+struct DrawnRollout {
     simulator: String,
     tracks: Vec<Vec<Frame>>,
     marks: Vec<Mark>,
 }
 
-impl Shown {
+impl DrawnRollout {
     fn panel(&self) -> Panel<'_> {
         Panel { title: self.simulator.clone(), rollout: Some(&self.tracks), marks: self.marks.clone() }
     }
 }
 
-/// Draws the pictures that are asked for.
+/// Draws the requested pictures.
 pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()> {
     if args.svg.is_none() && args.gif.is_none() {
         return Ok(());
     }
-    let mut shown = match &args.rollout {
+    let mut rollouts = match &args.rollout {
         Some(run) => {
             args.simulator.iter().map(|id| recorded(args, run, id, scenario)).collect::<Result<_, _>>()?
         }
         None => rolled_out(args, scenario)?,
     };
     if let Some(path) = &args.svg {
-        let text = stills(args, scenario, shown.first());
+        let text = stills(args, scenario, rollouts.first());
         write_result(Some(path), |out| out.write_all(text.as_bytes()))?;
     }
     if let Some(path) = &args.gif {
-        if shown.is_empty() {
-            shown.extend(nobody_reacts(scenario));
+        if rollouts.is_empty() {
+            rollouts.extend(log_replay(scenario));
         }
-        let panels = shown.iter().map(Shown::panel).collect();
+        let panels = rollouts.iter().map(DrawnRollout::panel).collect();
         let animation = Animation {
             radius: args.radius,
             size: args.size,
@@ -56,47 +56,53 @@ pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()
     Ok(())
 }
 
-/// What a run folder holds of a simulator.
-fn recorded(args: &InspectArgs, run: &Path, simulator: &str, scenario: &Scenario) -> anyhow::Result<Shown> {
-    Ok(Shown {
+/// Reads a rollout of a simulator from a run folder.
+fn recorded(
+    args: &InspectArgs,
+    run: &Path,
+    simulator: &str,
+    scenario: &Scenario,
+) -> anyhow::Result<DrawnRollout> {
+    Ok(DrawnRollout {
         simulator: simulator.to_owned(),
         tracks: rollout(run, simulator, args.index, scenario)?,
         marks: marks(run, simulator, args.index, &scenario.id)?,
     })
 }
 
-/// What the named simulators make of the scenario now.
-fn rolled_out(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<Vec<Shown>> {
+/// Runs the requested simulators on the scenario.
+fn rolled_out(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<Vec<DrawnRollout>> {
     if args.simulator.is_empty() {
         return Ok(Vec::new());
     }
     let simulators = PlannedSimulator::by_ids(&args.simulator)?;
     let roll_out = |simulator: &PlannedSimulator| {
         let (tracks, marks) = live::rollout(simulator, args.index, scenario)?;
-        Ok(Shown { simulator: simulator.id.clone(), tracks, marks })
+        Ok(DrawnRollout { simulator: simulator.id.clone(), tracks, marks })
     };
     simulators.iter().map(roll_out).collect()
 }
 
-fn stills(args: &InspectArgs, scenario: &Scenario, shown: Option<&Shown>) -> String {
+fn stills(args: &InspectArgs, scenario: &Scenario, rollout: Option<&DrawnRollout>) -> String {
     let view = View {
         radius: args.radius.unwrap_or(View::default().radius),
         steps: args.steps.iter().map(|s| usize::from(*s)).collect(),
         layout: Layout::Strip,
-        title: shown.map(|s| format!("{} · {} · rollout {}", scenario.id, s.simulator, args.index)),
-        rollout: shown.map(|s| &s.tracks[..]),
-        marks: shown.map(|s| s.marks.clone()).unwrap_or_default(),
+        title: rollout.map(|r| format!("{} · {} · rollout {}", scenario.id, r.simulator, args.index)),
+        rollout: rollout.map(|r| &r.tracks[..]),
+        marks: rollout.map(|r| r.marks.clone()).unwrap_or_default(),
         ..View::default()
     };
     birdseye::draw(scenario, &view)
 }
 
-/// The deviated AV among others who do as they did in the log, with what comes of it; `None` without a deviated AV.
-fn nobody_reacts(scenario: &Scenario) -> Option<Shown> {
+/// Returns the deviated AV among agents that follow the log, with the resulting events; `None` for a
+/// scenario without a deviated AV.
+fn log_replay(scenario: &Scenario) -> Option<DrawnRollout> {
     let deviation = scenario.deviation.as_ref()?;
     let mut tracks: Vec<Vec<Frame>> = (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
     tracks[0].truncate(HISTORY);
     tracks[0].extend(deviation.track.iter().copied().map(Some));
     let scores = score_case(&Case::of_rollout(scenario, tracks.clone(), Options::default()));
-    Some(Shown { simulator: scenario.id.clone(), tracks, marks: marks_of(&scores.events) })
+    Some(DrawnRollout { simulator: scenario.id.clone(), tracks, marks: marks_of(&scores.events) })
 }

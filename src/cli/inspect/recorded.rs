@@ -1,4 +1,4 @@
-//! What a run folder holds of one scenario.
+//! Rollouts and events of one scenario, from a run folder.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -13,7 +13,7 @@ use crate::metrics::Event;
 use crate::report::birdseye::{Mark, MarkKind};
 use crate::scene::{Frame, Scenario};
 
-/// The realised tracks of a rollout in a run folder.
+/// Reads the realised tracks of a rollout in a run folder.
 pub(super) fn rollout(
     run: &Path,
     simulator: &str,
@@ -33,7 +33,7 @@ pub(super) fn rollout(
     bail!("{} holds no rollout {index} of `{simulator}` in `{}`", path.display(), scenario.id)
 }
 
-/// The events of a rollout that a picture points out.
+/// Reads the events of a rollout that pictures mark.
 pub(super) fn marks(run: &Path, simulator: &str, rollout: u32, scenario: &str) -> anyhow::Result<Vec<Mark>> {
     let path = run.join(EVENTS);
     let name = || format!("could not read {}", path.display());
@@ -54,14 +54,14 @@ pub(super) fn marks(run: &Path, simulator: &str, rollout: u32, scenario: &str) -
     Ok(marks)
 }
 
-/// The same of events that were just found.
+/// Returns the marks of events that were just computed.
 pub(super) fn marks_of(events: &[Event]) -> Vec<Mark> {
     let mark =
         |e: &Event| Some(Mark { agent: e.agent.clone(), step: e.step, kind: kind(e.metric, e.counted)? });
     events.iter().filter_map(mark).collect()
 }
 
-/// What a picture shows of the events of a metric.
+/// Returns the mark for events of a metric, if pictures show any.
 fn kind(metric: &str, counted: bool) -> Option<MarkKind> {
     match metric {
         "aav-collision" if counted => Some(MarkKind::AtFault),

@@ -1,15 +1,15 @@
-//! One run after the other, and the table.
+//! Runs the members of a study one after the other and writes the table.
 
 use anyhow::{Context, bail};
 
-use super::Shared;
-use crate::cli::finished::{put_table, tell_left_out};
+use super::SharedArgs;
+use crate::cli::finished::{put_table, report_left_out};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyPlan, StudyResults};
 use crate::report::study_tables;
 
-pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<ExitStatus> {
+pub(super) fn carry_out(mut plan: StudyPlan, shared: &SharedArgs) -> anyhow::Result<ExitStatus> {
     let folder = match shared.resume {
         true => StudyFolder::resume(&shared.out, &mut plan)?,
         false => StudyFolder::create(&shared.out, plan.study())?,
@@ -22,7 +22,7 @@ pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<
         let provenance = plan.provenance();
         let which = format!("{} of {}: {}", i + 1, members.len(), member.label);
         if folder.finished(member, &provenance)?.is_some() {
-            say(format_args!("{which}: finished before"));
+            say(format_args!("{which}: already finished"));
             continue;
         }
         say(format_args!("{which}"));
@@ -33,14 +33,14 @@ pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<
         progress.end();
         let Outcome::Finished(summary) = outcome? else {
             say(format_args!(
-                "interrupted; finished rows are in {}; go on with the same command and --resume",
+                "interrupted; finished rows are in {}; to continue, repeat the command with --resume",
                 folder.path().display()
             ));
             return Ok(ExitStatus::Interrupted);
         };
         put_table(&run, &summary, &shared.also)?;
         if i == 0 || summary.provenance.scenarios == 0 {
-            tell_left_out(&summary);
+            report_left_out(&summary);
         }
         if summary.provenance.scenarios == 0 {
             bail!("no scenario could be run: see the warnings above");
@@ -50,8 +50,8 @@ pub(super) fn carry_out(mut plan: StudyPlan, shared: &Shared) -> anyhow::Result<
     finish(&folder, shared, failed)
 }
 
-/// Keeps and prints the table.
-fn finish(folder: &StudyFolder, shared: &Shared, failed: usize) -> anyhow::Result<ExitStatus> {
+/// Writes and prints the table.
+fn finish(folder: &StudyFolder, shared: &SharedArgs, failed: usize) -> anyhow::Result<ExitStatus> {
     let results = StudyResults::read(folder.path())?;
     let (mut text, also) = (Vec::new(), shared.also.columns());
     study_tables::write_markdown(&results, also, &mut text).context("could not make the table")?;

@@ -1,25 +1,27 @@
-//! `reactsim study realism`: whether who is like the log reacts as well.
+//! `reactsim study realism`: whether simulators that resemble the log also react to the AV.
 
 use clap::Args;
 
-use super::Shared;
+use super::SharedArgs;
 use crate::evaluation::{PlannedSimulator, StudyPlan};
 use crate::rollout::{Replan, Settings};
 
 /// Arguments of `study realism`.
 #[derive(Debug, Args)]
 pub(super) struct RealismArgs {
-    /// How often simulators plan anew, such as 2hz or 5steps
+    /// Replan rate or interval, such as 2hz or 5steps
     #[arg(long, default_value = "2hz", value_name = "RATE")]
     replan: Replan,
     /// Rollouts per scenario and simulator in the realism protocol
-    #[arg(long, default_value_t = 32, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, default_value_t = 32, value_name = "R",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     rollouts: u32,
     /// Rollouts per scenario and simulator in the reactive protocol
-    #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, default_value_t = 1, value_name = "R",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     reactive_rollouts: u32,
     #[command(flatten)]
-    pub shared: Shared,
+    pub shared: SharedArgs,
 }
 
 pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<StudyPlan> {

@@ -1,15 +1,15 @@
-//! `reactsim study replan`: what planning more often is worth.
+//! `reactsim study replan`: results by replan interval.
 
 use anyhow::bail;
 use clap::Args;
 
-use super::Shared;
+use super::SharedArgs;
 use crate::cli::subject::ProtocolName;
 use crate::evaluation::{PlannedSimulator, StudyPlan};
 use crate::rollout::{Replan, Settings};
 
 const AFTER: &str = "\
-Without --models oracles are left out too: what they do does not depend on when they are asked.";
+Without --models, oracles are left out: their motion does not depend on the replan interval.";
 
 /// Arguments of `study replan`.
 #[derive(Debug, Args)]
@@ -18,21 +18,23 @@ pub(super) struct ReplanArgs {
     /// Steps between two plans (1 to 80, of 0.1 s each), separated by commas, or rates such as 2hz
     #[arg(long, value_name = "STEPS", value_delimiter = ',', default_value = "1,2,5,10,20,40")]
     intervals: Vec<Replan>,
-    /// Whether the AV is an external input (Algorithm 1) or moved by the simulator too (2)
+    /// reactive: the AV is an external input (Algorithm 1); realism: the simulator also moves the AV
+    /// (Algorithm 2)
     #[arg(long, value_enum, default_value = "reactive")]
     protocol: ProtocolName,
     /// Rollouts per scenario and simulator
-    #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, default_value_t = 1, value_name = "R",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     rollouts: u32,
     #[command(flatten)]
-    pub shared: Shared,
+    pub shared: SharedArgs,
 }
 
 pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<StudyPlan> {
     let mut intervals = args.intervals.clone();
     intervals.sort_by_key(|i| i.steps());
-    if let Some(twice) = intervals.windows(2).find(|w| w[0] == w[1]) {
-        bail!("--intervals names {} steps twice: give each interval once", twice[0].steps());
+    if let Some(repeated) = intervals.windows(2).find(|w| w[0] == w[1]) {
+        bail!("--intervals has {} steps twice: give each interval once", repeated[0].steps());
     }
     let subject = &args.shared.subject;
     let mut simulators = PlannedSimulator::adjusted(&subject.models, &subject.adjustments(None)?)?;

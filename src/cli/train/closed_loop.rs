@@ -1,4 +1,4 @@
-//! How a network that is being trained does in closed loop: the numbers of the benchmark on a few scenarios.
+//! Closed-loop evaluation of a network during training: benchmark metrics on a few scenarios.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,40 +12,40 @@ use crate::metrics::{self, Case, Options};
 use crate::rollout::{AvPolicy, Controller, DeviatedAv, LogAv, Request, Settings, roll_out};
 use crate::scene::{Frame, Scenario};
 
-/// The metrics that are reported.
+/// Ids of the reported metrics.
 const REPORTED: [&str; 6] = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "ade"];
-/// Scenarios that are rolled out together.
-const TOGETHER: usize = 4;
+/// Number of scenarios rolled out together.
+const BATCH: usize = 4;
 
-/// The metric over all rollouts of a scenario.
-const LEAST: &str = "min-ade";
+/// Name of the metric that is the minimum over all rollouts of a scenario.
+const MIN_ADE: &str = "min-ade";
 
-/// Where a network drives while it is being trained.
+/// Scenarios for closed-loop evaluation.
 #[derive(Debug, Args)]
 pub(super) struct ClosedLoopArgs {
-    /// Scenarios to drive in at every validation: what the network scores there goes into the log
+    /// Scenarios for closed-loop evaluation at every validation; the log records the metrics
     #[arg(long, value_name = "SCENARIOS")]
     closed_loop: Option<PathBuf>,
-    /// Most scenarios that are driven in
+    /// Maximum number of scenarios for closed-loop evaluation
     #[arg(long, default_value_t = 32, value_name = "N")]
     most_closed_loop: usize,
-    /// Rollouts of each of them: means, and the least displacement of any
+    /// Rollouts of each of them: the log records means, and the minimum displacement over rollouts
     #[arg(long, default_value_t = 2, value_name = "R", value_parser = clap::value_parser!(u32).range(1..))]
     closed_loop_rollouts: u32,
 }
 
 impl ClosedLoopArgs {
-    /// What is to be driven in, if anything.
+    /// Reads the scenarios; `None` if none are requested.
     pub(super) fn read(&self) -> anyhow::Result<Option<ClosedLoop>> {
         let read = |path| ClosedLoop::read(path, self.most_closed_loop, self.closed_loop_rollouts);
         self.closed_loop.as_ref().map(read).transpose()
     }
 }
 
-/// Scenarios to drive in: with the deviated AV that they carry, else with the logged one.
+/// Scenarios to drive in, with their deviated AV if they have one, else with the logged AV.
 pub(super) struct ClosedLoop {
     scenarios: Vec<Scenario>,
-    /// Of each.
+    /// Rollouts per scenario.
     rollouts: u32,
 }
 
@@ -69,13 +69,13 @@ impl ClosedLoop {
         Ok(Self { scenarios, rollouts })
     }
 
-    /// Means over scenarios of what a simulator scores, by metric.
+    /// Returns the means over scenarios of a simulator's metrics, by metric id.
     pub(super) fn measure(&self, controller: &Controller) -> Result<BTreeMap<String, f64>, String> {
         let scored: Result<Vec<_>, String> =
-            self.scenarios.par_chunks(TOGETHER).map(|chunk| self.score(chunk, controller)).collect();
+            self.scenarios.par_chunks(BATCH).map(|chunk| self.score(chunk, controller)).collect();
         let scored: Vec<_> = scored?.into_iter().flatten().collect();
         let mut means = BTreeMap::new();
-        for id in REPORTED.into_iter().chain([LEAST]) {
+        for id in REPORTED.into_iter().chain([MIN_ADE]) {
             let values: Vec<f64> = scored.iter().filter_map(|s| s.get(id).copied()).collect();
             if let Some(mean) = mean(&values) {
                 means.insert(id.to_owned(), mean);
@@ -84,7 +84,7 @@ impl ClosedLoop {
         Ok(means)
     }
 
-    /// Per scenario the means over its rollouts, by metric.
+    /// Returns, per scenario, the means over its rollouts, by metric id.
     fn score(
         &self,
         scenarios: &[Scenario],
@@ -113,7 +113,7 @@ impl ClosedLoop {
             }
             let tracks: Vec<_> = tracks.iter().map(Vec::as_slice).collect();
             let all = metrics::score_rollouts(scenario, &tracks, options);
-            means.extend(all.displacement.map(|d| (LEAST, d.min_ade)));
+            means.extend(all.displacement.map(|d| (MIN_ADE, d.min_ade)));
             means
         };
         Ok(scenarios.iter().zip(tracks.chunks(self.rollouts as usize)).map(of_scenario).collect())

@@ -1,4 +1,4 @@
-//! Scenarios to learn from: read by number, from native files.
+//! Training scenarios, read by number from native files.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,34 +14,37 @@ use crate::formats::{FormatError, Input};
 use crate::scene::Scenario;
 use crate::training::Source;
 
-/// Records that are decoded side by side before they are written.
+/// Number of records decoded in parallel before they are written.
 const CHUNK: usize = 32;
 
-/// Scenarios at paths, each path with the number of times that its scenarios are seen in an epoch.
+/// Scenarios at several paths, each path with its repetitions per epoch.
 pub(super) struct Data {
     files: Vec<ByNumber>,
-    /// File and number in it, of every scenario.
+    /// Index of the file and number in it, for every scenario.
     places: Vec<(usize, usize)>,
+    /// Scenarios of every path, and how often each is seen per epoch.
     parts: Vec<(Vec<usize>, f64)>,
     digest: String,
 }
 
-/// A path and the number of times that its scenarios are seen in an epoch: `PATH` or `PATH=TIMES`.
+/// Parses `PATH` or `PATH=TIMES`: a path and how often its scenarios are seen per epoch.
 fn part(text: &str) -> anyhow::Result<(PathBuf, f64)> {
     let Some((path, times)) = text.rsplit_once('=').filter(|_| !Path::new(text).exists()) else {
         return Ok((text.into(), 1.0));
     };
     match times.parse::<f64>() {
         Ok(times) if times > 0.0 && times <= 1000.0 => Ok((path.into(), times)),
-        _ => bail!("`{text}`: {times} is no weight: write a number above 0, up to 1000, such as {path}=2.5"),
+        _ => {
+            bail!("`{text}`: {times} is not a weight: write a number above 0, up to 1000, such as {path}=2.5")
+        }
     }
 }
 
 impl Data {
-    /// Finds the scenarios at these paths. Files of other formats are converted to native ones in the folder `cache`, one for each and named
-    /// by its content, where they are found again the next time.
+    /// Opens the scenarios at these paths. Converts files of other formats to native files in the
+    /// folder `cache`, named by their content, so that later trainings reuse them.
     pub(super) fn open(parts: &[String], cache: &Path) -> anyhow::Result<Self> {
-        // Everything is found before anything is converted.
+        // Find all inputs before converting any.
         let mut inputs = Vec::new();
         for text in parts {
             let (path, times) = part(text)?;
@@ -72,7 +75,7 @@ impl Data {
     }
 }
 
-/// A native file as it is; another one by way of the cache.
+/// Opens a native file directly, and a file of another format through the cache.
 fn open(input: &Input, cache: &Path, registrar: &mut Registrar) -> anyhow::Result<ByNumber> {
     if input.format.id() == "native" {
         return Ok(ByNumber::open(&input.path)?);
@@ -86,11 +89,11 @@ fn open(input: &Input, cache: &Path, registrar: &mut Registrar) -> anyhow::Resul
     Ok(ByNumber::open(&converted)?)
 }
 
-/// Writes all good scenarios of a file to a native one. Bad ones are told and left out.
+/// Writes all readable scenarios of a file to a native file. Warns of the others and leaves them out.
 fn convert(input: &Input, out: &Path) -> anyhow::Result<()> {
     let mut writer = Writer::create(out)?;
     let mut ids = BTreeSet::new();
-    let warn = |error: &FormatError| say(format_args!("warning: passed over: {error}"));
+    let warn = |error: &FormatError| say(format_args!("warning: skipped: {error}"));
     let mut records = input.open_undecoded()?;
     loop {
         let chunk: Vec<_> = records.by_ref().take(CHUNK).collect();
@@ -105,7 +108,7 @@ fn convert(input: &Input, out: &Path) -> anyhow::Result<()> {
                 Ok(scenario) => {
                     let (file, id) = (input.path.display(), &scenario.id);
                     say(format_args!(
-                        "warning: passed over: {file}: scenario `{id}`: an earlier one has this id"
+                        "warning: skipped: {file}: scenario `{id}`: an earlier one has this id"
                     ));
                 }
                 Err(error) => warn(&error),

@@ -1,4 +1,4 @@
-//! `reactsim train intentions`: where agents are after eight seconds.
+//! `reactsim train intentions`: intention points, positions of agents after eight seconds.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -16,13 +16,14 @@ use crate::models::ntp::tokens::Class;
 use crate::models::qp_regression::EndPoints;
 
 const AFTER: &str = "\
-Points are means of recorded places, found by k-means, in the frame of an agent; left is the mirror
-image of right. Who stands does not count: he has a point of his own.
+Points are k-means centres of recorded positions in the frame of an agent; left mirrors right.
+Standing agents are left out: they have a point of their own.
 
+Examples:
   reactsim train intentions train.parquet --out intentions.safetensors
   reactsim train qp-regression train.parquet --intentions intentions.safetensors --out regression
 
-The result on stdout says what was made (TOML).";
+The manifest entry of the file is printed to stdout (TOML).";
 
 /// Arguments of `train intentions`.
 #[derive(Debug, Args)]
@@ -31,45 +32,46 @@ pub(super) struct IntentionsArgs {
     /// Files or folders of scenarios
     #[arg(required = true, value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
-    /// The points to write (safetensors)
+    /// File of points to write (safetensors)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Points of every class
+    /// Points per class
     #[arg(long, default_value = "16", value_name = "N")]
     points: NonZeroUsize,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
-    /// Take the first N records of every file only
+    /// Only the first N records of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
-    /// Places of every class to keep in memory
+    /// Positions per class to keep in memory
     #[arg(long, default_value = "50000", value_name = "N")]
     places: NonZeroUsize,
 }
 
-/// What was made.
+/// Manifest entry of a file of intention points.
 #[derive(Serialize)]
-struct Made {
+struct ManifestEntry {
     file: String,
     bytes: u64,
     blake3: String,
     seed: u64,
     scenarios: u64,
     data: String,
-    class: Vec<OfClass>,
+    class: Vec<ClassEntry>,
 }
 
+/// Intention points of one class of agents.
 #[derive(Serialize)]
-struct OfClass {
+struct ClassEntry {
     class: &'static str,
-    /// Different places that were recorded.
+    /// Number of distinct recorded positions.
     places: u64,
     points: Vec<[f64; 2]>,
 }
 
 pub(super) fn intentions(args: &IntentionsArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before the first scenario.
+    // Report every input error before the first scenario.
     let inputs = find_inputs(&args.scenarios)?;
     let out = NewFile::create(&args.out)?;
     let stop = stop_on_interrupt("nothing is written")?;
@@ -85,29 +87,29 @@ pub(super) fn intentions(args: &IntentionsArgs) -> anyhow::Result<ExitStatus> {
     if read == 0 {
         bail!("no scenario could be read: see the warnings above");
     }
-    let made = ends.build(args.points.get())?;
-    let written = out.finish(&made.write()?)?;
+    let intentions = ends.build(args.points.get())?;
+    let written = out.finish(&intentions.write()?)?;
     let short = |v: f64| (v * 1e3).round() / 1e3;
-    let provenance = made.provenance();
-    let of_class = |class: Class| OfClass {
+    let provenance = intentions.provenance();
+    let class_entry = |class: Class| ClassEntry {
         class: class.name(),
         places: ends.seen(class),
-        points: made.of(class).iter().map(|p| [short(p.x), short(p.y)]).collect(),
+        points: intentions.of(class).iter().map(|p| [short(p.x), short(p.y)]).collect(),
     };
-    let result = Made {
+    let entry = ManifestEntry {
         file: written.name,
         bytes: written.bytes,
         blake3: written.blake3,
         seed: provenance.seed,
         scenarios: provenance.scenarios,
         data: provenance.data.clone(),
-        class: Class::ALL.into_iter().map(of_class).collect(),
+        class: Class::ALL.into_iter().map(class_entry).collect(),
     };
-    let text = toml::to_string(&result)?;
+    let text = toml::to_string(&entry)?;
     write_result(None, |out| out.write_all(text.as_bytes()))?;
     if reader.failed > 0 {
         let failed = count(reader.failed, "scenario");
-        say(format_args!("warning: {failed} failed; the points are made of the others"));
+        say(format_args!("warning: {failed} failed; the points are computed from the others"));
         return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)

@@ -1,4 +1,4 @@
-//! `reactsim train`: what networks need, and what they learn from scenarios.
+//! `reactsim train`: trains networks on scenarios, and builds vocabularies and intention points.
 
 mod closed_loop;
 mod data;
@@ -31,9 +31,9 @@ enum TrainCommand {
     Ntp(ntp::NtpArgs),
     /// Train the simulator `regression` on scenarios of any format
     QpRegression(qp_regression::QpRegressionArgs),
-    /// Measure how well the network of `regression` predicts what was recorded
+    /// Measure the prediction errors of the network of `regression` on recorded scenarios
     OpenLoop(open_loop::OpenLoopArgs),
-    /// Find intention points for `train qp-regression` in scenarios
+    /// Compute intention points for `train qp-regression` from scenarios
     Intentions(intentions::IntentionsArgs),
     /// Build a vocabulary of motion tokens from scenarios
     Vocabulary(vocabulary::VocabularyArgs),

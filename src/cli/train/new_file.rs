@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all.
+//! Files that are written completely or not at all.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 
 use crate::evaluation::FileRecord;
 
-/// A file that gets its name when it is whole; dropped before, it is removed.
+/// A file that gets its name when it is complete; if dropped before, it is removed.
 pub(super) struct NewFile {
     path: PathBuf,
     partial: PathBuf,
@@ -16,11 +16,11 @@ pub(super) struct NewFile {
 }
 
 impl NewFile {
-    /// Begins a file; one that is there stays as it is until the new one is whole.
+    /// Begins a file. An existing file stays as it is until the new one is complete.
     pub(super) fn create(path: &Path) -> anyhow::Result<Self> {
         let name = || format!("could not write {}", path.display());
         if path.exists() && !path.is_file() {
-            bail!("{}: it is there and no regular file; choose another name", name());
+            bail!("{}: it exists and is not a regular file; choose another name", name());
         }
         let file_name = path.file_name().with_context(name)?;
         let partial = path.with_file_name(format!(".{}.{}.partial", file_name.display(), std::process::id()));
@@ -28,7 +28,7 @@ impl NewFile {
         Ok(Self { path: path.to_owned(), partial, file })
     }
 
-    /// Writes it whole.
+    /// Writes the content and gives the file its name.
     pub(super) fn finish(mut self, bytes: &[u8]) -> anyhow::Result<FileRecord> {
         let written = self.file.write_all(bytes).and_then(|()| self.file.sync_all());
         written
@@ -41,7 +41,7 @@ impl NewFile {
 
 impl Drop for NewFile {
     fn drop(&mut self) {
-        // After it got its name there is nothing to remove.
+        // Fails if the file got its name: there is nothing to remove then.
         let _ = fs::remove_file(&self.partial);
     }
 }

@@ -1,4 +1,4 @@
-//! `reactsim train ntp`.
+//! `reactsim train ntp`: trains the next-token network of `ntp-reactive`.
 
 use std::fs;
 use std::path::PathBuf;
@@ -23,10 +23,10 @@ use crate::rollout::Controller;
 pub(super) struct NtpArgs {
     #[command(flatten)]
     session: SessionArgs,
-    /// Recipe, TOML: sizes of the network, augmentation, smoothing [default: a network for two cores]
+    /// Recipe (TOML): network sizes, augmentation, smoothing [default: a network for two cores]
     #[arg(long, value_name = "FILE")]
     recipe: Option<PathBuf>,
-    /// Vocabulary of motion tokens, as `train vocabulary` makes it [default: the kinematic one]
+    /// Vocabulary of motion tokens, from `train vocabulary` [default: the kinematic one]
     #[arg(long, value_name = "FILE")]
     vocabulary: Option<PathBuf>,
     #[command(flatten)]
@@ -47,7 +47,7 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
     let drive = args.closed_loop.read()?;
     let task = NextToken::new(recipe, vocabulary.clone(), &device);
     let Some(drive) = drive else { return session::train(&args.session, &task, None) };
-    // As its card says.
+    // Closed-loop driving uses the parameters of the simulator's card.
     let baseline = models::find("ntp-reactive").context("there is no simulator `ntp-reactive`")?;
     let driving: Driving = baseline.setup()?.parameters()?;
     let measure = |network: &Network, _step: u64| {

@@ -1,4 +1,4 @@
-//! `reactsim train open-loop`: how well a motion predictor predicts what was recorded.
+//! `reactsim train open-loop`: prediction errors of a motion predictor on recorded scenarios.
 
 use std::fs;
 use std::num::NonZeroUsize;
@@ -18,10 +18,12 @@ use crate::models::weights;
 use crate::training::{Sums, Task, View};
 
 const AFTER: &str = "\
-Everybody within 80 m of the AV who is not parked is predicted from the current frame on. minADE and
-minFDE: mean and last displacement of the best of six modes over 8 s, metres; miss rate: parts whose
-best mode ends outside the bounds of the Waymo Open Motion challenge at 8 s.
+All agents within 80 m of the AV that are not parked are predicted from the current frame on.
+minADE and minFDE: mean and final displacement of the best of six modes over 8 s, in metres.
+Miss rate: fraction of agents whose best mode ends outside the bounds of the Waymo Open Motion
+challenge at 8 s.
 
+Examples:
   reactsim train open-loop logs.parquet
   reactsim train open-loop logs.parquet --weights regression/weights.safetensors";
 
@@ -32,13 +34,13 @@ pub(super) struct OpenLoopArgs {
     /// Files or folders of scenarios
     #[arg(required = true, value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
-    /// Weights of `train qp-regression` [default: those that ship]
+    /// Weights of `train qp-regression` [default: the shipped ones]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
-    /// Predict parked agents too
+    /// Also predict parked agents
     #[arg(long)]
     with_parked: bool,
-    /// Take the first N records of every file only
+    /// Only the first N records of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
 }
@@ -59,7 +61,7 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
     let recipe = Recipe { network: policy.config, agents: usize::MAX, ..Recipe::default() };
     let task = Regression::new(recipe, policy.intentions, &device);
     let task = if args.with_parked { task.with_parked() } else { task };
-    let stop = stop_on_interrupt("printing what there is so far")?;
+    let stop = stop_on_interrupt("printing the results so far")?;
     let progress = Progress::new();
     let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);
     let mut sums = Sums::new();
@@ -86,12 +88,12 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
         writeln!(out, "\n{}, best of six modes over 8 s.", count(read, "scenario"))
     })?;
     if stop.load(Ordering::Relaxed) {
-        say(format_args!("interrupted: what is printed is of the scenarios so far"));
+        say(format_args!("interrupted: the results cover the scenarios read so far"));
         return Ok(ExitStatus::Interrupted);
     }
     if reader.failed > 0 {
         let failed = count(reader.failed, "scenario");
-        say(format_args!("warning: {failed} failed; the figures are of the others"));
+        say(format_args!("warning: {failed} failed; the results cover the others"));
         return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)

@@ -1,4 +1,4 @@
-//! Progress of a training on stderr, and its curves in the folder.
+//! Progress of a training on stderr, and the plot of its curves in the folder.
 
 use std::cell::{Cell, RefCell};
 use std::fmt::Write;
@@ -11,23 +11,24 @@ use crate::cli::{say, write_result};
 use crate::report::training_curves;
 use crate::training::{LOG, Observer, Row, ValidationRow, read_log};
 
-/// Name of the picture of the curves.
+/// File name of the plot of the curves.
 pub(super) const CURVES: &str = "curves.svg";
-/// Scenarios passed over that are told one by one.
-const SHOWN: usize = 5;
+/// Maximum number of skipped scenarios printed one by one.
+const MAX_PRINTED_SKIPS: usize = 5;
 
-/// A line with loss, speed and the time that is left, hidden where stderr is no terminal; validations are printed in any case.
+/// Line with loss, speed and remaining time, hidden if stderr is not a terminal. Validations are
+/// always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
     folder: PathBuf,
     began: Instant,
-    /// Step that this part of the training began at.
+    /// Step at which this session of the training began.
     first: Cell<u64>,
     steps: Cell<u64>,
     samples: Cell<usize>,
-    /// Mean of the last losses.
+    /// Exponential moving average of the loss.
     loss: Cell<Option<f64>>,
-    passed_over: RefCell<usize>,
+    skipped: RefCell<usize>,
 }
 
 impl Progress {
@@ -45,26 +46,27 @@ impl Progress {
             steps: Cell::new(0),
             samples: Cell::new(0),
             loss: Cell::new(None),
-            passed_over: RefCell::new(0),
+            skipped: RefCell::new(0),
         }
     }
 
-    /// Scenarios per second since this part of the training began.
+    /// Scenarios per second since this session of the training began.
     pub(super) fn per_second(&self) -> f64 {
         self.samples.get() as f64 / self.began.elapsed().as_secs_f64().max(1e-9)
     }
 
-    /// Takes the line away and draws the curves a last time.
+    /// Removes the line and draws the curves a last time.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
-        let passed_over = *self.passed_over.borrow();
-        if passed_over > SHOWN {
-            say(format_args!("{} more scenarios were passed over for the same reason", passed_over - SHOWN));
+        let skipped = *self.skipped.borrow();
+        if skipped > MAX_PRINTED_SKIPS {
+            let more = skipped - MAX_PRINTED_SKIPS;
+            say(format_args!("{more} more scenarios were skipped for the same reason"));
         }
         self.draw();
     }
 
-    /// Draws the log. What can not be drawn does not end a training.
+    /// Draws the log. An error in drawing does not end the training.
     fn draw(&self) {
         let drawn = read_log(&self.folder.join(LOG)).map_err(anyhow::Error::from).and_then(|rows| {
             let svg = training_curves::draw(&rows)?;
@@ -89,7 +91,7 @@ impl Progress {
     }
 
     fn validation(row: &ValidationRow) -> String {
-        let mut text = format!("step {}: held out: loss {:.4}", row.step, row.loss);
+        let mut text = format!("step {}: validation loss {:.4}", row.step, row.loss);
         if row.best {
             text.push_str(" (lowest so far)");
         }
@@ -119,15 +121,15 @@ impl Observer for Progress {
     }
 
     fn passed_over(&self, id: &str) {
-        let mut n = self.passed_over.borrow_mut();
+        let mut n = self.skipped.borrow_mut();
         *n += 1;
-        if *n <= SHOWN {
-            self.bar.suspend(|| say(format_args!("scenario {id} is passed over: nothing to learn in it")));
+        if *n <= MAX_PRINTED_SKIPS {
+            self.bar.suspend(|| say(format_args!("scenario {id} is skipped: it has nothing to learn from")));
         }
     }
 }
 
-/// A time for people.
+/// Formats a duration.
 fn span(seconds: f64) -> String {
     let s = seconds as u64;
     match s {

@@ -1,4 +1,4 @@
-//! `reactsim train qp-regression`.
+//! `reactsim train qp-regression`: trains the network of `regression` and `qp-regression`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,14 +22,14 @@ use crate::rollout::Controller;
 pub(super) struct QpRegressionArgs {
     #[command(flatten)]
     session: SessionArgs,
-    /// Recipe, TOML: sizes of the network, augmentation [default: a network for two cores]
+    /// Recipe (TOML): network sizes, augmentation [default: a network for two cores]
     #[arg(long, value_name = "FILE")]
     recipe: Option<PathBuf>,
-    /// Intention points, as `train intentions` finds them [default: a fan of sixteen]
+    /// Intention points, from `train intentions` [default: a fan of sixteen]
     #[arg(long, value_name = "FILE")]
     intentions: Option<PathBuf>,
-    /// Begin with these weights, of an earlier training, instead of new ones: their sizes and
-    /// intention points stay
+    /// Start from the weights of an earlier training instead of new ones; keeps their sizes and
+    /// intention points
     #[arg(long, value_name = "FILE", conflicts_with = "intentions")]
     from: Option<PathBuf>,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
     let task = match (&args.from, &args.intentions) {
         (Some(path), _) => {
             let file = WeightsFile::new(path.display().to_string(), read(path)?);
-            Regression::going_on(recipe, &file, &device)?
+            Regression::from_weights(recipe, &file, &device)?
         }
         (None, Some(path)) => {
             let intentions = Intentions::read(&read(path)?).with_context(|| path.display().to_string())?;
@@ -54,7 +54,7 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
         (None, None) => Regression::new(recipe, Intentions::fan(), &device),
     };
     let Some(drive) = drive else { return session::train(&args.session, &task, None) };
-    // As its card says.
+    // Closed-loop driving uses the parameters of the simulator's card.
     let baseline = models::find("regression").context("there is no simulator `regression`")?;
     let driving: Driving = baseline.setup()?.parameters()?;
     let measure = |network: &Network, _step: u64| {

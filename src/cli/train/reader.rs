@@ -1,4 +1,4 @@
-//! Scenarios one after the other, for what is built of many.
+//! Sequential reading of scenarios from many files.
 
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,32 +8,32 @@ use crate::curation::driver::CurationObserver;
 use crate::formats::Input;
 use crate::scene::Scenario;
 
-/// Reads scenarios from the first on.
+/// Reads scenarios in the order of the files.
 pub(super) struct Reader<'a> {
     inputs: &'a [Input],
     limit: Option<NonZeroUsize>,
     progress: &'a Progress,
     stop: &'a AtomicBool,
-    /// Whether what can not be read is told: not where it was told before.
-    pub(super) tells: bool,
-    /// Scenarios and files that could not be read and were told.
+    /// Whether to report and count unreadable scenarios; off when reading them a second time.
+    pub(super) reports_failures: bool,
+    /// Number of reported scenarios and files that could not be read.
     pub(super) failed: usize,
 }
 
 impl<'a> Reader<'a> {
-    /// Reads the first `limit` records of every input.
+    /// Creates a reader of the first `limit` records of every input.
     pub(super) fn new(
         inputs: &'a [Input],
         limit: Option<NonZeroUsize>,
         progress: &'a Progress,
         stop: &'a AtomicBool,
     ) -> Self {
-        Self { inputs, limit, progress, stop, tells: true, failed: 0 }
+        Self { inputs, limit, progress, stop, reports_failures: true, failed: 0 }
     }
 
-    /// Shows the first good scenarios, at most so many, and says how many there were.
-    pub(super) fn each(&mut self, most: usize, mut show: impl FnMut(&Scenario)) -> usize {
-        let (mut shown, limit) = (0, self.limit.map_or(usize::MAX, NonZeroUsize::get));
+    /// Calls `visit` on the first readable scenarios, at most `most`, and returns their number.
+    pub(super) fn each(&mut self, most: usize, mut visit: impl FnMut(&Scenario)) -> usize {
+        let (mut visited, limit) = (0, self.limit.map_or(usize::MAX, NonZeroUsize::get));
         for input in self.inputs {
             let scenarios = match input.open() {
                 Ok(scenarios) => scenarios,
@@ -43,24 +43,24 @@ impl<'a> Reader<'a> {
                 }
             };
             for scenario in scenarios.take(limit) {
-                if shown >= most || self.stop.load(Ordering::Relaxed) {
-                    return shown;
+                if visited >= most || self.stop.load(Ordering::Relaxed) {
+                    return visited;
                 }
                 match scenario {
                     Ok(scenario) => {
-                        show(&scenario);
-                        shown += 1;
-                        self.progress.scenario_done(shown);
+                        visit(&scenario);
+                        visited += 1;
+                        self.progress.scenario_done(visited);
                     }
                     Err(error) => self.fail(&error.to_string()),
                 }
             }
         }
-        shown
+        visited
     }
 
     fn fail(&mut self, error: &str) {
-        if self.tells {
+        if self.reports_failures {
             self.progress.failed(error);
             self.failed += 1;
         }

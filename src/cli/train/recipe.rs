@@ -1,4 +1,4 @@
-//! Recipes: what decides about learning besides the data and the learner's settings, as TOML.
+//! Recipes (TOML): all settings of a training other than the data and the learner's settings.
 
 use std::fs;
 use std::path::Path;
@@ -6,9 +6,9 @@ use std::path::Path;
 use anyhow::Context;
 use serde::de::DeserializeOwned;
 
-/// The recipe in a file, or the default one.
+/// Reads the recipe in a file, or returns the default one.
 pub(super) fn read<R: DeserializeOwned + Default>(path: Option<&Path>) -> anyhow::Result<R> {
     let Some(path) = path else { return Ok(R::default()) };
     let text = fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
-    toml::from_str(&text).with_context(|| format!("{} is no recipe", path.display()))
+    toml::from_str(&text).with_context(|| format!("{} is not a recipe", path.display()))
 }

@@ -1,4 +1,4 @@
-//! A training of any network on scenarios: arguments, files, ^C.
+//! Training of any network on scenarios: arguments, files, ^C.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -19,56 +19,56 @@ use crate::training::{ClosedLoop, Ending, Execution, Learner, Settings, Task, WE
 /// Arguments of every training.
 #[derive(Debug, Args)]
 pub(super) struct SessionArgs {
-    /// Files or folders of scenarios, each with the number of times that its scenarios are seen in an
-    /// epoch where it is not 1, such as logs=4 or generated.parquet=0.5
+    /// Files or folders of scenarios, optionally with the number of times that their scenarios are
+    /// seen per epoch (default 1), such as logs=4 or generated.parquet=0.5
     #[arg(required = true, value_name = "SCENARIOS[=TIMES]")]
     scenarios: Vec<String>,
-    /// Folder of the training: log, curves, checkpoints, weights
+    /// Folder of the training to write: log, curves, checkpoints, weights
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Continue the training in --out from its last checkpoint
     #[arg(long)]
     resume: bool,
-    /// Folder for scenarios that were converted from other formats [default: cache in --out]
+    /// Folder for scenarios converted from other formats [default: cache in --out]
     #[arg(long, value_name = "FOLDER")]
     cache: Option<PathBuf>,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// How often the scenarios are gone through
+    /// Number of epochs
     #[arg(long, default_value_t = Settings::default().epochs, value_name = "N")]
     epochs: f64,
     /// Scenarios per step
     #[arg(long, default_value_t = Settings::default().batch, value_name = "N")]
     batch: usize,
-    /// Scenarios that the network sees together: more need more memory
+    /// Scenarios per forward pass of the network; more need more memory
     #[arg(long, default_value_t = Settings::default().together, value_name = "N")]
     together: usize,
-    /// Learning rate at its highest
+    /// Peak learning rate
     #[arg(long, default_value_t = Settings::default().learning_rate, value_name = "RATE")]
     learning_rate: f64,
-    /// Part of the learning rate that is left in the end
+    /// Final learning rate as a fraction of the peak
     #[arg(long, default_value_t = Settings::default().floor, value_name = "PART")]
     floor: f64,
-    /// Steps in which the learning rate grows in the beginning
+    /// Warm-up steps, in which the learning rate grows to its peak
     #[arg(long, default_value_t = Settings::default().warm_up, value_name = "STEPS")]
     warm_up: u64,
-    /// Decay of weights
+    /// Weight decay
     #[arg(long, default_value_t = Settings::default().weight_decay, value_name = "RATE")]
     weight_decay: f64,
-    /// Norm above which gradients are scaled down
+    /// Norm to which larger gradients are clipped
     #[arg(long, default_value_t = Settings::default().clip, value_name = "NORM")]
     clip: f64,
     /// Steps between validations
     #[arg(long, default_value_t = Settings::default().validate_every, value_name = "STEPS")]
     validate_every: u64,
-    /// Part of the scenarios that is held out for validation
+    /// Fraction of the scenarios held out for validation
     #[arg(long, default_value_t = Settings::default().held_out, value_name = "PART")]
     held_out: f64,
-    /// Most scenarios that are looked at in a validation
+    /// Maximum number of scenarios per validation
     #[arg(long, default_value_t = Settings::default().most_held_out, value_name = "N")]
     most_held_out: usize,
-    /// Validations without a lower loss after which the training ends; 0: never
+    /// Validations without a lower loss after which the training ends (0: never)
     #[arg(long, default_value_t = Settings::default().patience, value_name = "N")]
     patience: u64,
     /// Threads; they do not change the result [default: one per core]
@@ -80,7 +80,7 @@ pub(super) struct SessionArgs {
 }
 
 impl SessionArgs {
-    /// Threads.
+    /// Number of threads.
     fn jobs(&self) -> usize {
         self.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from)
     }
@@ -105,9 +105,9 @@ impl SessionArgs {
     }
 }
 
-/// A time with its unit.
+/// Parses a time with its unit.
 fn duration(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("`{text}` is no time: write a number with its unit, such as 90s, 3m or 1h");
+    let wrong = || format!("`{text}` is not a time: write a number with its unit, such as 90s, 3m or 1h");
     let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(wrong)?;
     let seconds = match unit {
         "s" => 1.0,
@@ -119,7 +119,7 @@ fn duration(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(number * seconds).map_err(|_| wrong())
 }
 
-/// Trains a network as the arguments say.
+/// Trains a network with the settings of the arguments.
 pub(super) fn train<T: Task<Example = Scenario>>(
     args: &SessionArgs,
     task: &T,
@@ -156,17 +156,17 @@ fn train_until<T: Task<Example = Scenario>>(
     let outcome = outcome?;
     let (steps, folder) = (outcome.steps, args.out.display());
     if outcome.ending == Ending::Interrupted {
-        say(format_args!("interrupted after step {steps}; go on with the same command and --resume"));
+        say(format_args!("interrupted after step {steps}; to continue, repeat the command with --resume"));
         return Ok(ExitStatus::Interrupted);
     }
-    if outcome.ending == Ending::NoBetter {
+    if outcome.ending == Ending::NoImprovement {
         say(format_args!(
-            "ended early: the loss of what is held out got no lower in {} validations",
+            "ended early: the validation loss did not decrease in {} validations",
             args.patience
         ));
     }
     let best = outcome.best.map_or_else(String::new, |best| {
-        format!("; lowest loss of what is held out {:.4} after step {}", best.loss, best.step)
+        format!("; lowest validation loss {:.4} after step {}", best.loss, best.step)
     });
     say(format_args!("trained {steps} steps, {:.1} scenarios/s{best}", progress.per_second()));
     say(format_args!("weights: {folder}/{WEIGHTS}; curves: {folder}/{CURVES}"));

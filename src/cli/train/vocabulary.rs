@@ -17,15 +17,16 @@ use crate::models::ntp::tokens::{
 };
 
 const AFTER: &str = "\
-k-disks draws recorded motions that are not near one another, trajtok makes a token for every place
-where motions end, kinematic is a grid of speeds and curvatures and needs no scenarios: those that
-are given only tell how well it fits.
+k-disks draws recorded motions that are not close to each other. trajtok creates a token for
+every cell in which motions end. kinematic is a grid of speeds and curvatures; it needs no
+scenarios, and those given only serve to measure its fit.
 
+Examples:
   reactsim generate --preset train --count 200 --out train.parquet
   reactsim train vocabulary train.parquet --method k-disks --out vocab.safetensors
 
-The result on stdout says what was made (TOML), with mean, median and 99 % of the distance of the
-corners of tokenised from recorded boxes, in metres.";
+The manifest entry of the files is printed to stdout (TOML). Its errors are distances between the
+corners of tokenised and recorded boxes in metres: mean, median and 99th percentile.";
 
 /// Arguments of `train vocabulary`.
 #[derive(Debug, Args)]
@@ -34,52 +35,57 @@ pub(super) struct VocabularyArgs {
     /// Files or folders of scenarios
     #[arg(value_name = "SCENARIOS", required_if_eq_any([("method", "k-disks"), ("method", "trajtok")]))]
     scenarios: Vec<PathBuf>,
-    /// How tokens are made
+    /// Method that creates the tokens
     #[arg(long, value_enum)]
     method: Method,
-    /// The vocabulary to write (safetensors)
+    /// File of the vocabulary to write (safetensors)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Write a vocabulary of 5 m pieces of the map to this file too
+    /// Also write a vocabulary of 5 m map segments to this file
     #[arg(long, value_name = "FILE")]
     map_out: Option<PathBuf>,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
-    /// Take the first N records of every file only
+    /// Only the first N records of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
-    /// Tokens of every class (k-disks) [default: 2048]
+    /// Tokens per class (k-disks) [default: 2048]
     #[arg(long, value_name = "N")]
     tokens: Option<NonZeroUsize>,
-    /// Nearer motions are one token, metres (k-disks) [default: 0.05; pedestrians 0.025, cyclists 0.0125]
+    /// Distance below which motions share a token, metres (k-disks) [default: vehicles 0.05,
+    /// pedestrians 0.025, cyclists 0.0125]
     #[arg(long, value_name = "M")]
     tolerance: Option<f64>,
-    /// Every token comes with its mirror image (k-disks; the others always are symmetric)
+    /// Add the mirror image of every token (k-disks; the other methods are always symmetric)
     #[arg(long)]
     symmetric: bool,
-    /// Motions of every class to keep in memory
+    /// Motions per class to keep in memory
     #[arg(long, default_value = "204800", value_name = "N")]
     segments: NonZeroUsize,
-    /// Add kinematic tokens where no other is near: for classes of which little was recorded
+    /// Add kinematic tokens far from all others, for classes with few recorded motions
     #[arg(long)]
     fill: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Method {
-    /// Means of recorded motions about ones that are drawn (SMART, CATK)
+    /// Means of recorded motions around drawn ones (SMART, CATK)
     KDisks,
-    /// A grid of the places where motions end (TrajTok)
+    /// Grid of the positions where motions end (TrajTok)
     Trajtok,
-    /// A grid of speeds and curvatures
+    /// Grid of speeds and curvatures
     Kinematic,
 }
 
-/// Curves of a vocabulary of the map, how near two are one (metres), and how many are kept to choose from.
-const MAP: (usize, f64, usize) = (1024, 0.05, 50_000);
-/// Scenarios on which the errors are measured.
-const MEASURED: usize = 200;
+/// Number of tokens of a map vocabulary.
+const MAP_TOKENS: usize = 1024;
+/// Distance in metres below which map segments share a token.
+const MAP_TOLERANCE: f64 = 0.05;
+/// Number of map segments kept in memory to choose from.
+const MAP_SEGMENTS: usize = 50_000;
+/// Number of scenarios on which the errors are measured.
+const MEASURED_SCENARIOS: usize = 200;
 
 impl VocabularyArgs {
     fn tokenizer(&self) -> anyhow::Result<Box<dyn Tokenizer>> {
@@ -110,11 +116,11 @@ impl VocabularyArgs {
 }
 
 pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
-    // Everything that can be wrong is found before the first scenario.
+    // Report every input error before the first scenario.
     let tokenizer = args.tokenizer()?;
     let inputs = if args.scenarios.is_empty() { Vec::new() } else { find_inputs(&args.scenarios)? };
     if inputs.is_empty() && args.map_out.is_some() {
-        bail!("a vocabulary of the map (--map-out) is made of scenarios: name some");
+        bail!("a map vocabulary (--map-out) is built from scenarios: give some");
     }
     let out = NewFile::create(&args.out)?;
     let map_out = args.map_out.as_deref().map(NewFile::create).transpose()?;
@@ -122,7 +128,7 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     let progress = Progress::new();
     let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);
     let mut segments = Segments::new(args.segments.get(), args.seed);
-    let mut map = map_out.is_some().then(|| MapVocabularyBuilder::new(MAP.2, args.seed));
+    let mut map = map_out.is_some().then(|| MapVocabularyBuilder::new(MAP_SEGMENTS, args.seed));
     let read = reader.each(usize::MAX, |scenario| {
         segments.add(scenario);
         if let Some(map) = &mut map {
@@ -133,11 +139,11 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
         progress.end();
         bail!("no scenario could be read: see the warnings above");
     }
-    let made = tokenizer.build_from(&segments, args.fill);
+    let vocabulary = tokenizer.build_from(&segments, args.fill);
     let mut errors = MatchingErrors::default();
-    if let Ok(vocabulary) = &made {
-        reader.tells = false;
-        reader.each(MEASURED, |scenario| errors.add(vocabulary, scenario));
+    if let Ok(vocabulary) = &vocabulary {
+        reader.reports_failures = false;
+        reader.each(MEASURED_SCENARIOS, |scenario| errors.add(vocabulary, scenario));
     }
     progress.end();
     if stop.load(Ordering::Relaxed) {
@@ -145,11 +151,11 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::Interrupted);
     }
     let failed = reader.failed;
-    let vocabulary = made?;
+    let vocabulary = vocabulary?;
     let written = out.finish(&vocabulary.write()?)?;
     let mut entries = vec![Entry::of_vocabulary(written, &vocabulary, &errors)];
     if let (Some(map), Some(out)) = (map, map_out) {
-        let map = map.build(MAP.0, MAP.1)?;
+        let map = map.build(MAP_TOKENS, MAP_TOLERANCE)?;
         let written = out.finish(&map.write()?)?;
         entries.push(Entry::of_map_vocabulary(written, &map));
     }
@@ -157,7 +163,7 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     write_result(None, |out| out.write_all(text.as_bytes()))?;
     if failed > 0 {
         say(format_args!(
-            "warning: {} failed; the vocabulary is made of the others",
+            "warning: {} failed; the vocabulary is built from the others",
             count(failed, "scenario")
         ));
         return Ok(ExitStatus::SomeFailed);

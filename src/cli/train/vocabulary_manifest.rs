@@ -1,4 +1,4 @@
-//! What vocabularies were made of: their entries in a manifest.
+//! Manifest entries of vocabularies: sources, settings and errors.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::evaluation::FileRecord;
 use crate::models::ntp::tokens::{Class, MapVocabulary, MatchingErrors, Provenance, Vocabulary};
 
-/// What was made, as it stands in a manifest.
+/// Manifest of the vocabularies of one call.
 #[derive(Serialize)]
 pub(super) struct Manifest {
     pub(super) vocabulary: Vec<Entry>,
@@ -26,7 +26,7 @@ pub(super) struct Entry {
     /// Digest of the scenarios.
     #[serde(skip_serializing_if = "String::is_empty")]
     data: String,
-    /// JSON, as in the file.
+    /// Settings as JSON, as in the file.
     settings: String,
     tokens: Vec<Tokens>,
 }
@@ -45,22 +45,22 @@ struct Tokens {
 }
 
 impl Entry {
-    /// The entry of a vocabulary of the map.
+    /// Creates the entry of a map vocabulary.
     pub(super) fn of_map_vocabulary(file: FileRecord, map: &MapVocabulary) -> Self {
         let tokens =
             Tokens { class: "map", tokens: map.tokens(), error_mean: None, error_p50: None, error_p99: None };
         Self::new(file, map.provenance(), vec![tokens])
     }
 
-    fn new(file: FileRecord, made: &Provenance, tokens: Vec<Tokens>) -> Self {
+    fn new(file: FileRecord, provenance: &Provenance, tokens: Vec<Tokens>) -> Self {
         let id = Path::new(&file.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let Provenance { method, settings, seed, scenarios, data } = made.clone();
+        let Provenance { method, settings, seed, scenarios, data } = provenance.clone();
         let settings = settings.to_string();
         let FileRecord { name, bytes, blake3, .. } = file;
         Self { id, file: name, bytes, blake3, method, seed, scenarios, data, settings, tokens }
     }
 
-    /// The entry of a vocabulary of motion, and how well it fits.
+    /// Creates the entry of a motion vocabulary with its matching errors.
     pub(super) fn of_vocabulary(file: FileRecord, vocabulary: &Vocabulary, errors: &MatchingErrors) -> Self {
         let short = |v: f64| (v * 1e5).round() / 1e5;
         let tokens = Class::ALL.map(|class| {

@@ -1,4 +1,4 @@
-//! Who responds, in which order, and who must respond to that.
+//! The order of responses, and the responses to those responses.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -9,20 +9,21 @@ use crate::curation::{CANDIDATE_STATES, Certificate};
 use crate::metrics::{Case, pair_counts};
 use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
 
-/// How often one agent's response is looked for anew.
-const MOST_ATTEMPTS: usize = 4;
-/// How often everything is begun anew, with the agent first that found no response.
-const MOST_RESTARTS: usize = 2;
+/// Largest number of searches for one agent's response.
+const MAX_ATTEMPTS: usize = 4;
+/// Largest number of restarts, each with the agent first that found no response.
+const MAX_RESTARTS: usize = 2;
 
-/// Finds a response of every agent that `candidate` (81 states, steps 0 to 80, scenario frame) disturbs under log replay, and of those
-/// whom these responses disturb.
+/// Finds a response of every agent that `candidate` (81 states, steps 0 to 80, scenario frame) disturbs
+/// under log replay, and of those whom these responses disturb.
 ///
-/// With the responses found, and everybody else as in the log, no vehicle touches the AV or comes within half a second of it, no
-/// pedestrian or cyclist touches it, and no two agents overlap, but for those that the log itself lets overlap (then, or as little): the
-/// metrics say so on the whole scene. A candidate that disturbs nobody has a certificate without responses.
+/// With these responses, and all others as in the log, no vehicle touches the AV or comes within half a
+/// second of it, no pedestrian or cyclist touches it, and no two agents overlap, except where the log
+/// itself has such an overlap (at that time, or as small). The metrics confirm this on the whole scene.
+/// A candidate that disturbs nobody has a certificate without responses.
 ///
 /// # Errors
-/// [`Unavoidable`] with the agent for which no response was found, and why.
+/// [`Unavoidable`] with the agent for which no response was found, and the reason.
 pub fn certify(
     scenario: &Scenario,
     candidate: &[AgentState],
@@ -33,11 +34,13 @@ pub fn certify(
     resolve(traffic, &replayed, settings)
 }
 
-/// As [`certify`], for callers that hold the log replay around the candidate as a [`Case`] already. `replayed` must be just that (the
-/// agents of `scenario` in its order, all but the AV as in the log), with the default options.
+/// Like [`certify`], for callers that already have the log replay around the candidate as a [`Case`].
+///
+/// `replayed` must have the agents of `scenario` in its order, all but the AV as in the log, and the
+/// default options.
 ///
 /// # Errors
-/// As [`certify`].
+/// As for [`certify`].
 pub fn certify_case(
     scenario: &Scenario,
     candidate: &[AgentState],
@@ -76,9 +79,9 @@ fn resolve(
         match cascade.run() {
             Ok(()) => break,
             Err((agent, why)) => {
-                // Somebody else's response may be in the way: this agent chooses first.
+                // Another response may block this agent, so it goes first.
                 let first = order.first() == Some(&agent);
-                if restart == MOST_RESTARTS || first || !order.contains(&agent) {
+                if restart == MAX_RESTARTS || first || !order.contains(&agent) {
                     return Err(why);
                 }
                 order.retain(|&i| i != agent);
@@ -86,21 +89,22 @@ fn resolve(
             }
         }
     }
-    check::settled(&traffic, &order, reaction)?;
+    check::check_settled(&traffic, &order, reaction)?;
     effort::measure(&mut traffic, &conflicts, settings);
     Ok(Certificate { responses: traffic.planned.into_values().map(|p| p.response).collect() })
 }
 
+/// Search for the responses of all agents.
 struct Cascade<'c, 'a> {
     traffic: &'c mut Traffic<'a>,
     settings: &'c AvoidanceSettings,
-    /// Who conflicts with the AV under log replay.
+    /// Agents in conflict with the AV under log replay.
     direct: &'c [usize],
-    /// Step up to which these move as in the log.
+    /// Last step up to which these move as in the log.
     reaction: usize,
-    /// Agents whose response is to be found, or found anew.
+    /// Agents whose response is still to be found, or to be found again.
     tasks: VecDeque<usize>,
-    /// Whose responses have disturbed an agent so far.
+    /// Agents whose responses have disturbed each agent so far.
     disturbers: BTreeMap<usize, BTreeSet<usize>>,
     attempts: BTreeMap<usize, usize>,
 }
@@ -123,11 +127,11 @@ impl<'c, 'a> Cascade<'c, 'a> {
             let id = |i: usize| self.traffic.scenario.start.agents[i].id.clone();
             let attempts = self.attempts.entry(agent).or_default();
             *attempts += 1;
-            if *attempts > MOST_ATTEMPTS {
+            if *attempts > MAX_ATTEMPTS {
                 return Err((agent, Unavoidable::Unsettled { agent: id(agent) }));
             }
             self.traffic.planned.remove(&agent);
-            // Whom nobody disturbs any more moves as in its log, until somebody does.
+            // An agent that is no longer disturbed moves as in its log until it is disturbed again.
             let Some((reaction, leader)) = self.cause(agent) else { continue };
             if self.traffic.planned.len() == self.settings.max_agents {
                 return Err((agent, Unavoidable::TooMany { limit: self.settings.max_agents }));
@@ -145,24 +149,26 @@ impl<'c, 'a> Cascade<'c, 'a> {
             })?;
             planned.response.leader = leader.map(id);
             self.traffic.planned.insert(agent, planned);
-            self.disturbed_by(agent);
+            self.queue_disturbed(agent);
         }
         Ok(())
     }
 
-    /// The step up to which an agent moves as in its log, and whose response it responds to (`None`: the AV's deviation). It sees
-    /// responses as they are planned now. `None` where there is nothing to respond to.
+    /// Returns the last step up to which an agent moves as in its log, and the agent whose response it
+    /// responds to (`None`: the AV's deviation). It sees responses as currently planned. `None` if there
+    /// is nothing to respond to.
     fn cause(&self, agent: usize) -> Option<(usize, Option<usize>)> {
         if self.direct.contains(&agent) {
             return Some((self.reaction, None));
         }
         let planned =
             self.disturbers.get(&agent)?.iter().filter_map(|j| Some((j, self.traffic.planned.get(j)?)));
-        planned.map(|(&j, p)| (p.seen, Some(j))).min()
+        planned.map(|(&j, p)| (p.others_reaction_step, Some(j))).min()
     }
 
-    /// Gives a task to everybody whom a new response disturbs, and to those who have reacted to an earlier one too early for this one.
-    fn disturbed_by(&mut self, agent: usize) {
+    /// Queues all agents that a new response disturbs, and those that have reacted to an earlier one too
+    /// early for this one.
+    fn queue_disturbed(&mut self, agent: usize) {
         for i in (1..self.traffic.len()).filter(|&i| i != agent) {
             let counts = pair_counts(self.kind(agent), self.kind(i));
             let disturbed = counts && self.traffic.breach(agent, i).is_some();

@@ -1,12 +1,12 @@
-//! Conflicts as the metrics count them: before anything was done, and with all responses.
+//! Conflicts as the metrics count them, before and after the responses.
 
 use super::Unavoidable;
-use super::traffic::{Boxes, Traffic, nearer};
+use super::traffic::{Boxes, Traffic, is_nearer};
 use crate::metrics::{Case, Options, metric};
 use crate::scene::{AgentKind, CURRENT, FRAMES, FUTURE, Frame, Scenario};
 
-/// Who conflicts with the AV, with the first step, in order of the steps: vehicles that come within half a second of it or touch it,
-/// pedestrians and cyclists that touch it.
+/// Returns the agents in conflict with the AV and the first step of each conflict, ordered by step:
+/// vehicles that come within half a second of it or touch it, pedestrians and cyclists that touch it.
 pub(super) fn conflicts(traffic: &Traffic<'_>, case: &Case<'_>) -> Vec<(usize, usize)> {
     let mut found: Vec<(usize, usize)> = vehicles(traffic.scenario, case);
     for i in (1..traffic.len()).filter(|&i| case.evaluated(i)) {
@@ -18,10 +18,17 @@ pub(super) fn conflicts(traffic: &Traffic<'_>, case: &Case<'_>) -> Vec<(usize, u
     found
 }
 
-/// Fails where anything is left: a contact with the AV or a risky approach, an overlap of agents, or of one that responds and an
-/// obstacle, that the log does not excuse; or a response to what can not have been seen. `direct`: who conflicts with the AV; these react
-/// to the AV after the step `reaction`, and everybody else to the response of somebody.
-pub(super) fn settled(traffic: &Traffic<'_>, direct: &[usize], reaction: usize) -> Result<(), Unavoidable> {
+/// Fails if a conflict remains: a contact with the AV or a risky approach; an overlap of agents, or of a
+/// responding one and an obstacle, that the log does not excuse; or a response to something that was not
+/// visible yet.
+///
+/// `direct` holds the agents in conflict with the AV, which react to the AV after the step `reaction`;
+/// all others react to another response.
+pub(super) fn check_settled(
+    traffic: &Traffic<'_>,
+    direct: &[usize],
+    reaction: usize,
+) -> Result<(), Unavoidable> {
     let case = case(traffic);
     let agents = &traffic.scenario.start.agents;
     let fail = |i: usize, metric: &str, step: usize| Unavoidable::Check {
@@ -54,7 +61,7 @@ pub(super) fn settled(traffic: &Traffic<'_>, direct: &[usize], reaction: usize) 
             return Err(fail(i, "obstacle", step));
         }
         let from = planned.response.reaction_step;
-        let seen = traffic.planned.iter().any(|(&j, other)| j != i && other.seen <= from);
+        let seen = traffic.planned.iter().any(|(&j, other)| j != i && other.others_reaction_step <= from);
         let may = if direct.contains(&i) { from >= reaction } else { seen };
         if !may {
             return Err(Unavoidable::Unsettled { agent: agents[i].id.clone() });
@@ -63,7 +70,7 @@ pub(super) fn settled(traffic: &Traffic<'_>, direct: &[usize], reaction: usize) 
     Ok(())
 }
 
-/// Risky vehicles (which includes those that touch the AV) with the first such step.
+/// Returns risky vehicles (including those that touch the AV) with the first such step.
 fn vehicles(scenario: &Scenario, case: &Case<'_>) -> Vec<(usize, usize)> {
     let mut events = Vec::new();
     if let Some(m) = metric("aav-ttc") {
@@ -74,10 +81,10 @@ fn vehicles(scenario: &Scenario, case: &Case<'_>) -> Vec<(usize, usize)> {
 }
 
 fn first_touch(traffic: &Traffic<'_>, boxes: &Boxes) -> Option<usize> {
-    (1..=FUTURE).find(|&k| boxes[k].as_ref().is_some_and(|b| nearer(b, &traffic.av_box(k), 0.0)))
+    (1..=FUTURE).find(|&k| boxes[k].as_ref().is_some_and(|b| is_nearer(b, &traffic.av_box(k), 0.0)))
 }
 
-/// The scene as everybody moves now.
+/// Returns the scene with all agents as they currently move.
 pub(super) fn case<'a>(traffic: &Traffic<'a>) -> Case<'a> {
     let scenario = traffic.scenario;
     let track = |i: usize| -> Vec<Frame> {

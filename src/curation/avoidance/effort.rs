@@ -1,23 +1,25 @@
-//! The least that a conflict asks of each agent that responds: how hard it must brake, and how long it may wait.
+//! The effort of each responding agent: the least deceleration, and the time to react.
 
 use super::AvoidanceSettings;
 use super::respond::respond;
 use super::traffic::{Traffic, reaction_steps};
 use crate::scene::{DT, Effort, FUTURE};
 
-/// Step at which the search for the least deceleration ends, m/s².
-const DECELERATION_STEP: f64 = 0.1;
-/// Braking that an agent is granted that responds as late as it can, m/s²: the bound of a feasible transition.
-const LATEST_DECELERATION: f64 = 6.0;
+/// Resolution of the search for the least deceleration, m/s².
+const DECELERATION_RESOLUTION: f64 = 0.1;
+/// Largest deceleration of an agent that responds as late as possible, m/s²: the bound of a feasible
+/// transition.
+const LATE_RESPONSE_DECELERATION: f64 = 6.0;
 
-/// Measures the effort of every response of `traffic`, with all other agents as they move there. `conflicts`: the agents that conflict with
-/// the AV under log replay, with the first such step.
+/// Measures the effort of every response in `traffic`, with all other agents as they move there.
+///
+/// `conflicts` holds the agents that conflict with the AV under log replay, with the first such step.
 pub(super) fn measure(traffic: &mut Traffic<'_>, conflicts: &[(usize, usize)], settings: &AvoidanceSettings) {
     let agents: Vec<usize> = traffic.planned.keys().copied().collect();
     for agent in agents {
         let Some(mut planned) = traffic.planned.remove(&agent) else { continue };
         let response = &mut planned.response;
-        // A response by speed alone is compared with others by speed alone.
+        // A response by speed alone is compared with responses by speed alone.
         let max_nudge = if response.nudge == 0.0 { 0.0 } else { settings.max_nudge };
         let search = Search { traffic, agent, settings: AvoidanceSettings { max_nudge, ..*settings } };
         let end = search.first_conflict(conflicts);
@@ -30,7 +32,7 @@ pub(super) fn measure(traffic: &mut Traffic<'_>, conflicts: &[(usize, usize)], s
     }
 }
 
-/// The question of one agent.
+/// The searches for one agent.
 struct Search<'s, 'a> {
     traffic: &'s Traffic<'a>,
     agent: usize,
@@ -38,7 +40,8 @@ struct Search<'s, 'a> {
 }
 
 impl Search<'_, '_> {
-    /// The first step at which the agent conflicts with somebody if it goes on as in its log.
+    /// Returns the first step at which the agent conflicts with another one if it continues as in its
+    /// log.
     fn first_conflict(&self, conflicts: &[(usize, usize)]) -> usize {
         let with_av = conflicts.iter().find(|c| c.0 == self.agent).map(|c| c.1);
         let responding =
@@ -46,10 +49,11 @@ impl Search<'_, '_> {
         responding.chain(with_av).min().unwrap_or(FUTURE)
     }
 
-    /// The smallest bound of the deceleration with which there is a response, where there is one with the peak `known`, m/s².
+    /// Returns the smallest bound of the deceleration for which a response exists, m/s², given one with
+    /// the peak `known`.
     fn least_deceleration(&self, reaction: usize, known: f64) -> f64 {
         let (mut least, mut too_little) = (known, 0.0);
-        while least - too_little > DECELERATION_STEP {
+        while least - too_little > DECELERATION_RESOLUTION {
             let bound = 0.5 * (least + too_little);
             let settings = AvoidanceSettings { max_deceleration: bound, ..self.settings };
             match respond(self.traffic, self.agent, reaction, &settings) {
@@ -60,15 +64,17 @@ impl Search<'_, '_> {
         least
     }
 
-    /// Seconds from the step at which the conflict can first be seen to the last step from which a response is possible, where there is one
-    /// from the step `known`, and from `end` on there is none.
+    /// Returns the time from the step at which the conflict becomes visible to the last step from which
+    /// a response is possible, s.
+    ///
+    /// A response exists from the step `known`, and none from `end` on.
     fn time_to_react(&self, known: usize, end: usize) -> f64 {
-        let settings = AvoidanceSettings { max_deceleration: LATEST_DECELERATION, ..self.settings };
+        let settings = AvoidanceSettings { max_deceleration: LATE_RESPONSE_DECELERATION, ..self.settings };
         let (mut latest, mut too_late) = (known, end.max(known + 1));
         while too_late - latest > 1 {
             let step = usize::midpoint(latest, too_late);
             match respond(self.traffic, self.agent, step, &settings) {
-                // An agent that has left the log meanwhile responds later than it was asked to, or not at all.
+                // An agent that is absent at this step responds later than requested, or not at all.
                 Ok(found) if found.response.reaction_step == step => latest = step,
                 _ => too_late = step,
             }

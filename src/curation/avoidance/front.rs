@@ -1,20 +1,20 @@
-//! When the AV is in front of a vehicle: the front-object filter of the risky approaches, as the metric `aav-ttc` has it.
+//! Front objects: whether the AV is in front of a vehicle, by the filter of the metric `aav-ttc`.
 
 use crate::geometry::{OrientedBox, signed_angle_between};
 use crate::metrics::{is_front, placement};
 
-/// Radians that the filter is wider per metre of slack.
-const SLACK_ANGLE: f64 = 0.1;
+/// Additional angle of the filter per metre of slack, rad/m.
+const ANGLE_PER_SLACK: f64 = 0.1;
 
-/// The gap between the front of `me` and `av`, metres, where `av` is a front object of `me`. With `slack` (metres) the filter takes
-/// in a little more than the metric does.
+/// Returns the gap between the front of `me` and `av`, metres, if `av` is a front object of `me`. With
+/// `slack` (metres) the filter is slightly wider than that of the metric.
 pub(super) fn gap_to_front(me: &OrientedBox, av: &OrientedBox, slack: f64) -> Option<f64> {
     let (gap, beside) = placement(me, av);
-    // Headings are dear, and mostly not needed.
+    // Heading differences are expensive, and rarely needed.
     if gap + slack <= 0.0 || beside - slack >= 0.0 {
         return None;
     }
-    let turned = (signed_angle_between(me.axis, av.axis).abs() - SLACK_ANGLE * slack).max(0.0);
+    let turned = (signed_angle_between(me.axis, av.axis).abs() - ANGLE_PER_SLACK * slack).max(0.0);
     is_front(gap + slack, beside - slack, turned).then_some(gap)
 }
 

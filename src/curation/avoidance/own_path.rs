@@ -1,10 +1,10 @@
-//! The path of an agent along its own log, and beyond its end.
+//! The path of an agent along its own log, and beyond the end of the log.
 
 use crate::geometry::{OrientedBox, Polyline, Vec2, direction, left, math, wrap};
 use crate::scene::{Agent, AgentKind, AgentState, Frame};
 
-/// Where an agent goes in its log, from the step at which it may leave it: positions with recorded headings by arc length. Beyond
-/// the end it goes on straight.
+/// Logged path of an agent from the step at which it may leave the log: positions with recorded headings
+/// by arc length. It is extended straight beyond its end.
 #[derive(Clone, Debug)]
 pub(super) struct OwnPath {
     line: Polyline,
@@ -12,40 +12,41 @@ pub(super) struct OwnPath {
     headings: Vec<f64>,
     /// Arc length at which the log ends.
     pub(super) end: f64,
-    /// Sideways shift at its end, metres, left positive.
+    /// Lateral shift at the end of the ramp, metres, left positive.
     pub(super) nudge: f64,
-    /// Length over which it is reached, metres.
+    /// Length over which the shift is reached, metres.
     ramp: f64,
     half_length: f64,
     half_width: f64,
 }
 
-/// Points of the log nearer to each other than this are jitter, metres.
-const SPACING: f64 = 0.4;
-/// Length of the straight segment beyond the end of the log, metres: it can be evaluated beyond that too. How far an agent may go there
-/// is not for the path to say.
-const BEYOND: f64 = 200.0;
+/// Smallest distance between logged points, metres: closer ones are jitter.
+const MIN_POINT_SPACING: f64 = 0.4;
+/// Length of the straight segment beyond the end of the log, metres. The path can be evaluated beyond
+/// that too; other code limits how far an agent may travel.
+const EXTENSION_LENGTH: f64 = 200.0;
 
 impl OwnPath {
-    /// The path of `agent` through the logged frames from `start` on (`log[0]` is the frame of `start`).
+    /// Builds the path of `agent` through the logged frames from `start` on (`log[0]` is the frame of
+    /// `start`).
     pub(super) fn new(agent: &Agent, start: &AgentState, log: &[Frame]) -> Option<Self> {
-        let mut kept = vec![*start];
+        let mut states = vec![*start];
         for state in log.iter().flatten() {
-            let last = kept[kept.len() - 1];
-            if (state.position() - last.position()).norm() >= SPACING {
-                kept.push(*state);
+            let last = states[states.len() - 1];
+            if (state.position() - last.position()).norm() >= MIN_POINT_SPACING {
+                states.push(*state);
             }
         }
-        let mut points: Vec<Vec2> = kept.iter().map(AgentState::position).collect();
+        let mut points: Vec<Vec2> = states.iter().map(AgentState::position).collect();
         let mut headings = vec![start.heading];
-        for state in &kept[1..] {
+        for state in &states[1..] {
             let last = headings[headings.len() - 1];
             headings.push(last + wrap(state.heading - last));
         }
         let last = headings[headings.len() - 1];
         let onward = Self::onward(agent.kind, &points, last);
         let end = points[points.len() - 1];
-        points.push(end + onward * BEYOND);
+        points.push(end + onward * EXTENSION_LENGTH);
         headings.push(last);
         let line = Polyline::new(&points).ok()?;
         let end = line.arc()[line.arc().len() - 2];
@@ -60,7 +61,8 @@ impl OwnPath {
         })
     }
 
-    /// The direction in which the agent goes on: that of its heading, or of its last steps where it does not go where it points.
+    /// Returns the direction of the extension: that of the heading, or that of the last steps if the
+    /// agent does not move where it points.
     fn onward(kind: AgentKind, points: &[Vec2], heading: f64) -> Vec2 {
         let ahead = direction(heading);
         let [.., a, b] = points else { return ahead };
@@ -68,13 +70,13 @@ impl OwnPath {
         if kind != AgentKind::Pedestrian && moved.dot(&ahead) > 0.5 { ahead } else { moved }
     }
 
-    /// The same path with a sideways shift that is reached over `ramp` metres.
+    /// Returns the same path with a lateral shift that is reached over `ramp` metres.
     pub(super) fn nudged(&self, nudge: f64, ramp: f64) -> Self {
         Self { nudge, ramp, ..self.clone() }
     }
 
-    /// Arc length of every logged frame from the start on. Frames without a state lie between their neighbours; where the log has ended
-    /// the agent goes on by `step` metres per frame.
+    /// Returns the arc length of every logged frame from the start on. Frames without a state are
+    /// interpolated; after the end of the log the agent advances by `step` metres per frame.
     pub(super) fn arc_lengths(&self, log: &[Frame], step: f64) -> Vec<f64> {
         let mut found: Vec<f64> = Vec::with_capacity(log.len());
         let (mut segment, mut s) = (0, 0.0_f64);
@@ -99,12 +101,12 @@ impl OwnPath {
         found
     }
 
-    /// The same path without a shift.
-    pub(super) fn plain(&self) -> Self {
+    /// Returns the same path without a shift.
+    pub(super) fn without_nudge(&self) -> Self {
         self.nudged(0.0, 1.0)
     }
 
-    /// Position and heading at an arc length.
+    /// Returns position and heading at an arc length.
     pub(super) fn pose(&self, s: f64) -> (Vec2, f64) {
         self.pose_on(s, self.line.segment_at(s))
     }
@@ -123,7 +125,7 @@ impl OwnPath {
         (position + left(direction(heading)) * aside, wrap(heading + math::atan(slope)))
     }
 
-    /// The box of the agent at an arc length.
+    /// Returns the box of the agent at an arc length.
     pub(super) fn footprint(&self, s: f64) -> OrientedBox {
         self.footprint_on(s, self.line.segment_at(s))
     }
@@ -138,12 +140,12 @@ impl OwnPath {
         }
     }
 
-    /// As [`Self::footprint`], for an arc length on or soon after a segment.
+    /// Like [`Self::footprint`], for an arc length on or shortly after a segment.
     pub(super) fn footprint_near(&self, s: f64, segment: usize) -> OrientedBox {
         self.footprint_on(s, self.line.segment_from(s, segment))
     }
 
-    /// Headings at the multiples 0 to `count` of `spacing`.
+    /// Returns the headings at the multiples 0 to `count` of `spacing`.
     pub(super) fn headings(&self, spacing: f64, count: usize) -> Vec<f64> {
         let mut segment = 0;
         let at = |i: usize| {
@@ -154,7 +156,7 @@ impl OwnPath {
         (0..=count).map(at).collect()
     }
 
-    /// Boxes at the multiples of `spacing` up to `length`, with the segments of the path that they are on.
+    /// Returns the boxes at the multiples of `spacing` up to `length`, with their path segments.
     pub(super) fn footprints(&self, spacing: f64, length: f64) -> (Vec<OrientedBox>, Vec<usize>) {
         let mut segment = 0;
         let count = (length / spacing).ceil() as usize + 1;
@@ -180,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_with_jitter_goes_along_its_heading() {
+    fn a_stationary_agent_with_jitter_extends_along_its_heading() {
         let jitter = |k: usize| Some(state(0.02 * (k % 3) as f64, -0.03 * (k % 2) as f64, 1.0));
         let log: Vec<Frame> = (0..80).map(jitter).collect();
         let path = OwnPath::new(&car(), &state(0.0, 0.0, 1.0), &log).unwrap();
@@ -202,7 +204,7 @@ mod tests {
         let arcs = path.arc_lengths(&log, 0.7);
         assert!((arcs[5] - 5.0).abs() < 1e-9 && (arcs[6] - 6.0).abs() < 1e-9, "{arcs:?}");
         assert!((arcs[31] - (29.0 + 1.4)).abs() < 1e-9, "{arcs:?}");
-        // Over the turn of the angle, and never the other way round.
+        // Across the wrap of the angle, and never the other way round.
         assert!((path.pose(10.5).1 - wrap(3.205)).abs() < 1e-9);
         backwards.reverse();
         let path = OwnPath::new(&car(), &backwards[0].unwrap(), &backwards).unwrap();

@@ -1,8 +1,8 @@
-//! Speed profiles: their limits and bounds, the hardest braking and the hardest acceleration.
+//! Speed profiles: their limits, their bounds, and the extreme profiles.
 
 use crate::scene::DT;
 
-/// What an agent may do along its path.
+/// Kinematic limits of an agent along its path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// Smallest acceleration (negative), m/s².
@@ -15,7 +15,7 @@ pub(super) struct Limits {
     pub(super) speed: f64,
 }
 
-/// How an agent moves when it begins to respond.
+/// Motion of an agent when it begins to respond.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     /// Speed, m/s, not negative.
@@ -25,7 +25,8 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The motion within limits: an acceleration that can be given up, jerk-limited, before the speed is 0 or too large.
+    /// Returns the motion within limits, with an acceleration that can be reduced to zero, at limited
+    /// jerk, before the speed is 0 or too large.
     pub(super) fn within(self, limits: &Limits) -> Self {
         let speed = self.speed.max(0.0);
         let room = |v: f64| (2.0 * limits.jerk * v.max(0.0)).sqrt();
@@ -35,7 +36,8 @@ impl Motion {
     }
 }
 
-/// Arc lengths and speeds at the steps after the reaction step; entry 0 is the reaction step, with arc length 0.
+/// Arc lengths and speeds at the steps after the reaction step; entry 0 is the reaction step, with arc
+/// length 0.
 #[derive(Clone, Debug)]
 pub(super) struct Profile {
     /// Arc length, metres.
@@ -44,8 +46,9 @@ pub(super) struct Profile {
     pub(super) v: Vec<f64>,
 }
 
-/// The profile of the hardest braking or acceleration. Nothing within the limits is further back, or further on, at any step.
-pub(super) fn extreme(start: Motion, limits: &Limits, steps: usize, brake: bool) -> Profile {
+/// Returns the profile of the hardest braking or acceleration. No profile within the limits is farther
+/// back, or farther ahead, at any step.
+pub(super) fn extreme_profile(start: Motion, limits: &Limits, steps: usize, brake: bool) -> Profile {
     let goal = if brake { limits.brake } else { limits.accelerate };
     let change = if brake { -limits.jerk * DT } else { limits.jerk * DT };
     let (mut s, mut v, mut a) = (0.0, start.speed, start.acceleration);
@@ -60,7 +63,8 @@ pub(super) fn extreme(start: Motion, limits: &Limits, steps: usize, brake: bool)
     profile
 }
 
-/// Bounds of the arc length at every step, entry 0 being the reaction step; neither falls from step to step.
+/// Bounds of the arc length at every step; entry 0 is the reaction step. Neither bound decreases from
+/// step to step.
 #[derive(Clone, Debug)]
 pub(super) struct Corridor {
     /// Smallest arc length.
@@ -69,6 +73,6 @@ pub(super) struct Corridor {
     pub(super) upper: Vec<f64>,
     /// Largest speed over the step that ends here, m/s.
     pub(super) speeds: Vec<f64>,
-    /// `(step, gap, bound)`: arc length + gap (s) · speed is at most the bound at the step.
+    /// Bounds `(step, gap, bound)`: arc length + gap (s) · speed must not exceed the bound at the step.
     pub(super) gaps: Vec<(usize, f64, f64)>,
 }

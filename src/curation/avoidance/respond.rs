@@ -1,71 +1,71 @@
-//! The response of one agent: by speed along its own path, else with a sideways shift too.
+//! The response of one agent: by speed along its own path or, failing that, also with a lateral shift.
 
-use super::driver::Driver;
 use super::own_path::OwnPath;
+use super::responder::Responder;
 use super::solver::Solver;
-use super::traffic::{Planned, Traffic};
+use super::traffic::{PlannedResponse, Traffic};
 use super::{AvoidanceSettings, Unavoidable};
 use crate::scene::AgentKind;
 
-/// The largest second derivative of the smooth step from 0 to 1.
-const SMOOTH_STEP_BEND: f64 = 5.78;
-/// Share of the lateral acceleration that is left to a shift, on a path that bends.
+/// Largest second derivative of the smooth step from 0 to 1.
+const SMOOTH_STEP_CURVATURE: f64 = 5.78;
+/// Share of the lateral acceleration available to a shift, because the path may bend.
 const SHIFT_SHARE: f64 = 0.6;
-/// Curvature that a shift may add to that of the path, 1/m.
+/// Largest curvature that a shift may add to that of the path, 1/m.
 const SHIFT_CURVATURE: f64 = 0.15;
 
-/// Who else is expected to respond where this agent does.
+/// Assumption about which other agents yield to this one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Courtesy {
-    /// Those who come from behind.
-    OfFollowers,
-    /// Those too who cross the path of this agent after it in the log.
-    OfAllWhoComeLater,
+pub(super) enum YieldAssumption {
+    /// Followers yield.
+    Followers,
+    /// Followers yield, and so do agents that cross the path of this agent after it in the log.
+    FollowersAndLaterCrossers,
 }
 
-/// Finds a response of an agent against everybody as they move now: by speed, else with a shift; and where neither is found, the same
-/// again with more courtesy of others.
+/// Finds a response of an agent to all others as they currently move: by speed or, failing that, with a
+/// shift. If neither is found, the search is repeated under the assumption that more others yield.
 pub(super) fn respond(
     traffic: &Traffic<'_>,
     agent: usize,
     reaction: usize,
     settings: &AvoidanceSettings,
-) -> Result<Planned, Unavoidable> {
-    let who = &traffic.scenario.start.agents[agent];
-    if traffic.stands(agent) {
-        return Err(Unavoidable::Standing { agent: who.id.clone() });
+) -> Result<PlannedResponse, Unavoidable> {
+    let info = &traffic.scenario.start.agents[agent];
+    if traffic.is_parked(agent) {
+        return Err(Unavoidable::Standing { agent: info.id.clone() });
     }
-    let Some(driver) = Driver::new(traffic, agent, reaction, settings) else {
-        return Err(Unavoidable::Absent { agent: who.id.clone() });
+    let Some(responder) = Responder::new(traffic, agent, reaction, settings) else {
+        return Err(Unavoidable::Absent { agent: info.id.clone() });
     };
-    let solver = Solver::new(traffic, &driver, settings);
+    let solver = Solver::new(traffic, &responder, settings);
     let mut why = None;
-    for courtesy in [Courtesy::OfFollowers, Courtesy::OfAllWhoComeLater] {
-        match solver.along(&driver.path, courtesy) {
+    for assumption in [YieldAssumption::Followers, YieldAssumption::FollowersAndLaterCrossers] {
+        match solver.along(&responder.path, assumption) {
             Ok(planned) => return Ok(planned),
             Err(reason) if why.is_none() => why = Some(reason),
             Err(_) => {}
         }
-        for path in nudged(&driver, who.kind, settings) {
-            if let Ok(planned) = solver.along(&path, courtesy) {
+        for path in nudged(&responder, info.kind, settings) {
+            if let Ok(planned) = solver.along(&path, assumption) {
                 return Ok(planned);
             }
         }
     }
-    Err(why.unwrap_or(Unavoidable::Absent { agent: who.id.clone() }))
+    Err(why.unwrap_or(Unavoidable::Absent { agent: info.id.clone() }))
 }
 
-/// The paths of a vehicle with a shift to either side, the small ones first.
-fn nudged(driver: &Driver, kind: AgentKind, settings: &AvoidanceSettings) -> Vec<OwnPath> {
+/// Returns the paths of a vehicle with a shift to either side, small shifts first.
+fn nudged(responder: &Responder, kind: AgentKind, settings: &AvoidanceSettings) -> Vec<OwnPath> {
     if kind != AgentKind::Vehicle || !(settings.max_nudge > 0.0) {
         return Vec::new();
     }
     let along = |share: f64| {
         let nudge = share * settings.max_nudge;
         let grip = SHIFT_SHARE * settings.max_lateral_acceleration;
-        let by_grip = driver.motion.speed * (SMOOTH_STEP_BEND * nudge.abs() / grip).sqrt();
-        let by_steering = (SMOOTH_STEP_BEND * nudge.abs() / SHIFT_CURVATURE).sqrt();
-        driver.path.nudged(nudge, by_grip.max(by_steering))
+        let by_grip = responder.motion.speed * (SMOOTH_STEP_CURVATURE * nudge.abs() / grip).sqrt();
+        let by_steering = (SMOOTH_STEP_CURVATURE * nudge.abs() / SHIFT_CURVATURE).sqrt();
+        responder.path.nudged(nudge, by_grip.max(by_steering))
     };
     [0.5, -0.5, 1.0, -1.0].map(along).to_vec()
 }

@@ -1,35 +1,36 @@
-//! What a driver who gets out of the way may do, and from when on.
+//! Limits of the agents' responses.
 
-/// Bounds of a response. The defaults are those of a driver who brakes hard but not to the limit of the tyres.
+/// Limits of a response. The defaults are those of a driver who brakes hard, but below the grip limit.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct AvoidanceSettings {
     /// Hardest braking, m/s².
     pub max_deceleration: f64,
-    /// Hardest acceleration, m/s²; an agent that accelerates harder in its log may do that in its response.
+    /// Hardest acceleration, m/s²; an agent that accelerates harder in its log may do so in its
+    /// response.
     pub max_acceleration: f64,
     /// Largest change of acceleration, m/s³.
     pub max_jerk: f64,
-    /// From the step at which something is visible to the last step at which the agent still moves as in the log, seconds: the step after
-    /// it is the first that may differ.
+    /// Reaction time, s: from the step at which a deviation becomes visible to the last step at which
+    /// the agent still moves as in the log.
     pub reaction: f64,
-    /// A deviation from the log is visible beyond this distance, metres.
+    /// Distance from the logged position beyond which a deviation is visible, metres.
     pub visible_offset: f64,
-    /// A deviation is visible beyond this difference of headings, radians.
+    /// Difference from the logged heading beyond which a deviation is visible, radians.
     pub visible_heading: f64,
-    /// A deviation is visible beyond this difference of speeds, m/s.
+    /// Difference from the logged speed beyond which a deviation is visible, m/s.
     pub visible_speed: f64,
-    /// Largest sideways shift of a vehicle, metres; half of it is tried first. 0: never.
+    /// Largest lateral shift of a vehicle, metres; half of it is tried first. 0 disables shifts.
     pub max_nudge: f64,
-    /// Lateral acceleration, m/s²: where the path bends, no response is faster than that allows, or than 1.1 times the speed of the log
-    /// there, whichever is more. A shift takes as long as it takes with 0.6 of it.
+    /// Largest lateral acceleration in bends, m/s². It limits the speed of a response there, but never
+    /// below 1.1 times the logged speed. The duration of a shift follows from 0.6 of it.
     pub max_lateral_acceleration: f64,
-    /// Distance that is kept from the AV (rounded boxes), metres.
+    /// Clearance to the AV (rounded boxes), metres.
     pub clearance: f64,
-    /// Distance that is kept from others where the log keeps as much, metres.
+    /// Clearance to others where the log keeps as much, metres.
     pub clearance_to_others: f64,
-    /// Time to collision with the AV that is kept, seconds: the metric's bound and a little.
+    /// Smallest time to collision with the AV, seconds: slightly more than the metric's bound.
     pub time_gap: f64,
-    /// Most agents with a response.
+    /// Largest number of agents with a response.
     pub max_agents: usize,
 }
 

@@ -1,32 +1,32 @@
-//! What blocks a path, and on which side of it to pass.
+//! Blocked regions of a path, and the side on which to pass each of them.
 
 use std::collections::BTreeSet;
 
 use super::Unavoidable;
-use super::blocked::{Blob, Places, Stretch};
+use super::blocked::{BlockedInterval, BlockedRegion, FootprintSamples};
 use super::front::gap_to_front;
 use super::own_path::OwnPath;
 use super::profile::Corridor;
-use super::respond::Courtesy;
-use super::solver::{MARGIN, STOPS, Solver};
+use super::respond::YieldAssumption;
+use super::solver::{INTERVAL_MARGIN, STOP_SLACK, Solver};
 
-/// Combinations of sides that are tried on one path.
-const MOST_COMBINATIONS: usize = 6;
-/// Cosine of the heading difference up to which somebody behind is a follower (45 degrees).
-const FOLLOWER_COS: f64 = 0.7;
-/// Who has moved less than this since the reaction step stands there, metres.
-const COMES_FROM: f64 = 1.0;
+/// Largest number of combinations of sides that are tried on one path.
+const MAX_COMBINATIONS: usize = 6;
+/// Smallest cosine of the heading difference at which an agent behind is a follower (45 degrees).
+const MIN_FOLLOWER_COS: f64 = 0.7;
+/// Displacement since the reaction step up to which an obstacle has not arrived from elsewhere, metres.
+const ARRIVAL_DISPLACEMENT: f64 = 1.0;
 
-/// Which side of a blob an agent passes on.
+/// Side on which an agent passes a blocked region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Side {
     Behind,
     Ahead,
 }
 
-/// A blob with what is possible there.
-pub(super) struct Choice {
-    pub(super) blob: Blob,
+/// A blocked region with the sides that can be reached.
+pub(super) struct SideChoice {
+    pub(super) region: BlockedRegion,
     pub(super) gaps: Vec<(usize, f64, f64)>,
     pub(super) preferred: Side,
     pub(super) behind: bool,
@@ -34,90 +34,91 @@ pub(super) struct Choice {
 }
 
 impl Solver<'_> {
-    /// What blocks the path, with the sides that can be reached; and who only runs into this agent from behind: these answer for
-    /// themselves.
+    /// Returns the regions that block the path, with the sides that can be reached, and the agents that
+    /// only run into this one from behind: these must respond themselves.
     pub(super) fn choices(
         &self,
         path: &OwnPath,
-        places: &Places<'_>,
-        courtesy: Courtesy,
-    ) -> Result<(Vec<Choice>, BTreeSet<usize>), Unavoidable> {
-        let first = self.driver.reaction;
+        samples: &FootprintSamples<'_>,
+        assumption: YieldAssumption,
+    ) -> Result<(Vec<SideChoice>, BTreeSet<usize>), Unavoidable> {
+        let first = self.responder.reaction;
         let (boxes, extent) = self.traffic.boxes(0);
         let (mut choices, mut followers) = (Vec::new(), BTreeSet::new());
-        for blob in places.blobs(0, boxes, extent, first, self.to_av + MARGIN, |_| false) {
-            choices.push(self.choice(path, blob)?);
+        for region in samples.regions(0, boxes, extent, first, self.to_av + INTERVAL_MARGIN, |_| false) {
+            choices.push(self.choice(path, region)?);
         }
         for other in &self.others {
             let (boxes, extent) = self.traffic.boxes(other.slot);
             let exempt = |step: usize| other.pair.exempt(step);
-            for mut blob in places.blobs(other.slot, boxes, extent, first, other.clearance, exempt) {
-                let all = blob.stretches.len();
-                let later = courtesy == Courtesy::OfAllWhoComeLater
-                    && self.comes_later(&blob)
-                    && self.moves(other.slot, &blob);
-                blob.stretches.retain(|s| !later && !self.followed_by(other.slot, first + s.step));
-                if blob.stretches.len() < all {
+            for mut region in samples.regions(other.slot, boxes, extent, first, other.clearance, exempt) {
+                let all = region.intervals.len();
+                let later = assumption == YieldAssumption::FollowersAndLaterCrossers
+                    && self.is_past_before(&region)
+                    && self.has_arrived(other.slot, &region);
+                region.intervals.retain(|s| !later && !self.is_followed_by(other.slot, first + s.step));
+                if region.intervals.len() < all {
                     followers.insert(other.slot);
                 }
-                if !blob.stretches.is_empty() {
-                    choices.push(self.choice(path, blob)?);
+                if !region.intervals.is_empty() {
+                    choices.push(self.choice(path, region)?);
                 }
             }
         }
         Ok((choices, followers))
     }
 
-    /// Whether the agent is past a blob in its log when that begins.
-    fn comes_later(&self, blob: &Blob) -> bool {
-        blob.stretches.first().is_some_and(|s| self.driver.logged[s.step] > s.from)
+    /// Returns whether the agent has passed the region in its log when the region becomes blocked.
+    fn is_past_before(&self, region: &BlockedRegion) -> bool {
+        region.intervals.first().is_some_and(|s| self.responder.logged[s.step] > s.from)
     }
 
-    /// Whether the obstacle of a blob has come there from elsewhere since the reaction step, in its log.
-    fn moves(&self, other: usize, blob: &Blob) -> bool {
+    /// Returns whether the obstacle of a region has arrived there since the reaction step, in its log.
+    fn has_arrived(&self, other: usize, region: &BlockedRegion) -> bool {
         let logged = &self.traffic.logged[other];
-        let then = blob.stretches.first().and_then(|s| logged[self.driver.reaction + s.step]);
-        let now = logged[self.driver.reaction];
-        now.zip(then).is_none_or(|(a, b)| (b.center - a.center).norm() > COMES_FROM)
+        let then = region.intervals.first().and_then(|s| logged[self.responder.reaction + s.step]);
+        let now = logged[self.responder.reaction];
+        now.zip(then).is_none_or(|(a, b)| (b.center - a.center).norm() > ARRIVAL_DISPLACEMENT)
     }
 
-    /// Whether somebody comes from behind in the log: it must not run into this agent, whatever that does. Who never moves comes
-    /// from nowhere.
-    fn followed_by(&self, other: usize, step: usize) -> bool {
-        if self.traffic.stands(other) {
+    /// Returns whether another agent comes from behind in the log: it must avoid this agent, whatever
+    /// that does. Parked agents do not count.
+    fn is_followed_by(&self, other: usize, step: usize) -> bool {
+        if self.traffic.is_parked(other) {
             return false;
         }
         let logged = &self.traffic.logged;
-        let (Some(me), Some(them)) = (&logged[self.driver.agent][step], &logged[other][step]) else {
+        let (Some(me), Some(them)) = (&logged[self.responder.agent][step], &logged[other][step]) else {
             return false;
         };
-        me.to_local(them.center).x < 0.0 && me.axis.dot(&them.axis) > FOLLOWER_COS
+        me.to_local(them.center).x < 0.0 && me.axis.dot(&them.axis) > MIN_FOLLOWER_COS
     }
 
-    /// A blob with the sides that can be reached.
-    fn choice(&self, path: &OwnPath, blob: Blob) -> Result<Choice, Unavoidable> {
-        let gaps = if blob.by == 0 { self.gaps(path, &blob) } else { Vec::new() };
-        let late = blob.stretches.iter().find(|s| s.from < self.slowest.s[s.step]).map(|s| s.step);
+    /// Returns a region with the sides that can be reached.
+    fn choice(&self, path: &OwnPath, region: BlockedRegion) -> Result<SideChoice, Unavoidable> {
+        let gaps = if region.by == 0 { self.gaps(path, &region) } else { Vec::new() };
+        let late = region.intervals.iter().find(|s| s.from < self.slowest.s[s.step]).map(|s| s.step);
         let close = gaps
             .iter()
             .find(|(step, gap, bound)| self.slowest.s[*step] + gap * self.slowest.v[*step] > *bound);
         let late = late.or(close.map(|g| g.0));
-        let ahead = blob.stretches.iter().all(|s| s.to <= self.fastest.s[s.step]);
+        let ahead = region.intervals.iter().all(|s| s.to <= self.fastest.s[s.step]);
         if let (Some(step), false) = (late, ahead) {
             return Err(Unavoidable::TooClose {
-                agent: self.id(self.driver.agent),
-                other: self.name(blob.by),
-                step: self.driver.reaction + step,
+                agent: self.id(self.responder.agent),
+                other: self.name(region.by),
+                step: self.responder.reaction + step,
             });
         }
-        let preferred = if blob.by != 0 && self.comes_later(&blob) { Side::Ahead } else { Side::Behind };
-        Ok(Choice { blob, gaps, preferred, behind: late.is_none(), ahead })
+        let preferred =
+            if region.by != 0 && self.is_past_before(&region) { Side::Ahead } else { Side::Behind };
+        Ok(SideChoice { region, gaps, preferred, behind: late.is_none(), ahead })
     }
 
-    /// The time to collision with the AV as bounds, where the agent waits behind it.
-    fn gaps(&self, path: &OwnPath, blob: &Blob) -> Vec<(usize, f64, f64)> {
-        let of = |s: &Stretch| {
-            let step = self.driver.reaction + s.step;
+    /// Returns the time to collision with the AV as bounds, for an agent that waits behind the AV.
+    fn gaps(&self, path: &OwnPath, region: &BlockedRegion) -> Vec<(usize, f64, f64)> {
+        let of = |s: &BlockedInterval| {
+            let step = self.responder.reaction + s.step;
             let gap = gap_to_front(&path.footprint(s.from.max(0.0)), &self.traffic.av_box(step), 0.1)?;
             Some((
                 s.step,
@@ -125,21 +126,21 @@ impl Solver<'_> {
                 s.from.max(0.0) + gap + self.settings.time_gap * self.av_speed(step),
             ))
         };
-        blob.stretches.iter().filter(|s| s.from.is_finite()).filter_map(of).collect()
+        region.intervals.iter().filter(|s| s.from.is_finite()).filter_map(of).collect()
     }
 
-    /// The bounds that sides mean; `None` where they contradict each other.
-    pub(super) fn corridor(&self, choices: &[Choice], sides: &[Side], cap: f64) -> Option<Corridor> {
-        let steps = self.driver.steps();
+    /// Returns the bounds for these sides; `None` if they contradict each other.
+    pub(super) fn corridor(&self, choices: &[SideChoice], sides: &[Side], cap: f64) -> Option<Corridor> {
+        let steps = self.responder.steps();
         let (mut lower, mut upper) = (vec![f64::NEG_INFINITY; steps + 1], vec![f64::INFINITY; steps + 1]);
         let mut gaps = Vec::new();
         if cap.is_finite() {
-            // Who can not stop on the road need not.
-            let stop = self.slowest.s[steps] + STOPS;
+            // An agent that cannot stop on the road need not.
+            let stop = self.slowest.s[steps] + STOP_SLACK;
             upper.fill(cap.max(stop));
         }
         for (choice, side) in choices.iter().zip(sides) {
-            for s in &choice.blob.stretches {
+            for s in &choice.region.intervals {
                 match side {
                     Side::Behind => upper[s.step] = upper[s.step].min(s.from),
                     Side::Ahead => lower[s.step] = lower[s.step].max(s.to),
@@ -149,7 +150,7 @@ impl Solver<'_> {
                 gaps.extend(choice.gaps.iter().copied());
             }
         }
-        // Nobody goes back.
+        // Nobody reverses.
         for k in (0..steps).rev() {
             upper[k] = upper[k].min(upper[k + 1]);
         }
@@ -163,8 +164,9 @@ impl Solver<'_> {
     }
 }
 
-/// Sides for all blobs: those preferred, then with one changed, then with two.
-pub(super) fn combinations(choices: &[Choice]) -> Vec<Vec<Side>> {
+/// Returns combinations of sides for all regions: the preferred ones, then with one changed, then with
+/// two.
+pub(super) fn combinations(choices: &[SideChoice]) -> Vec<Vec<Side>> {
     let usual: Vec<Side> = choices
         .iter()
         .map(|c| match (c.behind, c.ahead) {
@@ -186,6 +188,6 @@ pub(super) fn combinations(choices: &[Choice]) -> Vec<Vec<Side>> {
     for (n, &i) in free.iter().enumerate() {
         all.extend(free[n + 1..].iter().map(|&j| changed(&[i, j])));
     }
-    all.truncate(MOST_COMBINATIONS);
+    all.truncate(MAX_COMBINATIONS);
     all
 }

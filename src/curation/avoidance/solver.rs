@@ -1,105 +1,130 @@
-//! One agent against everybody else on one path: a profile between the bounds, and whether exact distances confirm it.
+//! The response of one agent on one path: a profile within the bounds, confirmed by exact distances.
 
 use std::collections::BTreeSet;
 
-use super::blocked::Places;
-use super::driver::Driver;
+use super::blocked::FootprintSamples;
 use super::front::gap_to_front;
 use super::own_path::OwnPath;
-use super::pace::Pace;
-use super::profile::{Profile, extreme};
-use super::respond::Courtesy;
-use super::sides::{Choice, Side, combinations};
+use super::profile::{Profile, extreme_profile};
+use super::respond::YieldAssumption;
+use super::responder::Responder;
+use super::sides::{Side, SideChoice, combinations};
 use super::smoothest::smoothest;
-use super::traffic::{Boxes, Pair, Planned, Traffic, distance, extent, nearer, reaction_step};
+use super::speed_caps::SpeedCaps;
+use super::traffic::{
+    Boxes, LoggedPair, PlannedResponse, Traffic, distance, extent, is_nearer, reaction_step,
+};
 use super::{AvoidanceSettings, Unavoidable};
 use crate::curation::Response;
 use crate::geometry::OrientedBox;
 use crate::metrics::pair_counts;
 use crate::scene::{AgentKind, AgentState, CURRENT, DT, FUTURE};
 
-/// Rounds of adding what a solution was found to break: time gaps ...
-const MOST_ROUNDS: usize = 4;
-/// ... and speeds on bends.
-const MOST_PACE_ROUNDS: usize = 5;
-/// What positions on the chords of a path may add to the acceleration of the profile, m/s².
-const CHORDS: f64 = 0.15;
-/// How far a corner of a shifted vehicle may leave the drivable ground, metres.
-const OFF_ROAD: f64 = 0.3;
-/// What blocked stretches are larger than what is asked for, metres.
-pub(super) const MARGIN: f64 = 0.01;
-/// How much nearer to each other than in the log two may come where the log brings them close, metres.
-const TOUCHING: f64 = 0.03;
-/// Way on which a halt is not asked to be the hardest one, metres.
-pub(super) const STOPS: f64 = 0.5;
-/// What is added to the time gap where a solution was found to break it, seconds: on a bend the gap shrinks more slowly than the arc
-/// length grows, and who creeps up to a standing AV would break it again and again.
-const SPARE_TIME: f64 = 0.15;
+/// Largest number of rounds that add bounds for time gaps that a solution violates.
+const MAX_GAP_ROUNDS: usize = 4;
+/// Largest number of rounds that add bounds for speed caps that a solution violates.
+const MAX_CAP_ROUNDS: usize = 5;
+/// Extra acceleration, m/s², that sampling positions on chords of the path can introduce.
+const CHORD_ACCELERATION: f64 = 0.15;
+/// Largest distance by which a corner of a shifted vehicle may leave the drivable area, metres.
+const OFF_ROAD_TOLERANCE: f64 = 0.3;
+/// Margin added to the clearance when blocked intervals are computed, metres.
+pub(super) const INTERVAL_MARGIN: f64 = 0.01;
+/// Distance by which two bodies may come closer than in the log if the log brings them close, metres.
+const CLEARANCE_TOLERANCE: f64 = 0.03;
+/// Extra distance for a halt, metres, so that it need not be the hardest one.
+pub(super) const STOP_SLACK: f64 = 0.5;
+/// Addition to the time gap once a solution violates it, s: in a bend the gap shrinks more slowly than
+/// the arc length grows, and an agent that creeps up to a stationary AV would violate it again and
+/// again.
+const EXTRA_TIME_GAP: f64 = 0.15;
 
-/// Whom an agent must keep clear of, and by how much.
-pub(super) struct Other {
+/// A body that an agent must keep clear of, and by how much.
+pub(super) struct OtherBody {
     pub(super) slot: usize,
     pub(super) clearance: f64,
-    pub(super) pair: Pair,
+    pub(super) pair: LoggedPair,
 }
 
-/// The question of one agent: what it brings along, and whom it must keep clear of.
+/// The search for one agent's response: its state, and the bodies that it must keep clear of.
 pub(super) struct Solver<'t> {
     pub(super) traffic: &'t Traffic<'t>,
-    pub(super) driver: &'t Driver,
+    pub(super) responder: &'t Responder,
     pub(super) settings: &'t AvoidanceSettings,
-    /// Distance to the AV that is kept, metres.
+    /// Clearance to the AV, metres.
     pub(super) to_av: f64,
     pub(super) slowest: Profile,
     pub(super) fastest: Profile,
-    pub(super) wanted: Vec<f64>,
-    pub(super) others: Vec<Other>,
+    pub(super) desired: Vec<f64>,
+    pub(super) others: Vec<OtherBody>,
 }
 
 impl<'t> Solver<'t> {
-    pub(super) fn new(traffic: &'t Traffic<'t>, driver: &'t Driver, settings: &'t AvoidanceSettings) -> Self {
-        let steps = driver.steps();
-        let slowest = extreme(driver.motion, &driver.limits, steps, true);
-        let mut fastest = extreme(driver.motion, &driver.limits, steps, false);
-        // Who can not stop before that goes on to where it can.
-        let furthest = driver.furthest.max(slowest.s[steps] + STOPS);
+    pub(super) fn new(
+        traffic: &'t Traffic<'t>,
+        responder: &'t Responder,
+        settings: &'t AvoidanceSettings,
+    ) -> Self {
+        let steps = responder.steps();
+        let slowest = extreme_profile(responder.motion, &responder.limits, steps, true);
+        let mut fastest = extreme_profile(responder.motion, &responder.limits, steps, false);
+        // An agent that cannot stop before that continues to where it can.
+        let furthest = responder.furthest.max(slowest.s[steps] + STOP_SLACK);
         fastest.s.iter_mut().for_each(|s| *s = s.min(furthest));
-        // Who is nearer to the AV than that already need not leave.
-        let now = distance(&driver.path.footprint(0.0), &traffic.av_box(driver.reaction));
-        let to_av = settings.clearance.min(now - 2.0 * MARGIN).max(0.0);
+        // An agent that is already closer to the AV than that need not move away.
+        let now = distance(&responder.path.footprint(0.0), &traffic.av_box(responder.reaction));
+        let to_av = settings.clearance.min(now - 2.0 * INTERVAL_MARGIN).max(0.0);
         let kinds = |i: usize| traffic.scenario.start.agents.get(i).map_or(AgentKind::Other, |a| a.kind);
-        // Pairs that the metric does not judge are not kept apart.
-        let judged = |i: usize| pair_counts(kinds(driver.agent), kinds(i));
+        // Pairs that the metric ignores are not kept apart.
+        let judged = |i: usize| pair_counts(kinds(responder.agent), kinds(i));
         let other = |i: usize| {
-            let pair = traffic.pair(driver.agent, i);
-            Other { slot: i, clearance: settings.clearance_to_others.min(pair.closest - TOUCHING), pair }
+            let pair = traffic.pair(responder.agent, i);
+            OtherBody {
+                slot: i,
+                clearance: settings.clearance_to_others.min(pair.closest - CLEARANCE_TOLERANCE),
+                pair,
+            }
         };
-        let others = (1..traffic.bodies()).filter(|&i| i != driver.agent && judged(i)).map(other).collect();
-        Self { traffic, driver, settings, to_av, slowest, fastest, wanted: driver.wanted(), others }
+        let others =
+            (1..traffic.bodies()).filter(|&i| i != responder.agent && judged(i)).map(other).collect();
+        Self {
+            traffic,
+            responder,
+            settings,
+            to_av,
+            slowest,
+            fastest,
+            desired: responder.desired_speeds(),
+            others,
+        }
     }
 
-    /// A response along a path.
-    pub(super) fn along(&self, path: &OwnPath, courtesy: Courtesy) -> Result<Planned, Unavoidable> {
+    /// Finds a response along a path.
+    pub(super) fn along(
+        &self,
+        path: &OwnPath,
+        assumption: YieldAssumption,
+    ) -> Result<PlannedResponse, Unavoidable> {
         let reach = self.slowest.s.iter().copied().zip(self.fastest.s.iter().copied()).collect();
-        let places = Places::new(path, reach);
-        let (choices, followers) = self.choices(path, &places, courtesy)?;
-        let cap = self.end_of_road(path).min(self.driver.furthest);
-        let pace = {
+        let samples = FootprintSamples::new(path, reach);
+        let (choices, followers) = self.choices(path, &samples, assumption)?;
+        let cap = self.end_of_road(path).min(self.responder.furthest);
+        let caps = {
             let (furthest, lateral) =
-                (self.fastest.s[self.driver.steps()], self.settings.max_lateral_acceleration);
-            Pace::new(self.driver, self.kind(), path, furthest, lateral)
+                (self.fastest.s[self.responder.steps()], self.settings.max_lateral_acceleration);
+            SpeedCaps::new(self.responder, self.kind(), path, furthest, lateral)
         };
         for sides in combinations(&choices) {
-            if let Some(planned) = self.attempt(path, &pace, &choices, &followers, &sides, cap) {
+            if let Some(planned) = self.attempt(path, &caps, &choices, &followers, &sides, cap) {
                 return Ok(planned);
             }
         }
-        let mut between: Vec<String> = choices.iter().map(|c| self.name(c.blob.by)).collect();
+        let mut between: Vec<String> = choices.iter().map(|c| self.name(c.region.by)).collect();
         between.dedup();
-        Err(Unavoidable::HemmedIn { agent: self.id(self.driver.agent), between: between.join(", ") })
+        Err(Unavoidable::HemmedIn { agent: self.id(self.responder.agent), between: between.join(", ") })
     }
 
-    /// How messages call an agent.
+    /// Returns the name of an agent in messages.
     pub(super) fn name(&self, slot: usize) -> String {
         match slot {
             0 => "the AV".to_owned(),
@@ -109,14 +134,14 @@ impl<'t> Solver<'t> {
     }
 
     fn kind(&self) -> AgentKind {
-        self.traffic.scenario.start.agents[self.driver.agent].kind
+        self.traffic.scenario.start.agents[self.responder.agent].kind
     }
 
     pub(super) fn id(&self, slot: usize) -> String {
         self.traffic.scenario.start.agents[slot].id.clone()
     }
 
-    /// Speed of the AV at a step, m/s.
+    /// Returns the speed of the AV at a step, m/s.
     pub(super) fn av_speed(&self, step: usize) -> f64 {
         let v = self.traffic.av[step].speed();
         if v.is_nan() && step > 0 {
@@ -126,7 +151,7 @@ impl<'t> Solver<'t> {
         }
     }
 
-    /// Where a path leaves the road beyond the end of the log.
+    /// Returns the arc length at which a path leaves the road beyond the end of the log.
     fn end_of_road(&self, path: &OwnPath) -> f64 {
         let furthest = self.fastest.s[self.fastest.s.len() - 1];
         if self.kind() != AgentKind::Vehicle || furthest <= path.end {
@@ -143,39 +168,39 @@ impl<'t> Solver<'t> {
         off.map_or(f64::INFINITY, |s| s - 1.0)
     }
 
-    /// A response that passes every blob on its side.
+    /// Finds a response that passes every region on the given side.
     fn attempt(
         &self,
         path: &OwnPath,
-        pace: &Pace,
-        choices: &[Choice],
+        caps: &SpeedCaps,
+        choices: &[SideChoice],
         followers: &BTreeSet<usize>,
         sides: &[Side],
         cap: f64,
-    ) -> Option<Planned> {
+    ) -> Option<PlannedResponse> {
         let mut corridor = self.corridor(choices, sides, cap)?;
-        let (mut rounds, mut pace_rounds) = (0, 0);
-        while rounds < MOST_ROUNDS && pace_rounds < MOST_PACE_ROUNDS {
-            let profile = smoothest(self.driver.motion, &self.driver.limits, &self.wanted, &corridor)?;
-            if !pace.keeps(&profile) {
-                pace.tighten(&profile, &mut corridor.speeds);
-                pace_rounds += 1;
+        let (mut gap_rounds, mut cap_rounds) = (0, 0);
+        while gap_rounds < MAX_GAP_ROUNDS && cap_rounds < MAX_CAP_ROUNDS {
+            let profile = smoothest(self.responder.motion, &self.responder.limits, &self.desired, &corridor)?;
+            if !caps.allows(&profile) {
+                caps.tighten(&profile, &mut corridor.speeds);
+                cap_rounds += 1;
                 continue;
             }
             let track = self.track(path, &profile);
             let broken = self.broken_gaps(&profile, &track);
             if broken.is_empty() {
-                return self.verified(path, &profile, track, followers);
+                return self.verify(path, &profile, track, followers);
             }
             corridor.gaps.extend(broken);
-            rounds += 1;
+            gap_rounds += 1;
         }
         None
     }
 
-    /// The states at the steps 0 to 80.
+    /// Returns the states at steps 0 to 80.
     fn track(&self, path: &OwnPath, profile: &Profile) -> Vec<AgentState> {
-        let mut track = self.driver.before.clone();
+        let mut track = self.responder.before.clone();
         for w in profile.s.windows(2) {
             let last = track[track.len() - 1];
             let next = if w[1] == w[0] {
@@ -190,41 +215,42 @@ impl<'t> Solver<'t> {
         track
     }
 
-    /// Where the AV in front is reached in less than the time gap: bounds for all steps at which it is in front.
+    /// Returns bounds for all steps at which the AV is in front, if it is reached in less than the time
+    /// gap at any of them; else none.
     fn broken_gaps(&self, profile: &Profile, track: &[AgentState]) -> Vec<(usize, f64, f64)> {
-        let who = &self.traffic.scenario.start.agents[self.driver.agent];
+        let who = &self.traffic.scenario.start.agents[self.responder.agent];
         if who.kind != AgentKind::Vehicle {
             return Vec::new();
         }
         let (mut bounds, mut broken) = (Vec::new(), false);
         for k in 1..profile.s.len() {
-            let step = self.driver.reaction + k;
+            let step = self.responder.reaction + k;
             let front = gap_to_front(&track[step].footprint(who), &self.traffic.av_box(step), 0.0);
             let Some(gap) = front else { continue };
             let before = self.av_speed(step);
             let closing = track[step].speed() - before;
             broken |= closing > 0.0 && gap < self.settings.time_gap * closing;
-            let time = self.settings.time_gap + (SPARE_TIME * k as f64 / 10.0).min(SPARE_TIME);
+            let time = self.settings.time_gap + (EXTRA_TIME_GAP * k as f64 / 10.0).min(EXTRA_TIME_GAP);
             bounds.push((k, time, profile.s[k] + gap + time * before));
         }
         if broken { bounds } else { Vec::new() }
     }
 
-    /// The response, where exact distances say that it keeps clear.
-    fn verified(
+    /// Returns the response if exact distances confirm that it keeps clear.
+    fn verify(
         &self,
         path: &OwnPath,
         profile: &Profile,
         track: Vec<AgentState>,
         followers: &BTreeSet<usize>,
-    ) -> Option<Planned> {
-        let who = &self.traffic.scenario.start.agents[self.driver.agent];
-        let first = self.driver.reaction;
-        if !self.drivable(&track) {
+    ) -> Option<PlannedResponse> {
+        let who = &self.traffic.scenario.start.agents[self.responder.agent];
+        let first = self.responder.reaction;
+        if !self.is_drivable(&track) {
             return None;
         }
         let boxes = track.iter().enumerate().map(|(k, s)| {
-            if k <= first { self.traffic.logged[self.driver.agent][k] } else { Some(s.footprint(who)) }
+            if k <= first { self.traffic.logged[self.responder.agent][k] } else { Some(s.footprint(who)) }
         });
         let boxes: Vec<_> = boxes.collect();
         let mut clearance = f64::INFINITY;
@@ -244,12 +270,12 @@ impl<'t> Solver<'t> {
             }
             for k in first + 1..=FUTURE {
                 let (Some(me), Some(them)) = (&boxes[k], &theirs[k]) else { continue };
-                if !other.pair.exempt(k) && nearer(me, them, other.pair.limit) {
+                if !other.pair.exempt(k) && is_nearer(me, them, other.pair.limit) {
                     return None;
                 }
             }
         }
-        if self.kind() == AgentKind::Vehicle && !self.on_road(path, profile, &boxes) {
+        if self.kind() == AgentKind::Vehicle && !self.is_on_road(path, profile, &boxes) {
             return None;
         }
         let peak = profile.v.windows(2).fold(0.0_f64, |a, w| a.max((w[0] - w[1]) / DT));
@@ -263,38 +289,44 @@ impl<'t> Solver<'t> {
             effort: None,
             track,
         };
-        let (scenario, agent) = (self.traffic.scenario, self.driver.agent);
+        let (scenario, agent) = (self.traffic.scenario, self.responder.agent);
         let seen =
             reaction_step(self.settings, |k| response.track[k], |k| scenario.logged_at(agent, CURRENT + k));
-        Some(Planned { response, boxes, extent: bounds, seen: seen.map_or(FUTURE, |k| k.min(FUTURE)) })
-    }
-
-    /// Whether the states keep the limits of braking and acceleration: on the inside of a bend less way is driven than along the path,
-    /// so that a shift that begins or ends in a bend may ask for more than the profile.
-    fn drivable(&self, track: &[AgentState]) -> bool {
-        let limits = &self.driver.limits;
-        let mut before = self.driver.motion.speed;
-        track[self.driver.reaction + 1..].iter().all(|state| {
-            let gain = (state.speed() - before) / DT;
-            before = state.speed();
-            (limits.brake - CHORDS..=limits.accelerate + CHORDS).contains(&gain)
+        Some(PlannedResponse {
+            response,
+            boxes,
+            extent: bounds,
+            others_reaction_step: seen.map_or(FUTURE, |k| k.min(FUTURE)),
         })
     }
 
-    /// Whether no corner leaves the drivable ground, unless it is off the ground on the logged path as well. Only where the agent is
-    /// beside that path, or beyond its end: what the log does is not judged.
-    fn on_road(&self, path: &OwnPath, profile: &Profile, boxes: &Boxes) -> bool {
+    /// Returns whether the states obey the limits of braking and acceleration: on the inside of a bend
+    /// the distance driven differs from the arc length of the path, so that a shift that begins or ends
+    /// in a bend may need more than the profile.
+    fn is_drivable(&self, track: &[AgentState]) -> bool {
+        let limits = &self.responder.limits;
+        let mut before = self.responder.motion.speed;
+        track[self.responder.reaction + 1..].iter().all(|state| {
+            let gain = (state.speed() - before) / DT;
+            before = state.speed();
+            (limits.brake - CHORD_ACCELERATION..=limits.accelerate + CHORD_ACCELERATION).contains(&gain)
+        })
+    }
+
+    /// Returns whether no corner leaves the drivable area, unless it does so on the logged path as well.
+    /// Only states off that path, or beyond its end, are judged: the log itself is not.
+    fn is_on_road(&self, path: &OwnPath, profile: &Profile, boxes: &Boxes) -> bool {
         let road = self.traffic.scenario.start.road();
         let mut near = [None; 4];
         let mut depth = |b: &OrientedBox| {
             let corners = b.corners().into_iter().zip(&mut near);
-            corners.filter_map(|(c, near)| road.off_road_by(c, near)).fold(0.0_f64, f64::max)
+            corners.filter_map(|(c, near)| road.distance_off_road(c, near)).fold(0.0_f64, f64::max)
         };
-        let plain = path.plain();
+        let plain = path.without_nudge();
         let left = profile.s.iter().enumerate().skip(1).filter(|s| path.nudge != 0.0 || *s.1 > path.end);
         left.into_iter().all(|(k, &s)| {
-            let off = boxes[self.driver.reaction + k].as_ref().map_or(0.0, &mut depth);
-            off <= OFF_ROAD || off <= depth(&plain.footprint(s.min(path.end)))
+            let off = boxes[self.responder.reaction + k].as_ref().map_or(0.0, &mut depth);
+            off <= OFF_ROAD_TOLERANCE || off <= depth(&plain.footprint(s.min(path.end)))
         })
     }
 }

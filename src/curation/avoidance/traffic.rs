@@ -1,4 +1,5 @@
-//! Everybody's boxes at every step: the AV's candidate, the log of the others, what stands around, and the responses found so far.
+//! Boxes of everything at every step: the AV's candidate, the log of the others, static obstacles, and
+//! the responses found so far.
 
 use std::collections::BTreeMap;
 
@@ -8,53 +9,57 @@ use crate::geometry::{Bounds, OrientedBox, rounded_distance, wrap};
 use crate::metrics::Options;
 use crate::scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
 
-/// Boxes at the steps 0 to 80; `None` where absent.
+/// Boxes at steps 0 to 80; `None` where absent.
 pub(super) type Boxes = Vec<Option<OrientedBox>>;
 
-/// The scene at the steps 0 to 80.
+/// The scene at steps 0 to 80.
 pub(super) struct Traffic<'a> {
     pub(super) scenario: &'a Scenario,
     /// The AV's 81 states.
     pub(super) av: &'a [AgentState],
-    /// Boxes of all agents: of the AV those of the candidate, of the others those of the log. After them the static obstacles.
+    /// Boxes of all agents (of the AV those of the candidate, of the others those of the log), followed
+    /// by the static obstacles.
     pub(super) logged: Vec<Boxes>,
     extents: Vec<Bounds>,
-    /// Who never moves in the log.
-    stands: Vec<bool>,
-    /// What was found so far, by slot.
-    pub(super) planned: BTreeMap<usize, Planned>,
+    /// Whether each body never moves in the log.
+    parked: Vec<bool>,
+    /// Responses found so far, by slot.
+    pub(super) planned: BTreeMap<usize, PlannedResponse>,
 }
 
 /// A response with its boxes.
-pub(super) struct Planned {
+pub(super) struct PlannedResponse {
     pub(super) response: Response,
     pub(super) boxes: Boxes,
     pub(super) extent: Bounds,
-    /// Step up to which those move as in the log who respond to this response.
-    pub(super) seen: usize,
+    /// Last step up to which agents that respond to this response move as in the log.
+    pub(super) others_reaction_step: usize,
 }
 
-/// Who moves less than this in the whole log stands, metres: recorded positions of parked vehicles jitter.
-const STILL: f64 = 0.5;
-/// Steps around an overlap in the log at which the same two may overlap.
-const AROUND: usize = 2;
-/// Overlap of two in the log that may occur at other steps too, as they pass later or earlier, metres.
-const DEEPEST: f64 = 0.2;
-/// How much deeper than in the log they may overlap then: the log is known at its frames only, metres.
-const BETWEEN_FRAMES: f64 = 0.02;
+/// Displacement in the whole log below which an agent counts as parked, metres: recorded positions of
+/// parked vehicles jitter.
+const PARKED_DISPLACEMENT: f64 = 0.5;
+/// Number of steps around a logged overlap at which the same two bodies may overlap.
+const OVERLAP_STEPS: usize = 2;
+/// Largest logged overlap that may also occur at other steps, as the two pass later or earlier, metres.
+const MAX_EXCUSED_OVERLAP: f64 = 0.2;
+/// Additional overlap that is excused, metres: the log is known at its frames only.
+const FRAME_TOLERANCE: f64 = 0.02;
 
-/// What the log says of two bodies.
-pub(super) struct Pair {
-    /// Their smallest distance (negative: they overlap), at least [`DEEPEST`] below 0; infinite where they are never near.
+/// Logged relation of two bodies.
+pub(super) struct LoggedPair {
+    /// Smallest distance (negative if they overlap), at least -[`MAX_EXCUSED_OVERLAP`]; infinite if they
+    /// are never near.
     pub(super) closest: f64,
-    /// Distance below which they are in each other's way.
+    /// Distance below which they obstruct each other.
     pub(super) limit: f64,
-    /// Steps at which they may overlap, since they do in the log or nearly then; empty: none.
+    /// Whether they may overlap at each step, because they do in the log at that step or nearly then;
+    /// empty if never.
     exempt: Vec<bool>,
 }
 
-impl Pair {
-    /// Whether the two may overlap at a step.
+impl LoggedPair {
+    /// Returns whether the two may overlap at a step.
     pub(super) fn exempt(&self, step: usize) -> bool {
         self.exempt.get(step).copied().unwrap_or(false)
     }
@@ -72,27 +77,27 @@ impl<'a> Traffic<'a> {
         let static_ones = scenario.start.obstacles.iter().map(|&o| vec![Some(o); FUTURE + 1]);
         let logged: Vec<Boxes> = (0..agents.len()).map(of).chain(static_ones).collect();
         let extents = logged.iter().map(extent).collect();
-        let stands = (0..logged.len()).map(|i| i >= agents.len() || i > 0 && never_moves(scenario, i));
-        let stands = stands.collect();
-        Self { scenario, av, logged, extents, stands, planned: BTreeMap::new() }
+        let parked = (0..logged.len()).map(|i| i >= agents.len() || i > 0 && never_moves(scenario, i));
+        let parked = parked.collect();
+        Self { scenario, av, logged, extents, parked, planned: BTreeMap::new() }
     }
 
-    /// Number of agents, the AV included.
+    /// Returns the number of agents, the AV included.
     pub(super) fn len(&self) -> usize {
         self.scenario.start.agents.len()
     }
 
-    /// Number of agents and static obstacles.
+    /// Returns the number of agents and static obstacles.
     pub(super) fn bodies(&self) -> usize {
         self.logged.len()
     }
 
-    /// Whether something never moves in the log.
-    pub(super) fn stands(&self, body: usize) -> bool {
-        self.stands[body]
+    /// Returns whether a body never moves in the log.
+    pub(super) fn is_parked(&self, body: usize) -> bool {
+        self.parked[body]
     }
 
-    /// The boxes of an agent as it moves now, and the bounds of them.
+    /// Returns the boxes of a body as it currently moves, and their bounds.
     pub(super) fn boxes(&self, agent: usize) -> (&Boxes, &Bounds) {
         match self.planned.get(&agent) {
             Some(planned) => (&planned.boxes, &planned.extent),
@@ -100,60 +105,61 @@ impl<'a> Traffic<'a> {
         }
     }
 
-    /// The AV's box at a step.
+    /// Returns the AV's box at a step.
     pub(super) fn av_box(&self, step: usize) -> OrientedBox {
         self.av[step].footprint(&self.scenario.start.agents[0])
     }
 
-    /// What the log says of two bodies (not of the AV).
-    pub(super) fn pair(&self, a: usize, b: usize) -> Pair {
-        let mut pair = Pair { closest: f64::INFINITY, limit: 0.0, exempt: Vec::new() };
+    /// Returns the logged relation of two bodies other than the AV.
+    pub(super) fn pair(&self, a: usize, b: usize) -> LoggedPair {
+        let mut pair = LoggedPair { closest: f64::INFINITY, limit: 0.0, exempt: Vec::new() };
         if !self.extents[a].intersects(&self.extents[b].inflated(1.0)) {
             return pair;
         }
         for (k, (a, b)) in self.logged[a].iter().zip(&self.logged[b]).enumerate() {
-            let Some((a, b)) = a.as_ref().zip(b.as_ref()).filter(|(a, b)| nearer(a, b, 1.0)) else {
+            let Some((a, b)) = a.as_ref().zip(b.as_ref()).filter(|(a, b)| is_nearer(a, b, 1.0)) else {
                 continue;
             };
             let apart = distance(a, b);
             pair.closest = pair.closest.min(apart);
             if apart < 0.0 {
                 pair.exempt.resize(FUTURE + 1, false);
-                pair.exempt[k.saturating_sub(AROUND)..=(k + AROUND).min(FUTURE)].fill(true);
+                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(FUTURE)].fill(true);
             }
         }
         if pair.closest < 0.0 {
-            pair.closest = pair.closest.max(-DEEPEST);
-            pair.limit = pair.closest - BETWEEN_FRAMES;
+            pair.closest = pair.closest.max(-MAX_EXCUSED_OVERLAP);
+            pair.limit = pair.closest - FRAME_TOLERANCE;
         }
         pair
     }
 
-    /// The first step at which two bodies, as they move now, overlap although the log does not excuse it.
+    /// Returns the first step at which two bodies, as they currently move, overlap without an excuse in
+    /// the log.
     pub(super) fn breach(&self, a: usize, b: usize) -> Option<usize> {
         let ((mine, extent), (theirs, other)) = (self.boxes(a), self.boxes(b));
         if !extent.intersects(other) {
             return None;
         }
         let overlap =
-            |k: usize| mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| nearer(a, b, 0.0));
+            |k: usize| mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| is_nearer(a, b, 0.0));
         let first = (1..=FUTURE).find(|&k| overlap(k))?;
         let pair = self.pair(a, b);
         let deep = |k: usize| {
-            mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| nearer(a, b, pair.limit))
+            mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| is_nearer(a, b, pair.limit))
         };
         (first..=FUTURE).find(|&k| !pair.exempt(k) && deep(k))
     }
 }
 
-/// Whether an agent stays where it is now in all frames of its log.
+/// Returns whether an agent stays at its current position in all frames of its log.
 fn never_moves(scenario: &Scenario, agent: usize) -> bool {
     let now = scenario.start.now(agent).position();
     let frames = scenario.start.history[agent].iter().chain(&scenario.log_future.tracks[agent]);
-    frames.flatten().filter(|s| s.is_finite()).all(|s| (s.position() - now).norm() < STILL)
+    frames.flatten().filter(|s| s.is_finite()).all(|s| (s.position() - now).norm() < PARKED_DISPLACEMENT)
 }
 
-/// Bounds of the boxes of a track.
+/// Returns the bounds of the boxes of a track.
 pub(super) fn extent(boxes: &Boxes) -> Bounds {
     let mut bounds = Bounds::EMPTY;
     let mut radius = 0.0;
@@ -164,34 +170,34 @@ pub(super) fn extent(boxes: &Boxes) -> Bounds {
     bounds.inflated(radius)
 }
 
-/// The rounded distance of two boxes as the metrics take it, metres.
+/// Returns the distance of two boxes with rounded corners, as in the metrics, metres.
 pub(super) fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
     rounded_distance(a, b, Options::default().corner_rounding)
 }
 
-/// Whether two boxes are nearer to each other than `clearance`.
-pub(super) fn nearer(a: &OrientedBox, b: &OrientedBox, clearance: f64) -> bool {
+/// Returns whether two boxes are closer to each other than `clearance`.
+pub(super) fn is_nearer(a: &OrientedBox, b: &OrientedBox, clearance: f64) -> bool {
     let reach = a.radius() + b.radius() + clearance;
     (a.center - b.center).norm_squared() < reach * reach && distance(a, b) < clearance
 }
 
-/// Steps of the reaction time.
+/// Returns the reaction time in steps.
 pub(super) fn reaction_steps(settings: &AvoidanceSettings) -> usize {
     (settings.reaction / DT).round().max(0.0) as usize
 }
 
-/// The step up to which an observer of a deviation moves as in the log: the first step at which it is visible and the reaction
-/// time. `None` where nothing is ever visible.
+/// Returns the last step up to which an observer of a deviation moves as in the log: the first step at
+/// which it is visible plus the reaction time. `None` if it is never visible.
 pub(super) fn reaction_step(
     settings: &AvoidanceSettings,
     moved: impl Fn(usize) -> AgentState,
     logged: impl Fn(usize) -> Frame,
 ) -> Option<usize> {
     let visible = |k: &usize| {
-        let (is, Some(was)) = (moved(*k), logged(*k)) else { return false };
-        (is.position() - was.position()).norm() > settings.visible_offset
-            || wrap(is.heading - was.heading).abs() > settings.visible_heading
-            || (is.speed() - was.speed()).abs() > settings.visible_speed
+        let (actual, Some(expected)) = (moved(*k), logged(*k)) else { return false };
+        (actual.position() - expected.position()).norm() > settings.visible_offset
+            || wrap(actual.heading - expected.heading).abs() > settings.visible_heading
+            || (actual.speed() - expected.speed()).abs() > settings.visible_speed
     };
     (1..=FUTURE).find(visible).map(|k| k + reaction_steps(settings))
 }

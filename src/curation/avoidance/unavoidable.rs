@@ -1,23 +1,23 @@
-//! Why a conflict can not be avoided.
+//! Reasons why a conflict cannot be avoided.
 
-/// Why there is no certificate: the agent, and what stands against its response.
+/// Reason why there is no certificate: the agent, and what prevents its response.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unavoidable {
-    /// The candidate is not 81 finite states.
+    /// The candidate does not have 81 finite states.
     #[error("the candidate has {found} finite states, expected 81 (steps 0 to 80)")]
     Malformed {
         /// Finite states found.
         found: usize,
     },
-    /// The conflict is there before anybody can react.
+    /// The conflict occurs before anybody can react.
     #[error("agent `{agent}` meets the AV at step {step}, before it can react (step {reaction})")]
     TooEarly {
         /// The agent.
         agent: String,
         /// Step of the conflict.
         step: usize,
-        /// Step up to which everybody moves as in the log.
+        /// Last step up to which everybody moves as in the log.
         reaction: usize,
     },
     /// The hardest braking is too late, and so is the hardest acceleration.
@@ -25,17 +25,17 @@ pub enum Unavoidable {
     TooClose {
         /// The agent.
         agent: String,
-        /// Whom it meets: `the AV` or an agent.
+        /// The other party: `the AV` or an agent.
         other: String,
         /// Step at which the braking agent meets it.
         step: usize,
     },
-    /// What is possible against each of several is not possible against all of them.
+    /// Each of several conflicts can be avoided, but not all of them together.
     #[error("agent `{agent}` is hemmed in: no speed profile keeps clear of all of {between}")]
     HemmedIn {
         /// The agent.
         agent: String,
-        /// Who blocks its path: `the AV` and agents.
+        /// The parties that block its path: `the AV` and agents.
         between: String,
     },
     /// The agent has left the log before it could respond.
@@ -44,20 +44,20 @@ pub enum Unavoidable {
         /// The agent.
         agent: String,
     },
-    /// The agent stands throughout its log: nobody is in it who would drive off.
+    /// The agent is stationary throughout its log: its driver may be absent.
     #[error("agent `{agent}` stands throughout its log and can not make way")]
     Standing {
         /// The agent.
         agent: String,
     },
-    /// An agent behind one that brakes, or shifts, can not do likewise.
+    /// An agent behind one that brakes, or shifts, cannot do the same.
     #[error("agent `{agent}` runs into agent `{leader}`, which makes way for the AV: {reason}")]
     Follower {
         /// The agent.
         agent: String,
-        /// Whose response it runs into.
+        /// The agent whose response it runs into.
         leader: String,
-        /// Why.
+        /// The reason.
         reason: Box<Unavoidable>,
     },
     /// Too many agents would have to respond.
@@ -85,7 +85,7 @@ pub enum Unavoidable {
 }
 
 impl Unavoidable {
-    /// A short name for tallies.
+    /// Returns a short name for counts.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Malformed { .. } => "malformed",

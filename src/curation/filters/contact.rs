@@ -1,9 +1,9 @@
-//! Contacts that are the AV's own doing, or come too early for anybody.
+//! Filters of contacts that the AV itself causes, or that come too early for any response.
 
 use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
 use crate::scene::{AgentKind, DT};
 
-/// Touches nobody within the first moments.
+/// Requires that nothing is touched in the first moments.
 pub(super) struct EarlyContact;
 
 impl CandidateFilter for EarlyContact {
@@ -17,13 +17,14 @@ impl CandidateFilter for EarlyContact {
 
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let first = trial.touches.iter().map(|t| t.step as f64 * DT).reduce(f64::min);
-        // A step ends at its time: the tolerance is for the rounding of k * 0.1.
+        // The tolerance covers the rounding of k * 0.1.
         let passes = first.is_none_or(|t| t > trial.settings.earliest_contact + 1e-9);
         Verdict::new(first, passes, || format!("contact after {:.1} s", first.unwrap_or_default()))
     }
 }
 
-/// Does not drive into what stands or is slow, into anybody on foot or on a bicycle, or into the rear of somebody ahead.
+/// Requires that the AV does not hit bodies at rest or slow ones, pedestrians, cyclists, or the rear of
+/// a vehicle ahead.
 pub(super) struct ActiveCollision;
 
 impl CandidateFilter for ActiveCollision {
@@ -33,8 +34,9 @@ impl CandidateFilter for ActiveCollision {
 
     fn rule(&self, settings: &FilterSettings) -> String {
         format!(
-            "the AV touches no pedestrian, cyclist, obstacle, or vehicle that stands or crawls, and its front drives into no vehicle that is slower than {} m/s \
-             and than the AV, that goes ahead of it or comes towards it, or that the metrics would not blame",
+            "the AV touches no pedestrian, cyclist, obstacle, or vehicle that stands or crawls, \
+             and its front drives into no vehicle that is slower than {} m/s and than the AV, \
+             that goes ahead of it or comes towards it, or that the metrics would not blame",
             settings.slow
         )
     }
@@ -42,13 +44,15 @@ impl CandidateFilter for ActiveCollision {
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
         let why = |touch: &crate::curation::replay::Touch| match touch.kind {
             None => Some("drives into an obstacle".to_owned()),
-            Some(AgentKind::Vehicle) if touch.stands() => Some("touches a standing vehicle".to_owned()),
-            Some(AgentKind::Vehicle) if touch.crawls() => {
+            Some(AgentKind::Vehicle) if touch.is_standing() => Some("touches a standing vehicle".to_owned()),
+            Some(AgentKind::Vehicle) if touch.is_crawling() => {
                 Some(format!("touches a vehicle at {:.1} m/s", touch.speed))
             }
-            Some(AgentKind::Vehicle) if touch.head_on() => Some("drives head on into a vehicle".to_owned()),
-            Some(AgentKind::Vehicle) if touch.rear_end() => Some("drives into a vehicle ahead".to_owned()),
-            Some(AgentKind::Vehicle) if touch.driven_into(trial.settings.slow) => {
+            Some(AgentKind::Vehicle) if touch.is_head_on() => {
+                Some("drives head on into a vehicle".to_owned())
+            }
+            Some(AgentKind::Vehicle) if touch.is_rear_end() => Some("drives into a vehicle ahead".to_owned()),
+            Some(AgentKind::Vehicle) if touch.is_driven_into(trial.settings.slow) => {
                 Some(format!("drives into a vehicle at {:.1} m/s", touch.speed))
             }
             Some(AgentKind::Vehicle) => None,

@@ -1,10 +1,10 @@
-//! Far enough from the log, on the road, and drivable.
+//! Filters of the distance from the log, the drivable area and the kinematic limits.
 
 use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
 use crate::curation::ground::lateral_acceleration;
 use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 
-/// Differs from the log.
+/// Requires a minimum distance from the log.
 pub(super) struct LogDistance;
 
 impl CandidateFilter for LogDistance {
@@ -24,7 +24,7 @@ impl CandidateFilter for LogDistance {
     }
 }
 
-/// Keeps to the drivable ground.
+/// Requires that the AV stays on the drivable area.
 pub(super) struct DrivableArea;
 
 impl CandidateFilter for DrivableArea {
@@ -40,8 +40,8 @@ impl CandidateFilter for DrivableArea {
     }
 
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
-        let depth = trial.bench.ground.depth(trial.candidate.future(), f64::INFINITY);
-        let off = trial.own.agent_scores(0).ground.hits > 0;
+        let depth = trial.context.ground.depth(trial.candidate.future(), f64::INFINITY);
+        let off = trial.own.agent_scores(0).off_road.hits > 0;
         let passes = depth.is_none_or(|d| d <= trial.settings.drivable_tolerance) && !off;
         Verdict::new(depth, passes, || match depth {
             Some(d) if d > trial.settings.drivable_tolerance => format!("a corner is {d:.2} m off the road"),
@@ -50,7 +50,7 @@ impl CandidateFilter for DrivableArea {
     }
 }
 
-/// Obeys the bounds of acceleration and curvature that agents are judged by, at every transition.
+/// Requires the bounds of acceleration and curvature that agents are judged by, at every transition.
 pub(super) struct Kinematics;
 
 impl CandidateFilter for Kinematics {
@@ -72,7 +72,7 @@ impl CandidateFilter for Kinematics {
     }
 }
 
-/// Takes no bend faster than a driver would.
+/// Requires a lateral acceleration that a driver would accept.
 pub(super) struct LateralAcceleration;
 
 impl CandidateFilter for LateralAcceleration {

@@ -1,4 +1,4 @@
-//! The filters of step 3, in the order in which they are asked: what is cheap first, avoidability last.
+//! The filters of step 3, in the order of evaluation: cheap ones first, avoidability last.
 
 pub(super) mod comfort;
 mod contact;
@@ -8,7 +8,8 @@ mod rules_of_road;
 
 use super::CandidateFilter;
 
-/// All filters. All are asked of every candidate, so that all figures are known, but for those that are dear.
+/// All filters. Every candidate goes through all of them, so that all figures are known, except for the
+/// expensive ones.
 pub const FILTERS: &[&dyn CandidateFilter] = &[
     &feasibility::LogDistance,
     &feasibility::DrivableArea,

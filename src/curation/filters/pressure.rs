@@ -1,8 +1,8 @@
-//! Somebody has to react, and can.
+//! Filters of pressure on the agents, and of its avoidability.
 
 use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
 
-/// Presses at least one vehicle under log replay.
+/// Requires pressure on at least one vehicle under log replay.
 pub(super) struct Pressing;
 
 impl CandidateFilter for Pressing {
@@ -25,7 +25,7 @@ impl CandidateFilter for Pressing {
     }
 }
 
-/// Everybody who is in conflict can avoid it: there is a certificate.
+/// Requires a certificate: every agent in conflict can avoid it.
 pub(super) struct Avoidable;
 
 impl CandidateFilter for Avoidable {
@@ -36,8 +36,8 @@ impl CandidateFilter for Avoidable {
     fn rule(&self, settings: &FilterSettings) -> String {
         let a = &settings.avoidance;
         format!(
-            "every agent in conflict has a response along its own path: reaction after {} s, at most {} m/s² of braking, else a nudge of \
-             at most {} m",
+            "every agent in conflict has a response along its own path: \
+             reaction after {} s, at most {} m/s² of braking, else a nudge of at most {} m",
             a.reaction, a.max_deceleration, a.max_nudge
         )
     }
@@ -49,7 +49,7 @@ impl CandidateFilter for Avoidable {
         }
     }
 
-    fn is_dear(&self) -> bool {
+    fn is_expensive(&self) -> bool {
         true
     }
 }

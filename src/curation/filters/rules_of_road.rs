@@ -1,9 +1,9 @@
-//! Neither against the traffic nor over a red light.
+//! Filters of driving against the lane and of running red lights.
 
 use crate::curation::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
 use crate::scene::DT;
 
-/// Drives the way that its lane leads, as the benchmark judges agents (metric `direction`).
+/// Requires driving in the direction of the lane, as the benchmark judges agents (metric `direction`).
 pub(super) struct WrongWay;
 
 impl CandidateFilter for WrongWay {
@@ -16,12 +16,12 @@ impl CandidateFilter for WrongWay {
     }
 
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
-        let wrong = !trial.own.agent_scores(0).direction.spells.is_empty();
+        let wrong = !trial.own.agent_scores(0).direction.intervals.is_empty();
         Verdict::new(Some(f64::from(u8::from(wrong))), !wrong, || "drives against its lane".to_owned())
     }
 }
 
-/// Runs no red light, unless the logged AV runs it, too.
+/// Requires that the AV runs no red light, unless the logged AV runs it too.
 pub(super) struct RedLight;
 
 impl CandidateFilter for RedLight {
@@ -34,7 +34,7 @@ impl CandidateFilter for RedLight {
     }
 
     fn judge(&self, trial: &Trial<'_>) -> Verdict {
-        let step = trial.bench.signals.run(&trial.candidate.track[0], trial.candidate.future());
+        let step = trial.context.signals.red_light_step(&trial.candidate.track[0], trial.candidate.future());
         let time = step.map(|s| s as f64 * DT);
         Verdict::new(time, time.is_none(), || {
             format!("runs a red light after {:.1} s", time.unwrap_or_default())

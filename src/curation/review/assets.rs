@@ -1,4 +1,4 @@
-//! The files of the page. They are part of the program; nothing is read from the disk.
+//! The files of the page. They are part of the program; nothing is read from disk.
 
 use crate::web::{Asset, JAVASCRIPT};
 
@@ -11,7 +11,7 @@ macro_rules! asset {
 /// The page itself; its address is the token alone.
 pub(super) const PAGE: Asset = asset!("page.html", "text/html; charset=utf-8");
 
-/// What the page loads, beside what all pages have.
+/// Files of the page in addition to those that all pages share.
 pub(super) const ASSETS: &[Asset] = &[
     asset!("style.css", "text/css; charset=utf-8"),
     asset!("main.js", JAVASCRIPT),

@@ -1,17 +1,17 @@
-//! Instants as texts.
+//! Instants as text.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Tells the time. It is passed in, so that tests can tell any.
+/// Source of the current time. It is passed in, so that tests can set any time.
 pub type Clock = Box<dyn Fn() -> SystemTime + Send>;
 
-/// The clock of the system.
+/// Returns the system clock.
 pub fn system_clock() -> Clock {
     Box::new(SystemTime::now)
 }
 
-/// An instant in RFC 3339, UTC, with milliseconds: `2026-03-01T12:00:00.000Z`. Texts of this form sort as the instants do. What lies
-/// before 1970 is taken for its beginning.
+/// Formats an instant in RFC 3339, UTC, with milliseconds: `2026-03-01T12:00:00.000Z`. Texts of this
+/// form sort like the instants. Instants before 1970 become its beginning.
 pub fn rfc3339(time: SystemTime) -> String {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
     let (days, second) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
@@ -25,7 +25,7 @@ pub fn rfc3339(time: SystemTime) -> String {
     )
 }
 
-/// Whether a text is an instant as [`rfc3339`] writes it.
+/// Returns whether a text is an instant as written by [`rfc3339`].
 pub fn is_rfc3339(text: &str) -> bool {
     let shape = b"dddd-dd-ddTdd:dd:dd.dddZ";
     let fits = |(found, expected): (u8, &u8)| match expected {
@@ -44,7 +44,8 @@ pub fn is_rfc3339(text: &str) -> bool {
         && in_range(17, 0, 60)
 }
 
-/// Year, month and day of a day counted from 1970-01-01 (Howard Hinnant, "chrono-Compatible Low-Level Date Algorithms").
+/// Returns year, month and day of a day counted from 1970-01-01 (Howard Hinnant, "chrono-Compatible
+/// Low-Level Date Algorithms").
 fn civil(days: u64) -> (u64, u64, u64) {
     // Eras of 400 years are equal; years that begin in March have their leap day at the end.
     let shifted = days + 719_468;
@@ -64,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn instants_are_written_as_everywhere() {
+    fn instants_are_written_in_rfc_3339() {
         let text = |ms: u64| rfc3339(UNIX_EPOCH + Duration::from_millis(ms));
         assert_eq!(text(0), "1970-01-01T00:00:00.000Z");
         assert_eq!(text(951_782_399_999), "2000-02-28T23:59:59.999Z");

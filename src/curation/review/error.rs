@@ -1,4 +1,4 @@
-//! What can go wrong with a review.
+//! Errors of a review.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,45 +6,46 @@ use std::path::PathBuf;
 use crate::formats::FormatError;
 use crate::web::ServeError;
 
-/// Why candidates can not be reviewed.
+/// Reason why candidates cannot be reviewed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReviewError {
-    /// The journal can not be read.
+    /// The journal cannot be read.
     #[error("could not read the decisions in {path}: {source}")]
     Read {
         /// The journal.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: io::Error,
     },
-    /// A decision can not be written; it does not count.
+    /// A decision cannot be written; it does not count.
     #[error("could not write to the decisions in {path}: {source}")]
     Write {
         /// The journal.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: io::Error,
     },
-    /// Another server writes to the journal.
+    /// Another server has the journal open for writing.
     #[error(
-        "the decisions in {path} are being written by another review of the same file; end that one first, or review in its page"
+        "the decisions in {path} are being written by another review of the same file; \
+         close that one first, or review in its page"
     )]
     Locked {
         /// The journal.
         path: PathBuf,
     },
-    /// A line of the journal is no decision.
-    #[error("{path}, line {line}: {found}; mend or remove this line")]
+    /// A line of the journal is not a decision.
+    #[error("{path}, line {line}: {found}; repair or remove this line")]
     Line {
         /// The journal.
         path: PathBuf,
         /// Number of the line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Description of the problem.
         found: String,
     },
-    /// A decision that makes no sense.
+    /// An invalid decision.
     #[error("{field} of the decision about scenario `{scenario}` is {value}, expected {expected}")]
     Decision {
         /// Id of the scenario.
@@ -53,26 +54,27 @@ pub enum ReviewError {
         field: &'static str,
         /// The value found.
         value: String,
-        /// What was expected instead.
+        /// The expected value.
         expected: String,
     },
-    /// Nobody decides, or somebody without a fit name.
+    /// The name of the reviewer is missing or unusable.
     #[error(
-        "the name of the reviewer is `{name}`, expected 1 to 100 characters; type it in the page, or give --reviewer"
+        "the name of the reviewer is `{name}`, expected 1 to 100 characters; \
+         type it in the page, or give --reviewer"
     )]
     Reviewer {
         /// The name found.
         name: String,
     },
-    /// An answer can not be written as JSON.
-    #[error("scenario `{scenario}` can not be written as JSON: {source}")]
+    /// A response cannot be encoded as JSON.
+    #[error("scenario `{scenario}` cannot be encoded as JSON: {source}")]
     Encode {
         /// Id of the scenario, possibly empty.
         scenario: String,
-        /// Why.
+        /// Reason.
         source: serde_json::Error,
     },
-    /// The file of candidates can not be read.
+    /// The file of candidates cannot be read.
     #[error(transparent)]
     Data(#[from] FormatError),
     /// The file holds nothing to review.
@@ -81,7 +83,7 @@ pub enum ReviewError {
         /// The file.
         path: PathBuf,
     },
-    /// The page can not be served.
+    /// The page cannot be served.
     #[error(transparent)]
     Serve(#[from] ServeError),
 }

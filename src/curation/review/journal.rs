@@ -1,7 +1,7 @@
-//! The journal of decisions: a file of lines that only grows.
+//! The journal of decisions: an append-only file of lines.
 //!
-//! A line is written with one call and synchronised before anybody hears of it, so a killed program loses nothing that was
-//! acknowledged. What a kill leaves of a last line is dropped.
+//! A line is written with one call and synchronised before it is confirmed, so a killed program loses
+//! nothing that was confirmed. The rest of a torn last line is dropped.
 
 mod decisions;
 mod line;
@@ -20,40 +20,41 @@ use crate::curation::Decision;
 pub use decisions::{Decisions, Opinions};
 pub use line::{ReviewLine, candidate_digest};
 
-/// The journal of one file of candidates, open for writing. One program at a time.
+/// The journal of one file of candidates, open for writing. Only one program at a time can open it.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
     file: File,
-    /// Bytes of whole lines.
+    /// Length of all complete lines, bytes.
     length: u64,
     own: Decisions,
     merged: Decisions,
-    /// Per reviewer, what each of the lines that can be taken back replaced.
-    replaced: BTreeMap<String, Vec<Replaced>>,
+    /// The decision that each line replaced, by reviewer, for lines that can be undone.
+    replaced: BTreeMap<String, Vec<PreviousDecision>>,
     warnings: Vec<String>,
 }
 
-/// What held before a line.
+/// The decision that was valid before a line.
 #[derive(Clone, Debug)]
-struct Replaced {
+struct PreviousDecision {
     scenario_id: String,
     scenario_digest: String,
     before: Option<ReviewLine>,
 }
 
 impl Journal {
-    /// Where the decisions about a file of candidates lie: beside it, `.reviews.jsonl` added to its name.
-    pub fn beside(file: &Path) -> PathBuf {
+    /// Returns the journal's path for a file of candidates: `.reviews.jsonl` appended to its name.
+    pub fn path_for(file: &Path) -> PathBuf {
         let mut name = file.as_os_str().to_owned();
         name.push(".reviews.jsonl");
         name.into()
     }
 
-    /// Opens a journal, or begins one. What is left of a torn last line is cut off; [`Self::warnings`] says so.
+    /// Opens or creates a journal. A torn last line is cut off, with a message in [`Self::warnings`].
     ///
     /// # Errors
-    /// When another program writes to it, when it can not be read or written, or when a line is no decision.
+    /// When another program writes to it, when it cannot be read or written, or when a line is not a
+    /// decision.
     pub fn open(path: &Path) -> Result<Self, ReviewError> {
         let refuse = |source| ReviewError::Write { path: path.to_owned(), source };
         let is_new = !path.exists();
@@ -97,7 +98,7 @@ impl Journal {
     /// Adds the decisions of other reviewers; their journals are only read.
     ///
     /// # Errors
-    /// When one can not be read or holds a line that is no decision.
+    /// When one cannot be read or has a line that is not a decision.
     pub fn merge<P: AsRef<Path>>(&mut self, others: &[P]) -> Result<(), ReviewError> {
         let (found, warnings) = decisions::of_files(others)?;
         decisions::merge(&mut self.merged, &found);
@@ -105,29 +106,29 @@ impl Journal {
         Ok(())
     }
 
-    /// The decisions of journals together, without locking or changing them; a journal that another program writes to may be among
-    /// them. Second: what a user should be told.
+    /// Reads the decisions of several journals without locking or changing them, together with warnings
+    /// for the user. Other programs may be writing to them.
     ///
     /// # Errors
-    /// When one can not be read or holds a line that is no decision.
+    /// When one cannot be read or has a line that is not a decision.
     pub fn read_all<P: AsRef<Path>>(paths: &[P]) -> Result<(Decisions, Vec<String>), ReviewError> {
         decisions::of_files(paths)
     }
 
-    /// Where it lies.
+    /// Returns the path of the journal.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What was found on opening that a user should be told.
+    /// Returns warnings from opening for the user.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Writes a decision. When this returns, it is on the disk.
+    /// Writes a decision. It is on disk when this returns.
     ///
     /// # Errors
-    /// When it makes no sense or can not be written; then it does not count.
+    /// When it is invalid or cannot be written; then it does not count.
     pub fn append(&mut self, line: ReviewLine) -> Result<(), ReviewError> {
         line.check()?;
         let mut text = serde_json::to_vec(&line)
@@ -138,11 +139,11 @@ impl Journal {
         Ok(())
     }
 
-    /// Takes back the last decision of a reviewer in this journal that was not taken back yet: what held before it is written again. The
-    /// new line, or `None` where there is nothing left to take back.
+    /// Undoes the last decision of a reviewer in this journal that was not undone yet, by writing the
+    /// previous one again. Returns the new line, or `None` if there is nothing left to undo.
     ///
     /// # Errors
-    /// As [`Self::append`].
+    /// As for [`Self::append`].
     pub fn undo(&mut self, reviewer: &str, at: String) -> Result<Option<ReviewLine>, ReviewError> {
         let Some(last) = self.replaced.get(reviewer).and_then(|lines| lines.last()).cloned() else {
             return Ok(None);
@@ -165,14 +166,14 @@ impl Journal {
         Ok(Some(line))
     }
 
-    /// What every reviewer decided last, the merged journals included.
+    /// Returns the last decision of every reviewer, merged journals included.
     pub fn decisions(&self) -> Decisions {
         let mut all = self.own.clone();
         decisions::merge(&mut all, &self.merged);
         all
     }
 
-    /// What was decided about one scenario.
+    /// Returns the decisions about one scenario.
     pub fn opinions(&self, scenario_id: &str) -> Opinions {
         let mut all = Decisions::new();
         for decisions in [&self.own, &self.merged] {
@@ -183,13 +184,13 @@ impl Journal {
         all.remove(scenario_id).unwrap_or_default()
     }
 
-    /// The reviewer who wrote the latest line of this journal.
+    /// Returns the reviewer of the latest line of this journal.
     pub fn last_reviewer(&self) -> Option<&str> {
         let lines = self.own.values().flat_map(|opinions| opinions.0.values());
         lines.max_by(|a, b| a.at.cmp(&b.at)).map(|line| line.reviewer.as_str())
     }
 
-    /// Adds bytes to the end of the whole lines, or nothing.
+    /// Appends bytes after the complete lines, all or nothing.
     fn write(&mut self, bytes: &[u8]) -> Result<(), ReviewError> {
         let length = self.length;
         let write = |file: &mut File| {
@@ -198,7 +199,7 @@ impl Journal {
             file.sync_data()
         };
         if let Err(source) = write(&mut self.file) {
-            // A full disk leaves a part of the line; the next one must not be glued to it.
+            // A full disk leaves a partial line; the next one must not be joined to it.
             self.file.set_len(length).ok();
             return Err(ReviewError::Write { path: self.path.clone(), source });
         }
@@ -214,39 +215,39 @@ impl Journal {
         } else {
             let before = opinions.0.get(&line.reviewer).cloned();
             let (scenario_id, scenario_digest) = (line.scenario_id.clone(), line.scenario_digest.clone());
-            lines.push(Replaced { scenario_id, scenario_digest, before });
+            lines.push(PreviousDecision { scenario_id, scenario_digest, before });
         }
         opinions.take(line);
     }
 }
 
-/// A new file is in its folder only after the folder was synchronised.
+/// Synchronises the folder of a new file: only then is its entry on disk.
 fn sync_folder(path: &Path) -> io::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Elsewhere folders can not be opened, and need not.
+    // Elsewhere folders cannot be opened, and need not be.
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
-/// What a journal holds.
-struct Found {
+/// Content of a journal.
+struct JournalContent {
     lines: Vec<ReviewLine>,
     whole_bytes: u64,
     all_bytes: u64,
-    /// Whether the last line is whole but for its line break.
+    /// Whether the last line is complete except for its line break.
     unended: bool,
     warning: Option<String>,
 }
 
-fn read(path: &Path) -> Result<Found, ReviewError> {
+fn read(path: &Path) -> Result<JournalContent, ReviewError> {
     let refuse = |source| ReviewError::Read { path: path.to_owned(), source };
     read_from(path, &mut File::open(path).map_err(refuse)?)
 }
 
-fn read_from(path: &Path, file: &mut File) -> Result<Found, ReviewError> {
+fn read_from(path: &Path, file: &mut File) -> Result<JournalContent, ReviewError> {
     let mut content = Vec::new();
     let refuse = |source| ReviewError::Read { path: path.to_owned(), source };
     file.read_to_end(&mut content).map_err(refuse)?;
-    let mut found = Found {
+    let mut found = JournalContent {
         lines: Vec::new(),
         whole_bytes: 0,
         all_bytes: content.len() as u64,
@@ -259,7 +260,8 @@ fn read_from(path: &Path, file: &mut File) -> Result<Found, ReviewError> {
             Ok(line) => found.lines.extend(line),
             Err(_) if !ended => {
                 found.warning = Some(format!(
-                    "{}, line {}: cut off in the middle, as by a program that was killed; this decision was never confirmed and is dropped",
+                    "{}, line {}: incomplete, as after a crash; \
+                     this decision was never confirmed and is dropped",
                     path.display(),
                     i + 1
                 ));
@@ -275,19 +277,20 @@ fn read_from(path: &Path, file: &mut File) -> Result<Found, ReviewError> {
     Ok(found)
 }
 
-/// One line; `None` where it is empty.
+/// Parses one line; `None` if it is empty.
 fn parse(bytes: &[u8]) -> Result<Option<ReviewLine>, String> {
     if bytes.is_empty() {
         return Ok(None);
     }
-    let line: ReviewLine = serde_json::from_slice(bytes).map_err(|e| format!("no decision: {e}"))?;
+    let line: ReviewLine = serde_json::from_slice(bytes).map_err(|e| format!("not a decision: {e}"))?;
     line.check().map_err(|e| e.to_string())?;
     Ok(Some(line))
 }
 
 impl Drop for Journal {
     fn drop(&mut self) {
-        // Closing alone would leave the lock to a process that was being started meanwhile and still shares the file.
+        // Closing alone would leave the lock with a process that was being started meanwhile and still
+        // shares the file.
         self.file.unlock().ok();
     }
 }

@@ -1,8 +1,10 @@
-//! The review page: people verify candidates by hand in a browser (ReactSim-Bench, "Data Collection Pipeline", step 4).
+//! The review page: people verify candidates by hand in a browser (ReactSim-Bench, "Data Collection
+//! Pipeline", step 4).
 //!
-//! A [`ReviewServer`] serves one file of candidates on the loopback interface. What people decide goes to a [`Journal`] beside the file,
-//! one line at a time, before the page hears that it was written. What the page draws of a scenario ([`sketch`](crate::web::sketch()))
-//! is stored with the candidates, so that the page needs no scenarios.
+//! A [`ReviewServer`] serves one file of candidates on the loopback interface. Decisions go to a
+//! [`Journal`] next to the file, one line at a time; the page gets its confirmation after the line is on
+//! disk. The scene that the page draws ([`sketch`](crate::web::sketch())) is stored with the candidates,
+//! so that the page needs no scenarios.
 
 mod assets;
 mod clock;

@@ -1,4 +1,4 @@
-//! What the page is told, as JSON.
+//! The data of the page, as JSON.
 
 use std::collections::BTreeSet;
 
@@ -9,17 +9,17 @@ use crate::curation::store::ScenarioEntry;
 use crate::curation::{CandidateRecord, Certificate, ScenarioRecord};
 use crate::scene::{AgentState, Difficulty};
 
-/// The list of all scenarios. Filters are named once; candidates are flat numbers: number, category, the filter that rejected it
-/// (-1 for survivors), 1 where it was chosen.
+/// The list of all scenarios. Filters are named once; candidates are flat numbers: number, category,
+/// index of the filter that rejected it (-1 for survivors), 1 if it was chosen.
 #[derive(Debug, Serialize)]
 pub(super) struct Overview {
     pub(super) filters: Vec<String>,
-    pub(super) scenarios: Vec<Listed>,
+    pub(super) scenarios: Vec<ScenarioItem>,
 }
 
 /// A scenario in the list.
 #[derive(Debug, Serialize)]
-pub(super) struct Listed {
+pub(super) struct ScenarioItem {
     id: String,
     candidates: Vec<i64>,
 }
@@ -31,7 +31,7 @@ impl Overview {
         let place = |filter: &Option<String>| {
             filter.as_ref().and_then(|f| filters.binary_search(f).ok()).map_or(-1, |i| i as i64)
         };
-        let scenarios = entries.iter().map(|entry| Listed {
+        let scenarios = entries.iter().map(|entry| ScenarioItem {
             id: entry.scenario_id.clone(),
             candidates: entry
                 .candidates
@@ -47,20 +47,20 @@ impl Overview {
     }
 }
 
-/// What was decided about one scenario.
+/// Decisions about one scenario.
 #[derive(Debug, Serialize)]
-pub(super) struct Standing {
+pub(super) struct DecisionStatus {
     /// Number of the scenario in the file.
     pub(super) index: usize,
-    /// What counts.
+    /// The decision that counts.
     verdict: Option<ReviewLine>,
-    /// What every reviewer decided.
+    /// Decision of every reviewer.
     opinions: Vec<ReviewLine>,
     /// Whether reviewers decided differently.
     disagree: bool,
 }
 
-impl Standing {
+impl DecisionStatus {
     pub(super) fn new(index: usize, opinions: &Opinions, digest: &str) -> Self {
         Self {
             index,
@@ -70,7 +70,7 @@ impl Standing {
         }
     }
 
-    /// Whether there is nothing to tell.
+    /// Returns whether there are no decisions.
     pub(super) fn is_empty(&self) -> bool {
         self.opinions.is_empty()
     }
@@ -83,7 +83,7 @@ struct Detail<'a> {
     id: &'a str,
     digest: &'a str,
     origin: [f64; 2],
-    /// The verdict is about another trajectory than the one that has its number now.
+    /// Whether the verdict refers to another trajectory than the current one of that number.
     stale: bool,
     candidates: Vec<CandidateDetail<'a>>,
 }
@@ -145,12 +145,12 @@ struct Track {
     v: Vec<Option<f64>>,
 }
 
-/// A finite number; JSON has no others.
+/// Returns the value if it is finite; JSON has no other numbers.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// Rounded to millimetres (or thousandths), which makes half of the text.
+/// Rounds to millimetres (or thousandths), which halves the size of the text.
 fn short(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0
 }
@@ -213,7 +213,8 @@ fn candidate(c: &CandidateRecord) -> CandidateDetail<'_> {
     }
 }
 
-/// A whole scenario as JSON. Its scene is JSON already and is put in as it is; where that is damaged the page says so.
+/// Returns a whole scenario as JSON. Its scene is already JSON and is inserted unchanged; if it is
+/// damaged, the page reports that.
 pub(super) fn scenario_json(
     index: usize,
     record: &ScenarioRecord,

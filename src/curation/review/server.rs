@@ -1,27 +1,27 @@
-//! The server of the page: loopback only, one thread.
+//! The server of the page: loopback only, single-threaded.
 
-mod desk;
 mod routes;
+mod state;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use self::desk::Desk;
+use self::state::ReviewState;
 use super::{Clock, Journal, ReviewError, system_clock};
 use crate::curation::store::Store;
 use crate::web::{Loopback, Site, Stop};
 
-/// How a file is reviewed.
+/// Options of a review.
 pub struct ReviewOptions {
     /// Port; 0 for any free one.
     pub port: u16,
     /// Journals of other reviewers, which are only read.
     pub reviews: Vec<PathBuf>,
-    /// Name of the reviewer; where there is none the page asks.
+    /// Name of the reviewer; the page asks for it if it is missing.
     pub reviewer: Option<String>,
-    /// What the page proposes as a name where it asks.
+    /// Name that the page suggests when it asks.
     pub suggestion: String,
-    /// Tells when decisions are made.
+    /// Source of the times of decisions.
     pub clock: Clock,
 }
 
@@ -37,52 +37,55 @@ impl Default for ReviewOptions {
     }
 }
 
-/// What the page may load: nothing from elsewhere.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; \
-                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+/// Content security policy of the page: nothing is loaded from elsewhere.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
+                      img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Serves the review of one file. The page is there as soon as this exists; requests are answered by [`Self::run`].
+/// Server for the review of one file. The port is open as soon as this exists; [`Self::run`] answers the
+/// requests.
 pub struct ReviewServer {
-    desk: Arc<Mutex<Desk>>,
+    state: Arc<Mutex<ReviewState>>,
     loopback: Loopback,
     journal: PathBuf,
     warnings: Vec<String>,
 }
 
 impl ReviewServer {
-    /// Opens the journal beside the file, reads the others and takes the port.
+    /// Opens the journal next to the file, reads the others and opens the port.
     ///
     /// # Errors
-    /// When there is nothing to review, a journal can not be read or is in use, or the port can not be had.
+    /// When there is nothing to review, a journal cannot be read or is in use, or the port is not
+    /// available.
     pub fn new(store: Store, options: ReviewOptions) -> Result<Self, ReviewError> {
         if store.scenarios().is_empty() {
             return Err(ReviewError::Empty { path: store.path().to_owned() });
         }
-        let mut journal = Journal::open(&Journal::beside(store.path()))?;
+        let mut journal = Journal::open(&Journal::path_for(store.path()))?;
         journal.merge(&options.reviews)?;
         let loopback = Loopback::bind(options.port)?;
         let path = journal.path().to_owned();
-        let desk = Desk::new(store, journal, options);
-        let warnings = desk.warnings();
-        Ok(Self { desk: Arc::new(Mutex::new(desk)), loopback, journal: path, warnings })
+        let state = ReviewState::new(store, journal, options);
+        let warnings = state.warnings();
+        Ok(Self { state: Arc::new(Mutex::new(state)), loopback, journal: path, warnings })
     }
 
-    /// Where the page is: the address holds the token, without which nothing is answered.
+    /// Returns the address of the page. It contains the token, without which no request is answered.
     pub fn url(&self) -> String {
         self.loopback.url()
     }
 
-    /// The journal that decisions are written to.
+    /// Returns the journal that decisions are written to.
     pub fn journal(&self) -> &Path {
         &self.journal
     }
 
-    /// What a user should be told before the review begins.
+    /// Returns warnings to show before the review begins.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Answers requests until `stop` is asked for. Decisions are on the disk before they are answered, so nothing is left to write.
+    /// Answers requests until `stop` is set. Decisions are on disk before they are confirmed, so nothing
+    /// is left to write.
     ///
     /// # Errors
     /// When the port is lost.
@@ -91,6 +94,6 @@ impl ReviewServer {
             hint: "open the address that `reactsim curate review` printed",
             policy: POLICY.to_owned(),
         };
-        Ok(self.loopback.run(routes::router(self.desk), site, stop)?)
+        Ok(self.loopback.run(routes::router(self.state), site, stop)?)
     }
 }

@@ -1,16 +1,16 @@
-//! The logged way at another speed.
+//! Draws of the logged path at another speed.
 
 use rand::RngExt;
 
-use super::directional::{BEFORE, Manner, meet, wanted};
-use super::routes::Meeting;
+use super::directional::{ARRIVAL_LEAD, SpeedPlan, cruise_to_arrive, desired_speeds};
+use super::routes::PathEntry;
 use super::survey::Survey;
 use super::{Draft, between, pick};
 use crate::dynamics::speeds;
 use crate::rollout::Stream;
 use crate::scene::{DT, FUTURE};
 
-/// Speed profiles, with the weights at which they are drawn.
+/// Kinds of speed profiles, with the weights with which they are drawn.
 const KINDS: &[(f64, Kind)] = &[
     (2.5, Kind::Stop),
     (1.5, Kind::Slow),
@@ -26,7 +26,7 @@ const KINDS: &[(f64, Kind)] = &[
     (4.0, Kind::GoFirst),
 ];
 
-/// A speed profile.
+/// Kind of a speed profile.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Kind {
     Stop,
@@ -37,29 +37,30 @@ pub(super) enum Kind {
     LateBraking,
     Creep,
     Dip,
-    /// As hard as it can, with somebody close behind.
+    /// A stop as hard as possible, with a close follower.
     HardStop,
-    /// Above the speed of the log from some moment on.
+    /// Faster than the log from some moment on.
     Accelerate,
-    /// Where the log brakes (before a light, a crossing, a queue) it does not.
+    /// Does not brake where the log does (for a light, a crossing, a queue).
     GoThrough,
-    /// Where somebody comes onto the logged way before the AV of the log, it comes first.
+    /// Arrives first where another vehicle enters the logged path ahead of the logged AV.
     GoFirst,
 }
 
-/// A speed profile for a stream: without it the one that presses somebody most easily, a stop, would be proposed nearly always.
+/// Draws a kind of speed profile for a stream. Without it a stop, which pressures others most easily,
+/// would nearly always be proposed.
 pub(super) fn kind(stream: &mut Stream) -> Kind {
     pick(stream, KINDS).copied().unwrap_or(Kind::Stop)
 }
 
-/// A draw of that kind, or of any.
+/// Draws a candidate of that kind, or of any kind.
 pub(super) fn draw(survey: &Survey<'_>, kind: Option<Kind>, stream: &mut Stream) -> Result<Draft, String> {
     let kind = kind.unwrap_or_else(|| self::kind(stream));
     let (maneuver, desired) = profile(kind, survey.drive.speeds(), survey, stream)?;
     Ok(Draft { maneuver, future: survey.follow(&survey.logged, &desired) })
 }
 
-/// Speeds of the steps 1 to 80 (m/s), with their name.
+/// Returns the speeds at steps 1 to 80 (m/s), with a description.
 fn profile(
     kind: Kind,
     log: &[f64],
@@ -73,17 +74,17 @@ fn profile(
         let i = (k as usize).min(FUTURE - 1);
         log[i] + (log[i + 1] - log[i]) * (k - i as f64)
     };
-    let sampled = |wanted: &dyn Fn(f64) -> f64| -> Vec<f64> {
-        (1..=FUTURE).map(|k| wanted((k as f64 - 0.5) * DT).max(0.0)).collect()
+    let sampled = |target_speed: &dyn Fn(f64) -> f64| -> Vec<f64> {
+        (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT).max(0.0)).collect()
     };
-    // Of one who looks ahead, and of one who does not.
-    let foreseen = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
-        let mut speeds = sampled(wanted);
+    // With anticipation, and without.
+    let anticipated = |target_speed: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds = sampled(target_speed);
         speeds::bound(now, &mut speeds, gain, loss);
         speeds
     };
-    let unforeseen = |wanted: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
-        let mut speeds = sampled(wanted);
+    let unanticipated = |target_speed: &dyn Fn(f64) -> f64, gain: f64, loss: f64| {
+        let mut speeds = sampled(target_speed);
         speeds::bound_ahead(now, &mut speeds, gain, loss);
         speeds
     };
@@ -101,7 +102,12 @@ fn profile(
                 speed = if t < after { logged(t) } else { speed.min(logged(t)).max(loss * DT) - loss * DT };
                 speeds.push(speed);
             }
-            speeds::bound_ahead(now, &mut speeds, speeds::ACCELERATION, speeds::DECELERATION);
+            speeds::bound_ahead(
+                now,
+                &mut speeds,
+                speeds::MAX_PLANNED_ACCELERATION,
+                speeds::MAX_PLANNED_DECELERATION,
+            );
             Ok((format!("stop: {loss:.1} m/s² after {after:.1} s"), speeds))
         }
         Kind::Slow => {
@@ -121,15 +127,18 @@ fn profile(
             };
             let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 4.0, 11.0).min(limit));
             let go = (slow as f64 * DT + between(stream, -1.0, 2.5)).max(0.0);
-            let wanted = |t: f64| if t < go { logged(t) } else { cruise.max(logged(t)) };
-            Ok((format!("early start: after {go:.1} s to {cruise:.0} m/s"), foreseen(&wanted, gain, 4.0)))
+            let target_speed = |t: f64| if t < go { logged(t) } else { cruise.max(logged(t)) };
+            Ok((
+                format!("early start: after {go:.1} s to {cruise:.0} m/s"),
+                anticipated(&target_speed, gain, 4.0),
+            ))
         }
         Kind::LateStart => {
             let starts = (1..=FUTURE).find(|&k| log[k] > log[k - 1].max(0.3) && log[k - 1] < 2.0);
             let Some(starts) = starts else { return Err("the AV does not set off".into()) };
             let (late, hold) = (between(stream, 1.0, 5.0), log[starts - 1]);
             let from = starts as f64 * DT;
-            let wanted = |t: f64| {
+            let target_speed = |t: f64| {
                 if t < from {
                     logged(t)
                 } else if t < from + late {
@@ -138,14 +147,14 @@ fn profile(
                     logged(t - late)
                 }
             };
-            Ok((format!("late start: by {late:.1} s"), foreseen(&wanted, 2.5, 4.0)))
+            Ok((format!("late start: by {late:.1} s"), anticipated(&target_speed, 2.5, 4.0)))
         }
         Kind::LateBraking => {
             let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
             let Some(brakes) = brakes else { return Err("the AV does not brake".into()) };
             let (late, loss) = (between(stream, 0.7, 2.5), between(stream, 3.0, 5.0));
             let (from, speed) = (brakes as f64 * DT, log[brakes]);
-            let wanted = |t: f64| {
+            let target_speed = |t: f64| {
                 if t < from {
                     logged(t)
                 } else if t < from + late {
@@ -154,14 +163,14 @@ fn profile(
                     logged(t).min(speed)
                 }
             };
-            let speeds = unforeseen(&wanted, 2.5, loss);
+            let speeds = unanticipated(&target_speed, 2.5, loss);
             Ok((format!("late braking: by {late:.1} s"), speeds))
         }
         Kind::Creep => {
             let (after, loss) = (between(stream, 0.0, 2.5), between(stream, 1.2, 3.5));
             let creep = between(stream, 0.8, 2.5);
-            let wanted = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
-            let speeds = unforeseen(&wanted, 1.5, loss);
+            let target_speed = |t: f64| if t < after { logged(t) } else { creep.min(logged(t).max(creep)) };
+            let speeds = unanticipated(&target_speed, 1.5, loss);
             Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
         }
         Kind::HardStop => {
@@ -169,34 +178,37 @@ fn profile(
             if !survey.is_followed_closely(after) {
                 return Err("nobody close behind the AV".into());
             }
-            let wanted = |t: f64| if t < after { logged(t) } else { 0.0 };
-            Ok((format!("hard stop: {loss:.1} m/s² after {after:.1} s"), unforeseen(&wanted, 1.5, loss)))
+            let target_speed = |t: f64| if t < after { logged(t) } else { 0.0 };
+            Ok((
+                format!("hard stop: {loss:.1} m/s² after {after:.1} s"),
+                unanticipated(&target_speed, 1.5, loss),
+            ))
         }
         Kind::Accelerate => {
             let (after, gain) = (between(stream, 0.0, 3.5), between(stream, 1.2, 3.0));
             let more = between(stream, 2.0, 8.0);
-            let wanted = |t: f64| if t < after { logged(t) } else { (logged(after) + more).min(limit) };
-            let speeds = unforeseen(&wanted, gain, 4.0);
+            let target_speed = |t: f64| if t < after { logged(t) } else { (logged(after) + more).min(limit) };
+            let speeds = unanticipated(&target_speed, gain, 4.0);
             Ok((format!("accelerate: {gain:.1} m/s² after {after:.1} s"), speeds))
         }
         Kind::GoThrough => {
             let brakes = (0..FUTURE).find(|&k| k + 15 <= FUTURE && log[k] - log[k + 15] > 1.5);
             let Some(brakes) = brakes else { return Err("the AV does not brake".into()) };
             let (from, speed) = (brakes as f64 * DT, log[brakes] * between(stream, 0.9, 1.2));
-            let wanted = |t: f64| if t < from { logged(t) } else { logged(t).max(speed.min(limit)) };
-            Ok(("go through: does not brake".to_owned(), unforeseen(&wanted, 2.5, 4.0)))
+            let target_speed = |t: f64| if t < from { logged(t) } else { logged(t).max(speed.min(limit)) };
+            Ok(("go through: does not brake".to_owned(), unanticipated(&target_speed, 2.5, 4.0)))
         }
         Kind::GoFirst => {
-            let crossings = survey.taken_first();
+            let crossings = survey.entries_before_av();
             if crossings.is_empty() {
                 return Err("nobody goes before the AV".into());
             }
-            let Meeting { s, time } = crossings[stream.random_range(0..crossings.len())];
+            let PathEntry { s, time } = crossings[stream.random_range(0..crossings.len())];
             let wait = if now < 1.0 { between(stream, 0.0, time.min(3.0)) } else { 0.0 };
-            let manner = Manner { gain: between(stream, 1.5, 3.0), wait, halt: None };
-            let arrival = time - between(stream, BEFORE.0, BEFORE.1);
-            let cruise = meet(survey, &survey.logged, &manner, s, arrival, limit.max(4.0));
-            Ok((format!("go first: up to {cruise:.1} m/s"), wanted(survey, &manner, cruise)))
+            let plan = SpeedPlan { gain: between(stream, 1.5, 3.0), wait, halt: None };
+            let arrival = time - stream.random_range(ARRIVAL_LEAD);
+            let cruise = cruise_to_arrive(survey, &survey.logged, &plan, s, arrival, limit.max(4.0));
+            Ok((format!("go first: up to {cruise:.1} m/s"), desired_speeds(survey, &plan, cruise)))
         }
         Kind::Dip => {
             if top < 3.0 {
@@ -204,10 +216,10 @@ fn profile(
             }
             let (after, lasts) = (between(stream, 0.0, 2.5), between(stream, 1.5, 4.0));
             let (share, loss) = (between(stream, 0.0, 0.5), between(stream, 1.5, 4.5));
-            let wanted = |t: f64| {
+            let target_speed = |t: f64| {
                 if t < after || t > after + lasts { logged(t) } else { share * logged(t) }
             };
-            let speeds = unforeseen(&wanted, 2.0, loss);
+            let speeds = unanticipated(&target_speed, 2.0, loss);
             Ok((format!("brake and go on: {loss:.1} m/s² for {lasts:.1} s after {after:.1} s"), speeds))
         }
     }

@@ -1,8 +1,11 @@
-//! Candidates by rules: the logged way at another speed, beside the logged way, or another way over the lane graph.
+//! Rule-based candidates: the logged path at another speed, a lateral shift from the logged path, or
+//! another route over the lane graph.
 //!
-//! Every stream belongs to one of the three families. It is drawn from until a draw disturbs a vehicle that replays its log and breaks
-//! no rule that is quick to check, or until a number of draws is used up: then the first draw that breaks no rule is proposed, or the
-//! first of all. So the proposals are those of a driver who gets in the way, not of one who drives alone, and the filters still judge.
+//! Every stream belongs to one of these three families. Candidates are drawn from it until one disturbs
+//! a vehicle under log replay and breaks no rule that is cheap to check, or until a number of draws is
+//! exhausted: then the first draw that breaks no rule is proposed, or the first of all. So the proposals
+//! are those of a driver who gets in the way, not of one who drives alone, and the filters still judge
+//! them.
 
 mod directional;
 mod gaps;
@@ -19,26 +22,27 @@ use super::{CandidateSource, NoProposal, Proposal};
 use crate::rollout::Stream;
 use crate::scene::{AgentKind, AgentState, Deviation, Scenario};
 
-/// The source by rules.
+/// The rule-based source.
 #[derive(Debug)]
 pub struct Rules;
 
-/// Draws from one stream at most; twice as many for another way.
-const DRAWS: usize = 20;
-/// Draws of one speed profile before any other is tried.
-const OF_ITS_KIND: usize = 12;
-/// A contact up to this step is none that anybody could avoid.
-const TOO_EARLY: usize = 8;
-/// A contact up to this step leaves time to see how it goes on.
-const IN_TIME: usize = 65;
-/// ADE to the log from which on a draw is another trajectory, metres.
-const AWAY: f64 = 2.0;
-/// Beside the logged way from this distance on, metres.
-const OFF_WAY: f64 = 1.0;
-/// Who moves slower than this, and than the AV, is not pressed by being driven into, m/s.
-const SLOW: f64 = 2.0;
+/// Largest number of draws from one stream; another route gets twice as many.
+const MAX_DRAWS: usize = 20;
+/// Number of draws of one kind of speed profile before others are tried.
+const SAME_KIND_DRAWS: usize = 12;
+/// Last step at which a contact is too early for anybody to avoid.
+const TOO_EARLY_STEP: usize = 8;
+/// Last step at which a contact leaves time to observe its outcome.
+const IN_TIME_STEP: usize = 65;
+/// Smallest ADE to the log at which a draw is another trajectory, metres.
+const MIN_ADE: f64 = 2.0;
+/// Distance from the logged path beyond which the AV is off it, metres.
+const OFF_PATH_DISTANCE: f64 = 1.0;
+/// Speed threshold, m/s: an agent slower than this, and slower than the AV, does not count as pressured
+/// when the AV hits it.
+const SLOW_SPEED: f64 = 2.0;
 
-/// What one draw gives.
+/// Result of one draw.
 struct Draft {
     maneuver: String,
     future: Vec<AgentState>,
@@ -63,28 +67,30 @@ impl CandidateSource for Rules {
     }
 }
 
-/// The families in turn; those for which the scene has no room give their turns to the others. The logged way at another speed presses
-/// somebody nearly everywhere, and so has the fewest turns.
+/// Returns the families in turn; those that the scene does not permit give their turns to the others.
+///
+/// The logged path at another speed pressures somebody nearly everywhere, and so it has the fewest
+/// turns.
 fn families(survey: &Survey<'_>) -> Vec<Deviation> {
     use Deviation::{Directional, Lateral, Longitudinal};
-    let room = |family: &Deviation| match family {
+    let is_possible = |family: &Deviation| match family {
         Longitudinal => true,
-        Lateral => survey.moves() || survey.stands_aside(),
+        Lateral => survey.is_moving() || survey.can_pull_out(),
         Directional => !survey.branches.is_empty(),
     };
-    [Longitudinal, Lateral, Directional, Directional, Lateral].into_iter().filter(room).collect()
+    [Longitudinal, Lateral, Directional, Directional, Lateral].into_iter().filter(is_possible).collect()
 }
 
 fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Result<Proposal, NoProposal> {
     let mut best: Option<(u8, Draft)> = None;
     let mut reason = String::new();
     let kind = longitudinal::kind(stream);
-    // Another way meets others at few places and times: it takes longer to find one.
-    let draws = if family == Deviation::Directional { 2 * DRAWS } else { DRAWS };
+    // Another route meets others at few places and times: a suitable draw takes longer to find.
+    let draws = if family == Deviation::Directional { 2 * MAX_DRAWS } else { MAX_DRAWS };
     for attempt in 0..draws {
         let draft = match family {
             Deviation::Longitudinal => {
-                longitudinal::draw(survey, (attempt < OF_ITS_KIND).then_some(kind), stream)
+                longitudinal::draw(survey, (attempt < SAME_KIND_DRAWS).then_some(kind), stream)
             }
             Deviation::Lateral => lateral::draw(survey, stream),
             Deviation::Directional => directional::draw(survey, stream),
@@ -96,7 +102,7 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
                 continue;
             }
         };
-        // What could not be better than what there is need not be looked at more closely.
+        // A draw that could not improve on the best one needs no closer look.
         let rank = rank(survey, family, &draft);
         if best.as_ref().is_none_or(|b| b.0 < rank) {
             let rank = if breaks_rules(survey, &draft) { 0 } else { rank };
@@ -105,7 +111,7 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
             }
         }
         let rank = best.as_ref().map_or(0, |b| b.0);
-        if rank == PRESSES {
+        if rank == BEST_RANK {
             break;
         }
     }
@@ -116,50 +122,60 @@ fn propose(survey: &Survey<'_>, family: Deviation, stream: &mut Stream) -> Resul
 }
 
 /// Rank of a draw that is proposed at once.
-const PRESSES: u8 = 4;
+const BEST_RANK: u8 = 4;
 
-/// How useful a draw is that breaks no rule: 4 makes somebody collide by its own fault, in time and well away from the log; 3 makes
-/// somebody collide so; 2 touches somebody; 1 does not; 0 makes a contact that no driver would make.
+/// Returns the usefulness of a draw, 0 to 4:
+///
+/// - 4: a vehicle collides by its own fault, in time and well away from the log;
+/// - 3: a vehicle collides by its own fault;
+/// - 2: the AV touches somebody;
+/// - 1: no contact;
+/// - 0: a contact that no driver would cause.
 fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
     let touches = survey.replay.touches(&draft.future);
-    if touches.iter().any(breaks) {
+    if touches.iter().any(is_implausible) {
         return 0;
     }
-    // Who is off the logged way for its own sake meets others there, not before.
+    // A draw of another family must be off the logged path at the contact, not before.
     let in_family = |step: usize| {
-        family == Deviation::Longitudinal || survey.beside_way(&draft.future[step - 1]) > OFF_WAY
+        family == Deviation::Longitudinal
+            || survey.distance_to_logged(&draft.future[step - 1]) > OFF_PATH_DISTANCE
     };
     match touches.iter().filter(|t| t.at_fault).map(|t| t.step).min() {
-        Some(step) if step <= IN_TIME && in_family(step) && survey.ade(&draft.future) >= AWAY => PRESSES,
+        Some(step) if step <= IN_TIME_STEP && in_family(step) && survey.ade(&draft.future) >= MIN_ADE => {
+            BEST_RANK
+        }
         Some(_) => 3,
         None if !touches.is_empty() => 2,
         None => 1,
     }
 }
 
-/// Whether a draw swerves, leaves the road or runs a red light.
+/// Returns whether a draw exceeds the grip, leaves the road or runs a red light.
 fn breaks_rules(survey: &Survey<'_>, draft: &Draft) -> bool {
-    !survey.grips(&draft.future) || !survey.on_road(&draft.future) || survey.runs_red(&draft.future)
+    !survey.has_grip(&draft.future)
+        || !survey.is_on_road(&draft.future)
+        || survey.runs_red_light(&draft.future)
 }
 
-/// Whether a contact is one that no driver would make: early, with somebody on foot or on a bicycle, or by driving into what is slow
-/// or goes ahead.
-fn breaks(touch: &Touch) -> bool {
-    touch.step <= TOO_EARLY
+/// Returns whether no driver would cause a contact: it is early, with a pedestrian or cyclist, or by
+/// hitting a vehicle that is slow or ahead.
+fn is_implausible(touch: &Touch) -> bool {
+    touch.step <= TOO_EARLY_STEP
         || touch.kind != Some(AgentKind::Vehicle)
-        || touch.stands()
-        || touch.crawls()
-        || touch.rear_end()
-        || touch.head_on()
-        || touch.driven_into(SLOW)
+        || touch.is_standing()
+        || touch.is_crawling()
+        || touch.is_rear_end()
+        || touch.is_head_on()
+        || touch.is_driven_into(SLOW_SPEED)
 }
 
-/// Uniform in a range.
+/// Draws uniformly from a range.
 fn between(stream: &mut Stream, low: f64, high: f64) -> f64 {
     stream.random_range(low..high)
 }
 
-/// One of several, with weights.
+/// Draws one of several choices, with weights.
 fn pick<'t, T>(stream: &mut Stream, choices: &'t [(f64, T)]) -> Option<&'t T> {
     let total: f64 = choices.iter().map(|c| c.0).sum();
     let mut left = stream.random_range(0.0..1.0) * total;

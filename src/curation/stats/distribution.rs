@@ -1,36 +1,36 @@
-//! How values are spread.
+//! Distributions of values.
 
 use serde::Serialize;
 
 use crate::geometry::math;
 
-/// Most bins of a histogram.
-const MOST_BINS: f64 = 24.0;
+/// Largest number of bins of a histogram.
+const MAX_BINS: f64 = 24.0;
 
-/// How the values of one quantity are spread. Without values there is neither a mean nor a quartile.
+/// Distribution of the values of one quantity. Without values there are no mean and no quartiles.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Distribution {
-    /// Values; those that are not finite are left out.
+    /// Number of finite values; others are left out.
     pub n: usize,
     /// Mean.
     pub mean: Option<f64>,
     /// Smallest.
     pub min: Option<f64>,
-    /// Quartile that a quarter of the values do not exceed.
+    /// Lower quartile.
     pub lower_quartile: Option<f64>,
     /// Median.
     pub median: Option<f64>,
-    /// Quartile that three quarters of the values do not exceed.
+    /// Upper quartile.
     pub upper_quartile: Option<f64>,
     /// Largest.
     pub max: Option<f64>,
-    /// Values in each of the [`Bins`] of the quantity.
+    /// Number of values in each of the [`Bins`] of the quantity.
     pub histogram: Vec<u64>,
 }
 
 impl Distribution {
-    /// The distribution of these values. Quartiles are interpolated between the two values beside them (type 7 of Hyndman and Fan,
-    /// 1996).
+    /// Computes the distribution of these values. Quartiles are interpolated between the two nearest
+    /// values (type 7 of Hyndman and Fan, 1996).
     pub fn of(values: &[f64], bins: &Bins) -> Self {
         let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
@@ -63,23 +63,23 @@ fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
 /// Bins of equal width, shared by all distributions of one quantity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Bins {
-    /// Where the first bin begins; a multiple of the width.
+    /// Lower edge of the first bin; a multiple of the width.
     pub start: f64,
     /// Width of each bin: 1, 2 or 5 times a power of ten.
     pub width: f64,
-    /// How many there are; none without values.
+    /// Number of bins; 0 without values.
     pub count: usize,
 }
 
 impl Bins {
-    /// At most about two dozen bins that hold all these values.
+    /// Returns bins that hold all these values, about two dozen at most.
     pub fn of(values: &[f64]) -> Self {
         let finite = values.iter().copied().filter(|v| v.is_finite());
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if low > high {
             return Self { start: 0.0, width: 1.0, count: 0 };
         }
-        let least = ((high - low) / MOST_BINS).max(low.abs().max(high.abs()) * 1e-9).max(1e-3);
+        let least = ((high - low) / MAX_BINS).max(low.abs().max(high.abs()) * 1e-9).max(1e-3);
         let power = math::exp10(math::log10(least).floor());
         let widths = [1.0, 2.0, 5.0, 10.0].map(|f| f * power);
         let width = widths.into_iter().find(|w| *w >= least).unwrap_or(widths[3]);
@@ -88,12 +88,12 @@ impl Bins {
         Self { start: first * width, width, count }
     }
 
-    /// The bin of a value among those that the bins were made for.
+    /// Returns the index of the bin of a value, which must be among those that the bins were made for.
     fn index(&self, value: f64) -> usize {
         (((value / self.width).floor() - (self.start / self.width).round()).max(0.0)) as usize
     }
 
-    /// Where bin `i` begins.
+    /// Returns the lower edge of bin `i`.
     pub fn edge(&self, i: usize) -> f64 {
         self.start + self.width * i as f64
     }

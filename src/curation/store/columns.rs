@@ -55,8 +55,8 @@ pub(super) fn columns() -> Vec<Column> {
     all
 }
 
-/// Columns that the index of a file needs: those that are small.
-pub(super) const LIGHT: &[&str] = &[
+/// Columns that the index of a file needs, all of them small.
+pub(super) const INDEX_COLUMNS: &[&str] = &[
     "scenario_id",
     "scenario_digest",
     "candidate",
@@ -72,5 +72,5 @@ pub(super) const LIGHT: &[&str] = &[
     "has_certificate",
 ];
 
-/// The values of a state, in the order of the columns that hold them.
+/// Columns of the values of a state, in order.
 pub(super) const STATE: [&str; 5] = ["x", "y", "heading", "vx", "vy"];

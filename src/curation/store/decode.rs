@@ -1,4 +1,4 @@
-//! Columns into records.
+//! Decodes columns into records.
 
 use std::ops::Range;
 
@@ -8,18 +8,18 @@ use super::columns::STATE;
 use crate::curation::{
     Candidate, CandidateRecord, Decision, Figure, Offsets, Pressure, ReviewMark, ScenarioRecord, Taxonomy,
 };
-use crate::formats::certificates::{self, null, parallel, states, states_views};
+use crate::formats::certificates::{self, null_error, parallel_ranges, states, states_views};
 use crate::formats::error::Cause;
 use crate::formats::table::{Leaf, View};
 use crate::geometry::Vec2;
 use crate::scene::{AgentState, Deviation};
 
-/// The columns of a row group by name.
+/// The columns of a row group, by name.
 pub(super) struct Rows<'a> {
     batch: &'a RecordBatch,
 }
 
-/// Cells of plain columns, each of which must be there.
+/// Cells of plain columns, each of which must exist.
 impl<'a> Rows<'a> {
     pub(super) fn new(batch: &'a RecordBatch) -> Self {
         Self { batch }
@@ -32,7 +32,7 @@ impl<'a> Rows<'a> {
         get: impl Fn(&View, usize) -> Option<T>,
     ) -> Result<Vec<T>, Cause> {
         let view = View::need(self.batch, name, leaf, 0)?;
-        let each = (0..self.batch.num_rows()).map(|row| get(&view, row).ok_or_else(|| null(name)));
+        let each = (0..self.batch.num_rows()).map(|row| get(&view, row).ok_or_else(|| null_error(name)));
         each.collect()
     }
 
@@ -56,7 +56,7 @@ impl<'a> Rows<'a> {
         self.plain(name, Leaf::Number, View::number)
     }
 
-    /// Scores; NaN where there is none.
+    /// Returns the scores; NaN for none.
     pub(super) fn scores(&self) -> Result<Vec<f64>, Cause> {
         self.plain("score", Leaf::Number, |v, row| Some(v.number(row).unwrap_or(f64::NAN)))
     }
@@ -89,7 +89,7 @@ impl<'a> Rows<'a> {
         .collect()
     }
 
-    /// The rows of each scenario, one after the other.
+    /// Returns the rows of each scenario, in order.
     pub(super) fn scenarios(&self) -> Result<Vec<Range<usize>>, Cause> {
         let ids = View::need(self.batch, "scenario_id", Leaf::Text, 0)?;
         let (mut ranges, mut start) = (Vec::new(), 0);
@@ -102,7 +102,7 @@ impl<'a> Rows<'a> {
         Ok(ranges)
     }
 
-    /// The states of every row.
+    /// Returns the states of every row.
     fn tracks(&self) -> Result<Vec<Vec<AgentState>>, Cause> {
         let views = states_views(self.batch, STATE, 1)?;
         let list = |row| states(&views, |view| view.range(0, row));
@@ -114,9 +114,10 @@ impl<'a> Rows<'a> {
         let values = View::need(self.batch, "figure", Leaf::Number, 1)?;
         let passed = View::need(self.batch, "passed", Leaf::Flag, 1)?;
         let of = |row| {
-            let ranges = parallel(row, &[&filters, &values, &passed])?;
+            let ranges = parallel_ranges(row, &[&filters, &values, &passed])?;
             let figure = |k: usize| {
-                let filter = filters.text(ranges[0].start + k).ok_or_else(|| null("filter"))?.to_owned();
+                let filter =
+                    filters.text(ranges[0].start + k).ok_or_else(|| null_error("filter"))?.to_owned();
                 let value = values.number(ranges[1].start + k);
                 Ok(Figure { filter, value, passed: passed.flag(ranges[2].start + k) })
             };
@@ -125,7 +126,7 @@ impl<'a> Rows<'a> {
         (0..self.batch.num_rows()).map(of).collect()
     }
 
-    /// All records of the row group.
+    /// Returns all records of the row group.
     pub(super) fn records(&self) -> Result<Vec<ScenarioRecord>, Cause> {
         let scenarios = self.scenarios()?;
         let (ids, digests) = (self.texts("scenario_id")?, self.texts("scenario_digest")?);
@@ -203,7 +204,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The cell of the next row. All columns of a batch are of one length.
+/// Returns the cell of the next row. All columns of a batch have the same length.
 fn next<T>(cells: &mut impl Iterator<Item = T>) -> Result<T, Cause> {
     cells.next().ok_or_else(|| Cause::Undecodable("columns are of different lengths".into()))
 }
@@ -237,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn decisions_that_nobody_can_take_are_refused() {
+    fn invalid_decisions_are_refused() {
         for decision in [Decision::Pick, Decision::Reject, Decision::Flag] {
             let read = reviews(decision.name()).unwrap();
             assert_eq!((read[0].as_ref().map(|r| r.decision), &read[1]), (Some(decision), &None));

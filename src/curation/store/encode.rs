@@ -1,11 +1,11 @@
-//! Records into columns.
+//! Encodes records into columns.
 
 use super::columns::STATE;
 use crate::curation::{CandidateRecord, Figure, ScenarioRecord};
 use crate::formats::certificates::{self, STATE_VALUES};
 use crate::formats::table::{TableWriter, Value};
 
-/// Adds the cells of one candidate. The scene stands in the first row of its scenario only.
+/// Adds the cells of one candidate. Only the first row of a scenario holds its scene.
 pub(super) fn candidate(t: &mut TableWriter, of: &ScenarioRecord, record: &CandidateRecord, first: bool) {
     let CandidateRecord { candidate, taxonomy, pressure, offsets, review, .. } = record;
     t.column("scenario_id").push(Value::Text(&of.scenario_id));

@@ -1,10 +1,11 @@
-//! A file of which little is kept in memory: what lists and filters need of every candidate, and single scenarios on demand.
+//! Random access to the scenarios of a file. Memory holds only the candidate data that lists and filters
+//! need; scenarios are decoded on demand.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use super::columns::LIGHT;
+use super::columns::INDEX_COLUMNS;
 use super::decode::Rows;
 use super::{open, reader};
 use crate::curation::{CurationProvenance, ReviewMark, ScenarioRecord};
@@ -13,30 +14,30 @@ use crate::formats::error::Cause;
 use crate::formats::table::TableReader;
 use crate::scene::Deviation;
 
-/// A candidate as the index knows it. Fields as in [`crate::curation::CandidateRecord`].
+/// Index entry of a candidate. Fields as in [`crate::curation::CandidateRecord`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CandidateEntry {
     /// Number of its random stream.
     pub number: u32,
-    /// What the AV does, in a few words.
+    /// Short description of the maneuver.
     pub maneuver: String,
-    /// What the source meant to do.
+    /// Category that the source intended.
     pub intent: Option<Deviation>,
     /// The category.
     pub category: Deviation,
     /// Id of the first filter that rejected it; `None` for survivors.
     pub rejected_by: Option<String>,
-    /// How good it is; NaN for those that did not survive.
+    /// Quality; NaN for rejected candidates.
     pub score: f64,
     /// Whether it is in the set.
     pub chosen: bool,
     /// Whether there is a certificate.
     pub has_certificate: bool,
-    /// Who decided by hand.
+    /// Manual decision, if any.
     pub review: Option<ReviewMark>,
 }
 
-/// A scenario as the index knows it.
+/// Index entry of a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScenarioEntry {
     /// Id.
@@ -45,18 +46,18 @@ pub struct ScenarioEntry {
     pub scenario_digest: String,
     /// The candidates in the order of the file.
     pub candidates: Vec<CandidateEntry>,
-    /// Where it lies: row group, and place among the scenarios of that.
+    /// Row group, and position among the scenarios in it.
     at: (usize, usize),
 }
 
 impl ScenarioEntry {
-    /// The chosen candidate, where there is one.
+    /// Returns the chosen candidate, if any.
     pub fn chosen(&self) -> Option<&CandidateEntry> {
         self.candidates.iter().find(|c| c.chosen)
     }
 }
 
-/// The file of a curation, opened for looking at single scenarios. Several threads may share it.
+/// A curation file opened for access to single scenarios. Several threads may share it.
 pub struct Store {
     path: PathBuf,
     provenance: CurationProvenance,
@@ -69,13 +70,13 @@ impl Store {
     /// Opens a file. All checksums are checked, but tracks, certificates and scenes are not decoded.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be read, is damaged, or no curation wrote it.
+    /// [`FormatError`] when the file cannot be read, is damaged, or was not written by a curation.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref();
         let (mut table, provenance) = open(path)?;
         let (mut scenarios, mut by_id) = (Vec::new(), BTreeMap::new());
         for group in 0..table.groups() {
-            let batch = table.group(group, LIGHT)?;
+            let batch = table.group(group, INDEX_COLUMNS)?;
             let found = entries(&Rows::new(&batch), group).map_err(|c| FormatError::file(path, c))?;
             for entry in found {
                 if by_id.insert(entry.scenario_id.clone(), scenarios.len()).is_some() {
@@ -87,40 +88,42 @@ impl Store {
         Ok(Self { path: path.to_owned(), provenance, scenarios, by_id, table: Mutex::new(table) })
     }
 
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where the file comes from.
+    /// Returns the provenance of the file.
     pub fn provenance(&self) -> &CurationProvenance {
         &self.provenance
     }
 
-    /// All scenarios in file order.
+    /// Returns all scenarios in file order.
     pub fn scenarios(&self) -> &[ScenarioEntry] {
         &self.scenarios
     }
 
-    /// The place of a scenario among [`Store::scenarios`].
+    /// Returns the index of a scenario in [`Store::scenarios`].
     pub fn find(&self, scenario_id: &str) -> Option<usize> {
         self.by_id.get(scenario_id).copied()
     }
 
-    /// All that the file holds of one scenario. Decodes its row group.
+    /// Reads one scenario. Decodes its row group.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be read any more or is damaged.
+    /// [`FormatError`] when the file has become unreadable or is damaged.
     ///
     /// # Panics
-    /// When there are not so many scenarios.
+    /// If `index` is out of range.
     pub fn scenario(&self, index: usize) -> Result<ScenarioRecord, FormatError> {
         let entry = &self.scenarios[index];
         let (group, place) = entry.at;
         let batch = self.table.lock().unwrap_or_else(PoisonError::into_inner).group(group, &[])?;
         let record = Rows::new(&batch).records().and_then(|records| {
             let found = records.into_iter().nth(place).filter(|r| r.scenario_id == entry.scenario_id);
-            found.ok_or_else(|| Cause::Undecodable("rows are not where they were; open it again".into()))
+            found.ok_or_else(|| {
+                Cause::Undecodable("its rows have moved since it was opened; open it again".into())
+            })
         });
         record.map_err(|cause| FormatError::file(&self.path, cause))
     }

@@ -1,4 +1,4 @@
-//! Reading the file of a curation from its beginning to its end.
+//! Sequential reading of a curation file.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,11 @@ use crate::formats::FormatError;
 use crate::formats::error::Cause;
 use crate::formats::table::TableReader;
 
-/// Reads the scenarios of a curation in file order, one row group in memory at a time. After an error there is nothing more.
+/// Reads the scenarios of a curation in file order, with one row group in memory at a time. The first
+/// error ends the sequence.
 ///
 /// # Errors
-/// [`FormatError`] when the file can not be read or no curation wrote it.
+/// [`FormatError`] when the file cannot be read or was not written by a curation.
 pub fn read(path: impl AsRef<Path>) -> Result<Reader, FormatError> {
     let path = path.as_ref();
     let (table, provenance) = open(path)?;
@@ -27,7 +28,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Reader, FormatError> {
     })
 }
 
-/// The scenarios of a file.
+/// Iterator over the scenarios of a file.
 pub struct Reader {
     path: PathBuf,
     table: TableReader,
@@ -38,7 +39,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Where the file comes from.
+    /// Returns the provenance of the file.
     pub fn provenance(&self) -> &CurationProvenance {
         &self.provenance
     }
@@ -55,7 +56,7 @@ impl Reader {
     }
 }
 
-/// The refusal of a scenario whose rows do not lie together.
+/// Returns the error for a scenario whose rows are not contiguous.
 pub(super) fn repeated(path: &Path, id: &str) -> FormatError {
     let cause = Cause::value("`scenario_id`", format!("`{id}` again"), "the rows of a scenario together");
     FormatError::file(path, cause)

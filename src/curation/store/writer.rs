@@ -1,42 +1,43 @@
-//! Writing the file of a curation.
+//! Writing of a curation file.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::{FRAME, GROUP, KIND, PROVENANCE, SCENARIO_FRAME, VERSION, columns, encode};
+use super::{FRAME, KIND, PROVENANCE_KEY, SCENARIO_FRAME, SCENARIOS_PER_GROUP, VERSION, columns, encode};
 use crate::curation::{CANDIDATE_STATES, CurationProvenance, ScenarioRecord};
 use crate::formats::FormatError;
 use crate::formats::error::Cause;
 use crate::formats::table::TableWriter;
 
-/// Writes a curation. The file gets its name when it is finished; a writer that is dropped leaves nothing.
+/// Writes a curation. The file gets its name when it is finished; a writer that is dropped leaves
+/// nothing.
 pub struct Writer {
     path: PathBuf,
     table: TableWriter,
     ids: BTreeSet<String>,
-    /// Scenarios of the row group that is being filled.
+    /// Number of scenarios in the current row group.
     waiting: usize,
     written: u64,
 }
 
 impl Writer {
-    /// Begins a file, under another name in the same folder.
+    /// Creates a file, under a temporary name in the same folder.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be created.
+    /// [`FormatError`] when the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref();
-        // Row groups end where scenarios do, so the table must not end them by itself.
+        // Row groups must end with a scenario, so the table must not end them by itself.
         let table = TableWriter::create(path, (KIND, VERSION), usize::MAX, columns::columns())?;
         Ok(Self { path: path.to_owned(), table, ids: BTreeSet::new(), waiting: 0, written: 0 })
     }
 
-    /// Adds a scenario with its candidates; whether it is in the file now: of one without candidates there is nothing to be kept but its
-    /// place in the counts.
+    /// Adds a scenario with its candidates. Returns whether it is now in the file: a scenario without
+    /// candidates has no rows and appears only in the counts.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written, when the scenario is already in it, or when a track does not have 81
-    /// states.
+    /// [`FormatError`] when the file cannot be written, when the scenario is already in it, or when a
+    /// track does not have 81 states.
     pub fn write(&mut self, record: &ScenarioRecord) -> Result<bool, FormatError> {
         if record.candidates.is_empty() {
             return Ok(false);
@@ -51,14 +52,14 @@ impl Writer {
         }
         self.written += 1;
         self.waiting += 1;
-        if self.waiting >= GROUP {
+        if self.waiting >= SCENARIOS_PER_GROUP {
             self.waiting = 0;
             self.table.flush()?;
         }
         Ok(true)
     }
 
-    /// What would make a file that can not be read back.
+    /// Rejects records that could not be read back.
     fn check(&self, record: &ScenarioRecord) -> Result<(), Cause> {
         let id = &record.scenario_id;
         if self.ids.contains(id) {
@@ -83,14 +84,14 @@ impl Writer {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written.
+    /// [`FormatError`] when the file cannot be written.
     ///
     /// # Panics
     /// Never: a provenance is text and whole numbers.
     pub fn finish(mut self, provenance: &CurationProvenance) -> Result<(), FormatError> {
         let text = serde_json::to_string(provenance).expect("a provenance is text and whole numbers");
-        self.table.say(FRAME, SCENARIO_FRAME.to_owned());
-        self.table.say(PROVENANCE, text);
+        self.table.add_metadata(FRAME, SCENARIO_FRAME.to_owned());
+        self.table.add_metadata(PROVENANCE_KEY, text);
         self.table.finish()
     }
 }

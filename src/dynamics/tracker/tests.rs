@@ -8,7 +8,7 @@ fn start(speed: f64) -> Moving {
     Moving { pose: Pose { position: Vec2::new(31.0, -7.0), heading: 0.9 }, speed, acceleration: 0.0 }
 }
 
-/// A pose given in the frame of another.
+/// Returns a pose given in the frame of another.
 fn placed(from: Pose, x: f64, y: f64, heading: f64) -> Pose {
     let ahead = direction(from.heading);
     Pose { position: from.position + ahead * x + left(ahead) * y, heading: wrap(from.heading + heading) }
@@ -21,7 +21,8 @@ fn track(ability: Ability, now: Moving, poses: &[Pose]) -> Vec<Moving> {
     driven
 }
 
-/// What the metrics find: the largest acceleration and curvature, by their formulas. Checks that speeds are those of the positions.
+/// Returns the largest acceleration and curvature by the formulas of the metrics. Checks that
+/// speeds match the positions.
 fn peaks(now: Moving, driven: &[Moving]) -> (f64, f64) {
     let (mut acceleration, mut curvature) = (0.0_f64, 0.0_f64);
     let mut before = now;
@@ -32,8 +33,8 @@ fn peaks(now: Moving, driven: &[Moving]) -> (f64, f64) {
         let a = (v1 - v0) / DT;
         acceleration = acceleration.max(a.abs());
         if v0 >= 0.6 && v1 >= 0.6 {
-            let way = v0 * DT + 0.5 * a * DT * DT;
-            curvature = curvature.max((wrap(m.pose.heading - before.pose.heading) / way).abs());
+            let distance = v0 * DT + 0.5 * a * DT * DT;
+            curvature = curvature.max((wrap(m.pose.heading - before.pose.heading) / distance).abs());
         }
         before = *m;
     }
@@ -54,7 +55,8 @@ fn end_error(driven: &[Moving], poses: &[Pose]) -> f64 {
     (driven[driven.len() - 1].pose.position - poses[poses.len() - 1].position).norm()
 }
 
-/// Poses of a vehicle whose centre (`rear` = 0) or rear axle goes along arcs: speeds of that point and curvatures per step.
+/// Returns poses of a vehicle whose centre (`rear` = 0) or rear axle follows arcs, given the speed
+/// of that point and the curvature at each step.
 fn drive(from: Pose, rear: f64, speeds: &[f64], curvature: impl Fn(usize) -> f64) -> Vec<Pose> {
     let mut axle = Pose { position: from.position - direction(from.heading) * rear, heading: from.heading };
     let mut poses = Vec::new();
@@ -79,7 +81,7 @@ fn any_plan_is_brought_within_the_limits() {
                                 .map(|k| placed(now.pose, x * share(k), y * share(k), turn * share(k)))
                                 .collect();
                             feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
-                            // All at once.
+                            // The whole displacement in the first step.
                             let poses = vec![placed(now.pose, x, y, turn); n];
                             feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
                         }
@@ -100,7 +102,13 @@ proptest! {
     ) {
         let now = Moving { acceleration, ..start(speed) };
         let mut pose = now.pose;
-        let poses: Vec<Pose> = steps.iter().map(|&(x, y, turn)| { pose = placed(pose, x, y, turn); pose }).collect();
+        let poses: Vec<Pose> = steps
+            .iter()
+            .map(|&(x, y, turn)| {
+                pose = placed(pose, x, y, turn);
+                pose
+            })
+            .collect();
         feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
     }
 }
@@ -115,7 +123,7 @@ fn arcs_are_followed() {
                     if lateral.abs() > 6.0 {
                         continue;
                     }
-                    // The slip of a centre ahead of the axle makes its way longer.
+                    // A centre ahead of the axle travels farther than the axle.
                     let slip: f64 = rear * curvature;
                     let now = start(speed * (1.0 + slip * slip).sqrt());
                     let poses = drive(now.pose, rear, &vec![speed; n], |_| curvature);
@@ -191,8 +199,8 @@ fn a_change_of_lanes_is_followed() {
 }
 
 #[test]
-fn setting_out_and_turning_back_are_followed() {
-    // Stands, sets out at 2 m/s², comes to a halt, rolls back.
+fn setting_off_and_reversing_are_followed() {
+    // Stands, accelerates at 2 m/s², comes to a halt, and reverses.
     let mut speeds = vec![0.0; 10];
     speeds.extend((1..=10).map(|k| 0.2 * f64::from(k)));
     speeds.extend((0..10).rev().map(|k| 0.2 * f64::from(k)));
@@ -207,7 +215,7 @@ fn setting_out_and_turning_back_are_followed() {
 }
 
 #[test]
-fn who_stands_stands_still() {
+fn a_stationary_vehicle_stays_exactly_still() {
     for speed in [0.0, 0.05, 0.3, -0.2] {
         for n in [1, 5, 40] {
             let now = start(speed);
@@ -215,25 +223,25 @@ fn who_stands_stands_still() {
             assert!(driven.iter().all(|m| m.pose == now.pose && m.speed == 0.0));
         }
     }
-    // A plan that trembles by a millimetre moves nobody.
+    // A plan with millimetre jitter moves nothing.
     let now = start(0.0);
     let poses: Vec<Pose> = (0..40).map(|k| placed(now.pose, 1e-3 * f64::from(k % 2), 1e-3, 0.01)).collect();
     assert!(track(Ability::of_vehicle(1.3), now, &poses).iter().all(|m| m.pose == now.pose));
 }
 
 #[test]
-fn a_speed_that_the_log_made_up_is_mended() {
-    for (said, is) in [(14.0, 10.0), (6.0, 10.0), (0.0, 5.0)] {
-        let now = Moving { acceleration: (said - is) / DT, ..start(said) };
-        let poses = drive(now.pose, 0.0, &[is; 40], |_| 0.0);
+fn a_wrong_initial_speed_is_corrected() {
+    for (stated, actual) in [(14.0, 10.0), (6.0, 10.0), (0.0, 5.0)] {
+        let now = Moving { acceleration: (stated - actual) / DT, ..start(stated) };
+        let poses = drive(now.pose, 0.0, &[actual; 40], |_| 0.0);
         let driven = track(Ability::of_vehicle(0.0), now, &poses);
         feasible(now, &driven);
-        assert!((driven[39].speed - is).abs() < 0.05 && end_error(&driven, &poses) < 0.05);
+        assert!((driven[39].speed - actual).abs() < 0.05 && end_error(&driven, &poses) < 0.05);
     }
 }
 
 #[test]
-fn states_tell_how_a_vehicle_moves() {
+fn motion_is_read_from_states() {
     let state = |x: f64, vx: f64, vy: f64| Some(AgentState { x, y: 0.0, heading: 0.0, vx, vy });
     let moving = Moving::after(&[state(0.0, 3.0, 4.0), state(0.4, 4.0, 0.0)]).unwrap();
     assert_eq!((moving.speed, moving.acceleration), (4.0, (4.0 - 5.0) / DT));

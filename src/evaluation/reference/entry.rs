@@ -1,4 +1,4 @@
-//! Entries of a leaderboard: references, and run folders of others.
+//! Entries of a leaderboard: references, and submitted run folders.
 
 use std::path::Path;
 
@@ -10,33 +10,33 @@ use crate::evaluation::{
     BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary,
 };
 
-/// A run that stands in a leaderboard.
+/// A run in a leaderboard.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// Name, that of its folder.
+    /// Name of the entry and its folder.
     pub name: String,
-    /// Its benchmark.
+    /// Benchmark.
     pub benchmark: BenchmarkRecord,
-    /// Its result.
+    /// Result.
     pub summary: Summary,
-    /// How far its numbers were checked.
+    /// Degree of verification.
     pub status: Status,
 }
 
-/// How far the numbers of an entry were checked. Of all entries the rows give the summary.
+/// The degree to which the numbers of an entry were verified. For all entries the rows give the summary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// A reference whose files have the digests that it states.
+    /// A reference whose files have the recorded digests.
     Reference,
-    /// A run whose kept rollouts give its rows again.
+    /// A run whose kept rollouts reproduce its rows.
     Verified,
-    /// A run without rollouts, or on scenarios that are not at hand.
+    /// A run without rollouts, or on scenarios that are not available.
     Unverified,
 }
 
 impl Status {
-    /// Name in tables and files.
+    /// Returns the name used in tables and files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Reference => "reference",
@@ -47,12 +47,12 @@ impl Status {
 }
 
 impl Entry {
-    /// Reads an entry: a reference, or a finished run folder. `scenarios` opens the file of a benchmark where it is at hand, to score
-    /// kept rollouts again.
+    /// Reads an entry: a reference, or a finished run folder. `scenarios` opens the file of a benchmark if it
+    /// is available, to score kept rollouts again.
     ///
     /// # Errors
-    /// [`ReferenceError`] refuses an entry that is unfinished, on no known benchmark or on a part of one, that has failures, whose rows do
-    /// not give its summary, or whose rollouts do not give its rows.
+    /// [`ReferenceError`] for an entry that is unfinished, on no known benchmark or on a part of one, that
+    /// has failures, whose rows do not give its summary, or whose rollouts do not reproduce its rows.
     pub fn read(
         folder: &Path,
         name: String,
@@ -89,16 +89,16 @@ impl Entry {
         Ok(Self { name, benchmark, summary, status })
     }
 
-    /// Refuses an entry that cannot stand in one table with another one: of another benchmark, or with other settings.
+    /// Checks that two entries are comparable: of the same benchmark, with the same settings.
     ///
     /// # Errors
-    /// [`ReferenceError`] names what differs.
+    /// [`ReferenceError`] names the difference.
     pub fn check_comparable(&self, first: &Self) -> Result<(), ReferenceError> {
         let (own, of_first) = (&self.summary.provenance.run, &first.summary.provenance.run);
         let refuse = |field: String, stated: String, found: String| ReferenceError::Unfit {
             place: self.name.clone(),
             reason: format!(
-                "`{field}` is {found}, and {stated} in {}: they cannot stand in one table",
+                "`{field}` is {found}, and {stated} in {}: they cannot be compared in one table",
                 first.name
             ),
         };

@@ -1,37 +1,37 @@
-//! Why a reference cannot be made, read or used.
+//! Errors of making, reading and using references.
 
 use std::path::PathBuf;
 
 use crate::evaluation::EvaluationError;
 use crate::formats::FormatError;
 
-/// Why a reference cannot be made, read or used. A run that disagrees with a reference is no error but a
-/// [`super::Verification`].
+/// The reason why a reference cannot be made, read or used. A run that disagrees with a reference is not an
+/// error but the result of a [`super::Verification`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// A folder is no reference.
-    #[error("{place} is no reference: it has no reference.toml")]
+    /// A folder is not a reference.
+    #[error("{place} is not a reference: it has no reference.toml")]
     NoReference {
         /// The folder.
         place: String,
     },
     /// `reference.toml` cannot be read.
-    #[error("{place}/reference.toml can not be read: {source}")]
+    #[error("{place}/reference.toml cannot be read: {source}")]
     Damaged {
         /// The folder.
         place: String,
-        /// Why.
+        /// Underlying error.
         source: toml::de::Error,
     },
     /// A JSON file cannot be read.
-    #[error("{place}/{file} can not be read: {source}")]
+    #[error("{place}/{file} cannot be read: {source}")]
     DamagedJson {
         /// The folder.
         place: String,
         /// The file.
         file: String,
-        /// Why.
+        /// Underlying error.
         source: serde_json::Error,
     },
     /// A file of the folder is missing.
@@ -42,7 +42,7 @@ pub enum ReferenceError {
         /// The file.
         file: String,
     },
-    /// A file is in the folder that does not belong to the reference.
+    /// The folder contains a file that does not belong to the reference.
     #[error("{place}: the file {file} does not belong to the reference: reference.toml does not list it")]
     ExtraFile {
         /// The folder.
@@ -51,13 +51,13 @@ pub enum ReferenceError {
         file: String,
     },
     /// A file was changed.
-    #[error("{place}: {file} was changed: its digest is {found}, reference.toml states {stated}")]
+    #[error("{place}: {file} was changed: its digest is {found}, in reference.toml it is {stated}")]
     OtherDigest {
         /// The folder.
         place: String,
         /// The file.
         file: String,
-        /// Digest that the reference states.
+        /// Digest in `reference.toml`.
         stated: String,
         /// Digest of the file.
         found: String,
@@ -67,34 +67,34 @@ pub enum ReferenceError {
     Disagree {
         /// The folder and both files.
         files: String,
-        /// What differs.
+        /// Name of the field that differs.
         field: String,
         /// Value in the first file.
         stated: String,
         /// Value in the second file.
         found: String,
     },
-    /// A reference, or a run that should become one, is not what a reference must be.
+    /// A reference, or a run that should become one, does not meet a requirement.
     #[error("{place}: {reason}")]
     Unfit {
         /// The folder.
         place: String,
-        /// Why, and what to do.
+        /// Reason, and what to do.
         reason: String,
     },
-    /// A reference was made by another program or from other inputs than those at hand.
-    #[error("{place}: `{field}` is {stated} in the reference and {found} here{mend}")]
+    /// A reference was made by another program or from other inputs than those given.
+    #[error("{place}: `{field}` is {stated} in the reference and {found} here{hint}")]
     OtherRun {
         /// The folder.
         place: String,
-        /// What differs.
+        /// Name of the field that differs.
         field: String,
         /// Value in the reference.
         stated: String,
         /// Value here.
         found: String,
-        /// What to do; empty where that is plain.
-        mend: &'static str,
+        /// Suggested remedy; may be empty.
+        hint: &'static str,
     },
     /// The folder of a new reference exists and is not empty.
     #[error("{path} exists and is not empty; choose another folder")]

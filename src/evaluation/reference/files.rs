@@ -1,4 +1,4 @@
-//! The files of a reference, from a folder or from the program itself.
+//! The files of a reference, from a folder or embedded in the program.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -8,7 +8,8 @@ use std::path::Path;
 use super::{REFERENCE_RECORD, ReferenceError};
 use crate::evaluation::folder::cannot_read;
 
-/// The files of a reference that has rows, as they lie in its folder in the repository: `embedded!("reactsim-bench-v2")`.
+/// Embeds the files of a reference with rows from its folder in the repository:
+/// `embedded!("reactsim-bench-v2")`.
 macro_rules! embedded {
     ($name:literal) => {
         (
@@ -26,7 +27,7 @@ macro_rules! embedded {
     };
 }
 
-/// The references that are part of the program, by name; one line each, with the macro [`embedded`].
+/// The references that are embedded in the program, by name; one line each, with the macro [`embedded`].
 const EMBEDDED: &[(&str, EmbeddedFiles)] = &[embedded!("reactsim-bench-v2")];
 
 /// Names and content of embedded files.
@@ -40,7 +41,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Reads all files of a folder. A folder within it is listed as a file without content.
+    /// Reads all files of a folder. A subfolder is listed as a file without content.
     pub(super) fn of_folder(folder: &Path) -> Result<Self, ReferenceError> {
         let place = folder.display().to_string();
         if !folder.join(REFERENCE_RECORD).is_file() {
@@ -59,7 +60,7 @@ impl Files {
         Ok(Self { place, content })
     }
 
-    /// The files of a reference that is part of the program.
+    /// Returns the files of an embedded reference.
     pub(super) fn embedded(name: &str) -> Option<Self> {
         let (name, files) = EMBEDDED.iter().find(|(embedded, _)| *embedded == name)?;
         let content = files.iter().map(|(file, bytes)| ((*file).to_owned(), Cow::Borrowed(*bytes)));
@@ -72,7 +73,7 @@ mod tests {
     use crate::evaluation::reference::Reference;
 
     #[test]
-    fn embedded_references_are_whole() {
+    fn embedded_references_are_consistent() {
         for (name, _) in super::EMBEDDED {
             let reference = Reference::embedded(name).unwrap().unwrap();
             assert_eq!(reference.record.name, *name);

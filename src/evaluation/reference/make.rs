@@ -1,4 +1,4 @@
-//! Makes a reference of a finished run.
+//! Creation of a reference from a finished run.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,24 +13,26 @@ use crate::evaluation::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, cannot_read, ca
 use crate::evaluation::{read_provenance, read_rows, read_summary};
 use crate::models::nn::cpu_class;
 
-/// What a reference states that its run does not.
+/// The parts of a reference that are not in its run.
 #[derive(Clone, Debug, Default)]
 pub struct MakeOptions {
     /// Name.
     pub name: String,
-    /// One line for people; the name where it is empty.
+    /// Title in tables; if empty, the name is used.
     pub title: String,
-    /// The commands that made the run.
+    /// The commands that produced the run.
     pub commands: Vec<String>,
-    /// Whether rows are left out: for sets of recordings whose terms allow no more than aggregates.
+    /// Whether to omit rows, for sets of recordings whose terms permit only aggregates.
     pub aggregates_only: bool,
 }
 
-/// Writes the reference of a finished run to a folder that is absent or empty, and reads it back. To be called on the machine of the run.
+/// Writes the reference of a finished run to a folder that is absent or empty, and reads it back. Must be
+/// called on the machine of the run.
 ///
 /// # Errors
-/// [`ReferenceError`] refuses a run that is unfinished, has failures, was made by a program with uncommitted changes, covers a
-/// benchmark in part, or, unless only aggregates are published, is on no known benchmark.
+/// [`ReferenceError`] for a run that is unfinished, has failures, was made by a program with uncommitted
+/// changes, covers only part of a benchmark, or, unless only aggregates are published, is not on a known
+/// benchmark.
 pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, ReferenceError> {
     let place = run.display().to_string();
     let unfit = |reason: String| Err(ReferenceError::Unfit { place: place.clone(), reason });
@@ -39,14 +41,15 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         && !options.name.starts_with('.');
     if !named {
         return unfit(format!(
-            "`{}` is no name of a reference: use letters, digits, `.`, `_` and `-`",
+            "`{}` is not a valid name of a reference: use letters, digits, `.`, `_` and `-`",
             options.name
         ));
     }
     let (summary, provenance) = (read_summary(run)?, read_provenance(run)?);
     if !provenance.is_clean() {
         return unfit(format!(
-            "the run was made by a program at commit `{}`, which nobody can build again: commit all changes and run again",
+            "the run was made by a program at commit `{}`, which cannot be built again: \
+             commit all changes and run again",
             provenance.commit
         ));
     }
@@ -58,7 +61,8 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
     let rows = if options.aggregates_only { None } else { Some(read_rows(run)?) };
     if provenance.benchmark.is_none() && rows.is_some() {
         return unfit(
-            "the run is on no known benchmark, or on a part of one: give --aggregates-only for other sets of scenarios"
+            "the run is on no known benchmark, or on a part of one: \
+             give --aggregates-only for other sets of scenarios"
                 .to_owned(),
         );
     }
@@ -97,7 +101,7 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         files,
         simulators: simulators.collect(),
     };
-    let text = toml::to_string_pretty(&record).expect("a reference states text and finite numbers");
+    let text = toml::to_string_pretty(&record).expect("a reference holds text and finite numbers");
     replace(&out.join(REFERENCE_RECORD), |file| file.write_all(text.as_bytes()))?;
     Reference::open(out)
 }

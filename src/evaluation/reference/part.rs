@@ -1,4 +1,4 @@
-//! Parts of a reference: all scenarios, or those of one category or difficulty.
+//! Results of a reference by part: all scenarios, or those of one category or difficulty.
 
 use std::collections::BTreeMap;
 
@@ -6,23 +6,24 @@ use super::{Reference, ReferenceError};
 use crate::evaluation::folder::tally_of;
 use crate::evaluation::{CategorySummary, Row, Summary};
 
-/// Which scenarios count.
+/// A part of the scenarios.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Part {
-    /// All.
+    /// All scenarios.
     #[default]
     All,
-    /// Those whose deviation is of this category.
+    /// Scenarios with a deviation of this category.
     Category(String),
-    /// Those that are this difficult.
+    /// Scenarios of this difficulty.
     Difficulty(String),
 }
 
 impl Reference {
-    /// The results by simulator in a part of the scenarios.
+    /// Returns the results by simulator in a part of the scenarios.
     ///
     /// # Errors
-    /// [`ReferenceError`] if no scenario is in this part, or the reference has no rows that would say so.
+    /// [`ReferenceError`] if no scenario is in this part, or if it is unknown because the reference has no
+    /// rows.
     pub fn part(&self, part: &Part) -> Result<BTreeMap<String, CategorySummary>, ReferenceError> {
         let unfit = |reason: String| ReferenceError::Unfit { place: self.place.clone(), reason };
         let simulators = self.summary.simulators.iter();
@@ -37,7 +38,7 @@ impl Reference {
                 .collect(),
             Part::Difficulty(name) => {
                 let Some(rows) = &self.rows else {
-                    return Err(unfit("it has no rows, so nothing is known by difficulty".to_owned()));
+                    return Err(unfit("it has no rows, so results by difficulty are unknown".to_owned()));
                 };
                 let of_part = |row: &&Row| row.difficulty.as_deref() == Some(name);
                 let rows: Vec<Row> = rows.iter().filter(of_part).cloned().collect();

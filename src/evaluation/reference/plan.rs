@@ -1,4 +1,4 @@
-//! The run of a reference, to be made again.
+//! The plan that repeats the run of a reference.
 
 use std::path::PathBuf;
 
@@ -11,11 +11,11 @@ use crate::evaluation::{
 use crate::metrics::Options;
 use crate::rollout::{Protocol, Replan, Settings};
 
-/// What is at hand to make the run of a reference again.
-pub struct Given {
+/// The inputs for repeating the run of a reference.
+pub struct RerunInputs {
     /// Scenario files in the order of the provenance, opened with its limit.
     pub sources: Vec<Source>,
-    /// The file of deviated AVs, where the run had one.
+    /// The file of deviated AVs, if the run had one.
     pub deviations: Option<Deviations>,
     /// Weights that do not ship: id and path.
     pub weights: Vec<(String, PathBuf)>,
@@ -25,24 +25,25 @@ impl Reference {
     /// Plans the run of this reference again.
     ///
     /// # Errors
-    /// [`ReferenceError`] names the first thing in which this program, or what is given, is not that of the reference: version, inputs,
-    /// deviations, simulators with their parameters and weights, settings.
-    pub fn plan(&self, given: Given) -> Result<Plan, ReferenceError> {
+    /// [`ReferenceError`] names the first difference between the reference and this program or the inputs:
+    /// version, inputs, deviations, simulators with their parameters and weights, settings.
+    pub fn plan(&self, inputs: RerunInputs) -> Result<Plan, ReferenceError> {
         let stated = &self.provenance;
         if stated.version != program_version() {
-            return Err(self.other("version", &stated.version, program_version(), VERSION));
+            return Err(self.other("version", &stated.version, program_version(), USE_VERSION));
         }
-        self.check_inputs(&given)?;
+        self.check_inputs(&inputs)?;
         let ids: Vec<String> = stated.simulators.iter().map(|s| s.id.clone()).collect();
         let parameters = stated.simulators.iter().flat_map(|simulator| {
             let id = &simulator.id;
             simulator.parameters.iter().map(move |(key, value)| (id.clone(), key.clone(), value.clone()))
         });
-        let asked = Adjustments { weights: given.weights, parameters: parameters.collect(), smoothing: None };
+        let adjustments =
+            Adjustments { weights: inputs.weights, parameters: parameters.collect(), smoothing: None };
         let plan = Plan {
-            sources: given.sources,
-            simulators: PlannedSimulator::adjusted(&ids, &asked)?,
-            deviations: given.deviations,
+            sources: inputs.sources,
+            simulators: PlannedSimulator::adjusted(&ids, &adjustments)?,
+            deviations: inputs.deviations,
             settings: self.settings()?,
             keep_rollouts: false,
         };
@@ -53,7 +54,7 @@ impl Reference {
         }
     }
 
-    /// Settings as the provenance states them.
+    /// Returns the settings in the provenance.
     fn settings(&self) -> Result<RunSettings, ReferenceError> {
         let stated = &self.provenance.settings;
         let unknown = |field: &str, value: &dyn std::fmt::Display| {
@@ -81,11 +82,11 @@ impl Reference {
         Ok(RunSettings { rollout, av, rollouts: stated.rollouts, options, limit: stated.limit })
     }
 
-    /// Refuses other inputs and deviations than those of the reference. Names of files do not count.
-    fn check_inputs(&self, given: &Given) -> Result<(), ReferenceError> {
+    /// Checks that inputs and deviations are those of the reference. Names of files may differ.
+    fn check_inputs(&self, inputs: &RerunInputs) -> Result<(), ReferenceError> {
         let stated = &self.provenance;
-        let own: Vec<&FileRecord> = given.sources.iter().map(|s| &s.file).collect();
-        if let ([file], Some(benchmark), None) = (own.as_slice(), &stated.benchmark, &given.deviations)
+        let own: Vec<&FileRecord> = inputs.sources.iter().map(|s| &s.file).collect();
+        if let ([file], Some(benchmark), None) = (own.as_slice(), &stated.benchmark, &inputs.deviations)
             && file.blake3 != benchmark.blake3
         {
             let found = BenchmarkRecord::of(file).map_or_else(
@@ -93,23 +94,23 @@ impl Reference {
                 |b| format!("{b} ({:.12})", b.blake3),
             );
             let stated = format!("{benchmark} ({:.12})", benchmark.blake3);
-            return Err(self.other("benchmark", stated, found, GIVE));
+            return Err(self.other("benchmark", stated, found, GIVE_SCENARIOS));
         }
         if own.len() != stated.inputs.len() {
-            return Err(self.other("number of inputs", stated.inputs.len(), own.len(), GIVE));
+            return Err(self.other("number of inputs", stated.inputs.len(), own.len(), GIVE_SCENARIOS));
         }
-        let deviations = (stated.deviations.iter(), given.deviations.iter().map(|d| &d.file));
-        if let (Some(file), None) = (&stated.deviations, &given.deviations) {
+        let deviations = (stated.deviations.iter(), inputs.deviations.iter().map(|d| &d.file));
+        if let (Some(file), None) = (&stated.deviations, &inputs.deviations) {
             return Err(self.other("deviations", &file.name, "absent", GIVE_DEVIATIONS));
         }
-        if let (None, Some(given)) = (&stated.deviations, &given.deviations) {
+        if let (None, Some(given)) = (&stated.deviations, &inputs.deviations) {
             return Err(self.other("deviations", "absent", &given.file.name, ""));
         }
         let all = stated.inputs.iter().zip(own).chain(deviations.0.zip(deviations.1));
         for (stated, found) in all {
             if stated.digest() != found.digest() {
                 let field = format!("digest of {}", stated.name);
-                return Err(self.other(field, stated.digest(), found.digest(), GIVE));
+                return Err(self.other(field, stated.digest(), found.digest(), GIVE_SCENARIOS));
             }
         }
         Ok(())
@@ -120,20 +121,21 @@ impl Reference {
         field: impl Into<String>,
         stated: impl ToString,
         found: impl ToString,
-        mend: &'static str,
+        hint: &'static str,
     ) -> ReferenceError {
         let (stated, found) = (stated.to_string(), found.to_string());
-        ReferenceError::OtherRun { place: self.place.clone(), field: field.into(), stated, found, mend }
+        ReferenceError::OtherRun { place: self.place.clone(), field: field.into(), stated, found, hint }
     }
 }
 
-const VERSION: &str = ": use the program of that version, or make the reference again";
-const REMAKE: &str = ": a reference holds for the program that it was made with; make it again";
-const GIVE: &str = ": give its scenarios with --scenarios PATH";
+const USE_VERSION: &str = ": use the program of that version, or make the reference again";
+const REMAKE: &str = ": a reference is valid only for the program that made it; make it again";
+const GIVE_SCENARIOS: &str = ": give its scenarios with --scenarios PATH";
 const GIVE_DEVIATIONS: &str = ": give the file with --deviations FILE";
 
-/// A provenance without what may differ between a reference and a run that is compared with it: commit, machine, names of files.
-/// `of` is the provenance of the reference, whose files were found to be the same.
+/// Returns a provenance without the fields that may differ between a reference and a compared run: commit,
+/// machine, names of files. `of` is the provenance of the reference, whose files have been checked to be the
+/// same.
 fn comparable(provenance: &Provenance, of: &Provenance) -> Provenance {
     Provenance {
         commit: String::new(),

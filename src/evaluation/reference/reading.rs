@@ -1,4 +1,4 @@
-//! Reading a reference, with every check that needs nothing but its files.
+//! Reading of a reference, with all checks that need only its files.
 
 use std::path::Path;
 
@@ -9,12 +9,12 @@ use crate::evaluation::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, tally_of};
 use crate::evaluation::provenance::differences;
 use crate::evaluation::{Provenance, Row, Summary};
 
-/// A reference whose parts agree.
+/// A reference with consistent files.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    /// Its folder, for messages.
+    /// Folder, for messages.
     pub place: String,
-    /// What it is of and how it was made.
+    /// Content of `reference.toml`.
     pub record: ReferenceRecord,
     /// Provenance of its run.
     pub provenance: Provenance,
@@ -25,8 +25,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Reads the reference in a folder and checks that it is whole: no file is missing, extra or changed, and the rows are those that
-    /// the summary sums up, for every scenario and simulator.
+    /// Reads the reference in a folder and checks it: no file is missing, extra or changed, and the rows give
+    /// the summary, with all scenarios and simulators.
     ///
     /// # Errors
     /// [`ReferenceError`] names the file and what is wrong.
@@ -34,10 +34,11 @@ impl Reference {
         Self::read(Files::of_folder(folder)?)
     }
 
-    /// As [`Self::open`], for a reference that is part of the program; `None` if there is none with this name.
+    /// Like [`Self::open`], for a reference that is embedded in the program; `None` if there is none with
+    /// this name.
     ///
     /// # Errors
-    /// [`ReferenceError`], which a test excludes.
+    /// [`ReferenceError`] for inconsistent files; a test ensures that there are none.
     pub fn embedded(name: &str) -> Option<Result<Self, ReferenceError>> {
         Files::embedded(name).map(Self::read)
     }
@@ -62,7 +63,7 @@ impl Reference {
         Ok(reference)
     }
 
-    /// Checks that the files agree with each other.
+    /// Checks that the files are consistent.
     fn check(&self) -> Result<(), ReferenceError> {
         let record = &self.record;
         self.agree((REFERENCE_RECORD, &record.benchmark), (PROVENANCE, &self.provenance.benchmark))?;
@@ -92,7 +93,7 @@ impl Reference {
     }
 }
 
-/// Refuses two files of a folder that state different values.
+/// Checks that two files of a folder have equal values.
 fn agree<T: serde::Serialize>(
     place: &str,
     (first, a): (&'static str, &T),
@@ -107,10 +108,11 @@ fn agree<T: serde::Serialize>(
     }
 }
 
-/// Checks that a run is whole: finished without a failure, on all scenarios of its benchmark, with the summary that its rows give.
+/// Checks that a run is complete: finished without a failure, on all scenarios of its benchmark, with the
+/// summary that follows from its rows.
 ///
 /// # Errors
-/// [`ReferenceError`] names what is missing or differs.
+/// [`ReferenceError`] names what is missing or different.
 pub fn check_values(
     place: &str,
     provenance: &Provenance,
@@ -125,29 +127,29 @@ pub fn check_values(
         return unfit(format!("the run has {} failures, the first: {}", found.failures.len(), failure.error));
     }
     let known = stated.benchmark.as_ref().and_then(|benchmark| benchmark.known());
-    let wanted = known.as_ref().map_or(found.scenarios, |known| known.scenarios);
+    let expected = known.as_ref().map_or(found.scenarios, |known| known.scenarios);
     for (id, scenarios) in [("the run", found.scenarios)]
         .into_iter()
         .chain(summary.simulators.iter().map(|(id, simulator)| (id.as_str(), simulator.scenarios)))
     {
-        if scenarios != wanted {
+        if scenarios != expected {
             let of = known.as_ref().map_or_else(|| "the run".to_owned(), |known| known.record.to_string());
-            return unfit(format!("{id} has {scenarios} of the {wanted} scenarios of {of}"));
+            return unfit(format!("{id} has {scenarios} of the {expected} scenarios of {of}"));
         }
     }
     let Some(rows) = rows else { return Ok(()) };
     let (tally, dropped) = tally_of(&stated, rows);
     if let Some((scenario, simulator)) = dropped {
-        return unfit(format!("the rows of `{scenario}` with `{simulator}` are not whole"));
+        return unfit(format!("the rows of `{scenario}` with `{simulator}` are incomplete"));
     }
     let mut again = Summary::new(&tally, &[], &stated);
-    // What was left out has no rows.
+    // Skipped scenarios have no rows.
     again.provenance.passed_over = found.passed_over;
     again.provenance.unused_deviations = found.unused_deviations;
     agree(place, (SUMMARY, summary), ("the rows", &again))
 }
 
-/// Takes `reference.toml` out of the files and reads it.
+/// Removes `reference.toml` from the files and parses it.
 fn take_record(files: &mut Files) -> Result<ReferenceRecord, ReferenceError> {
     let place = files.place.clone();
     let Some(content) = files.content.remove(REFERENCE_RECORD) else {
@@ -163,7 +165,7 @@ fn take_record(files: &mut Files) -> Result<ReferenceRecord, ReferenceError> {
     Err(ReferenceError::Unfit { place, reason })
 }
 
-/// Refuses a folder in which a file is missing, extra or changed.
+/// Checks that no file is missing, extra or changed.
 fn check_files(record: &ReferenceRecord, files: &Files) -> Result<(), ReferenceError> {
     let place = || files.place.clone();
     for file in [PROVENANCE, SUMMARY] {

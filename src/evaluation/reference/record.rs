@@ -1,4 +1,4 @@
-//! `reference.toml`: what a reference is of, how it was made, and what must be in its folder.
+//! `reference.toml`: the identity of a reference, its origin, and the files in its folder.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -10,7 +10,7 @@ use super::SimulatorClass;
 use crate::evaluation::BenchmarkRecord;
 use crate::models::nn::cpu_class;
 
-/// Form of `reference.toml`.
+/// Format id of `reference.toml`.
 pub(super) const FORMAT: &str = "reactsim-reference-v1";
 
 /// The content of `reference.toml`.
@@ -19,20 +19,20 @@ pub(super) const FORMAT: &str = "reactsim-reference-v1";
 pub struct ReferenceRecord {
     /// `reactsim-reference-v1`.
     pub format: String,
-    /// Name, that of its folder.
+    /// Name of the reference and its folder.
     pub name: String,
-    /// One line for people.
+    /// Title in tables.
     pub title: String,
-    /// The commands that made it, in their order.
+    /// The commands that produced the run, in order.
     pub commands: Vec<String>,
-    /// The known benchmark that it is of; `None` for other sets of scenarios, whose digests are in the provenance.
+    /// Known benchmark; `None` for other sets of scenarios, whose digests are in the provenance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<BenchmarkRecord>,
-    /// The machine that it was made on.
+    /// The machine of the run.
     pub machine: MachineRecord,
     /// BLAKE3 digests of the other files of the folder, by name.
     pub files: BTreeMap<String, String>,
-    /// How closely each simulator must agree, by id.
+    /// Required agreement of each simulator, by id.
     pub simulators: BTreeMap<String, SimulatorClass>,
 }
 
@@ -51,7 +51,7 @@ pub struct MachineRecord {
 }
 
 impl MachineRecord {
-    /// This machine.
+    /// Returns the record of this machine.
     pub fn here() -> Self {
         Self {
             os: std::env::consts::OS.to_owned(),

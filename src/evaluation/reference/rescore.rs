@@ -1,4 +1,4 @@
-//! Scores kept rollouts again.
+//! Repeated scoring of kept rollouts.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,18 +6,19 @@ use std::path::Path;
 use super::ReferenceError;
 use crate::evaluation::folder::ROLLOUTS;
 use crate::evaluation::provenance::differences;
-use crate::evaluation::recorded::judged;
+use crate::evaluation::recorded::score_records;
 use crate::evaluation::{Place, Row, Source, read_provenance, read_rows};
 use crate::formats::rollouts::ByName;
 use crate::metrics::Options;
 
-/// Scores the rollouts that a finished run kept again, with the scenarios of `sources` in the order of its inputs, and compares with its
-/// rows. `None` if it kept no rollouts.
+/// Scores the kept rollouts of a finished run again, with the scenarios of `sources` in the order of its
+/// inputs, and compares the scores with its rows. Returns the number of rows, or `None` if the run kept no
+/// rollouts.
 ///
-/// How plans ended is no part of a rollout and is not compared.
+/// Outcomes of plans are not part of a rollout and are not compared.
 ///
 /// # Errors
-/// [`ReferenceError`] names the first row that the rollouts do not give, and files that cannot be read.
+/// [`ReferenceError`] names the first row that the rollouts do not reproduce, or a file that cannot be read.
 pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, ReferenceError> {
     let path = folder.join(ROLLOUTS);
     if !path.exists() {
@@ -44,13 +45,13 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                 let mut records = Vec::new();
                 for index in stated.iter().filter_map(|row| row.rollout) {
                     let record = rollouts.read(&scenario.id, &simulator, index)?;
-                    let lacking = || {
-                        unfit(format!("no rollout {index} of `{}` with `{simulator}` is kept", scenario.id))
+                    let missing = || {
+                        unfit(format!("rollout {index} of `{}` with `{simulator}` is missing", scenario.id))
                     };
-                    records.push(record.ok_or_else(lacking)?);
+                    records.push(record.ok_or_else(missing)?);
                 }
-                let again = judged(place, &scenario, &simulator, &records, options).map_err(&unfit)?;
-                // Rows are of a category only if the AV is the deviated one.
+                let again = score_records(place, &scenario, &simulator, &records, options).map_err(&unfit)?;
+                // Rows have a category only if the AV is the deviated one.
                 let deviated = run.settings.av == "deviated";
                 let comparable = |row: &Row| Row {
                     category: row.category.clone().filter(|_| deviated),
@@ -62,8 +63,8 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                     let (stated, again) = (comparable(stated), comparable(again));
                     if let Some((field, a, b)) = differences(&stated, &again).into_iter().next() {
                         return Err(unfit(format!(
-                            "the rollouts do not give the rows: scenario `{}`, `{simulator}`: `{field}` is {a} in the \
-                             rows and {b} by the rollouts",
+                            "the rollouts do not reproduce the rows: scenario `{}`, `{simulator}`: \
+                             `{field}` is {a} in the rows and {b} from the rollouts",
                             scenario.id
                         )));
                     }

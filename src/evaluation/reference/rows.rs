@@ -1,4 +1,4 @@
-//! Rows in Parquet: everything that `rows.jsonl` holds, without loss.
+//! Rows in Parquet: the content of `rows.jsonl`, without loss.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -10,20 +10,23 @@ use crate::evaluation::{Row, Value};
 use crate::formats::table::{Column, Leaf, TableReader, TableWriter, Value as Cell, View};
 use crate::formats::{Cause, FormatError};
 
+/// Kind of the file in its metadata.
 const KIND: &str = "reactsim-rows";
+/// Format version in the metadata.
 const VERSION: u32 = 1;
-/// Rows in a row group.
-const GROUP: usize = 4096;
-/// Largest count that a floating-point number holds exactly.
-const LARGEST_COUNT: u64 = 1 << 53;
+/// Number of rows per row group.
+const GROUP_ROWS: usize = 4096;
+/// Maximum count that a floating-point number represents exactly.
+const MAX_COUNT: u64 = 1 << 53;
 
 /// Writes rows to a file.
 ///
-/// A metric is an element of four parallel lists: `metric`, `kind` (`rate`, `count`, `mean` or `value`; null if nothing was judged),
-/// `numerator` and `denominator`. The value of rates and means is numerator over denominator, that of the others the numerator.
+/// A metric is an element of four parallel lists: `metric`, `kind` (`rate`, `count`, `mean` or `value`; null
+/// if nothing was evaluated), `numerator` and `denominator`. The value of rates and means is numerator over
+/// denominator, the value of the others is the numerator.
 ///
 /// # Errors
-/// [`FormatError`] when the file cannot be written, or a count is too large for it.
+/// [`FormatError`] if the file cannot be written, or a count is too large for it.
 pub(super) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
     let columns = vec![
         Column::new("input", Leaf::Whole, 0, false),
@@ -44,7 +47,7 @@ pub(super) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
         Column::new("outcome", Leaf::Text, 1, false),
         Column::new("outcome_count", Leaf::Whole, 1, false),
     ];
-    let mut table = TableWriter::create(path, (KIND, VERSION), GROUP, columns)?;
+    let mut table = TableWriter::create(path, (KIND, VERSION), GROUP_ROWS, columns)?;
     for (record, row) in (0..).zip(rows) {
         let refuse = |cause| FormatError::record(path, record, Some(row.scenario.clone()), cause);
         put(&mut table, row).map_err(refuse)?;
@@ -54,7 +57,7 @@ pub(super) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
 }
 
 fn put(table: &mut TableWriter, row: &Row) -> Result<(), Cause> {
-    // Named one by one, so that a new field cannot be forgotten.
+    // Destructured, so that a new field cannot be forgotten.
     let Row {
         input,
         record,
@@ -100,7 +103,7 @@ fn put(table: &mut TableWriter, row: &Row) -> Result<(), Cause> {
 type Split = (&'static str, f64, Option<u32>);
 
 fn split(name: &str, value: Value) -> Result<Split, Cause> {
-    let exact = |n: u64| match n <= LARGEST_COUNT {
+    let exact = |n: u64| match n <= MAX_COUNT {
         true => Ok(n as f64),
         false => Err(Cause::value(name, n, "at most 2^53")),
     };
@@ -119,12 +122,12 @@ fn whole(name: &str, n: u64) -> Result<u32, Cause> {
 /// Reads the rows of a file in their order.
 ///
 /// # Errors
-/// [`FormatError`] when the file cannot be read, is damaged, or holds something else.
+/// [`FormatError`] if the file cannot be read, is damaged, or is of another kind.
 pub(in crate::evaluation) fn read(path: &Path) -> Result<Vec<Row>, FormatError> {
     rows(path, TableReader::open(path)?)
 }
 
-/// As [`read`], with the content in memory; errors name it by `name`.
+/// Like [`read`], with the content in memory; errors name it by `name`.
 pub(super) fn read_bytes(name: &Path, content: Cow<'static, [u8]>) -> Result<Vec<Row>, FormatError> {
     rows(name, TableReader::of_bytes(name, content)?)
 }
@@ -143,7 +146,7 @@ fn rows(path: &Path, mut table: TableReader) -> Result<Vec<Row>, FormatError> {
     Ok(rows)
 }
 
-/// Rows in memory.
+/// The columns of a batch of rows.
 struct Columns {
     len: usize,
     input: View,
@@ -204,21 +207,21 @@ impl Columns {
         }
         let mut deviation = BTreeMap::new();
         for (name, [cell]) in self.named(row, &self.deviation, [&self.deviation_value])? {
-            let value = self.deviation_value.number(cell).ok_or_else(|| lacking(&name))?;
+            let value = self.deviation_value.number(cell).ok_or_else(|| missing_value(&name))?;
             deviation.insert(name, value);
         }
         let mut outcomes = BTreeMap::new();
         for (name, [cell]) in self.named(row, &self.outcome, [&self.outcome_count])? {
-            let count = self.outcome_count.whole(cell).ok_or_else(|| lacking(&name))?;
+            let count = self.outcome_count.whole(cell).ok_or_else(|| missing_value(&name))?;
             outcomes.insert(name, count.into());
         }
         let text = |view: &View| view.text(row).map(str::to_owned);
         Ok(Row {
             input: number(&self.input, row)? as usize,
             record: number(&self.record, row)? as usize,
-            scenario: text(&self.scenario).ok_or_else(|| lacking("scenario"))?,
-            digest: text(&self.digest).ok_or_else(|| lacking("digest"))?,
-            simulator: text(&self.simulator).ok_or_else(|| lacking("simulator"))?,
+            scenario: text(&self.scenario).ok_or_else(|| missing_value("scenario"))?,
+            digest: text(&self.digest).ok_or_else(|| missing_value("digest"))?,
+            simulator: text(&self.simulator).ok_or_else(|| missing_value("simulator"))?,
             rollout: self.rollout.whole(row),
             category: text(&self.category),
             difficulty: text(&self.difficulty),
@@ -229,7 +232,7 @@ impl Columns {
         })
     }
 
-    /// The names of a list with the cells of the lists that are parallel to it.
+    /// Returns the names in a list, each with the cells of the parallel lists.
     fn named<const N: usize>(
         &self,
         row: usize,
@@ -245,7 +248,7 @@ impl Columns {
             }
         }
         let named = cells.enumerate().map(|(i, cell)| {
-            let name = names.text(cell).ok_or_else(|| lacking(names.name()))?;
+            let name = names.text(cell).ok_or_else(|| missing_value(names.name()))?;
             Ok((name.to_owned(), starts.each_ref().map(|range| range.start + i)))
         });
         named.collect()
@@ -253,9 +256,9 @@ impl Columns {
 
     fn value(&self, name: &str, kind: &str, numerator: usize, denominator: usize) -> Result<Value, Cause> {
         let above =
-            self.numerator.number(numerator).filter(|v| v.is_finite()).ok_or_else(|| lacking(name))?;
-        let below = || self.denominator.whole(denominator).map(u64::from).ok_or_else(|| lacking(name));
-        let count = || match above >= 0.0 && above <= LARGEST_COUNT as f64 && above.fract() == 0.0 {
+            self.numerator.number(numerator).filter(|v| v.is_finite()).ok_or_else(|| missing_value(name))?;
+        let below = || self.denominator.whole(denominator).map(u64::from).ok_or_else(|| missing_value(name));
+        let count = || match above >= 0.0 && above <= MAX_COUNT as f64 && above.fract() == 0.0 {
             true => Ok(above as u64),
             false => Err(Cause::value(format!("`numerator` of `{name}`"), above, "a count")),
         };
@@ -272,10 +275,10 @@ impl Columns {
 }
 
 fn number(view: &View, row: usize) -> Result<u32, Cause> {
-    view.whole(row).ok_or_else(|| lacking(view.name()))
+    view.whole(row).ok_or_else(|| missing_value(view.name()))
 }
 
-fn lacking(name: &str) -> Cause {
+fn missing_value(name: &str) -> Cause {
     Cause::value(format!("`{name}`"), "null", "a value")
 }
 
@@ -309,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_come_back_as_they_were() {
+    fn rows_round_trip() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.parquet");
         for count in [0, 1, 300] {

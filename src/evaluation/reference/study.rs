@@ -1,4 +1,4 @@
-//! References of studies: `study.json`, and a reference per member in a folder below it.
+//! References of studies: `study.json`, and one subfolder with a reference per member.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,20 +8,20 @@ use super::{MakeOptions, Reference, ReferenceError, make};
 use crate::evaluation::folder::{cannot_read, cannot_write, replace};
 use crate::evaluation::{Member, STUDY, Study, read_study};
 
-/// The reference of a study, whose members agree with what `study.json` says of them.
+/// The reference of a study, whose members are consistent with `study.json`.
 #[derive(Clone, Debug)]
 pub struct StudyReference {
-    /// Its folder, for messages.
+    /// Folder, for messages.
     pub place: String,
-    /// What the study consists of.
+    /// The study.
     pub study: Study,
-    /// The reference of each member, in their order.
+    /// Reference of each member, in order.
     pub members: Vec<Reference>,
 }
 
 impl StudyReference {
-    /// Reads the reference in a folder and checks that it is whole: every member is one, ran with the settings that `study.json` states, and
-    /// on the scenarios of the others.
+    /// Reads the reference in a folder and checks it: every member is a valid reference with the settings in
+    /// `study.json`, and all members have the same scenarios.
     ///
     /// # Errors
     /// [`ReferenceError`] names the file and what is wrong.
@@ -42,15 +42,15 @@ impl StudyReference {
         Ok(reference)
     }
 
-    /// Checks that the members are what `study.json` says, on the same scenarios.
+    /// Checks that the members have the settings in `study.json` and the same scenarios.
     fn check(&self) -> Result<(), ReferenceError> {
         let first = &self.members[0];
         for (member, reference) in self.study.members.iter().zip(&self.members) {
             let unfit =
                 |reason: String| Err(ReferenceError::Unfit { place: reference.place.clone(), reason });
-            for (what, stated, found) in settings(member, reference) {
+            for (setting, stated, found) in settings(member, reference) {
                 if stated != found {
-                    return unfit(format!("`{what}` is {found} here and {stated} in {STUDY}"));
+                    return unfit(format!("`{setting}` is {found} here and {stated} in {STUDY}"));
                 }
             }
             if reference.summary.provenance.scenarios_blake3 != first.summary.provenance.scenarios_blake3 {
@@ -61,7 +61,7 @@ impl StudyReference {
     }
 }
 
-/// What a study states of a member and what its run states, by name.
+/// Returns the settings of a member by name, with the values in the study and in its run.
 fn settings(member: &Member, reference: &Reference) -> Vec<(&'static str, String, String)> {
     let run = &reference.provenance.settings;
     let mut all = Vec::new();
@@ -83,10 +83,11 @@ fn settings(member: &Member, reference: &Reference) -> Vec<(&'static str, String
     all
 }
 
-/// Writes the reference of a finished study to a folder that is absent or empty, and reads it back. To be called on the machine of the study.
+/// Writes the reference of a finished study to a folder that is absent or empty, and reads it back. Must be
+/// called on the machine of the study.
 ///
 /// # Errors
-/// [`ReferenceError`] as of [`make`], for every member.
+/// [`ReferenceError`] as for [`make`], for every member.
 pub fn make_study(study: &Path, out: &Path, options: &MakeOptions) -> Result<StudyReference, ReferenceError> {
     let found = read_study(study)?;
     if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {

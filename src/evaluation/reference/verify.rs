@@ -1,28 +1,28 @@
-//! Runs a reference again and compares.
+//! Verification of a reference: its run is repeated and compared.
 
 mod compare;
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
-use super::{Given, Reference, ReferenceError, SimulatorClass};
+use super::{Reference, ReferenceError, RerunInputs, SimulatorClass};
 use crate::evaluation::{Execution, Failure, Outcome, Plan, Row, RunObserver, Source, Summary, run};
 use crate::models::nn::{backend, cpu_class};
 
-/// How a run agrees with a reference.
+/// The comparison of a run with a reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verification {
-    /// What was compared.
+    /// Compared data.
     pub subject: Subject,
-    /// Per simulator, in the order of the tables.
+    /// Check of each simulator, in the order of the tables.
     pub simulators: Vec<SimulatorCheck>,
-    /// Everything that differs, in the order of simulators and scenarios.
+    /// All differences, in the order of simulators and scenarios.
     pub differences: Vec<Difference>,
-    /// Rows of networks that a quick check left out.
+    /// Number of rows (or summary values) of networks that a quick check left out.
     pub left_out: usize,
 }
 
-/// What is compared.
+/// The data that is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// Every row.
@@ -31,35 +31,35 @@ pub enum Subject {
     Summary,
 }
 
-/// How the results of one simulator agree.
+/// The comparison of the results of one simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatorCheck {
-    /// Id.
+    /// Id of the simulator.
     pub id: String,
     /// Name of its class.
     pub class: &'static str,
-    /// Whether they had to agree bit for bit on this machine.
+    /// Whether the results must agree bit for bit on this machine.
     pub bit_for_bit: bool,
-    /// Rows, or values of the summary, that were compared.
+    /// Number of rows, or values of the summary, that were compared.
     pub compared: usize,
-    /// Those that differ.
+    /// Number of compared rows or values that differ.
     pub differing: usize,
-    /// Those that a quick check left out.
+    /// Number of rows or values that a quick check left out.
     pub left_out: usize,
-    /// The largest difference of a metric; where bounds count, the one that takes most of its bound.
-    pub largest: Option<Largest>,
-    /// Whether they agree as closely as their class asks.
+    /// The largest difference of a metric; with bounds, the largest relative to its bound.
+    pub largest: Option<LargestDifference>,
+    /// Whether the results agree as closely as their class requires.
     pub passed: bool,
 }
 
 /// The largest difference of a metric.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Largest {
+pub struct LargestDifference {
     /// Id of the metric.
     pub metric: String,
-    /// Difference of two values, or mean paired difference where a bound counts.
+    /// Difference of two values, or mean paired difference if there is a bound.
     pub difference: f64,
-    /// Its bound.
+    /// Bound, if any.
     pub bound: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ pub struct Difference {
     pub scenario: Option<String>,
     /// Index of the rollout; `None` for a value over all of them.
     pub rollout: Option<u32>,
-    /// Id of the metric, or the name of what differs.
+    /// Id of the metric, or name of the field.
     pub field: String,
     /// Value in the reference.
     pub reference: String,
@@ -81,34 +81,35 @@ pub struct Difference {
 }
 
 impl Verification {
-    /// Whether everything that was compared agrees as closely as it must.
+    /// Returns whether all compared results agree as closely as required.
     pub fn passed(&self) -> bool {
         self.simulators.iter().all(|s| s.passed)
     }
 }
 
-/// Runs a reference again with its settings and compares by class. With `every`, a quick check: simulators without a network on all
-/// scenarios, networks on every `every`th one. `None` if it was interrupted.
+/// Repeats the run of a reference with its settings and compares by class. With `every`, a quick check:
+/// simulators without a network on all scenarios, networks on every `every`th one. `None` if it was
+/// interrupted.
 ///
 /// # Errors
-/// [`ReferenceError`] where this program, or what is given, is not that of the reference.
+/// [`ReferenceError`] if this program or the inputs differ from those of the reference.
 pub fn verify(
     reference: &Reference,
-    given: Given,
+    inputs: RerunInputs,
     every: Option<usize>,
     execution: Execution,
     observer: &dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<Option<Verification>, ReferenceError> {
-    let mut plan = reference.plan(given)?;
+    let mut plan = reference.plan(inputs)?;
     let same_machine = reference.provenance.cpu.as_deref().is_none_or(|cpu| cpu == cpu_class())
         && reference.provenance.backend.as_deref().is_none_or(|own| own == backend());
-    let collecting = Collecting { inner: observer, rows: Mutex::default() };
-    let carry_out = |plan: &Plan| run(plan, execution, None, plan.tally(), &collecting, stop);
+    let collector = RowCollector { inner: observer, rows: Mutex::default() };
+    let carry_out = |plan: &Plan| run(plan, execution, None, plan.tally(), &collector, stop);
     let Some(every) = every else {
         let Outcome::Finished(summary) = carry_out(&plan)? else { return Ok(None) };
         return Ok(Some(match &reference.rows {
-            Some(rows) => compare::rows(reference, rows, collecting.take(1), 1, same_machine),
+            Some(rows) => compare::rows(reference, rows, collector.take(1), 1, same_machine),
             None => compare::summaries(reference, Some(&summary), None, same_machine),
         }));
     };
@@ -121,14 +122,15 @@ pub fn verify(
     if !plan.simulators.is_empty() {
         let Outcome::Finished(finished) = carry_out(&plan)? else { return Ok(None) };
         summary = Some(finished);
-        rows.extend(collecting.take(1));
+        rows.extend(collector.take(1));
     }
     let Some(expected) = &reference.rows else {
         if summary.is_none() {
-            let reason = "a quick check would compare nothing: it has aggregates of networks only".to_owned();
+            let reason =
+                "a quick check would compare nothing: there are only aggregates of networks".to_owned();
             return Err(ReferenceError::Unfit { place: reference.place.clone(), reason });
         }
-        // Aggregates cannot be compared in part.
+        // Aggregates over part of the scenarios cannot be compared.
         let left_out: Vec<&str> = networks.iter().map(|s| s.id.as_str()).collect();
         return Ok(Some(compare::summaries(reference, summary.as_deref(), Some(&left_out), same_machine)));
     };
@@ -136,25 +138,26 @@ pub fn verify(
     if !plan.simulators.is_empty() {
         plan.sources = plan.sources.into_iter().map(|source| thinned(source, every)).collect();
         let Outcome::Finished(_) = carry_out(&plan)? else { return Ok(None) };
-        rows.extend(collecting.take(every));
+        rows.extend(collector.take(every));
     }
     Ok(Some(compare::rows(reference, expected, rows, every, same_machine)))
 }
 
-/// A source that gives the first of every `every` scenarios.
+/// Returns a source with the first of every `every` scenarios.
 fn thinned(source: Source, every: usize) -> Source {
     let Source { file, open } = source;
     Source { file, open: Box::new(move || Ok(Box::new(open()?.step_by(every)))) }
 }
 
-/// Collects the rows of a run.
-struct Collecting<'a> {
+/// An observer that collects the rows of a run.
+struct RowCollector<'a> {
     inner: &'a dyn RunObserver,
     rows: Mutex<Vec<Row>>,
 }
 
-impl Collecting<'_> {
-    /// The rows since the last call, of a run on every `every`th scenario.
+impl RowCollector<'_> {
+    /// Returns the rows since the last call, of a run on every `every`th scenario, with their original record
+    /// indices.
     fn take(&self, every: usize) -> Vec<Row> {
         let mut rows = std::mem::take(&mut *self.rows.lock().unwrap_or_else(PoisonError::into_inner));
         rows.iter_mut().for_each(|row| row.record *= every);
@@ -162,7 +165,7 @@ impl Collecting<'_> {
     }
 }
 
-impl RunObserver for Collecting<'_> {
+impl RunObserver for RowCollector<'_> {
     fn scenario_done(&self, done: usize) {
         self.inner.scenario_done(done);
     }
@@ -177,7 +180,7 @@ impl RunObserver for Collecting<'_> {
     }
 }
 
-/// Whether results of this class must agree bit for bit on this machine.
+/// Returns whether results of this class must agree bit for bit on this machine.
 fn is_exact(class: &SimulatorClass, same_machine: bool) -> bool {
     same_machine || *class == SimulatorClass::Exact
 }

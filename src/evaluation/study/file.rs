@@ -1,4 +1,4 @@
-//! `study.json`: what a study consists of.
+//! `study.json`: the members of a study.
 
 use std::fs;
 use std::io;
@@ -10,31 +10,32 @@ use super::Study;
 use crate::evaluation::EvaluationError;
 use crate::evaluation::folder::{SUMMARY, cannot_read};
 
-/// Name of the file that says what a study consists of.
+/// Name of the file that lists the members of a study.
 pub const STUDY: &str = "study.json";
 /// Name of the file with the table of a study.
 pub const STUDY_TABLE: &str = "study.md";
 
-/// Whether a folder holds a study, finished or not.
+/// Returns whether a folder contains a study, finished or not.
 pub fn is_study(folder: &Path) -> bool {
     folder.join(STUDY).is_file()
 }
 
-/// The study in a folder, whose members are finished runs in folders below it.
+/// Reads the study in a folder, whose members are finished runs in its subfolders.
 ///
 /// # Errors
-/// [`EvaluationError`] when there is none, it is damaged, or members are not finished, which are named.
+/// [`EvaluationError`] if there is none, it is damaged, or members are not finished; names these members.
 pub fn read_study(folder: &Path) -> Result<Study, EvaluationError> {
     let study = read(folder)?;
-    let open = study.members.iter().map(|m| m.folder.as_str());
-    let open: Vec<&str> = open.filter(|name| !folder.join(name).join(SUMMARY).is_file()).collect();
-    if !open.is_empty() {
-        return Err(EvaluationError::UnfinishedStudy { path: folder.to_owned(), members: open.join(", ") });
+    let names = study.members.iter().map(|m| m.folder.as_str());
+    let unfinished: Vec<&str> = names.filter(|name| !folder.join(name).join(SUMMARY).is_file()).collect();
+    if !unfinished.is_empty() {
+        let members = unfinished.join(", ");
+        return Err(EvaluationError::UnfinishedStudy { path: folder.to_owned(), members });
     }
     Ok(study)
 }
 
-/// The same, finished or not.
+/// Reads the study in a folder, finished or not.
 pub(super) fn read(folder: &Path) -> Result<Study, EvaluationError> {
     let path = folder.join(STUDY);
     let text = match fs::read_to_string(&path) {

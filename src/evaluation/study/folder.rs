@@ -1,4 +1,4 @@
-//! The folder of a study: how it begins, and how it goes on after an interruption.
+//! The folder of a study: how it is created, and how it resumes after an interruption.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -11,19 +11,19 @@ use crate::evaluation::folder::{
 };
 use crate::evaluation::{EvaluationError, Provenance, Summary, read_summary, read_tally};
 
-/// The folder of a study that is being made.
+/// The folder of a study that is running.
 #[derive(Debug)]
 pub struct StudyFolder {
     path: PathBuf,
-    /// Held while the study lasts: two programs must not write to one folder.
+    /// Lock held during the study: two programs must not write to one folder.
     _lock: File,
 }
 
 impl StudyFolder {
-    /// Makes a folder for a new study; it may exist if it is empty.
+    /// Creates a folder for a new study. It may exist if it is empty.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the folder is not empty or can not be written.
+    /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, study: &Study) -> Result<Self, EvaluationError> {
         fs::create_dir_all(path).map_err(cannot_write(path))?;
         if !is_unbegun(path) {
@@ -33,10 +33,12 @@ impl StudyFolder {
         Self::open(path)
     }
 
-    /// Opens the folder of an earlier study with the same members and settings; of those that are not begun nothing is asked.
+    /// Opens the folder of an earlier study with the same members and settings. Settings of members that have
+    /// not begun are not checked.
     ///
     /// # Errors
-    /// [`EvaluationError`] when the folder holds no study, a study of something else, or a run with other settings, which are named.
+    /// [`EvaluationError`] if the folder has no study, a study of another kind, or a run with other settings;
+    /// names the setting.
     pub fn resume(path: &Path, plan: &mut StudyPlan) -> Result<Self, EvaluationError> {
         if is_unbegun(path) {
             return Self::create(path, plan.study());
@@ -73,33 +75,33 @@ impl StudyFolder {
     fn open(path: &Path) -> Result<Self, EvaluationError> {
         let at = path.join(STUDY);
         let lock = File::open(&at).map_err(cannot_read(&at))?;
-        // Where the file system knows no locks there is nothing to be done about it.
+        // On file systems without locks the study continues unlocked.
         if let Err(TryLockError::WouldBlock) = lock.try_lock() {
             return Err(EvaluationError::Busy { path: path.to_owned() });
         }
         Ok(Self { path: path.to_owned(), _lock: lock })
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The run folder of a member.
+    /// Returns the run folder of a member.
     pub fn member(&self, member: &Member) -> PathBuf {
         self.path.join(&member.folder)
     }
 
-    /// The result of a member with which nothing is left to be done: finished without a failure, with all files.
+    /// Returns the result of a member if it is complete: finished without a failure, with all files.
     ///
     /// # Errors
-    /// [`EvaluationError`] when a file is damaged.
+    /// [`EvaluationError`] if a file is damaged.
     pub fn finished(&self, member: &Member, plan: &Provenance) -> Result<Option<Summary>, EvaluationError> {
         let folder = self.member(member);
         let with_rollouts = plan.keep_rollouts == Some(true);
-        let mut wanted = vec![PROVENANCE, SUMMARY, TABLE, FAILURES];
-        wanted.extend(with_rollouts.then_some(ROLLOUTS));
-        if !wanted.iter().all(|name| folder.join(name).is_file()) {
+        let mut required = vec![PROVENANCE, SUMMARY, TABLE, FAILURES];
+        required.extend(with_rollouts.then_some(ROLLOUTS));
+        if !required.iter().all(|name| folder.join(name).is_file()) {
             return Ok(None);
         }
         let summary = read_summary(&folder)?;
@@ -107,16 +109,16 @@ impl StudyFolder {
         Ok(done.then_some(summary))
     }
 
-    /// Writes a file of the folder as a whole.
+    /// Writes a file of the folder atomically.
     ///
     /// # Errors
-    /// [`EvaluationError::Write`]; the old file stays then.
+    /// [`EvaluationError::Write`]; the old file is then left unchanged.
     pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
         replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
     }
 }
 
-/// Whether a folder is absent or empty, or was left by a kill before the study began.
+/// Returns whether a folder is absent or empty, or was left by a study that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
     match fs::read_dir(path) {
         Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| e.file_name() == "study.json.tmp")),

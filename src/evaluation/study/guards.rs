@@ -1,4 +1,4 @@
-//! Which parts can be taken from simulators, or put to them.
+//! Variants of simulators with one component added or removed.
 
 use std::collections::BTreeMap;
 
@@ -7,16 +7,16 @@ use crate::evaluation::{Adjustments, EvaluationError, PlannedSimulator};
 use crate::models::qp::Smoothing;
 use crate::models::{self, Card, ModelError};
 
-/// The name of what is not changed.
+/// Name of the unchanged variant.
 const AS_IS: &str = "as-is";
 
-/// A part that the cards of some simulators switch on or off.
+/// A component that the cards of some simulators switch on or off.
 struct Switch {
-    /// Its parameter on the cards.
+    /// Parameter in the cards.
     key: &'static str,
-    /// Its name in names of variants.
+    /// Name in the names of variants.
     name: &'static str,
-    /// Its name for people.
+    /// Name in labels.
     title: &'static str,
 }
 
@@ -25,26 +25,26 @@ const SWITCHES: [Switch; 2] = [
     Switch { key: "keep_clear", name: "keep-clear", title: "keeping clear" },
 ];
 
-/// A change of simulators, and those that it changes.
+/// A change of simulators, and the changed simulators.
 pub(super) struct Variant {
-    /// Such as `without-projection`.
+    /// Name, such as `without-projection`.
     name: String,
-    /// The same for people.
+    /// Label in tables.
     label: String,
-    /// Id of each simulator, and its id as it is.
+    /// Id of each changed simulator, and the id of the unchanged one.
     originals: BTreeMap<String, String>,
-    /// The simulators.
-    pub(super) made: Vec<PlannedSimulator>,
+    /// The changed simulators.
+    pub(super) simulators: Vec<PlannedSimulator>,
 }
 
 impl Variant {
-    /// No change; the simulators are made already, and are not in it.
+    /// Creates the unchanged variant. It does not contain the simulators, which exist already.
     pub(super) fn as_is(simulators: &[PlannedSimulator]) -> Self {
         let originals = simulators.iter().map(|s| (s.id.clone(), s.id.clone())).collect();
-        Self { name: AS_IS.to_owned(), label: "as it is".to_owned(), originals, made: Vec::new() }
+        Self { name: AS_IS.to_owned(), label: "as it is".to_owned(), originals, simulators: Vec::new() }
     }
 
-    /// The run of these simulators.
+    /// Returns the study member that runs these simulators.
     pub(super) fn member(&self, av_lookahead: bool) -> Member {
         let (folder, label) = match (av_lookahead, self.name.as_str()) {
             (true, name) => (name.to_owned(), self.label.clone()),
@@ -62,18 +62,18 @@ impl Variant {
     }
 }
 
-/// A simulator with one part more or less.
-struct Changed<'a> {
+/// A simulator with one component added or removed.
+struct ChangedSimulator<'a> {
     from: &'a PlannedSimulator,
     id: String,
     parameter: Option<(&'static str, bool)>,
 }
 
-/// Every change that there is for some simulator, with the simulators that it changes: what they have is taken away, what they lack is put
-/// to them.
+/// Creates every variant that changes at least one of the simulators: components that they have are removed,
+/// components that they do not have are added.
 pub(super) fn variants(
     simulators: &[PlannedSimulator],
-    asked: &Adjustments,
+    adjustments: &Adjustments,
 ) -> Result<Vec<Variant>, EvaluationError> {
     let mut variants = Vec::new();
     for Switch { key, name, title } in SWITCHES {
@@ -81,35 +81,40 @@ pub(super) fn variants(
             let mut changed = Vec::new();
             for from in simulators {
                 if switch(from, key)? == Some(on) {
-                    changed.push(Changed { from, id: from.id.clone(), parameter: Some((key, !on)) });
+                    let parameter = Some((key, !on));
+                    changed.push(ChangedSimulator { from, id: from.id.clone(), parameter });
                 }
             }
             let with = if on { "without" } else { "with" };
-            variants.extend(variant(&format!("{with}-{name}"), &format!("{with} {title}"), changed, asked)?);
+            let (name, label) = (format!("{with}-{name}"), format!("{with} {title}"));
+            variants.extend(variant(&name, &label, changed, adjustments)?);
         }
     }
     let with = Smoothing::Full;
     let takes = |s: &&PlannedSimulator| models::find(&s.id).is_some_and(|b| b.takes_stage);
     let changed = simulators.iter().filter(takes);
-    let changed = changed.map(|from| Changed { from, id: with.id(&from.id), parameter: None }).collect();
+    let changed =
+        changed.map(|from| ChangedSimulator { from, id: with.id(&from.id), parameter: None }).collect();
     variants.extend(variant(
         &format!("with-{}", with.name()),
         &format!("with {}", title(with)),
         changed,
-        asked,
+        adjustments,
     )?);
     for stage in Smoothing::ALL {
         let with_it = simulators.iter().filter_map(|from| match Smoothing::of_id(&from.id) {
-            Some((id, own)) if own == stage => Some(Changed { from, id: id.to_owned(), parameter: None }),
+            Some((id, own)) if own == stage => {
+                Some(ChangedSimulator { from, id: id.to_owned(), parameter: None })
+            }
             _ => None,
         });
         let (name, label) = (format!("without-{}", stage.name()), format!("without {}", title(stage)));
-        variants.extend(variant(&name, &label, with_it.collect(), asked)?);
+        variants.extend(variant(&name, &label, with_it.collect(), adjustments)?);
     }
     Ok(variants)
 }
 
-/// The name of a stage for people.
+/// Returns the name of a stage in labels.
 fn title(stage: Smoothing) -> &'static str {
     match stage {
         Smoothing::Full => "QP",
@@ -117,12 +122,12 @@ fn title(stage: Smoothing) -> &'static str {
     }
 }
 
-/// The id of the baseline of a simulator.
+/// Returns the id of the baseline of a simulator.
 fn baseline(simulator: &PlannedSimulator) -> &str {
     Smoothing::of_id(&simulator.id).map_or(simulator.id.as_str(), |(id, _)| id)
 }
 
-/// How a switch of a simulator stands; `None` where it has none.
+/// Returns the state of a switch of a simulator; `None` if the simulator does not have it.
 fn switch(simulator: &PlannedSimulator, key: &str) -> Result<Option<bool>, EvaluationError> {
     let Some(baseline) = models::find(baseline(simulator)) else { return Ok(None) };
     let card = Card::read(baseline.id, baseline.card).map_err(ModelError::from)?;
@@ -130,29 +135,30 @@ fn switch(simulator: &PlannedSimulator, key: &str) -> Result<Option<bool>, Evalu
     Ok(Some(simulator.parameters.get(key).map_or(on, |value| value == "true")))
 }
 
-/// Makes the simulators of a variant; `None` where it changes none.
+/// Creates a variant with its simulators; `None` if it changes none.
 fn variant(
     name: &str,
     label: &str,
-    changed: Vec<Changed<'_>>,
-    asked: &Adjustments,
+    changed: Vec<ChangedSimulator<'_>>,
+    adjustments: &Adjustments,
 ) -> Result<Option<Variant>, EvaluationError> {
     if changed.is_empty() {
         return Ok(None);
     }
     let mut own = Adjustments::default();
-    for Changed { from, id, parameter } in &changed {
-        // Weights and parameters are those of the simulator as it is, but for the part.
-        let given = |of: &str| asked.weights.iter().find(|(to, _)| to == of);
-        if let Some((_, path)) = given(&from.id).or_else(|| given(baseline(from))) {
+    for ChangedSimulator { from, id, parameter } in &changed {
+        // Weights and parameters are those of the unchanged simulator, except for the component.
+        let weights_of = |id: &str| adjustments.weights.iter().find(|(to, _)| to == id);
+        if let Some((_, path)) = weights_of(&from.id).or_else(|| weights_of(baseline(from))) {
             own.weights.push((id.clone(), path.clone()));
         }
-        let kept = from.parameters.iter().filter(|(key, _)| parameter.is_none_or(|(part, _)| *key != part));
-        own.parameters.extend(kept.map(|(key, value)| (id.clone(), key.clone(), value.clone())));
+        let others =
+            from.parameters.iter().filter(|(key, _)| parameter.is_none_or(|(changed, _)| *key != changed));
+        own.parameters.extend(others.map(|(key, value)| (id.clone(), key.clone(), value.clone())));
         own.parameters.extend(parameter.map(|(key, on)| (id.clone(), key.to_owned(), on.to_string())));
     }
     let ids: Vec<String> = changed.iter().map(|c| c.id.clone()).collect();
     let originals = changed.iter().map(|c| (c.id.clone(), c.from.id.clone())).collect();
-    let made = PlannedSimulator::adjusted(&ids, &own)?;
-    Ok(Some(Variant { name: name.to_owned(), label: label.to_owned(), originals, made }))
+    let simulators = PlannedSimulator::adjusted(&ids, &own)?;
+    Ok(Some(Variant { name: name.to_owned(), label: label.to_owned(), originals, simulators }))
 }

@@ -1,7 +1,8 @@
-//! Studies: several runs on the same scenarios that differ in what is studied.
+//! Studies: several runs on the same scenarios that differ in one studied setting.
 //!
-//! A study is a folder with `study.json`, which says what it consists of, `study.md` with its table, and one ordinary run folder per
-//! member. [`StudyPlan`] says what is run, [`StudyFolder`] keeps it, [`StudyResults`] reads it.
+//! A study is a folder with `study.json`, which lists its members, `study.md` with its table, and one
+//! ordinary run folder per member. [`StudyPlan`] defines the runs, [`StudyFolder`] stores them,
+//! [`StudyResults`] reads them.
 
 mod file;
 mod folder;
@@ -18,20 +19,20 @@ pub use folder::StudyFolder;
 pub use plan::StudyPlan;
 pub use results::{Difference, StudyResults};
 
-/// What is studied.
+/// The subject of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StudyKind {
-    /// How often simulators plan anew (ReactSim-Bench, "Effect of replanning interval").
+    /// Replan interval (ReactSim-Bench, "Effect of replanning interval").
     Replan,
-    /// The reactive protocol beside the realism protocol (ReactSim-Bench, table 2).
+    /// Reactive protocol against realism protocol (ReactSim-Bench, table 2).
     Realism,
-    /// What each part of a simulator is worth, and seeing the AV a step ahead.
+    /// Ablation of the components of simulators, and of observing the AV one step ahead.
     Guards,
 }
 
 impl StudyKind {
-    /// The name on the command line and in files.
+    /// Returns the name used on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Replan => "replan",
@@ -41,40 +42,41 @@ impl StudyKind {
     }
 }
 
-/// A study: what it is, and its runs in the order of its table.
+/// A study: its kind, and its runs in the order of its table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
-    /// Version of the form of `study.json`.
+    /// Format version of `study.json`.
     pub version: u32,
-    /// What is studied.
+    /// Subject.
     pub kind: StudyKind,
-    /// Its runs; at least one, with different folders.
+    /// Runs; at least one, with different folders.
     pub members: Vec<Member>,
 }
 
-/// A run of a study. Everything else about it stands in the provenance in its folder.
+/// A run of a study. The provenance in its folder has all other settings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Member {
-    /// Name of its run folder, below that of the study.
+    /// Name of its run folder in the folder of the study.
     pub folder: String,
-    /// What it is, for people, such as `every 5 steps (2 Hz)`.
+    /// Label in tables, such as `every 5 steps (2 Hz)`.
     pub label: String,
-    /// Steps between two plans; in studies of kind `replan`.
+    /// Number of steps between two plans; in studies of kind `replan`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replan_steps: Option<usize>,
-    /// `reactive` or `realism`; in studies of kind `realism`, and of kind `replan` where it is not `reactive`.
+    /// `reactive` or `realism`; in studies of kind `realism`, and in studies of kind `replan` if not
+    /// `reactive`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
-    /// What is changed about the simulators, such as `without-projection`; `as-is` for nothing. In studies of kind `guards`.
+    /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
-    /// Whether agents at t+1 see the AV at t+1; in studies of kind `guards`.
+    /// Whether agents at t+1 observe the AV at t+1; in studies of kind `guards`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub av_lookahead: Option<bool>,
-    /// Id of each simulator of this run, and its id where nothing is changed about it (in the first member): they differ where a stage
-    /// is put behind it or taken away. In studies of kind `guards`.
+    /// Id of each simulator of this run, and the id of the unchanged simulator (in the first member). They
+    /// differ if a stage was added or removed. In studies of kind `guards`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub originals: BTreeMap<String, String>,
 }
@@ -83,23 +85,24 @@ impl Study {
     /// The version that this program writes and reads.
     pub const VERSION: u32 = 1;
 
-    /// A study of these members.
+    /// Creates a study of these members.
     pub(super) fn new(kind: StudyKind, members: Vec<Member>) -> Self {
         Self { version: Self::VERSION, kind, members }
     }
 
-    /// The text of `study.json`.
+    /// Returns the text of `study.json`.
     pub fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).expect("a study holds text and numbers only");
         text.push('\n');
         text
     }
 
-    /// What is wrong with it, where it does not hold what its kind needs.
+    /// Returns what is wrong with the study if it lacks fields that its kind needs, or has invalid or
+    /// repeated folders.
     fn fault(&self) -> Option<String> {
         if self.version != Self::VERSION {
-            let wanted = Self::VERSION;
-            return Some(format!("its version is {}, this program reads version {wanted}", self.version));
+            let expected = Self::VERSION;
+            return Some(format!("its version is {}, this program reads version {expected}", self.version));
         }
         if self.members.is_empty() {
             return Some("it has no members".to_owned());
@@ -107,19 +110,19 @@ impl Study {
         for (i, member) in self.members.iter().enumerate() {
             let Member { folder, replan_steps, protocol, variant, av_lookahead, originals, .. } = member;
             if !is_plain(folder) {
-                return Some(format!("`{folder}` is no name of a folder"));
+                return Some(format!("`{folder}` is not a valid folder name"));
             }
             if self.members[..i].iter().any(|m| m.folder == *folder) {
                 return Some(format!("it has two members `{folder}`"));
             }
-            let lacks = match self.kind {
+            let missing = match self.kind {
                 StudyKind::Replan => replan_steps.is_none().then_some("replan_steps"),
                 StudyKind::Realism => protocol.is_none().then_some("protocol"),
                 StudyKind::Guards if variant.is_none() => Some("variant"),
                 StudyKind::Guards if av_lookahead.is_none() => Some("av_lookahead"),
                 StudyKind::Guards => originals.is_empty().then_some("originals"),
             };
-            if let Some(field) = lacks {
+            if let Some(field) = missing {
                 return Some(format!("the member `{folder}` has no `{field}`"));
             }
         }
@@ -127,7 +130,7 @@ impl Study {
     }
 }
 
-/// Whether a text is the name of something within a folder: no path, which could lead elsewhere.
+/// Returns whether a text is a plain name within a folder, not a path that could lead elsewhere.
 fn is_plain(name: &str) -> bool {
     let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     !name.is_empty() && name.chars().all(known)

@@ -1,4 +1,4 @@
-//! What a study runs.
+//! The plan of a study.
 
 use std::mem;
 
@@ -7,20 +7,21 @@ use super::{Member, Study, StudyKind};
 use crate::evaluation::{Adjustments, AvChoice, EvaluationError, Plan, PlannedSimulator, RunSettings};
 use crate::rollout::{Protocol, Replan, Settings};
 
-/// The plans of all members of a study. They share the scenarios, so one plan is kept, into which [`Self::select`] puts what a member
-/// has of its own.
+/// The plans of all members of a study. They share the scenarios, so there is one plan, in which
+/// [`Self::select`] sets the settings and simulators of a member.
 pub struct StudyPlan {
     study: Study,
-    /// Settings of each member, and which of the sets of simulators it has.
+    /// Settings of each member, and the index of its set of simulators.
     settings: Vec<(RunSettings, usize)>,
-    /// Sets of simulators; the selected one is empty here, for it is in the plan.
+    /// Sets of simulators. The selected set is empty here because it is in the plan.
     sets: Vec<Vec<PlannedSimulator>>,
     selected: usize,
     plan: Plan,
 }
 
 impl StudyPlan {
-    /// The simulators of a plan, in its protocol, at several replan intervals, in the order given; they differ.
+    /// Plans the simulators of a plan, in its protocol, at several different replan intervals, in the given
+    /// order.
     pub fn replan(plan: Plan, intervals: &[Replan]) -> Self {
         let protocol = plan.settings.rollout.protocol;
         let member = |replan: &Replan| {
@@ -39,7 +40,8 @@ impl StudyPlan {
         Self::of_one_set(StudyKind::Replan, members, plan)
     }
 
-    /// The simulators of a plan as it is, in the reactive protocol, and in the realism protocol with so many rollouts.
+    /// Plans the simulators of a plan in the reactive protocol, and in the realism protocol with this number
+    /// of rollouts.
     pub fn realism(plan: Plan, rollouts: u32) -> Self {
         let member = |protocol: Protocol, settings: RunSettings| {
             let member = Member {
@@ -57,14 +59,15 @@ impl StudyPlan {
         Self::of_one_set(StudyKind::Realism, members, plan)
     }
 
-    /// The simulators of a plan as they are, and each without and with what can be taken from it or put to it; all of them with the AV
-    /// seen a step ahead and not. `asked` is what the simulators of the plan were made with.
+    /// Plans the unchanged simulators of a plan, and each variant with one component added or removed; all of
+    /// them with and without observing the AV one step ahead. `adjustments` are those of the simulators of
+    /// the plan.
     ///
     /// # Errors
-    /// [`EvaluationError`] for a simulator that can not be made.
-    pub fn guards(plan: Plan, asked: &Adjustments) -> Result<Self, EvaluationError> {
+    /// [`EvaluationError`] for a simulator that cannot be created.
+    pub fn guards(plan: Plan, adjustments: &Adjustments) -> Result<Self, EvaluationError> {
         let mut variants = vec![Variant::as_is(&plan.simulators)];
-        variants.extend(guards::variants(&plan.simulators, asked)?);
+        variants.extend(guards::variants(&plan.simulators, adjustments)?);
         let (mut members, mut settings) = (Vec::new(), Vec::new());
         for (set, variant) in variants.iter().enumerate() {
             for av_lookahead in [true, false] {
@@ -73,7 +76,7 @@ impl StudyPlan {
                 settings.push((RunSettings { rollout, ..plan.settings.clone() }, set));
             }
         }
-        let sets = variants.into_iter().map(|v| v.made).collect();
+        let sets = variants.into_iter().map(|v| v.simulators).collect();
         let study = Study::new(StudyKind::Guards, members);
         Ok(Self { study, settings, sets, selected: 0, plan })
     }
@@ -83,12 +86,12 @@ impl StudyPlan {
         Self { study: Study::new(kind, members), settings, sets: vec![Vec::new()], selected: 0, plan }
     }
 
-    /// What the study consists of.
+    /// Returns the study.
     pub fn study(&self) -> &Study {
         &self.study
     }
 
-    /// The plan of a member.
+    /// Switches to a member and returns its plan.
     pub fn select(&mut self, member: usize) -> &Plan {
         let (settings, set) = &self.settings[member];
         mem::swap(&mut self.plan.simulators, &mut self.sets[self.selected]);
@@ -99,7 +102,7 @@ impl StudyPlan {
     }
 }
 
-/// An interval in words, with its rate at 10 steps a second.
+/// Returns a replan interval in words, with its rate at 10 steps per second.
 fn every(steps: usize) -> String {
     let rate = (1000.0 / steps as f64).round() / 100.0;
     match steps {

@@ -1,4 +1,4 @@
-//! What came out of a study.
+//! The results of a study.
 
 use std::path::Path;
 
@@ -10,24 +10,25 @@ use crate::evaluation::{Comparison, EvaluationError, Summary, Tally, read_summar
 /// The numbers of a study.
 #[derive(Clone, Debug)]
 pub struct StudyResults {
-    /// What it consists of.
+    /// The study.
     pub study: Study,
-    /// The result of each member, in their order.
+    /// Result of each member, in order.
     pub summaries: Vec<Summary>,
-    /// What the changes of a study of kind `guards` are worth, by member and simulator; empty in other studies.
+    /// Effects of the changes in a study of kind `guards`, by member and simulator; empty in other studies.
     pub differences: Vec<Difference>,
 }
 
-/// A simulator with a change, compared to the same one as it is (in the first member).
+/// A changed simulator, compared with the unchanged one (in the first member).
 #[derive(Clone, Debug)]
 pub struct Difference {
     /// Index of the member.
     pub member: usize,
-    /// Id of the simulator in it.
+    /// Id of the changed simulator.
     pub simulator: String,
-    /// Its id as it is.
+    /// Id of the unchanged simulator.
     pub original: String,
-    /// First: as it is; second: changed. `None` where there is no scenario that both have a result for.
+    /// Comparison of the unchanged (first) with the changed simulator (second). `None` if there is no
+    /// scenario for which both have a result.
     pub comparison: Option<Comparison>,
 }
 
@@ -35,7 +36,7 @@ impl StudyResults {
     /// Reads the results in the folder of a study.
     ///
     /// # Errors
-    /// [`EvaluationError`] when there is no study, it is not finished, or its files are damaged.
+    /// [`EvaluationError`] if there is no study, it is not finished, or its files are damaged.
     pub fn read(folder: &Path) -> Result<Self, EvaluationError> {
         let study = read_study(folder)?;
         let members = || study.members.iter().map(|m| folder.join(&m.folder));
@@ -56,7 +57,7 @@ impl StudyResults {
     }
 }
 
-/// Compares every simulator of every member but the first with its original in that.
+/// Compares every simulator of every member but the first with its original in the first member.
 fn compare(
     study: &Study,
     summaries: &[Summary],

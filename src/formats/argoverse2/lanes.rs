@@ -1,4 +1,4 @@
-//! The lanes of a map, and the paint between them.
+//! Lanes of a map and their painted boundaries.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -25,14 +25,15 @@ pub(super) struct RawLane {
 }
 
 impl RawLane {
-    /// Between junctions, and driven in one direction only. A lane with yellow paint on the right has oncoming traffic there: it is the
-    /// turn lane in the middle of a road, which is recorded once in each direction.
+    /// Returns [`LaneKind::Lane`] between junctions for lanes of one direction, else [`LaneKind::Connector`].
+    /// A lane with yellow paint on the right has oncoming traffic there: it is a central turn lane, which is
+    /// recorded once per direction.
     fn kind(&self) -> LaneKind {
-        let both_ways = self.right_lane_mark_type.ends_with("YELLOW");
-        if self.is_intersection || both_ways { LaneKind::Connector } else { LaneKind::Lane }
+        let two_way = self.right_lane_mark_type.ends_with("YELLOW");
+        if self.is_intersection || two_way { LaneKind::Connector } else { LaneKind::Lane }
     }
 
-    /// From the first to the last point.
+    /// Returns the vector from the first to the last point.
     fn direction(&self) -> Option<Vec2> {
         let line = points(&self.centerline);
         Some(line.last()? - line.first()?)
@@ -43,11 +44,11 @@ impl RawLane {
     }
 }
 
-/// The lanes, in the order of their keys.
+/// Converts the lanes, in the order of their keys.
 pub(super) fn lanes(raw: &BTreeMap<String, RawLane>) -> Vec<LaneParts> {
     let by_id: BTreeMap<i64, &RawLane> = raw.values().map(|lane| (lane.id, lane)).collect();
-    // Neighbours of the map lead either way; here they are those that lead the same way.
-    let beside = |lane: &RawLane, id: Option<i64>| -> Vec<NeighborParts> {
+    // Neighbours in the map have either direction; only those with the same direction are kept.
+    let neighbors = |lane: &RawLane, id: Option<i64>| -> Vec<NeighborParts> {
         let Some(id) = id else { return Vec::new() };
         let other = by_id.get(&id);
         let along = lane.direction().zip(other.and_then(|o| o.direction())).map(|(a, b)| a.dot(&b));
@@ -73,13 +74,13 @@ pub(super) fn lanes(raw: &BTreeMap<String, RawLane>) -> Vec<LaneParts> {
             area: area(lane),
             successors: names(&lane.successors),
             predecessors: names(&lane.predecessors),
-            left: beside(lane, lane.left_neighbor_id),
-            right: beside(lane, lane.right_neighbor_id),
+            left: neighbors(lane, lane.left_neighbor_id),
+            right: neighbors(lane, lane.right_neighbor_id),
         })
         .collect()
 }
 
-/// The ground between the boundaries.
+/// Returns the area between the boundaries, or a corridor if a boundary is missing.
 fn area(lane: &RawLane) -> LaneArea {
     if lane.left_lane_boundary.len() < 2 || lane.right_lane_boundary.len() < 2 {
         return LaneArea::Corridor { half_width: LANE_HALF_WIDTH };
@@ -87,7 +88,7 @@ fn area(lane: &RawLane) -> LaneArea {
     LaneArea::Polygon(between(&lane.left_lane_boundary, &lane.right_lane_boundary))
 }
 
-/// The painted boundaries, those that two lanes share once.
+/// Returns the painted boundaries; a boundary shared by two lanes appears once.
 pub(super) fn paint(raw: &BTreeMap<String, RawLane>) -> Vec<RoadLine> {
     let mut seen = BTreeSet::new();
     let mut lines = Vec::new();
@@ -111,7 +112,7 @@ pub(super) fn paint(raw: &BTreeMap<String, RawLane>) -> Vec<RoadLine> {
     lines
 }
 
-/// The code of a kind of paint; 0 (unknown) where there is none.
+/// Returns the paint code of a mark type; 0 (unknown) if there is none.
 fn code(mark: &str) -> u8 {
     match mark {
         "DASHED_WHITE" => 1,

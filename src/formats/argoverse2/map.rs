@@ -1,4 +1,4 @@
-//! The map of a scenario.
+//! Map of a scenario.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,8 +10,8 @@ use crate::formats::error::{Cause, FormatError};
 use crate::geometry::{Polygon, Vec2};
 use crate::scene::{Crosswalk, MapParts};
 
-/// Most lanes of the map of a scenario: usual ones have some hundred.
-const MOST_LANES: usize = 10_000;
+/// Maximum number of lanes of a map; usual maps have some hundred.
+const MAX_LANES: usize = 10_000;
 
 #[derive(Deserialize)]
 struct RawMap {
@@ -31,7 +31,7 @@ struct RawCrossing {
     edge2: Vec<Point>,
 }
 
-/// A point; its height is not read.
+/// A point; its z coordinate is not read.
 #[derive(Clone, Copy, Deserialize)]
 pub(super) struct Point {
     x: f64,
@@ -42,7 +42,7 @@ pub(super) fn points(line: &[Point]) -> Vec<Vec2> {
     line.iter().map(|p| Vec2::new(p.x, p.y)).collect()
 }
 
-/// The ring between two lines that lead the same way.
+/// Returns the ring around the area between two lines of the same direction.
 pub(super) fn between(one: &[Point], other: &[Point]) -> Vec<Vec2> {
     let mut ring = points(one);
     ring.extend(points(other).into_iter().rev());
@@ -54,8 +54,8 @@ pub(super) fn read(path: &Path, text: &[u8]) -> Result<MapParts, FormatError> {
     let refuse = |cause| FormatError::file(path, cause);
     let raw: RawMap =
         serde_json::from_slice(text).map_err(|e| refuse(Cause::Undecodable(format!("as a map: {e}"))))?;
-    if raw.lane_segments.len() > MOST_LANES {
-        let expected = format!("at most {MOST_LANES}: the map of one scenario");
+    if raw.lane_segments.len() > MAX_LANES {
+        let expected = format!("at most {MAX_LANES}: the map of one scenario");
         return Err(refuse(Cause::value("the number of `lane_segments`", raw.lane_segments.len(), expected)));
     }
     let mut area = Vec::with_capacity(raw.drivable_areas.len());

@@ -1,4 +1,5 @@
-//! Argoverse 2 motion forecasting: one Parquet table of tracks per scenario, and a map in JSON beside it. Told in `scenarios/README.md`.
+//! Argoverse 2 motion forecasting: one Parquet table of tracks per scenario, with a JSON map next to it.
+//! Described in `scenarios/README.md`.
 
 mod lanes;
 mod map;
@@ -9,18 +10,23 @@ use std::path::{Path, PathBuf};
 
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named, read_whole};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named, read_whole,
+};
 use super::table::TableReader;
 use crate::scene::{HISTORY, Scenario};
 
-/// What of the 110 frames is the current one, unless another is asked for: the last of the 50 that forecasters are shown.
+/// Index of the default current frame among the 110 frames: the last of the 50 frames that forecasters
+/// observe.
 const CURRENT_FRAME: usize = 49;
-/// Longest map that is read: usual ones have some hundred kilobytes.
-const LONGEST_MAP: u64 = 1 << 26;
-/// How maps are named; the id of the scenario stands between.
-const MAP_NAME: (&str, &str) = ("log_map_archive_", ".json");
+/// Maximum size of a map in bytes; usual maps have some hundred kilobytes.
+const MAX_MAP_SIZE: u64 = 1 << 26;
+/// Part of a map's file name before the id of the scenario.
+const MAP_PREFIX: &str = "log_map_archive_";
+/// Part of a map's file name after the id of the scenario.
+const MAP_SUFFIX: &str = ".json";
 
-/// The format.
+/// The Argoverse 2 format.
 pub(super) struct Argoverse2;
 
 impl ScenarioFormat for Argoverse2 {
@@ -29,7 +35,7 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn title(&self) -> &'static str {
-        "Argoverse 2 motion forecasting, Parquet with its map (log_map_archive_*.json) beside it"
+        "Argoverse 2 motion forecasting, Parquet with its map (log_map_archive_*.json) in the same folder"
     }
 
     fn recognises(&self, path: &Path) -> bool {
@@ -38,8 +44,8 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn accompanies(&self, path: &Path) -> bool {
-        let (begin, end) = MAP_NAME;
-        named(path, end) && path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(begin))
+        named(path, MAP_SUFFIX)
+            && path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(MAP_PREFIX))
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
@@ -49,7 +55,7 @@ impl ScenarioFormat for Argoverse2 {
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || Argoverse2.read_at(&path, CURRENT_FRAME));
+        let decode: UndecodedScenario = Box::new(move || Argoverse2.read_at(&path, CURRENT_FRAME));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 
@@ -58,38 +64,42 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
-        let map = Tracks::scenario_id(path).and_then(|id| map_beside(path, &id).ok());
+        let map = Tracks::scenario_id(path).and_then(|id| find_map(path, &id).ok());
         map.into_iter().collect()
     }
 }
 
-/// Reads a scenario of which the frame `current` (from 10 on, counted from 0) is the current one. The ten frames before it are the history.
-/// What lacks of the 80 frames after it is counted in the scenario's repairs.
+/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one. The ten frames
+/// before it are the history. Missing frames among the 80 after it are counted in the scenario's repairs.
 fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
     if current + 1 < HISTORY {
-        let cause = Cause::value("the current frame", current, "at least 10, so that there is a history");
+        let cause = Cause::value(
+            "the current frame",
+            current,
+            "at least 10, so that there are ten frames of history",
+        );
         return Err(FormatError::file(path, cause));
     }
     let tracks = Tracks::read(path)?;
     let id = tracks.scenario_id.clone();
     let refuse = |cause| FormatError::record(path, 0, Some(id.clone()), cause);
-    let map_path = map_beside(path, &id).map_err(refuse)?;
-    let map = map::read(&map_path, &read_whole(&map_path, LONGEST_MAP, "the map of one scenario")?)?;
-    let (parts, lacking) = parts::parts(tracks, map, current).map_err(refuse)?;
+    let map_path = find_map(path, &id).map_err(refuse)?;
+    let map = map::read(&map_path, &read_whole(&map_path, MAX_MAP_SIZE, "the map of one scenario")?)?;
+    let (parts, missing) = parts::parts(tracks, map, current).map_err(refuse)?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| {
         let file = if e.field.starts_with("map.") { &map_path } else { path };
         FormatError::scene(file, 0, e)
     })?;
-    if lacking > 0 {
-        scenario.repairs.insert("frames at the end that are not recorded".into(), lacking);
+    if missing > 0 {
+        scenario.repairs.insert("frames at the end that are not recorded".into(), missing);
     }
     Ok(scenario)
 }
 
-/// The map of a scenario: the file beside it that is named by its id, else the only map there.
-fn map_beside(path: &Path, id: &str) -> Result<PathBuf, Cause> {
+/// Finds the map of a scenario: the file in its folder that is named by its id, else the only map there.
+fn find_map(path: &Path, id: &str) -> Result<PathBuf, Cause> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let name = format!("{}{id}{}", MAP_NAME.0, MAP_NAME.1);
+    let name = format!("{MAP_PREFIX}{id}{MAP_SUFFIX}");
     // An id from a file must not lead out of the folder.
     if id.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_') {
         let named = folder.join(&name);
@@ -111,10 +121,12 @@ fn map_beside(path: &Path, id: &str) -> Result<PathBuf, Cause> {
     match <[PathBuf; 1]>::try_from(maps) {
         Ok([only]) => Ok(only),
         Err(maps) => {
-            let found =
-                if maps.is_empty() { "missing" } else { "not among several maps beside the scenario" };
-            let expected =
-                "the map that belongs to the scenario in the same folder: fetch it, or move it there";
+            let found = if maps.is_empty() {
+                "missing"
+            } else {
+                "not among several maps in the folder of the scenario"
+            };
+            let expected = "the map of the scenario in the same folder: download it, or move it there";
             Err(Cause::schema(format!("`{}`", name.escape_debug()), found, expected))
         }
     }

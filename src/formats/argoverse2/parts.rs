@@ -1,17 +1,18 @@
-//! From tracks and a map to the parts of a scenario.
+//! Conversion of tracks and a map to scenario parts.
 
 use super::tracks::{Track, Tracks};
 use crate::formats::error::Cause;
 use crate::scene::{Agent, AgentKind, CURRENT, FRAMES, LoggedAgent, MapParts, ScenarioParts};
 
-/// The id of the AV's track.
+/// Id of the AV's track.
 const AV: &str = "AV";
-/// Tracks from this category on are those that forecasts are scored for.
-const SCORED: u32 = 2;
-/// By how much the step of the time stamps may miss 0.1 s, as a share of it.
+/// Lowest category of tracks that forecasts are scored for.
+const MIN_SCORED_CATEGORY: u32 = 2;
+/// Relative tolerance of the time step around 0.1 s.
 const STEP_TOLERANCE: f64 = 0.1;
 
-/// The parts, of which the time step `current` is the current frame, and how many frames lack at the end.
+/// Converts tracks and a map to scenario parts with the time step `current` as the current frame. Also
+/// returns the number of missing frames at the end.
 pub(super) fn parts(tracks: Tracks, map: MapParts, current: usize) -> Result<(ScenarioParts, u32), Cause> {
     if let Some(step) = tracks.step.filter(|s| !((s - 0.1).abs() <= STEP_TOLERANCE * 0.1)) {
         let what = "the step of `start_timestamp` to `end_timestamp` in `num_timestamps`";
@@ -35,7 +36,7 @@ pub(super) fn parts(tracks: Tracks, map: MapParts, current: usize) -> Result<(Sc
     let ids = |chosen: &dyn Fn(&Track) -> bool| {
         tracks.tracks.iter().filter(|t| chosen(t)).map(|t| t.id.clone()).collect::<Vec<_>>()
     };
-    let tracks_to_predict = ids(&|t| t.category >= SCORED);
+    let tracks_to_predict = ids(&|t| t.category >= MIN_SCORED_CATEGORY);
     let objects_of_interest = ids(&|t| tracks.focal.as_ref() == Some(&t.id));
     let step = tracks.step;
     let agents = tracks.tracks.into_iter().map(|track| agent(track, first)).collect();
@@ -62,8 +63,8 @@ fn agent(track: Track, first: usize) -> LoggedAgent {
     LoggedAgent { agent: Agent { id: track.id, kind, length, width }, track: states }
 }
 
-/// Kind, length and width of a class of objects, metres: the data set records no sizes, these are usual ones. A size of zero means that
-/// nothing can be said: no obstacle is made of it.
+/// Returns kind, length and width (in metres) of an object class. The data set records no sizes; these are
+/// usual ones. A size of zero means an unknown size: such objects do not become obstacles.
 fn class(object_type: &str) -> (AgentKind, f64, f64) {
     match object_type {
         "vehicle" => (AgentKind::Vehicle, 4.5, 1.9),
@@ -73,7 +74,7 @@ fn class(object_type: &str) -> (AgentKind, f64, f64) {
         "pedestrian" => (AgentKind::Pedestrian, 0.7, 0.7),
         "riderless_bicycle" => (AgentKind::Other, 1.8, 0.7),
         "construction" => (AgentKind::Other, 0.6, 0.6),
-        // `static`, `background`, `unknown` and what newer versions may add: of any size.
+        // `static`, `background`, `unknown` and classes of newer versions: of any size.
         _ => (AgentKind::Other, 0.0, 0.0),
     }
 }

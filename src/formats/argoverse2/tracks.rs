@@ -1,4 +1,4 @@
-//! The table of tracks: one row per track and time step.
+//! Table of tracks: one row per track and time step.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::formats::error::{Cause, FormatError};
 use crate::formats::table::{Leaf, TableReader, View};
 use crate::scene::AgentState;
 
-/// The columns that are read.
+/// Columns that are read.
 const COLUMNS: &[&str] = &[
     "track_id",
     "object_type",
@@ -26,36 +26,39 @@ const COLUMNS: &[&str] = &[
     "num_timestamps",
     "focal_track_id",
 ];
-/// Most rows of a scenario: 110 time steps of nine thousand tracks.
-const MOST_ROWS: usize = 1_000_000;
-/// Most tracks of a scenario: usual ones have some hundred, and each has 91 frames however few rows it has.
-const MOST_TRACKS: usize = 10_000;
-/// Most time steps: those of a scenario are 110.
-const MOST_STEPS: u32 = 10_000;
-/// Nanoseconds in a second.
-const NANOSECONDS: f64 = 1e9;
+/// Maximum number of rows of a scenario: 110 time steps of nine thousand tracks.
+const MAX_ROWS: usize = 1_000_000;
+/// Maximum number of tracks of a scenario: usual scenarios have some hundred, and each track becomes 91
+/// frames however few rows it has.
+const MAX_TRACKS: usize = 10_000;
+/// Upper bound of time step indices; a scenario has 110 time steps.
+const MAX_STEPS: u32 = 10_000;
+/// Number of nanoseconds in a second.
+const NANOSECONDS_PER_SECOND: f64 = 1e9;
 
-/// The content of a table.
+/// Content of a table of tracks.
 #[derive(Default)]
 pub(super) struct Tracks {
     pub(super) scenario_id: String,
-    /// The track that forecasters are asked for.
+    /// Id of the focal track, which forecasters predict.
     pub(super) focal: Option<String>,
-    /// Seconds between time steps, where the file says so.
+    /// Duration of a time step in seconds, if the file contains it.
     pub(super) step: Option<f64>,
-    /// In the order in which they first appear.
+    /// Tracks in order of first appearance.
     pub(super) tracks: Vec<Track>,
+    /// Index in `tracks` by id.
     index: BTreeMap<String, usize>,
+    /// Number of rows read.
     rows: usize,
 }
 
-/// One object.
+/// Track of one object.
 pub(super) struct Track {
     pub(super) id: String,
     pub(super) object_type: String,
-    /// 0 fragment, 1 unscored, 2 scored, 3 focal.
+    /// Category: 0 fragment, 1 unscored, 2 scored, 3 focal.
     pub(super) category: u32,
-    /// By time step.
+    /// States by time step.
     pub(super) states: BTreeMap<u32, AgentState>,
 }
 
@@ -76,7 +79,7 @@ impl Tracks {
         Ok(tracks)
     }
 
-    /// The id of the scenario in a table, where it can be read: that of its first row.
+    /// Reads the id of the scenario from the first row of a table; `None` if this fails.
     pub(super) fn scenario_id(path: &Path) -> Option<String> {
         let mut table = TableReader::open(path).ok()?;
         table.only(&["scenario_id"]);
@@ -86,7 +89,7 @@ impl Tracks {
     }
 
     fn add(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
-        if self.rows + batch.num_rows() > MOST_ROWS {
+        if self.rows + batch.num_rows() > MAX_ROWS {
             return Err(Cause::value("the number of rows", "more than a million", "one scenario"));
         }
         let [ids, types, scenarios] =
@@ -109,7 +112,7 @@ impl Tracks {
             let text = |view: &'_ View| -> Result<String, Cause> {
                 Ok(view.text(cell).ok_or_else(|| wrong(view, row, "null", "a text"))?.to_owned())
             };
-            // Velocities may be unknown, other numbers may not.
+            // Only velocities may be unknown.
             let velocity =
                 |view: &Option<View>| view.as_ref().and_then(|v| v.number(cell)).unwrap_or(f64::NAN);
             let state = AgentState {
@@ -121,13 +124,13 @@ impl Tracks {
             };
             if row == 0 {
                 self.scenario_id = text(&scenarios)?;
-                self.about(batch)?;
+                self.read_scenario_attributes(batch)?;
             } else if scenarios.text(cell) != Some(&self.scenario_id) {
                 let found = scenarios.text(cell).map_or("null".to_owned(), |t| format!("`{t}`"));
                 let expected = format!("`{}` as in row 0: one scenario in a file", self.scenario_id);
                 return Err(wrong(&scenarios, row, found, expected));
             }
-            let step = steps.whole(cell).filter(|s| *s < MOST_STEPS);
+            let step = steps.whole(cell).filter(|s| *s < MAX_STEPS);
             let step = step.ok_or_else(|| {
                 let found = steps.whole(cell).map_or("null".to_owned(), |s| s.to_string());
                 wrong(&steps, row, found, "an index such as 0 to 109")
@@ -135,9 +138,9 @@ impl Tracks {
             let id = text(&ids)?;
             let track = match self.index.get(&id) {
                 Some(&i) => i,
-                None if self.tracks.len() >= MOST_TRACKS => {
-                    let expected = format!("one of at most {MOST_TRACKS} tracks of one scenario");
-                    return Err(wrong(&ids, row, format!("`{id}`, one more"), expected));
+                None if self.tracks.len() >= MAX_TRACKS => {
+                    let expected = format!("one of at most {MAX_TRACKS} tracks of one scenario");
+                    return Err(wrong(&ids, row, format!("`{id}`, one too many"), expected));
                 }
                 None => {
                     let category = categories.as_ref().and_then(|c| c.whole(cell)).unwrap_or(0);
@@ -156,14 +159,14 @@ impl Tracks {
         Ok(())
     }
 
-    /// What the first row says of the whole scenario.
-    fn about(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
+    /// Reads the attributes of the scenario from the first row.
+    fn read_scenario_attributes(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
         let focal = View::find(batch, "focal_track_id", Leaf::Text, 0)?;
         self.focal = focal.and_then(|f| f.text(0).map(str::to_owned));
         let [from, to, count] = ["start_timestamp", "end_timestamp", "num_timestamps"]
             .map(|name| View::find(batch, name, Leaf::Number, 0).map(|v| v.and_then(|v| v.number(0))));
         if let (Some(from), Some(to), Some(count)) = (from?, to?, count?) {
-            self.step = Some((to - from) / NANOSECONDS / (count - 1.0));
+            self.step = Some((to - from) / NANOSECONDS_PER_SECOND / (count - 1.0));
         }
         Ok(())
     }

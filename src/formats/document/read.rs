@@ -1,4 +1,4 @@
-//! From text to checked values.
+//! Conversion of JSON text to a checked document.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,8 +14,8 @@ use crate::scene::{
     RoadEdgeKind, RoadMap, SceneError,
 };
 
-/// More frames than this are taken for damage.
-const MOST_FRAMES: usize = 100_000;
+/// Limit on the number of frames; larger numbers are taken for damage.
+const MAX_FRAMES: usize = 100_000;
 
 #[derive(Deserialize)]
 struct RawDocument {
@@ -85,13 +85,13 @@ struct RawTrack {
     heading: Vec<Number>,
 }
 
-/// Where a value stands, for messages.
+/// Location of a value, for error messages.
 #[derive(Clone, Copy)]
-struct At<'a> {
+struct Location<'a> {
     scenario: &'a str,
 }
 
-impl At<'_> {
+impl Location<'_> {
     fn error(self, field: impl ToString, value: impl ToString, expected: impl ToString) -> DocumentError {
         DocumentError::Scene(SceneError {
             scenario: self.scenario.to_owned(),
@@ -101,7 +101,7 @@ impl At<'_> {
         })
     }
 
-    /// Reads a part of the scenario; the message of a failure names it.
+    /// Reads a part of the scenario; an error names the part.
     fn part<T: DeserializeOwned>(self, field: &str, value: Value) -> Result<T, DocumentError> {
         let named = match value.get("id") {
             Some(Value::String(id)) => format!("{field} (`{id}`)"),
@@ -159,9 +159,9 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
         serde_json::from_value(value)
             .map_err(|source| DocumentError::Json { at: format!("scenarios[{index}]{id}"), source })?
     };
-    let at = At { scenario: &raw.id.0 };
+    let at = Location { scenario: &raw.id.0 };
     let (current, future) = (raw.current_index, raw.num_future);
-    if future == 0 || current >= MOST_FRAMES || future >= MOST_FRAMES {
+    if future == 0 || current >= MAX_FRAMES || future >= MAX_FRAMES {
         let value = format!("{current} and {future}");
         return Err(at.error(
             "current_index and num_future",
@@ -222,7 +222,7 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
 }
 
 fn agent(
-    at: At<'_>,
+    at: Location<'_>,
     field: &str,
     raw: RawAgent,
     current: usize,
@@ -242,7 +242,7 @@ fn agent(
             Size::One(size) => size,
             Size::PerFrame(sizes) => {
                 at.length(&field, &sizes, frames)?;
-                // No size at the current frame is a box of size zero: an absent agent.
+                // A missing size at the current frame means a box of size zero, that is, an absent agent.
                 sizes[current].0.unwrap_or(0.0)
             }
         };
@@ -258,7 +258,7 @@ fn agent(
 }
 
 fn logged(
-    at: At<'_>,
+    at: Location<'_>,
     field: &str,
     raw: RawLog,
     current: usize,
@@ -273,7 +273,7 @@ fn logged(
 }
 
 fn track(
-    at: At<'_>,
+    at: Location<'_>,
     field: &str,
     pose: [Vec<Number>; 3],
     valid: Option<&[bool]>,
@@ -325,7 +325,7 @@ fn track(
     Ok(track)
 }
 
-fn map(at: At<'_>, raw: RawMap) -> Result<RoadMap, DocumentError> {
+fn map(at: Location<'_>, raw: RawMap) -> Result<RoadMap, DocumentError> {
     let rings = |name: &str, rings: Option<Vec<Points>>| {
         let rings = rings.unwrap_or_default().into_iter().enumerate();
         rings.map(|(i, r)| at.points(&format!("map.{name}[{i}]"), r.0)).collect::<Result<Vec<_>, _>>()
@@ -351,7 +351,7 @@ fn map(at: At<'_>, raw: RawMap) -> Result<RoadMap, DocumentError> {
     })
 }
 
-fn lanes(at: At<'_>, values: Vec<Value>) -> Result<Vec<Lane>, DocumentError> {
+fn lanes(at: Location<'_>, values: Vec<Value>) -> Result<Vec<Lane>, DocumentError> {
     let mut raws: Vec<RawLane> = Vec::with_capacity(values.len());
     let mut index = BTreeMap::new();
     for (i, value) in values.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Values as documents write them.
+//! JSON values of documents.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -7,11 +7,11 @@ use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 
 use crate::geometry::{Polygon, Vec2};
 
-/// A number, `None` for null. NaN and infinities come as marked strings, see [`quote_not_finite`].
+/// A number, or `None` for null. NaN and infinities arrive as strings, see [`quote_not_finite`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Number(pub(super) Option<f64>);
 
-/// Implements the visitor's methods for all ways to write a number.
+/// Implements the visitor's methods for all representations of a number.
 macro_rules! numbers {
     ($value:ty, $wrap:expr) => {
         fn visit_f64<E: de::Error>(self, v: f64) -> Result<$value, E> {
@@ -39,8 +39,8 @@ macro_rules! numbers {
 
 impl<'de> Deserialize<'de> for Number {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Read;
-        impl Visitor<'_> for Read {
+        struct NumberVisitor;
+        impl Visitor<'_> for NumberVisitor {
             type Value = Number;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -53,23 +53,23 @@ impl<'de> Deserialize<'de> for Number {
                 Ok(Number(None))
             }
         }
-        deserializer.deserialize_any(Read)
+        deserializer.deserialize_any(NumberVisitor)
     }
 }
 
 /// A size: one number, or one per frame.
 #[derive(Clone, Debug)]
 pub(super) enum Size {
-    /// The same at all frames.
+    /// The same size at all frames.
     One(f64),
-    /// One per frame.
+    /// One size per frame.
     PerFrame(Vec<Number>),
 }
 
 impl<'de> Deserialize<'de> for Size {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Read;
-        impl<'de> Visitor<'de> for Read {
+        struct SizeVisitor;
+        impl<'de> Visitor<'de> for SizeVisitor {
             type Value = Size;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -86,18 +86,18 @@ impl<'de> Deserialize<'de> for Size {
                 Ok(Size::PerFrame(sizes))
             }
         }
-        deserializer.deserialize_any(Read)
+        deserializer.deserialize_any(SizeVisitor)
     }
 }
 
-/// A name: a string, or a number that stands for one.
+/// An id: a string, or a whole number that is converted to one.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Name(pub(super) String);
 
 impl<'de> Deserialize<'de> for Name {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Read;
-        impl Visitor<'_> for Read {
+        struct NameVisitor;
+        impl Visitor<'_> for NameVisitor {
             type Value = Name;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -116,7 +116,7 @@ impl<'de> Deserialize<'de> for Name {
                 Ok(Name(v.to_string()))
             }
         }
-        deserializer.deserialize_any(Read)
+        deserializer.deserialize_any(NameVisitor)
     }
 }
 
@@ -131,7 +131,7 @@ impl<'de> Deserialize<'de> for Points {
     }
 }
 
-/// Null coordinates become NaN and are refused with their path.
+/// Builds a point. Null coordinates become NaN, which is refused later with the path of the field.
 fn point([x, y]: [Number; 2]) -> Vec2 {
     Vec2::new(x.0.unwrap_or(f64::NAN), y.0.unwrap_or(f64::NAN))
 }
@@ -142,8 +142,8 @@ pub(super) struct Area(pub(super) Polygon);
 
 impl<'de> Deserialize<'de> for Area {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Read;
-        impl<'de> Visitor<'de> for Read {
+        struct AreaVisitor;
+        impl<'de> Visitor<'de> for AreaVisitor {
             type Value = Area;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -176,12 +176,13 @@ impl<'de> Deserialize<'de> for Area {
                 Ok(Area(Polygon { exterior, holes }))
             }
         }
-        deserializer.deserialize_any(Read)
+        deserializer.deserialize_any(AreaVisitor)
     }
 }
 
-/// Puts quotes around the words NaN, Infinity and -Infinity outside of strings. They are no JSON, but common writers produce
-/// them; quoted, they are refused by the name of their field instead of by a column number.
+/// Puts quotes around the words NaN, Infinity and -Infinity outside of strings. They are not valid JSON, but
+/// common writers produce them. When quoted, they are refused with the name of their field instead of a
+/// column number.
 pub(super) fn quote_not_finite(text: &str) -> Cow<'_, str> {
     if !(text.contains("NaN") || text.contains("Infinity")) {
         return Cow::Borrowed(text);
@@ -208,7 +209,7 @@ pub(super) fn quote_not_finite(text: &str) -> Cow<'_, str> {
     Cow::Owned(quoted)
 }
 
-/// Bytes of the string literal that `text` begins with, quotes included.
+/// Returns the length in bytes of the string literal at the start of `text`, including the quotes.
 fn string_length(text: &str) -> usize {
     let mut escaped = false;
     for (i, byte) in text.bytes().enumerate().skip(1) {
@@ -227,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quotes_words_that_are_no_json() {
+    fn quotes_words_that_are_not_json() {
         let text = r#"{"NaN": [NaN, -Infinity, Infinity, -1, "a \" NaN"]}"#;
         let expected = r#"{"NaN": ["NaN", "-Infinity", "Infinity", -1, "a \" NaN"]}"#;
         assert_eq!(quote_not_finite(text), expected);

@@ -1,16 +1,17 @@
-//! Whether a file holds radians or degrees.
+//! Detection of the angle unit of a file.
 
 use super::raw::RawScenario;
 use crate::geometry::{Vec2, direction, math};
 
-/// From this speed on the direction of a velocity tells that of a vehicle, m/s.
-const MOVING: f64 = 2.0;
+/// Minimum speed in m/s at which the direction of the velocity is compared with the heading.
+const MIN_SPEED: f64 = 2.0;
 
-/// What the headings of a file are to be multiplied with to be radians.
+/// Returns the factor that converts the headings of a file to radians.
 ///
-/// Nocturne wrote degrees, GPUDrive radians, and no file says which. Who moves goes where it heads: the unit holds in which headings
-/// agree better with velocities. Where nobody moves, files with metadata are taken for GPUDrive's.
-pub(super) fn per_unit(raw: &RawScenario) -> f64 {
+/// Nocturne wrote degrees, GPUDrive writes radians, and files do not state the unit. Since agents move in the
+/// direction of their heading, the unit is the one in which headings agree better with velocities. If no
+/// agent moves, files with metadata are taken for GPUDrive files.
+pub(super) fn radians_per_unit(raw: &RawScenario) -> f64 {
     let degree = 1.0_f64.to_radians();
     let (mut radians, mut degrees) = (0.0, 0.0);
     for object in raw.objects.iter().filter(|o| o.kind != "pedestrian") {
@@ -18,7 +19,7 @@ pub(super) fn per_unit(raw: &RawScenario) -> f64 {
         for ((&heading, &velocity), _) in frames.filter(|(_, valid)| **valid) {
             let velocity = Vec2::from(velocity);
             let speed = math::hypot(velocity.x, velocity.y);
-            if !(speed > MOVING && speed.is_finite() && heading.is_finite()) {
+            if !(speed > MIN_SPEED && speed.is_finite() && heading.is_finite()) {
                 continue;
             }
             radians += direction(heading).dot(&velocity) / speed;

@@ -1,4 +1,4 @@
-//! Links between lanes, which these files leave out.
+//! Links between lanes, for files without links.
 
 use std::collections::BTreeMap;
 
@@ -6,14 +6,14 @@ use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::LaneParts;
 
-/// A lane goes on in those that begin within this distance of its end, metres.
-const TOUCHING: f64 = 0.05;
-/// More lanes than this do not begin or end at one place.
-const MOST: usize = 100;
+/// Maximum distance in metres between the end of a lane and the start of its successors.
+const LINK_DISTANCE: f64 = 0.05;
+/// Maximum number of lanes that begin or end at one point.
+const MAX_LANES_AT_POINT: usize = 100;
 
 /// Links lanes whose ends touch.
 pub(in crate::formats) fn link(lanes: &mut [LaneParts]) -> Result<(), Cause> {
-    let cell = |p: Vec2| ((p.x / TOUCHING).floor() as i64, (p.y / TOUCHING).floor() as i64);
+    let cell = |p: Vec2| ((p.x / LINK_DISTANCE).floor() as i64, (p.y / LINK_DISTANCE).floor() as i64);
     let mut starts: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
     let mut ends: BTreeMap<(i64, i64), usize> = BTreeMap::new();
     for (i, lane) in lanes.iter().enumerate() {
@@ -22,8 +22,8 @@ pub(in crate::formats) fn link(lanes: &mut [LaneParts]) -> Result<(), Cause> {
         here.push(i);
         let ending = ends.entry(cell(*last)).or_default();
         *ending += 1;
-        if here.len().max(*ending) > MOST {
-            let found = format!("beside {MOST} other lanes that begin or end at one point");
+        if here.len().max(*ending) > MAX_LANES_AT_POINT {
+            let found = format!("next to {MAX_LANES_AT_POINT} other lanes that begin or end at one point");
             return Err(Cause::value(format!("the lane `{}`", lane.id), found, "fewer lanes at one point"));
         }
     }
@@ -33,7 +33,7 @@ pub(in crate::formats) fn link(lanes: &mut [LaneParts]) -> Result<(), Cause> {
         let (x, y) = cell(end);
         let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
         let near = around.filter_map(|(dx, dy)| starts.get(&(x.saturating_add(dx), y.saturating_add(dy))));
-        let touches = |j: &usize| *j != i && (lanes[*j].points[0] - end).norm() <= TOUCHING;
+        let touches = |j: &usize| *j != i && (lanes[*j].points[0] - end).norm() <= LINK_DISTANCE;
         let mut found: Vec<usize> = near.flatten().copied().filter(touches).collect();
         found.sort_unstable();
         found.dedup();
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_go_on_where_they_touch() {
+    fn lanes_with_touching_ends_are_linked() {
         let mut lanes = [
             lane(0, &[(0.0, 0.0), (10.0, 0.0)]),
             lane(1, &[(10.04, 0.0), (20.0, 0.0)]),
@@ -84,15 +84,15 @@ mod tests {
             (lanes[1].predecessors.as_slice(), lanes[2].predecessors.len()),
             (["0".to_owned()].as_slice(), 1)
         );
-        assert!(lanes[3].predecessors.is_empty(), "6 cm are too many");
-        assert!(lanes[4].successors.is_empty(), "no lane goes on in itself");
+        assert!(lanes[3].predecessors.is_empty(), "6 cm is too far");
+        assert!(lanes[4].successors.is_empty(), "no lane is its own successor");
     }
 
     #[test]
     fn many_lanes_at_one_point_are_refused() {
         let mut lanes: Vec<LaneParts> = (0..200).map(|i| lane(i, &[(0.0, 0.0), (1.0, i as f64)])).collect();
         let error = link(&mut lanes).unwrap_err().to_string();
-        assert!(error.starts_with("the lane `100` is beside 100 other lanes"), "{error}");
+        assert!(error.starts_with("the lane `100` is next to 100 other lanes"), "{error}");
         let mut far = [lane(0, &[(1e308, -1e308), (0.0, 1e308)])];
         link(&mut far).unwrap();
     }

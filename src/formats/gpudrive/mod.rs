@@ -1,4 +1,5 @@
-//! The JSON files of GPUDrive and, before it, Nocturne: one Waymo scenario each. Told in `scenarios/README.md`.
+//! JSON files of GPUDrive and its predecessor Nocturne: one Waymo scenario each. Described in
+//! `scenarios/README.md`.
 
 pub(super) mod links;
 
@@ -11,13 +12,13 @@ use std::path::{Path, PathBuf};
 
 use self::raw::RawScenario;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, read_whole};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, read_whole};
 use crate::scene::Scenario;
 
-/// Longest file that is read: one of the largest scenarios has about ten megabytes.
-const LONGEST: u64 = 1 << 27;
+/// Maximum file size in bytes; the largest scenarios have about ten megabytes.
+const MAX_FILE_SIZE: u64 = 1 << 27;
 
-/// The format.
+/// The format of GPUDrive and Nocturne.
 pub(super) struct GpuDrive;
 
 impl ScenarioFormat for GpuDrive {
@@ -31,12 +32,12 @@ impl ScenarioFormat for GpuDrive {
 
     fn recognises(&self, path: &Path) -> bool {
         head(path, 4096).is_ok_and(|head| {
-            let says = |text: &str| head.windows(text.len()).any(|w| w == text.as_bytes());
-            // What this program writes states its own format at the beginning.
+            let contains = |text: &str| head.windows(text.len()).any(|w| w == text.as_bytes());
+            // Files of this program state their format at the beginning.
             head.trim_ascii_start().starts_with(b"{")
-                && !says("\"reactsim-")
-                && (says("\"objects\"") || says("\"roads\""))
-                && (says("\"position\"") || says("\"geometry\""))
+                && !contains("\"reactsim-")
+                && (contains("\"objects\"") || contains("\"roads\""))
+                && (contains("\"position\"") || contains("\"geometry\""))
         })
     }
 
@@ -47,20 +48,20 @@ impl ScenarioFormat for GpuDrive {
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || read(&path));
+        let decode: UndecodedScenario = Box::new(move || read(&path));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 }
 
 fn read(path: &Path) -> Result<Scenario, FormatError> {
-    let text = read_whole(path, LONGEST, "one scenario")?;
+    let text = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
     let raw: RawScenario = serde_json::from_slice(&text)
         .map_err(|e| FormatError::file(path, Cause::Undecodable(e.to_string())).at(0))?;
     drop(text);
     let id = raw.id();
-    let read = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, id, cause))?;
-    let mut scenario = Scenario::assemble(read.parts).map_err(|e| FormatError::scene(path, 0, e))?;
-    for (what, count) in read.left_out {
+    let converted = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, id, cause))?;
+    let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    for (what, count) in converted.left_out {
         *scenario.repairs.entry(what.to_owned()).or_default() += count;
     }
     Ok(scenario)

@@ -1,4 +1,4 @@
-//! From a GPUDrive file to the parts of a scenario.
+//! Conversion of a GPUDrive file to scenario parts.
 
 use std::collections::BTreeMap;
 
@@ -11,18 +11,18 @@ use crate::scene::{
     Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts,
 };
 
-/// What stands in frames that are not valid.
-const ABSENT: f64 = -10_000.0;
+/// Coordinate in metres that marks invalid frames.
+const INVALID_COORDINATE: f64 = -10_000.0;
 
-/// What a file holds.
-pub(super) struct Read {
+/// Scenario parts of a file, with the omitted elements.
+pub(super) struct ConvertedScenario {
     pub(super) parts: ScenarioParts,
-    /// What was left out, by what it was: counts.
+    /// Number of omitted elements by description.
     pub(super) left_out: BTreeMap<&'static str, u32>,
 }
 
-/// The parts of a file.
-pub(super) fn parts(raw: RawScenario) -> Result<Read, Cause> {
+/// Converts the content of a file.
+pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
     let id = raw
         .id()
         .ok_or_else(|| Cause::schema("`scenario_id`", "missing", "the id of the scenario, or a `name`"))?;
@@ -32,7 +32,7 @@ pub(super) fn parts(raw: RawScenario) -> Result<Read, Cause> {
         let found = usize::try_from(value).ok().filter(|i| *i < ids.len());
         found.ok_or_else(|| Cause::value(field, value, expected()))
     };
-    // The AV is the last object of every file; newer ones say so.
+    // The AV is the last object of every file; newer files state its index.
     let av = match raw.metadata.as_ref().and_then(|m| m.sdc_track_index) {
         Some(given) => index("metadata.sdc_track_index", given)?,
         None => {
@@ -42,13 +42,13 @@ pub(super) fn parts(raw: RawScenario) -> Result<Read, Cause> {
     };
     let (mut tracks_to_predict, mut objects_of_interest) = (Vec::new(), Vec::new());
     if let Some(metadata) = &raw.metadata {
-        for (i, asked) in metadata.tracks_to_predict.iter().enumerate() {
-            let track = index(&format!("metadata.tracks_to_predict[{i}].track_index"), asked.track_index)?;
+        for (i, required) in metadata.tracks_to_predict.iter().enumerate() {
+            let track = index(&format!("metadata.tracks_to_predict[{i}].track_index"), required.track_index)?;
             tracks_to_predict.push(ids[track].clone());
         }
         objects_of_interest = metadata.objects_of_interest.iter().map(Name::to_string).collect();
     }
-    let unit = angles::per_unit(&raw);
+    let unit = angles::radians_per_unit(&raw);
     let mut agents = Vec::with_capacity(raw.objects.len());
     for (i, object) in raw.objects.iter().enumerate() {
         agents.push(agent(i, object, ids[i].clone(), unit)?);
@@ -72,10 +72,10 @@ pub(super) fn parts(raw: RawScenario) -> Result<Read, Cause> {
         lights,
         deviation: None,
     };
-    Ok(Read { parts, left_out })
+    Ok(ConvertedScenario { parts, left_out })
 }
 
-/// The id; the index where the file has none.
+/// Returns the id, or the index if the file has no id.
 fn name(id: &Option<Name>, index: usize) -> String {
     id.as_ref().map_or_else(|| index.to_string(), Name::to_string)
 }
@@ -98,11 +98,15 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
             continue;
         }
         let (at, v) = (object.position[f], object.velocity[f]);
-        if at.x == ABSENT && at.y == ABSENT {
+        if at.x == INVALID_COORDINATE && at.y == INVALID_COORDINATE {
             let field = format!("objects[{i}].position[{f}]");
             let expected =
                 "a position where `valid` is true; set `valid` to false where the object is absent";
-            return Err(Cause::value(field, format!("({ABSENT}, {ABSENT})"), expected));
+            return Err(Cause::value(
+                field,
+                format!("({INVALID_COORDINATE}, {INVALID_COORDINATE})"),
+                expected,
+            ));
         }
         let heading = object.heading[f] * unit;
         track.push(Some(AgentState { x: at.x, y: at.y, heading, vx: v.x, vy: v.y }));
@@ -116,7 +120,7 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
     Ok(LoggedAgent { agent: Agent { id, kind, length: object.length, width: object.width }, track })
 }
 
-/// A light; none where it was never observed.
+/// Converts a light; `None` if it was never observed.
 fn light(lane: String, raw: &RawLight) -> Result<Option<LightParts>, Cause> {
     let field = |what: &str| format!("tl_states[\"{lane}\"].{what}");
     let n = raw.time_index.len();
@@ -132,11 +136,11 @@ fn light(lane: String, raw: &RawLight) -> Result<Option<LightParts>, Cause> {
         let frame = frame.ok_or_else(|| {
             Cause::value(field(&format!("time_index[{k}]")), index, "the index of a frame, 0 to 90")
         })?;
-        let shown = LightState::from_name(state).ok_or_else(|| {
+        let observed = LightState::from_name(state).ok_or_else(|| {
             let known = LightState::ALL.map(LightState::name).join(", ");
             Cause::value(field(&format!("state[{k}]")), format!("`{state}`"), known)
         })?;
-        states[frame] = Some(shown);
+        states[frame] = Some(observed);
     }
     let at = raw.x.first().zip(raw.y.first());
     Ok(at.map(|(&x, &y)| LightParts { lane, stop_point: Vec2::new(x, y), states }))

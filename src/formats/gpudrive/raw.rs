@@ -1,4 +1,4 @@
-//! The fields of a GPUDrive file that are read; all others are skipped.
+//! Fields of a GPUDrive file that are read; all others are skipped.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -15,16 +15,16 @@ pub(super) struct RawScenario {
     pub(super) scenario_id: Option<String>,
     pub(super) objects: Vec<RawObject>,
     pub(super) roads: Vec<RawRoad>,
-    /// By the id of the controlled lane.
+    /// Lights by the id of the controlled lane.
     #[serde(default)]
     pub(super) tl_states: BTreeMap<String, RawLight>,
-    /// Old files have none.
+    /// Metadata; missing in old files.
     #[serde(default)]
     pub(super) metadata: Option<RawMetadata>,
 }
 
 impl RawScenario {
-    /// The scenario's id: Waymo's own, in old files the name of the record that the file was made of.
+    /// Returns the scenario's id: that of Waymo, or in old files the name of the source record.
     pub(super) fn id(&self) -> Option<String> {
         let name = || Some(self.name.as_ref()?.trim_end_matches(".json").to_owned());
         self.scenario_id.clone().or_else(name).filter(|id| !id.is_empty())
@@ -71,7 +71,7 @@ pub(super) struct RawRoad {
     pub(super) geometry: Vec<Point>,
 }
 
-/// What a light showed: four lists with one entry per observation.
+/// Observations of a light: four lists with one entry per observation.
 #[derive(Deserialize)]
 pub(super) struct RawLight {
     pub(super) state: Vec<String>,
@@ -80,7 +80,7 @@ pub(super) struct RawLight {
     pub(super) time_index: Vec<i64>,
 }
 
-/// A point or a vector; its height, where there is one, is not read.
+/// A point or a vector; a z coordinate is not read.
 #[derive(Clone, Copy, Deserialize)]
 pub(super) struct Point {
     pub(super) x: f64,
@@ -93,7 +93,7 @@ impl From<Point> for Vec2 {
     }
 }
 
-/// An id: a number in files of these programs, a text in some that were changed by others.
+/// An id: a number in files of GPUDrive and Nocturne, a text in some files edited by other programs.
 #[derive(Clone, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Name {

@@ -1,4 +1,4 @@
-//! From the road elements of a file to a map.
+//! Conversion of road elements to a map.
 
 use std::collections::BTreeMap;
 
@@ -11,13 +11,14 @@ use crate::scene::{
     RoadLine, Surface,
 };
 
-/// The code of the paint 1 (broken single white); those of 2 to 8 follow.
-const FIRST_PAINT: i64 = 6;
-/// The codes of the kinds of road edges.
-const EDGE_BOUNDARY: i64 = 15;
-const EDGE_MEDIAN: i64 = 16;
+/// Element id of paint code 1 (broken single white); the ids of codes 2 to 8 follow.
+const FIRST_PAINT_ID: i64 = 6;
+/// Element id of road edges that are boundaries.
+const BOUNDARY_ID: i64 = 15;
+/// Element id of road edges that are medians.
+const MEDIAN_ID: i64 = 16;
 
-/// The map, and what had to be left out.
+/// Converts road elements to a map; also returns the number of omitted elements by description.
 pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static str, u32>), Cause> {
     let mut map = MapParts::default();
     let mut left_out: BTreeMap<&'static str, u32> = BTreeMap::new();
@@ -42,14 +43,14 @@ pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static st
                 right: Vec::new(),
             }),
             "road_line" => {
-                let paint = code.and_then(|c| u8::try_from(c.checked_sub(FIRST_PAINT - 1)?).ok());
+                let paint = code.and_then(|c| u8::try_from(c.checked_sub(FIRST_PAINT_ID - 1)?).ok());
                 let paint = paint.filter(|p| (1..=8).contains(p)).unwrap_or(0);
                 map.road_lines.push(RoadLine { paint, points });
             }
             "road_edge" => {
                 let kind = match code {
-                    Some(EDGE_BOUNDARY) => RoadEdgeKind::Boundary,
-                    Some(EDGE_MEDIAN) => RoadEdgeKind::Median,
+                    Some(BOUNDARY_ID) => RoadEdgeKind::Boundary,
+                    Some(MEDIAN_ID) => RoadEdgeKind::Median,
                     _ => RoadEdgeKind::Unknown,
                 };
                 map.road_edges.push(RoadEdge { kind, points });
@@ -57,7 +58,7 @@ pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static st
             "crosswalk" => map.crosswalks.push(Crosswalk { outline: points }),
             "speed_bump" => map.speed_bumps.push(Surface { outline: points }),
             "driveway" => map.driveways.push(Surface { outline: points }),
-            // The file does not say for whom a sign stands, and the next lane is often another one.
+            // The lane of a stop sign is not recorded, and the nearest lane is often the wrong one.
             "stop_sign" => *left_out.entry("stop signs of unknown lanes").or_default() += 1,
             _ => *left_out.entry("road elements of unknown type").or_default() += 1,
         }

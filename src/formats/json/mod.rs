@@ -1,4 +1,5 @@
-//! Hand-written scenarios: one JSON file each, with compact forms of motions and lines. Told in `scenarios/README.md`.
+//! Hand-written scenarios: one JSON file each, with compact notations for motions and lines. Described in
+//! `scenarios/README.md`.
 
 mod motion;
 mod parts;
@@ -11,10 +12,10 @@ use super::error::{Cause, FormatError};
 use super::format::{ScenarioFormat, Scenarios, head, read_whole};
 use crate::scene::Scenario;
 
-/// Longest file that is read: a scenario with full tracks is a few megabytes.
-const LONGEST: u64 = 1 << 28;
+/// Maximum file size in bytes; a scenario with full tracks has a few megabytes.
+const MAX_FILE_SIZE: u64 = 1 << 28;
 
-/// The format.
+/// The format of hand-written scenarios.
 pub(super) struct Json;
 
 impl ScenarioFormat for Json {
@@ -40,10 +41,10 @@ impl ScenarioFormat for Json {
 }
 
 fn read(path: &Path) -> Result<Scenario, FormatError> {
-    parse(path, &read_whole(path, LONGEST, "one scenario")?)
+    parse(path, &read_whole(path, MAX_FILE_SIZE, "one scenario")?)
 }
 
-/// Reads a hand-written scenario from memory; `path` is the name that errors give it.
+/// Reads a hand-written scenario from memory; errors refer to it as `path`.
 ///
 /// # Errors
 /// [`FormatError`] names the field and the value.

@@ -1,4 +1,4 @@
-//! From a hand-written scenario to the parts of a scenario.
+//! Conversion of a hand-written file to scenario parts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,10 +14,10 @@ use crate::scene::{
     NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
-/// Most agents of a scenario: each has 91 states, however short its motion is told.
-const MOST_AGENTS: usize = 10_000;
+/// Maximum number of agents of a scenario: each has 91 states, however short its description is.
+const MAX_AGENTS: usize = 10_000;
 
-/// The parts of a file.
+/// Converts the content of a file to scenario parts.
 pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
     if raw.format != FORMAT {
         return Err(Cause::schema("`format`", format!("`{}`", raw.format), format!("`{FORMAT}`")));
@@ -33,8 +33,8 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
             .position(|a| a.id == *id)
             .ok_or_else(|| Cause::value("av", format!("`{id}`"), "the id of an agent"))?,
     };
-    if raw.agents.len() > MOST_AGENTS {
-        let expected = format!("at most {MOST_AGENTS} in one scenario");
+    if raw.agents.len() > MAX_AGENTS {
+        let expected = format!("at most {MAX_AGENTS} in one scenario");
         return Err(Cause::value("the number of `agents`", raw.agents.len(), expected));
     }
     let mut agents = Vec::with_capacity(raw.agents.len());
@@ -76,11 +76,12 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
     })
 }
 
-/// What a name stands for.
+/// Converts a name by `from_name`.
 fn named<T>(field: String, name: &str, from_name: fn(&str) -> Option<T>, expected: &str) -> Result<T, Cause> {
     from_name(name).ok_or_else(|| Cause::value(field, format!("`{name}`"), expected))
 }
 
+/// Returns the error of two exclusive fields of which both or neither is given.
 fn either(field: &str, a: &str, b: &str, both: bool) -> Cause {
     let found = if both { "given both" } else { "given neither" };
     Cause::value(format!("{field}.{a} and .{b}"), found, "exactly one of the two")
@@ -161,11 +162,11 @@ fn line(
     field: &str,
     given: &Option<Vec<[f64; 2]>>,
     path: &Option<RawPath>,
-    left: &mut usize,
+    budget: &mut usize,
 ) -> Result<Vec<Vec2>, Cause> {
     match (given, path) {
         (Some(given), None) => Ok(points(given)),
-        (None, Some(path)) => motion::line(&format!("{field}.path"), path, left),
+        (None, Some(path)) => motion::line(&format!("{field}.path"), path, budget),
         (given, _) => Err(either(field, "points", "path", given.is_some())),
     }
 }
@@ -187,20 +188,20 @@ fn map(raw: RawMap) -> Result<MapParts, Cause> {
         }),
         ..MapParts::default()
     };
-    let mut left = motion::MOST_POINTS;
-    map.lanes = lanes(&raw.lanes, &mut left)?;
+    let mut budget = motion::MAX_POINTS;
+    map.lanes = lanes(&raw.lanes, &mut budget)?;
     for (i, edge) in raw.road_edges.iter().enumerate() {
         let field = format!("map.road_edges[{i}]");
         let kinds = "boundary, median or unknown";
         let kind = named(format!("{field}.kind"), &edge.kind, RoadEdgeKind::from_name, kinds)?;
-        map.road_edges.push(RoadEdge { kind, points: line(&field, &edge.points, &edge.path, &mut left)? });
+        map.road_edges.push(RoadEdge { kind, points: line(&field, &edge.points, &edge.path, &mut budget)? });
     }
     for (i, painted) in raw.road_lines.iter().enumerate() {
         let field = format!("map.road_lines[{i}]");
         if painted.paint > 8 {
             return Err(Cause::value(format!("{field}.paint"), painted.paint, "0 to 8"));
         }
-        let points = line(&field, &painted.points, &painted.path, &mut left)?;
+        let points = line(&field, &painted.points, &painted.path, &mut budget)?;
         map.road_lines.push(RoadLine { paint: painted.paint, points });
     }
     for (i, stop) in raw.stop_lines.into_iter().enumerate() {
@@ -211,13 +212,13 @@ fn map(raw: RawMap) -> Result<MapParts, Cause> {
     Ok(map)
 }
 
-fn lanes(raw: &[RawLane], left: &mut usize) -> Result<Vec<LaneParts>, Cause> {
+fn lanes(raw: &[RawLane], budget: &mut usize) -> Result<Vec<LaneParts>, Cause> {
     let mut baselines = Vec::with_capacity(raw.len());
     for (i, lane) in raw.iter().enumerate() {
-        baselines.push(line(&format!("map.lanes[{i}]"), &lane.points, &lane.path, left)?);
+        baselines.push(line(&format!("map.lanes[{i}]"), &lane.points, &lane.path, budget)?);
     }
     let last = |i: usize| u32::try_from(baselines[i].len().saturating_sub(1)).unwrap_or(u32::MAX);
-    // Of lanes with one id the first; such a scenario is refused later.
+    // The first of lanes with the same id; such a scenario is refused later.
     let (mut index, mut before) = (BTreeMap::new(), BTreeMap::<&str, Vec<String>>::new());
     for (i, lane) in raw.iter().enumerate() {
         index.entry(lane.id.as_str()).or_insert(i);
@@ -241,7 +242,7 @@ fn lanes(raw: &[RawLane], left: &mut usize) -> Result<Vec<LaneParts>, Cause> {
     for (i, lane) in raw.iter().enumerate() {
         let field = format!("map.lanes[{i}]");
         let classes = "surface_street, freeway, bike or undefined";
-        let stated = || before.get(lane.id.as_str()).cloned().unwrap_or_default();
+        let derived = || before.get(lane.id.as_str()).cloned().unwrap_or_default();
         lanes.push(LaneParts {
             id: lane.id.clone(),
             kind: named(format!("{field}.kind"), &lane.kind, LaneKind::from_name, "lane or connector")?,
@@ -254,7 +255,7 @@ fn lanes(raw: &[RawLane], left: &mut usize) -> Result<Vec<LaneParts>, Cause> {
                 (Some(_), Some(_)) => return Err(either(&field, "polygon", "half_width", true)),
             },
             successors: lane.successors.clone(),
-            predecessors: lane.predecessors.clone().unwrap_or_else(stated),
+            predecessors: lane.predecessors.clone().unwrap_or_else(derived),
             left: neighbors(i, &lane.left),
             right: neighbors(i, &lane.right),
         });

@@ -1,8 +1,8 @@
-//! The shape of a hand-written scenario file. What the fields mean is told in `scenarios/README.md`.
+//! Structure of a hand-written scenario file. The fields are described in `scenarios/README.md`.
 
 use serde::Deserialize;
 
-/// The value of `format`.
+/// Required value of `format`.
 pub(super) const FORMAT: &str = "reactsim-scenario-v1";
 
 #[derive(Deserialize)]
@@ -48,7 +48,7 @@ fn vehicle() -> String {
     "vehicle".to_owned()
 }
 
-/// One entry per frame; `null` where absent (x, y, heading) or unknown (vx, vy).
+/// Track with one entry per frame; `null` where absent (x, y, heading) or unknown (vx, vy).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawTrack {
@@ -61,7 +61,7 @@ pub(super) struct RawTrack {
     pub(super) vy: Option<Vec<Option<f64>>>,
 }
 
-/// The state at the current frame, the second before and the pieces after it.
+/// Motion given by the state at the current frame, the second before it and the pieces after it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawMotion {
@@ -87,7 +87,7 @@ pub(super) struct RawPast {
     pub(super) curvature: f64,
 }
 
-/// A stretch of time with constant acceleration and curvature, and a sideways shift.
+/// Time interval with constant acceleration and curvature, and a lateral shift.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawPiece {
@@ -159,7 +159,7 @@ fn surface_street() -> String {
     "surface_street".to_owned()
 }
 
-/// A line from a point through straight pieces and arcs.
+/// Line from a point through straight pieces and arcs.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawPath {

@@ -61,9 +61,9 @@ fn draws_quarter_circles() {
 }
 
 #[test]
-fn refuses_odd_times_by_name() {
+fn refused_durations_are_named() {
     let error = motion::track("agents[1].motion", &motion(vec![piece(0.25)])).unwrap_err().to_string();
     assert_eq!(error, "agents[1].motion.pieces[0].seconds is 0.25, expected a positive multiple of 0.1 s");
     let error = motion::track("m", &motion(vec![piece(8.1)])).unwrap_err().to_string();
-    assert_eq!(error, "m.pieces[0] is an end after more than 8 s, expected pieces of 8 s together at most");
+    assert_eq!(error, "m.pieces[0] is an end after more than 8 s, expected pieces of at most 8 s in total");
 }

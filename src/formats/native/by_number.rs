@@ -1,4 +1,4 @@
-//! Reading scenarios of a native file in any order.
+//! Random access to the scenarios of a native file.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -9,16 +9,16 @@ use crate::formats::error::{Cause, FormatError};
 use crate::formats::table::{Leaf, TableReader, View};
 use crate::scene::Scenario;
 
-/// A native file whose scenarios are read by number, by several threads. In memory are the names of the scenarios, and the row groups of
-/// those that are being read.
+/// Native file with random access to scenarios by index, for several threads. Only the ids of the scenarios
+/// and the row groups in use are in memory.
 pub struct ByNumber {
     path: PathBuf,
     entries: Vec<Entry>,
-    /// Open files that no thread reads from just now.
-    readers: Mutex<Vec<TableReader>>,
+    /// Open readers that no thread is using.
+    idle_readers: Mutex<Vec<TableReader>>,
 }
 
-/// A scenario and its place.
+/// Id, digest and position of a scenario.
 struct Entry {
     id: String,
     digest: String,
@@ -27,10 +27,10 @@ struct Entry {
 }
 
 impl ByNumber {
-    /// Opens a file and reads the names of its scenarios; the checksums of all row groups are checked.
+    /// Opens a file, reads the ids of its scenarios and checks the checksums of all row groups.
     ///
     /// # Errors
-    /// [`FormatError`] when it is no native file, or damaged.
+    /// [`FormatError`] if the file is not a native file or is damaged.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         let mut table = open(path)?;
         let refuse = |cause| FormatError::file(path, cause);
@@ -52,25 +52,25 @@ impl ByNumber {
                 entries.push(Entry { id: text(&id)?, digest: text(&digest)?, group, row });
             }
         }
-        Ok(Self { path: path.to_owned(), entries, readers: Mutex::new(vec![table]) })
+        Ok(Self { path: path.to_owned(), entries, idle_readers: Mutex::new(vec![table]) })
     }
 
-    /// The number of scenarios.
+    /// Returns the number of scenarios.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no scenarios.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// The name of a scenario.
+    /// Returns the id of a scenario.
     pub fn id(&self, number: usize) -> &str {
         &self.entries[number].id
     }
 
-    /// The digest that the file states for a scenario; reading checks it.
+    /// Returns the digest stored for a scenario; [`ByNumber::read`] checks it.
     pub fn digest(&self, number: usize) -> &str {
         &self.entries[number].digest
     }
@@ -78,30 +78,30 @@ impl ByNumber {
     /// Reads a scenario.
     ///
     /// # Errors
-    /// [`FormatError`] when the file changed meanwhile, can not be read any more, or the scenario is damaged.
+    /// [`FormatError`] if the file has changed or cannot be read any more, or if the scenario is damaged.
     pub fn read(&self, number: usize) -> Result<Scenario, FormatError> {
         let entry = &self.entries[number];
-        let idle = self.readers.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let idle = self.idle_readers.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut table = idle.map_or_else(|| open(&self.path), Ok)?;
         let changed = |found: String| {
-            let expected = "what it held when it was opened: it was changed meanwhile";
+            let expected = "the content at opening; the file has changed since";
             FormatError::file(&self.path, Cause::value("the content of the file", found, expected))
         };
         if entry.group >= table.groups() {
             return Err(changed(format!("{} row groups", table.groups())));
         }
         let batch = table.group(entry.group, &[])?;
-        self.readers.lock().unwrap_or_else(PoisonError::into_inner).push(table);
+        self.idle_readers.lock().unwrap_or_else(PoisonError::into_inner).push(table);
         let rows = Rows::new(&batch).map_err(|cause| FormatError::file(&self.path, cause))?;
         if entry.row >= rows.len() {
             return Err(changed(format!("a row group of {} rows", rows.len())));
         }
         let scenario = rows.scenario(entry.row, &self.path, number as u64)?;
-        // The row holds to its own digest; it must be the one that was there before.
+        // The row matches its own digest, which must also be the digest at opening.
         if scenario.id == entry.id && rows.digest(entry.row) == Some(&entry.digest) {
             return Ok(scenario);
         }
-        Err(changed(format!("scenario `{}` in the place of `{}`", scenario.id, entry.id)))
+        Err(changed(format!("scenario `{}` in place of `{}`", scenario.id, entry.id)))
     }
 }
 

@@ -1,4 +1,4 @@
-//! From columns to scenarios.
+//! Conversion of columns to scenarios.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -18,7 +18,7 @@ use crate::scene::{
     RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
 };
 
-/// Rows of a file in memory.
+/// Columns of the rows in memory.
 pub(super) struct Rows {
     views: Vec<View>,
     certificates: Vec<Option<Certificate>>,
@@ -39,18 +39,18 @@ impl Rows {
         self.len
     }
 
-    /// The digest that is stored for a row.
+    /// Returns the digest stored for a row.
     pub(super) fn digest(&self, row: usize) -> Option<&str> {
         self.text("digest", row).ok()
     }
 
-    /// The scenario of a row. Its digest must be the stored one.
+    /// Decodes the scenario of a row; its digest must match the stored one.
     pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
         let parts = self.parts(row).map_err(refuse)?;
         let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
-        // Stop lines are stored as they lie: projecting them again would move them by a rounding error.
+        // Stop lines are stored after projection: projecting them again would move them by a rounding error.
         scenario.start.map.stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
@@ -73,7 +73,7 @@ impl Rows {
         view.range(0, row).filter_map(|i| view.text(i)).map(str::to_owned).collect()
     }
 
-    /// The cells of a list, which must be as many as those of another column.
+    /// Returns the cells of a list, which must have `expected` elements.
     fn cells(&self, column: &'static str, row: usize, expected: usize) -> Result<Range<usize>, Cause> {
         let range = self.view(column).range(0, row);
         if range.len() == expected {
@@ -82,7 +82,7 @@ impl Rows {
         Err(wrong(column, format!("{} entries", range.len()), &format!("{expected} entries")))
     }
 
-    /// The lists of points in two columns; `None`: as many as there are.
+    /// Reads the lists of points in two columns; there must be `expected` of them, or any number for `None`.
     fn lines(
         &self,
         [x, y]: [&'static str; 2],
@@ -145,7 +145,7 @@ impl Rows {
         Ok(agents)
     }
 
-    /// The names in a list, as what they name.
+    /// Reads a list of names and converts each by `from_name`.
     fn names<T>(
         &self,
         column: &'static str,
@@ -362,7 +362,7 @@ impl Rows {
     }
 }
 
-/// The points whose coordinates lie in two stretches of cells.
+/// Reads points whose coordinates are in two ranges of cells.
 fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<Vec2>, Cause> {
     if x.len() != y.len() {
         return Err(wrong(ys.name(), format!("{} coordinates", y.len()), &format!("{}", x.len())));
@@ -376,7 +376,8 @@ fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<
     }
 }
 
-/// Frames whose x, y, heading, vx and vy lie in five stretches of cells. Null positions mean absent, null velocities unknown.
+/// Reads frames whose x, y, heading, vx and vy are in five ranges of cells. Null positions mean absent, null
+/// velocities unknown.
 fn track(views: [&View; 5], ranges: [Range<usize>; 5]) -> Result<Vec<Frame>, Cause> {
     let frames = ranges[0].len();
     if let Some(k) = (0..5).find(|k| ranges[*k].len() != frames) {

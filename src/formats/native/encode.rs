@@ -1,4 +1,4 @@
-//! From scenarios to columns.
+//! Conversion of scenarios to columns.
 
 use crate::formats::certificates;
 use crate::formats::table::{Column, Leaf, TableWriter, Value};
@@ -7,7 +7,7 @@ use crate::scene::{Agent, Frame, Lane, LaneArea, LaneNeighbor, Scenario};
 
 use Leaf::{Flag, Number, Text, Whole};
 
-/// Name, cells, depth of lists and whether cells may be null. The order is that of the file.
+/// Name, cell type, nesting depth of lists and nullability of each column, in file order.
 pub(super) const COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("id", Text, 0, false),
     ("source", Text, 0, false),
@@ -83,7 +83,7 @@ pub(super) const COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("deviation_vy", Number, 1, true),
 ];
 
-/// Empty columns.
+/// Returns the columns, empty.
 pub(super) fn columns() -> Vec<Column> {
     let own = COLUMNS.iter().map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
     own.chain(certificates::columns()).collect()
@@ -180,10 +180,10 @@ fn lanes(t: &mut TableWriter, scenario: &Scenario) {
     }
 }
 
-/// The columns of one side, and the lanes on it.
+/// Columns of the neighbours on one side of a lane, and the accessor of these neighbours.
 type Side = ([&'static str; 5], fn(&Lane) -> &[LaneNeighbor]);
 
-/// Columns of the lanes on the left: id, then the four indices.
+/// Columns of the neighbours on the left: lane id, then the four point indices.
 pub(super) const LEFT: [&str; 5] = [
     "lane_left",
     "lane_left_self_start",
@@ -191,7 +191,7 @@ pub(super) const LEFT: [&str; 5] = [
     "lane_left_other_start",
     "lane_left_other_end",
 ];
-/// Columns of the lanes on the right.
+/// Columns of the neighbours on the right, as in [`LEFT`].
 pub(super) const RIGHT: [&str; 5] = [
     "lane_right",
     "lane_right_self_start",

@@ -1,4 +1,5 @@
-//! The program's own format: Parquet, one row per scenario. The columns are told in `scenarios/README.md`.
+//! The native format of this program: Parquet, one row per scenario. The columns are described in
+//! `scenarios/README.md`.
 
 mod by_number;
 mod decode;
@@ -10,20 +11,20 @@ use std::sync::Arc;
 use arrow_array::RecordBatch;
 
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
 use super::table::{self, TableReader, TableWriter};
 use crate::scene::Scenario;
 
 pub use by_number::ByNumber;
 
-/// What the file's metadata call the content.
+/// Value of `reactsim.format` in the metadata.
 const KIND: &str = "reactsim-scenarios";
 /// Version of the schema.
 const VERSION: u32 = 1;
-/// Scenarios in a row group: what a reader holds in memory.
-const GROUP: usize = 8;
+/// Number of scenarios in a row group, which a reader holds in memory.
+const GROUP_SIZE: usize = 8;
 
-/// The format.
+/// The native format.
 pub(super) struct Native;
 
 impl ScenarioFormat for Native {
@@ -36,7 +37,7 @@ impl ScenarioFormat for Native {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        // By name where the file is too damaged to tell by its content.
+        // By name if the file is too damaged to be recognised by its content.
         match is_parquet(path) {
             Ok(true) => table::kind(path).map_or(named(path, ".parquet"), |k| k.as_deref() == Some(KIND)),
             Ok(false) => named(path, ".parquet"),
@@ -54,10 +55,11 @@ impl ScenarioFormat for Native {
     }
 }
 
-/// Reads the content of a native file that is in memory, such as one that is part of the program; errors name it by `name`.
+/// Reads the content of a native file in memory, such as one embedded in the program; errors refer to it as
+/// `name`.
 ///
 /// # Errors
-/// [`FormatError`] when it is no native file.
+/// [`FormatError`] if the content is not a native file.
 pub fn read_bytes(name: &Path, content: &'static [u8]) -> Result<PendingScenarios, FormatError> {
     Ok(Box::new(Reader::over(name, TableReader::of_bytes(name, content)?)?))
 }
@@ -65,7 +67,9 @@ pub fn read_bytes(name: &Path, content: &'static [u8]) -> Result<PendingScenario
 struct Reader {
     path: PathBuf,
     table: TableReader,
+    /// Current rows and the index of the next one.
     rows: Option<(Arc<decode::Rows>, usize)>,
+    /// Index of the next record.
     record: u64,
 }
 
@@ -83,7 +87,7 @@ impl Reader {
 }
 
 impl Iterator for Reader {
-    type Item = Result<Undecoded, FormatError>;
+    type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
@@ -108,39 +112,42 @@ impl Iterator for Reader {
     }
 }
 
-/// Writes scenarios to a native file. The file gets its name when it is finished; a writer that is dropped leaves nothing.
+/// Writer of native files. The file gets its final name in [`Writer::finish`]; dropping the writer before
+/// leaves no file.
 pub struct Writer {
     table: TableWriter,
 }
 
 impl Writer {
-    /// Begins a file, under another name in the same folder.
+    /// Starts a file under a temporary name in the same folder.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be created.
+    /// [`FormatError`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
-        Ok(Self { table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP, encode::columns())? })
+        Ok(Self {
+            table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP_SIZE, encode::columns())?,
+        })
     }
 
     /// Adds a scenario.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written.
+    /// [`FormatError`] if the file cannot be written.
     pub fn write(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
         encode::scenario(&mut self.table, scenario);
         self.table.end_row()
     }
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and gives it its final name.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be written.
+    /// [`FormatError`] if the file cannot be written.
     pub fn finish(self) -> Result<(), FormatError> {
         self.table.finish()
     }
 }
 
-/// The refusal of a cell.
+/// Returns the error of an invalid cell.
 fn wrong(column: &str, value: impl std::fmt::Display, expected: &str) -> Cause {
     Cause::value(format!("`{column}`"), value, expected)
 }

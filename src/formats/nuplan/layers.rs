@@ -1,4 +1,4 @@
-//! The layers of a `map.gpkg`.
+//! Layers of a `map.gpkg`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,12 +10,13 @@ use super::wkb::{self, Geometry};
 use crate::formats::error::{Cause, FormatError};
 use crate::geometry::{Bounds, Polygon, Vec2};
 
-/// The layers whose polygons together are the drivable area (as the devkit's `DRIVABLE_AREA`).
-const DRIVABLE: [&str; 4] = ["road_segments", "intersections", "generic_drivable_areas", "carpark_areas"];
-/// Most fids of a list: usual ones have some.
-const MOST_FIDS: usize = 1000;
+/// Layers whose polygons form the drivable area (`DRIVABLE_AREA` in the devkit).
+const DRIVABLE_LAYERS: [&str; 4] =
+    ["road_segments", "intersections", "generic_drivable_areas", "carpark_areas"];
+/// Maximum number of fids of a list; usual lists have a few.
+const MAX_FIDS: usize = 1000;
 /// EPSG code of longitude and latitude on WGS 84.
-const DEGREES: i64 = 4326;
+const DEGREES_EPSG: i64 = 4326;
 
 /// Reads a map.
 ///
@@ -30,7 +31,7 @@ struct Reader<'a> {
     database: &'a Database,
     epsg: i64,
     zone: Utm,
-    /// Column and EPSG code of the geometry of each layer.
+    /// Geometry column and EPSG code of each layer.
     layers: BTreeMap<String, (String, i64)>,
 }
 
@@ -60,7 +61,8 @@ impl<'a> Reader<'a> {
         Ok(Self { database, epsg, zone, layers })
     }
 
-    /// Calls `take` with the rows of a layer: fid, geometry and the other columns, which begin at 2.
+    /// Calls `take` with the fid, the geometry and the cells of each row of a layer. The given columns begin
+    /// at cell 2.
     fn each(
         &self,
         layer: &str,
@@ -74,10 +76,10 @@ impl<'a> Reader<'a> {
         let degrees = |x, y| self.zone.project(x, y);
         let metres = |x: f64, y: f64| (x.is_finite() && y.is_finite()).then(|| Vec2::new(x, y));
         let place: &dyn Fn(f64, f64) -> Option<Vec2> = match *epsg {
-            DEGREES => &degrees,
+            DEGREES_EPSG => &degrees,
             epsg if epsg == self.epsg => &metres,
             other => {
-                let expected = format!("{DEGREES} (longitude and latitude) or {}", self.epsg);
+                let expected = format!("{DEGREES_EPSG} (longitude and latitude) or {}", self.epsg);
                 return Err(Cause::value(
                     format!("`gpkg_geometry_columns.srs_id` of `{layer}`"),
                     other,
@@ -109,7 +111,7 @@ impl<'a> Reader<'a> {
         self.boundaries(&mut map)?;
         self.stops(&mut map)?;
         map.crosswalks = self.areas("crosswalks")?;
-        for layer in DRIVABLE {
+        for layer in DRIVABLE_LAYERS {
             let areas = self.areas(layer)?;
             if layer == "intersections" {
                 map.intersections.clone_from(&areas);
@@ -146,14 +148,14 @@ impl<'a> Reader<'a> {
         ];
         self.each("lanes_polygons", &columns, |fid, geometry, row| {
             let lane = MapLane {
-                connector: false,
+                is_connector: false,
                 roadblock: row.whole(3)?,
                 index: row.whole(4)?,
                 lane_type: row.whole(6)?,
                 speed_limit: row.number(5)?,
                 outline: largest(polygons(geometry, row)?),
                 sides: [row.whole(7)?, row.whole(8)?],
-                ..MapLane::nothing()
+                ..MapLane::empty()
             };
             insert(map, row.whole(2)?.unwrap_or(fid), lane, row)
         })
@@ -169,20 +171,20 @@ impl<'a> Reader<'a> {
         ];
         self.each("lane_connectors", &columns, |fid, _, row| {
             let lane = MapLane {
-                connector: true,
+                is_connector: true,
                 roadblock: row.whole(4)?,
                 speed_limit: row.number(6)?,
-                // The exit is out of the lane before, the entry into the lane after.
+                // The exit is that of the preceding lane, the entry that of the following lane.
                 incoming: row.whole(2)?.into_iter().collect(),
                 outgoing: row.whole(3)?.into_iter().collect(),
                 stop_fids: fids(row, 5)?,
-                ..MapLane::nothing()
+                ..MapLane::empty()
             };
             insert(map, fid, lane, row)
         })?;
         let columns = ["lane_connector_fid", "?left_boundary_fid", "?right_boundary_fid"];
         self.each("gen_lane_connectors_scaled_width_polygons", &columns, |_, geometry, row| {
-            // An outline of no connector is of no use.
+            // Outlines without a connector are ignored.
             if let Some(lane) = row.whole(2)?.and_then(|fid| map.lanes.get_mut(&fid)) {
                 lane.outline = largest(polygons(geometry, row)?);
                 lane.sides = [row.whole(3)?, row.whole(4)?];
@@ -222,9 +224,9 @@ impl<'a> Reader<'a> {
 }
 
 impl MapLane {
-    fn nothing() -> Self {
+    fn empty() -> Self {
         Self {
-            connector: false,
+            is_connector: false,
             roadblock: None,
             index: None,
             lane_type: None,
@@ -234,7 +236,7 @@ impl MapLane {
             sides: [None; 2],
             incoming: Vec::new(),
             outgoing: Vec::new(),
-            beside: [None; 2],
+            neighbors: [None; 2],
             stop_fids: Vec::new(),
             bounds: Bounds::EMPTY,
         }
@@ -248,12 +250,12 @@ fn insert(map: &mut Map, fid: i64, lane: MapLane, row: &Cells<'_>) -> Result<(),
     }
 }
 
-/// Gives lanes their connectors and their neighbours.
+/// Sets the connectors and neighbours of lanes.
 fn link(lanes: &mut BTreeMap<i64, MapLane>) {
     let mut links = Vec::new();
     let mut places = BTreeMap::new();
     for (&fid, lane) in lanes.iter() {
-        if lane.connector {
+        if lane.is_connector {
             links.extend(lane.incoming.iter().map(|&from| (from, fid, true)));
             links.extend(lane.outgoing.iter().map(|&to| (to, fid, false)));
         } else if let (Some(group), Some(index)) = (lane.roadblock, lane.index) {
@@ -261,26 +263,26 @@ fn link(lanes: &mut BTreeMap<i64, MapLane>) {
         }
     }
     for (lane, connector, leaves) in links {
-        if let Some(lane) = lanes.get_mut(&lane).filter(|l| !l.connector) {
+        if let Some(lane) = lanes.get_mut(&lane).filter(|l| !l.is_connector) {
             if leaves { &mut lane.outgoing } else { &mut lane.incoming }.push(connector);
         }
     }
-    for lane in lanes.values_mut().filter(|l| !l.connector) {
+    for lane in lanes.values_mut().filter(|l| !l.is_connector) {
         if let (Some(group), Some(index)) = (lane.roadblock, lane.index) {
             let at = |index: Option<i64>| places.get(&(group, index?)).copied();
-            lane.beside = [at(index.checked_sub(1)), at(index.checked_add(1))];
+            lane.neighbors = [at(index.checked_sub(1)), at(index.checked_add(1))];
         }
     }
 }
 
-/// A list of fids in a text, such as `12, 34`.
+/// Parses a list of fids, such as `12, 34`.
 fn fids(row: &Cells<'_>, column: usize) -> Result<Vec<i64>, Cause> {
     let text = row.text(column)?;
-    if text.len() > 21 * MOST_FIDS {
-        return Err(row.wrong(column, format!("at most {MOST_FIDS} fids")));
+    if text.len() > 21 * MAX_FIDS {
+        return Err(row.wrong(column, format!("at most {MAX_FIDS} fids")));
     }
     let parts = text.split(',').map(str::trim).filter(|part| !part.is_empty());
-    parts.map(|part| part.parse().map_err(|_| row.wrong(column, "fids with commas between"))).collect()
+    parts.map(|part| part.parse().map_err(|_| row.wrong(column, "fids separated by commas"))).collect()
 }
 
 fn polygons(geometry: Geometry, row: &Cells<'_>) -> Result<Vec<Polygon>, Cause> {
@@ -302,12 +304,12 @@ fn bounds(polygons: &[Polygon]) -> Bounds {
     polygons.iter().fold(Bounds::EMPTY, |all, polygon| all.union(&polygon.bounds()))
 }
 
-/// The largest of several polygons: a lane has one.
+/// Returns the largest polygon: a lane has one.
 fn largest(polygons: Vec<Polygon>) -> Polygon {
     let area = |p: &Polygon| {
         let origin = p.exterior[0];
         p.exterior.windows(2).map(|w| (w[0] - origin).perp(&(w[1] - origin))).sum::<f64>().abs()
     };
-    let nothing = Polygon { exterior: Vec::new(), holes: Vec::new() };
-    polygons.into_iter().max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(nothing)
+    let empty = Polygon { exterior: Vec::new(), holes: Vec::new() };
+    polygons.into_iter().max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(empty)
 }

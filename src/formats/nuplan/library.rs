@@ -1,4 +1,4 @@
-//! Where maps lie, and those that were read.
+//! Locations of maps, and a cache of the maps read.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,34 +13,35 @@ use super::sqlite::Database;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::read_whole;
 
-/// The file that names the maps and their versions.
-pub(super) const LIST: &str = "nuplan-maps-v1.0.json";
-/// How many maps are kept: nuPlan has four.
-const KEPT: usize = 4;
+/// Name of the file that lists the maps and their versions.
+pub(super) const MAP_LIST: &str = "nuplan-maps-v1.0.json";
+/// Number of maps in the cache; nuPlan has four.
+const CACHE_SIZE: usize = 4;
 
 #[derive(Deserialize)]
 struct Entry {
     version: String,
 }
 
-/// The folder with the list of maps that belongs to a log: the first that holds one of the folders above the log and their
-/// subfolders `maps`.
+/// Finds the folder with the list of maps of a log: the first one with a list among the folders above the log
+/// and their subfolders `maps`.
 ///
 /// # Errors
-/// [`FormatError`] says where one was looked for.
+/// [`FormatError`] states where the list was searched for.
 pub(super) fn folder_for(log: &Path) -> Result<PathBuf, FormatError> {
     let whole = std::path::absolute(log).map_err(|e| FormatError::file(log, Cause::read(e)))?;
     let above = whole.ancestors().skip(1);
     let mut places = above.flat_map(|folder| [folder.to_owned(), folder.join("maps")]);
-    places.find(|folder| folder.join(LIST).is_file()).ok_or_else(|| {
+    places.find(|folder| folder.join(MAP_LIST).is_file()).ok_or_else(|| {
         let expected = format!(
-            "`{LIST}` in a folder above the log, or in `maps` of one; or name the folder in a selection (scenarios/README.md)"
+            "`{MAP_LIST}` in a folder above the log or in its subfolder `maps`; or give the folder in a \
+             selection (scenarios/README.md)"
         );
         FormatError::file(log, Cause::schema("the folder of the maps", "missing", expected))
     })
 }
 
-/// The name of the map that a log names.
+/// Reads the name of the map of a log.
 ///
 /// # Errors
 /// [`Cause`] names the table, the column and the row.
@@ -58,40 +59,41 @@ pub(super) fn name_in(log: &Database) -> Result<String, Cause> {
     only.ok_or_else(|| Cause::schema("table `log`", "empty", "one row with the name of the map"))
 }
 
-/// Where the map of a log lies, in this folder of maps or that which belongs to the log.
+/// Returns the path of the map of a log, in the given folder of maps or that found by [`folder_for`].
 ///
 /// # Errors
-/// [`FormatError`] when the log, or the list of maps, can not be read or does not name it.
-pub(super) fn beside(log: &Path, folder: Option<&Path>) -> Result<PathBuf, FormatError> {
+/// [`FormatError`] if the log or the list of maps cannot be read or does not name the map.
+pub(super) fn map_path(log: &Path, folder: Option<&Path>) -> Result<PathBuf, FormatError> {
     let folder = folder.map_or_else(|| folder_for(log), |folder| Ok(folder.to_owned()))?;
     let name = name_in(&Database::open(log)?).map_err(|cause| FormatError::file(log, cause))?;
     path_of(&folder, &name)
 }
 
-/// The map of a name, read once while it is in use and kept for the next log.
+/// Returns a map by name, from the cache if possible.
 ///
 /// # Errors
-/// [`FormatError`] when the list or the map can not be read.
+/// [`FormatError`] if the list or the map cannot be read.
 pub(super) fn map(folder: &Path, name: &str) -> Result<Arc<Map>, FormatError> {
     let path = path_of(folder, name)?;
     let about = std::fs::metadata(&path).map_err(|e| FormatError::file(&path, Cause::read(e)))?;
     let key = Key { path: path.clone(), length: about.len(), changed: about.modified().ok() };
-    // Whoever needs the map while it is read waits here.
-    let mut kept = KEPT_MAPS.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(at) = kept.iter().position(|(k, _)| *k == key) {
-        let found = kept.remove(at);
+    // Other threads that need the map wait here while it is read.
+    let mut cache = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(at) = cache.iter().position(|(k, _)| *k == key) {
+        let found = cache.remove(at);
         let map = Arc::clone(&found.1);
-        kept.push(found);
+        cache.push(found);
         return Ok(map);
     }
     let map = Arc::new(layers::read(&path)?);
-    if kept.len() >= KEPT {
-        kept.remove(0);
+    if cache.len() >= CACHE_SIZE {
+        cache.remove(0);
     }
-    kept.push((key, Arc::clone(&map)));
+    cache.push((key, Arc::clone(&map)));
     Ok(map)
 }
 
+/// Path, size and modification time of a map file.
 #[derive(PartialEq)]
 struct Key {
     path: PathBuf,
@@ -99,11 +101,12 @@ struct Key {
     changed: Option<SystemTime>,
 }
 
-/// The maps that were read, the latest used last.
-static KEPT_MAPS: Mutex<Vec<(Key, Arc<Map>)>> = Mutex::new(Vec::new());
+/// Cache of maps, least recently used first.
+static CACHE: Mutex<Vec<(Key, Arc<Map>)>> = Mutex::new(Vec::new());
 
+/// Returns the path of a map from the list of maps.
 fn path_of(folder: &Path, name: &str) -> Result<PathBuf, FormatError> {
-    let list = folder.join(LIST);
+    let list = folder.join(MAP_LIST);
     let refuse = |cause| FormatError::file(&list, cause);
     let content = read_whole(&list, 1 << 20, "the list of maps")?;
     let entries: BTreeMap<String, Entry> =
@@ -116,7 +119,7 @@ fn path_of(folder: &Path, name: &str) -> Result<PathBuf, FormatError> {
             format!("one of {}", known.join(", ")),
         ))
     })?;
-    // Both become names of folders.
+    // Both become folder names.
     for part in [name, &entry.version] {
         if part.is_empty() || part.contains(['/', '\\', ':']) || part == ".." || part == "." {
             return Err(refuse(Cause::value(

@@ -1,4 +1,5 @@
-//! A log of nuPlan (`.db`), read as a whole: real ones hold some hundred thousand boxes, and an index to read a part is not promised.
+//! A nuPlan log (`.db`), read as a whole: real logs hold some hundred thousand boxes, and an index for
+//! partial reading is not guaranteed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -10,27 +11,27 @@ use crate::formats::error::{Cause, FormatError};
 use crate::geometry::math;
 use crate::scene::{AgentKind, LightState};
 
-/// The lidar whose rows are the clock.
-const CLOCK: &str = "MergedPointCloud";
+/// Channel of the lidar whose rows define the clock.
+const CLOCK_CHANNEL: &str = "MergedPointCloud";
 
-/// A log.
+/// Content of a log.
 #[derive(Debug, Default)]
 pub(super) struct Log {
     /// The file.
     pub(super) path: PathBuf,
     /// Name of the map.
     pub(super) map_name: String,
-    /// The rows of the clock (20 Hz) in the order of time.
+    /// Rows of the clock (20 Hz) in order of time.
     pub(super) frames: Vec<Sweep>,
     /// All boxes by frame, then by track.
     pub(super) boxes: Vec<BoxRow>,
-    /// Where the boxes of each frame begin in `boxes`; one entry more than frames.
+    /// Index in `boxes` of the first box of each frame; one more entry than frames.
     pub(super) first_box: Vec<usize>,
     /// Category of each track.
     pub(super) tracks: BTreeMap<Token, Category>,
     /// Lights by frame and lane connector.
     pub(super) lights: BTreeMap<usize, BTreeMap<i64, LightState>>,
-    /// Tags by frame: type, and the agent that it is about.
+    /// Tags by frame: type, and the agent concerned.
     pub(super) tags: BTreeMap<usize, Vec<(String, Option<Token>)>>,
     /// Scenes by token.
     pub(super) scenes: BTreeMap<Token, Scene>,
@@ -39,20 +40,20 @@ pub(super) struct Log {
 /// A row of `lidar_pc` with the ego's pose.
 #[derive(Debug)]
 pub(super) struct Sweep {
-    /// Its name.
+    /// Token of the row.
     pub(super) token: Token,
-    /// Microseconds since 1970.
+    /// Time in microseconds since 1970.
     pub(super) timestamp: i64,
-    /// The scene that it belongs to.
+    /// Token of its scene.
     pub(super) scene: Token,
-    /// The ego.
+    /// Pose of the ego.
     pub(super) ego: Ego,
 }
 
 /// A row of `ego_pose`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ego {
-    /// Its name.
+    /// Token of the row.
     pub(super) token: Token,
     /// Rear axle, easting, metres.
     pub(super) x: f64,
@@ -60,10 +61,10 @@ pub(super) struct Ego {
     pub(super) y: f64,
     /// Heading, radians.
     pub(super) heading: f64,
-    /// Velocity ahead, m/s.
-    pub(super) ahead: f64,
-    /// Velocity to the left, m/s.
-    pub(super) aside: f64,
+    /// Longitudinal velocity (forward), m/s.
+    pub(super) longitudinal: f64,
+    /// Lateral velocity (to the left), m/s.
+    pub(super) lateral: f64,
     /// EPSG code of x and y.
     pub(super) epsg: Option<i64>,
 }
@@ -72,9 +73,9 @@ pub(super) struct Ego {
 #[derive(Debug)]
 pub(super) struct BoxRow {
     frame: usize,
-    /// Its name.
+    /// Token of the row.
     pub(super) token: Token,
-    /// Its track.
+    /// Token of its track.
     pub(super) track: Token,
     /// Centre x, y and heading; length and width; velocity along x and y: metres, radians and m/s, map frame.
     pub(super) values: [f64; 7],
@@ -83,7 +84,7 @@ pub(super) struct BoxRow {
 /// Names of the values of a box.
 pub(super) const BOX_VALUES: [&str; 7] = ["x", "y", "yaw", "length", "width", "vx", "vy"];
 
-/// What nuPlan calls an object.
+/// Object category of nuPlan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Category {
     Vehicle,
@@ -106,7 +107,7 @@ impl Category {
         ("generic_object", Self::GenericObject),
     ];
 
-    /// The class of such objects (ReactSim-Bench, "Scenario Data").
+    /// Returns the agent kind of the category (ReactSim-Bench, "Scenario Data").
     pub(super) fn kind(self) -> AgentKind {
         match self {
             Self::Vehicle => AgentKind::Vehicle,
@@ -117,18 +118,15 @@ impl Category {
     }
 }
 
-/// A row of `scene`. Scenarios have no place for routes: who follows one is told the AV's way otherwise.
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "route and goal are read and checked for whoever needs them next")
-)]
+/// A row of `scene`. Scenarios have no field for routes: simulators get the AV's route by other means.
+#[cfg_attr(not(test), expect(dead_code, reason = "route and goal are read and checked for future use"))]
 #[derive(Debug)]
 pub(super) struct Scene {
-    /// Its name, which sorts.
+    /// Its name, by which scenes are sorted.
     pub(super) name: String,
-    /// Fids of the lane groups and lane group connectors that the ego is to drive along.
+    /// Route of the ego: fids of lane groups and lane group connectors.
     pub(super) route: Vec<String>,
-    /// Where the ego is to get to.
+    /// Goal of the ego.
     pub(super) goal: Option<Ego>,
 }
 
@@ -149,7 +147,7 @@ impl Log {
         let poses = self.sweeps(database)?;
         let of_token: BTreeMap<Token, usize> =
             self.frames.iter().enumerate().map(|(i, f)| (f.token, i)).collect();
-        // Boxes, lights and tags of other sweeps than those of the clock mean nothing here.
+        // Boxes, lights and tags of sweeps that are not part of the clock are ignored.
         let frame = |row: &Cells<'_>| Ok(of_token.get(&row.must_token(1)?).copied());
         self.scenes(database, &poses)?;
         self.objects(database, &frame)?;
@@ -164,11 +162,11 @@ impl Log {
         Ok(())
     }
 
-    /// The rows of the clock with their poses; returns the poses.
+    /// Reads the rows of the clock with their poses; returns all poses.
     fn sweeps(&mut self, database: &Database) -> Result<BTreeMap<Token, Ego>, Cause> {
         let mut clocks = BTreeSet::new();
         database.each("lidar", &["token", "channel"], |row| {
-            if row.text(1)? == CLOCK {
+            if row.text(1)? == CLOCK_CHANNEL {
                 clocks.insert(row.must_token(0)?);
             }
             Ok(())
@@ -177,7 +175,7 @@ impl Log {
             return Err(Cause::schema(
                 "`lidar.channel`",
                 "without a merged cloud",
-                format!("a row `{CLOCK}`"),
+                format!("a row `{CLOCK_CHANNEL}`"),
             ));
         }
         let mut poses = BTreeMap::new();
@@ -190,8 +188,8 @@ impl Log {
                 x: row.number(1)?,
                 y: row.number(2)?,
                 heading: yaw(q),
-                ahead: row.number(7)?,
-                aside: row.number(8)?,
+                longitudinal: row.number(7)?,
+                lateral: row.number(8)?,
                 epsg: row.whole(9)?,
             };
             poses.insert(token, ego);
@@ -215,7 +213,7 @@ impl Log {
     fn scenes(&mut self, database: &Database, poses: &BTreeMap<Token, Ego>) -> Result<(), Cause> {
         let columns = ["token", "name", "roadblock_ids", "goal_ego_pose_token"];
         database.each("scene", &columns, |row| {
-            // Spaces are what the devkit splits at; its documentation speaks of commas.
+            // The devkit splits at spaces; its documentation mentions commas.
             let route = row.text(2)?;
             let route = route.split([' ', ',']).filter(|id| !id.is_empty()).map(str::to_owned).collect();
             let goal = match row.token(3)? {
@@ -239,7 +237,7 @@ impl Log {
         database.each("category", &["token", "name"], |row| {
             let name = row.text(1)?;
             let known = Category::NAMES.iter().find(|(n, _)| *n == name).map(|(_, c)| *c);
-            // One that nothing uses does no harm.
+            // Unknown categories that no track uses are allowed.
             categories.insert(row.must_token(0)?, known.ok_or(name));
             Ok(())
         })?;
@@ -293,12 +291,13 @@ impl Log {
         })
     }
 
-    /// The boxes of a frame, by track.
+    /// Returns the boxes of a frame, ordered by track.
     pub(super) fn boxes_at(&self, frame: usize) -> &[BoxRow] {
         &self.boxes[self.first_box[frame]..self.first_box[frame + 1]]
     }
 
-    /// The frames that the devkit offers as beginnings: those of scenes with two scenes before and two after them.
+    /// Returns the frames that the devkit offers as scenario starts: those of scenes with two scenes before
+    /// and two after.
     pub(super) fn starts(&self) -> Vec<usize> {
         let mut scenes: Vec<(&str, &Token)> = self.scenes.iter().map(|(t, s)| (s.name.as_str(), t)).collect();
         scenes.sort();
@@ -309,8 +308,9 @@ impl Log {
     }
 }
 
-/// The heading of a quaternion (w, x, y, z) of any length, radians; NaN where it has none. This is the yaw of nuPlan's devkit, which
-/// has a minus where textbooks have a plus: with the two degrees that a car rolls and pitches they differ by a milliradian.
+/// Returns the heading in radians of a quaternion (w, x, y, z) of any norm, NaN if it is undefined. This is
+/// the yaw of nuPlan's devkit, which has a minus where textbooks have a plus; for two degrees of roll and
+/// pitch the difference is a milliradian.
 fn yaw([w, x, y, z]: [f64; 4]) -> f64 {
     let square = w * w + x * x + y * y + z * z;
     if !(square.is_finite() && square > 1e-12) {

@@ -1,15 +1,15 @@
-//! A map of nuPlan: what is read of it, in metres of its UTM zone.
+//! Content of a nuPlan map, in metres of its UTM zone.
 
 use std::collections::BTreeMap;
 
 use crate::geometry::{Bounds, Polygon, Vec2};
 
-/// A map.
+/// A nuPlan map.
 #[derive(Debug, Default)]
 pub(super) struct Map {
     /// EPSG code of the coordinates.
     pub(super) epsg: i64,
-    /// Lanes and lane connectors by fid: they share one space of ids.
+    /// Lanes and lane connectors by fid, which is unique among both.
     pub(super) lanes: BTreeMap<i64, MapLane>,
     /// Boundaries of lanes by fid.
     pub(super) boundaries: BTreeMap<i64, Boundary>,
@@ -19,7 +19,7 @@ pub(super) struct Map {
     pub(super) crosswalks: Vec<Area>,
     /// Junctions.
     pub(super) intersections: Vec<Area>,
-    /// The drivable area: road segments, junctions, generic drivable areas and car parks.
+    /// Drivable area: road segments, junctions, generic drivable areas and car parks.
     pub(super) drivable: Vec<Area>,
 }
 
@@ -27,70 +27,70 @@ pub(super) struct Map {
 #[derive(Debug)]
 pub(super) struct MapLane {
     /// Whether it is a connector.
-    pub(super) connector: bool,
-    /// The group of parallel lanes that it belongs to (roadblock, or roadblock connector).
+    pub(super) is_connector: bool,
+    /// Group of parallel lanes (roadblock or roadblock connector).
     pub(super) roadblock: Option<i64>,
-    /// Place in the group from the left, from 0; none for connectors.
+    /// Index in the group, from 0 on the left; `None` for connectors.
     pub(super) index: Option<i64>,
     /// Type of the lane: 0 vehicles, 1 bicycles.
     pub(super) lane_type: Option<i64>,
-    /// Speed limit, m/s; NaN where there is none.
+    /// Speed limit, m/s; NaN if there is none.
     pub(super) speed_limit: f64,
-    /// Centre line in driving direction; empty where the map has none.
+    /// Centre line in driving direction; empty if the map has none.
     pub(super) baseline: Vec<Vec2>,
-    /// Outline; empty where the map has none. A few have holes.
+    /// Outline; empty if the map has none. A few outlines have holes.
     pub(super) outline: Polygon,
     /// Fids of the boundary lines, left and right.
     pub(super) sides: [Option<i64>; 2],
-    /// Where one comes from, in ascending order: for connectors the lane that is left.
+    /// Predecessors, in ascending order; for connectors the preceding lane.
     pub(super) incoming: Vec<i64>,
-    /// Where one gets to, in ascending order: for connectors the lane that is entered.
+    /// Successors, in ascending order; for connectors the following lane.
     pub(super) outgoing: Vec<i64>,
     /// Neighbours, left and right.
-    pub(super) beside: [Option<i64>; 2],
-    /// The stop polygons of the traffic lights of a connector, as listed.
+    pub(super) neighbors: [Option<i64>; 2],
+    /// Fids of the stop polygons listed for the traffic lights of a connector.
     pub(super) stop_fids: Vec<i64>,
-    /// What holds the centre line and the outline.
+    /// Bounding box of the centre line and the outline.
     pub(super) bounds: Bounds,
 }
 
-/// A line beside lanes.
+/// Boundary line of lanes.
 #[derive(Debug)]
 pub(super) struct Boundary {
-    /// 0 dashed, 2 solid; others are not painted.
+    /// Type: 0 dashed, 2 solid; others are not painted.
     pub(super) kind: Option<i64>,
     /// Points, not necessarily in driving direction.
     pub(super) points: Vec<Vec2>,
-    /// What holds them.
+    /// Bounding box.
     pub(super) bounds: Bounds,
 }
 
 /// A stop polygon.
 #[derive(Debug)]
 pub(super) struct Stop {
-    /// 0 crosswalk, 1 stop sign, 2 traffic light, 3 turn stop, 4 yield, 5 unknown.
+    /// Type: 0 crosswalk, 1 stop sign, 2 traffic light, 3 turn stop, 4 yield, 5 unknown.
     pub(super) kind: Option<i64>,
     /// Outlines.
     pub(super) polygons: Vec<Polygon>,
-    /// The lanes, or where it names any the connectors, that stop here.
+    /// Fids of the connectors that stop here, or of the lanes if no connectors are listed.
     pub(super) lanes: Vec<i64>,
 }
 
 /// A named area.
 #[derive(Clone, Debug)]
 pub(super) struct Area {
-    /// The fid in its layer.
-    #[cfg_attr(not(test), allow(dead_code, reason = "tells tests which one it is"))]
+    /// Fid in its layer.
+    #[cfg_attr(not(test), allow(dead_code, reason = "identifies areas in tests"))]
     pub(super) fid: i64,
     /// Outlines.
     pub(super) polygons: Vec<Polygon>,
-    /// What holds them.
+    /// Bounding box.
     pub(super) bounds: Bounds,
 }
 
 impl Map {
-    /// The stop polygons of a connector as the devkit chooses them: of those listed the ones that touch its centre line, or where none
-    /// does the one nearest to its beginning.
+    /// Returns the stop polygons of a connector as selected by the devkit: the listed ones that touch its
+    /// centre line, or if none does, the one nearest to its start.
     pub(super) fn stop_lines(&self, lane: &MapLane) -> Vec<i64> {
         let listed: Vec<(i64, &Stop)> =
             lane.stop_fids.iter().filter_map(|fid| Some((*fid, self.stops.get(fid)?))).collect();
@@ -120,7 +120,7 @@ impl Stop {
         })
     }
 
-    /// The mean of the corners: a point on or beside the line.
+    /// Returns the mean of the corners: a point on or near the stop line.
     pub(super) fn middle(&self) -> Option<Vec2> {
         let ring = &self.polygons.first()?.exterior;
         let corners = ring.get(1..).filter(|c| !c.is_empty())?;
@@ -128,7 +128,7 @@ impl Stop {
     }
 }
 
-/// Whether two segments have a point in common.
+/// Returns whether two segments have a point in common.
 fn segments_meet(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
     let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).perp(&(r - p));
     let (c_side, d_side) = (side(a, b, c), side(a, b, d));

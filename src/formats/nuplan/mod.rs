@@ -1,7 +1,8 @@
-//! nuPlan: logs (`.db`, SQLite) with their maps (`map.gpkg`, GeoPackage), or selections of windows in them (JSON).
+//! nuPlan: logs (`.db`, SQLite) with their maps (`map.gpkg`, GeoPackage), or selections of windows in logs
+//! (JSON).
 //!
-//! A log gives a scenario every ten seconds; a selection names logs and says by token, by tag or by time where scenarios are.
-//! Maps are read once and shared. Told in `scenarios/README.md`.
+//! A log gives a scenario every ten seconds; a selection lists logs and selects windows by token, tag or
+//! time. Maps are read once and shared. Described in `scenarios/README.md`.
 
 mod layers;
 mod library;
@@ -22,14 +23,14 @@ use std::vec::IntoIter;
 
 use self::log::Log;
 use self::map::Map;
-use self::selection::{Among, Choice, Selection};
+use self::selection::{Anchors, Selection, WindowChoice};
 use self::sqlite::Database;
 use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
 use crate::scene::Scenario;
 
-/// The format.
+/// The nuPlan format.
 pub(super) struct NuPlan;
 
 impl ScenarioFormat for NuPlan {
@@ -38,17 +39,17 @@ impl ScenarioFormat for NuPlan {
     }
 
     fn title(&self) -> &'static str {
-        "nuPlan log, `.db` with maps beside it, or a selection, JSON with \"format\": \"reactsim-nuplan-v1\""
+        "nuPlan log, `.db` with its maps, or a selection, JSON with \"format\": \"reactsim-nuplan-v1\""
     }
 
     fn recognises(&self, path: &Path) -> bool {
         let log = || Database::open(path).is_ok_and(|database| database.has("lidar_pc").unwrap_or(false));
-        // By name where the file is too damaged to tell by its content.
+        // By name if the file is too damaged to be recognised by its content.
         named(path, ".db") || selection::is_selection(path) || (sqlite::is_sqlite(path) && log())
     }
 
     fn accompanies(&self, path: &Path) -> bool {
-        named(path, library::LIST) || named(path, ".gpkg")
+        named(path, library::MAP_LIST) || named(path, ".gpkg")
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
@@ -60,10 +61,10 @@ impl ScenarioFormat for NuPlan {
     }
 
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
-        let Ok(Reader { single, logs, maps: stated, .. }) = Reader::open(path) else { return Vec::new() };
+        let Ok(Reader { single, logs, maps: folder, .. }) = Reader::open(path) else { return Vec::new() };
         let logs: Vec<PathBuf> = logs.collect();
         let maps: BTreeSet<PathBuf> =
-            logs.iter().filter_map(|log| library::beside(log, stated.as_deref()).ok()).collect();
+            logs.iter().filter_map(|log| library::map_path(log, folder.as_deref()).ok()).collect();
         let logs = if single { Vec::new() } else { logs };
         logs.into_iter().chain(maps).collect()
     }
@@ -71,16 +72,17 @@ impl ScenarioFormat for NuPlan {
 
 struct Reader {
     path: PathBuf,
-    /// Whether one log was asked for; its errors end the file.
+    /// Whether the file is a log, not a selection; errors of a single log end the file.
     single: bool,
     logs: IntoIter<PathBuf>,
     maps: Option<PathBuf>,
-    choice: Choice,
-    now: Option<(Arc<Log>, Arc<Map>, IntoIter<usize>)>,
+    choice: WindowChoice,
+    /// Current log with its map and the remaining current frames.
+    current: Option<(Arc<Log>, Arc<Map>, IntoIter<usize>)>,
     record: u64,
-    /// Tokens that no log had yet.
+    /// Tokens not found in any log so far.
     missing: BTreeSet<Token>,
-    /// Tags of the logs, where windows are chosen by tags.
+    /// Tags of the logs, if windows are chosen by tags.
     tags: BTreeSet<String>,
     failed: bool,
 }
@@ -89,12 +91,12 @@ impl Reader {
     fn open(path: &Path) -> Result<Self, FormatError> {
         let single = !selection::is_selection(path);
         let selection = if single {
-            Selection { logs: vec![path.to_owned()], maps: None, choice: Choice::default() }
+            Selection { logs: vec![path.to_owned()], maps: None, choice: WindowChoice::default() }
         } else {
             Selection::read(path)?
         };
-        let missing = match &selection.choice.among {
-            Among::Tokens(tokens) => tokens.iter().copied().collect(),
+        let missing = match &selection.choice.anchors {
+            Anchors::Tokens(tokens) => tokens.iter().copied().collect(),
             _ => BTreeSet::new(),
         };
         Ok(Self {
@@ -103,7 +105,7 @@ impl Reader {
             logs: selection.logs.into_iter(),
             maps: selection.maps,
             choice: selection.choice,
-            now: None,
+            current: None,
             record: 0,
             missing,
             tags: BTreeSet::new(),
@@ -111,11 +113,11 @@ impl Reader {
         })
     }
 
-    /// Reads the next log, its map only where a scenario needs it.
+    /// Reads a log, and its map if a scenario needs it.
     fn load(&mut self, path: &Path) -> Result<(), FormatError> {
         let log = Log::read(path)?;
-        let anchors = self.choice.anchors(&log);
-        if matches!(self.choice.among, Among::Tagged(_)) {
+        let anchors = self.choice.anchors_in(&log);
+        if matches!(self.choice.anchors, Anchors::Tagged(_)) {
             self.tags.extend(log.tags.values().flatten().map(|(tag, _)| tag.clone()));
         }
         if anchors.is_empty() {
@@ -129,14 +131,14 @@ impl Reader {
             None => library::folder_for(path)?,
         };
         let map = library::map(&folder, &log.map_name)?;
-        self.now = Some((Arc::new(log), map, anchors.into_iter()));
+        self.current = Some((Arc::new(log), map, anchors.into_iter()));
         Ok(())
     }
 
-    fn next_decoder(&mut self) -> Option<Undecoded> {
-        let (log, map, anchors) = self.now.as_mut()?;
+    fn next_decoder(&mut self) -> Option<UndecodedScenario> {
+        let (log, map, anchors) = self.current.as_mut()?;
         let Some(anchor) = anchors.next() else {
-            self.now = None;
+            self.current = None;
             return None;
         };
         let (log, map, record) = (Arc::clone(log), Arc::clone(map), self.record);
@@ -144,8 +146,8 @@ impl Reader {
         Some(Box::new(move || read_one(&log, &map, anchor, record)))
     }
 
-    /// What is wrong with a file or selection that gave nothing, or not all that it names.
-    fn left_over(&mut self) -> Option<FormatError> {
+    /// Returns the error of a file or selection that gave no scenarios or lacks selected tokens.
+    fn final_error(&mut self) -> Option<FormatError> {
         if let Some(token) = self.missing.pop_first() {
             let expected = "the token of a row of `lidar_pc` in one of the logs";
             let cause = Cause::value("tokens", format!("`{token}`"), expected);
@@ -157,8 +159,8 @@ impl Reader {
             return None;
         }
         self.failed = true;
-        if let Among::Tagged(asked) = &self.choice.among
-            && !asked.iter().any(|tag| self.tags.contains(tag))
+        if let Anchors::Tagged(selected) = &self.choice.anchors
+            && !selected.iter().any(|tag| self.tags.contains(tag))
         {
             let quoted = |tags: Vec<&str>| format!("`{}`", tags.join("`, `"));
             let expected = if self.tags.is_empty() {
@@ -169,24 +171,24 @@ impl Reader {
                     quoted(self.tags.iter().map(String::as_str).collect())
                 )
             };
-            let cause = Cause::value("tags", quoted(asked.iter().map(String::as_str).collect()), expected);
+            let cause = Cause::value("tags", quoted(selected.iter().map(String::as_str).collect()), expected);
             return Some(FormatError::file(&self.path, cause));
         }
-        let expected = "a current frame with 20 rows of the 20 Hz clock before it and 160 after it, by tag, or in a \
-                        scene with two scenes before it and two after it";
+        let expected = "a current frame with 20 rows of the 20 Hz clock before it and 160 after it, either \
+                        tagged or in a scene with two scenes before it and two after it";
         Some(FormatError::file(&self.path, Cause::value("the choice of windows", "empty", expected)))
     }
 }
 
 impl Iterator for Reader {
-    type Item = Result<Undecoded, FormatError>;
+    type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             if let Some(decode) = self.next_decoder() {
                 return Some(Ok(decode));
             }
-            let Some(path) = self.logs.next() else { return self.left_over().map(Err) };
+            let Some(path) = self.logs.next() else { return self.final_error().map(Err) };
             if let Err(error) = self.load(&path) {
                 self.failed = true;
                 let record = self.record;

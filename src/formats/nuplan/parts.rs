@@ -1,4 +1,4 @@
-//! From a window of a log, and its map, to the parts of a scenario.
+//! Conversion of a window of a log and its map to scenario parts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,20 +14,23 @@ use crate::scene::{
     StopLineParts,
 };
 
-/// Name of the AV.
+/// Id of the AV.
 pub(super) const AV: &str = "ego";
-/// Length and width of the AV (the devkit's `get_pacifica_parameters`), metres.
-const AV_SIZE: (f64, f64) = (5.176, 2.297);
-/// From the rear axle of the AV to the centre of its box, metres.
+/// Length of the AV in metres (the devkit's `get_pacifica_parameters`).
+const AV_LENGTH: f64 = 5.176;
+/// Width of the AV in metres (the devkit's `get_pacifica_parameters`).
+const AV_WIDTH: f64 = 2.297;
+/// Distance in metres from the rear axle of the AV to the centre of its box.
 const AXLE_TO_CENTER: f64 = 1.461;
-/// Most objects of a scenario: usual ones have some hundred, and each has 91 frames however often it was seen.
-const MOST_OBJECTS: usize = 10_000;
-/// How much of the map is taken around all that was recorded, metres: agents may leave their logs.
-const MARGIN: f64 = 50.0;
-/// The map ends so far from the AV's way, metres.
-const REACH: f64 = 400.0;
+/// Maximum number of objects of a scenario: usual scenarios have some hundred, and each object takes 91
+/// frames however often it was seen.
+const MAX_OBJECTS: usize = 10_000;
+/// Margin of the map in metres around all recorded tracks: simulated agents may leave their logged tracks.
+const TRACK_MARGIN: f64 = 50.0;
+/// Maximum extent of the map in metres around the AV's track.
+const AV_MARGIN: f64 = 400.0;
 
-/// The parts of the scenario whose current frame is row `anchor` of the log.
+/// Converts the window of a log with the current frame at row `anchor` to scenario parts.
 ///
 /// # Errors
 /// [`Cause`] names the table, the column and the row.
@@ -35,13 +38,12 @@ pub(super) fn parts(log: &Log, map: &Map, anchor: usize) -> Result<ScenarioParts
     let rows = window::rows(log, anchor)?;
     let ego =
         rows.iter().map(|&row| av_state(&log.frames[row].ego, map).map(Some)).collect::<Result<_, _>>()?;
-    let (length, width) = AV_SIZE;
-    let av = Agent { id: AV.into(), kind: AgentKind::Vehicle, length, width };
+    let av = Agent { id: AV.into(), kind: AgentKind::Vehicle, length: AV_LENGTH, width: AV_WIDTH };
     let mut agents = vec![LoggedAgent { agent: av, track: ego }];
     agents.extend(objects(log, &rows)?);
 
     let states = observed(log, &rows);
-    let clip = ground(&agents);
+    let clip = map_bounds(&agents);
     let taken: BTreeSet<i64> = map
         .lanes
         .iter()
@@ -74,7 +76,8 @@ pub(super) fn parts(log: &Log, map: &Map, anchor: usize) -> Result<ScenarioParts
     })
 }
 
-/// The AV's box at a pose of its rear axle. The velocity is that of the axle, as the devkit has it.
+/// Returns the state of the AV's box for a pose of its rear axle. The velocity is that of the axle, as in the
+/// devkit.
 pub(super) fn av_state(ego: &Ego, map: &Map) -> Result<AgentState, Cause> {
     for (name, value) in [("x", ego.x), ("y", ego.y), ("qw, qx, qy, qz", ego.heading)] {
         if !value.is_finite() {
@@ -89,11 +92,12 @@ pub(super) fn av_state(ego: &Ego, map: &Map) -> Result<AgentState, Cause> {
     }
     let ahead = direction(ego.heading);
     let center = Vec2::new(ego.x, ego.y) + ahead * AXLE_TO_CENTER;
-    let velocity = ahead * ego.ahead + left(ahead) * ego.aside;
+    let velocity = ahead * ego.longitudinal + left(ahead) * ego.lateral;
     Ok(AgentState { x: center.x, y: center.y, heading: ego.heading, vx: velocity.x, vy: velocity.y })
 }
 
-/// Everything that was seen in these frames, by token. Boxes have the size of the current frame, or else of the first seen.
+/// Returns all objects seen in these frames, by token. Boxes have their size at the current frame, or else
+/// their first recorded size.
 fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
     let mut seen: BTreeMap<Token, (Vec<Frame>, [f64; 2])> = BTreeMap::new();
     for (k, &row) in rows.iter().enumerate() {
@@ -102,11 +106,11 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
             if let Some(i) = object.values[..5].iter().position(|v| !v.is_finite()) {
                 return Err(Cause::value(wrong(i), object.values[i], "a finite number"));
             }
-            if seen.len() >= MOST_OBJECTS && !seen.contains_key(&object.track) {
-                let expected = format!("a box of one of at most {MOST_OBJECTS} objects in 91 frames");
+            if seen.len() >= MAX_OBJECTS && !seen.contains_key(&object.track) {
+                let expected = format!("a box of one of at most {MAX_OBJECTS} objects in 91 frames");
                 return Err(Cause::value(
                     format!("the row {} of `lidar_box`", object.token),
-                    "one more",
+                    "one too many",
                     expected,
                 ));
             }
@@ -132,7 +136,7 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
     Ok(seen.into_iter().map(agent).collect())
 }
 
-/// The states of each lane connector with a light.
+/// Returns the light states of each lane connector with a light.
 fn observed(log: &Log, rows: &[usize]) -> BTreeMap<i64, Vec<Option<crate::scene::LightState>>> {
     let mut states = BTreeMap::new();
     for (k, row) in rows.iter().enumerate() {
@@ -143,20 +147,21 @@ fn observed(log: &Log, rows: &[usize]) -> BTreeMap<i64, Vec<Option<crate::scene:
     states
 }
 
-/// Where vehicles wait before a connector: where it begins. Of a connector that the map does not have, anywhere.
+/// Returns the point where vehicles wait for a connector: its start. For a connector that is not in the map,
+/// returns the origin.
 fn stop_point(map: &Map, connector: i64) -> Vec2 {
     map.lanes.get(&connector).and_then(|lane| lane.baseline.first().copied()).unwrap_or_default()
 }
 
-/// The ground that a scenario needs.
-fn ground(agents: &[LoggedAgent]) -> Bounds {
+/// Returns the bounds of the map of a scenario.
+fn map_bounds(agents: &[LoggedAgent]) -> Bounds {
     let of = |agent: &LoggedAgent| Bounds::of(agent.track.iter().flatten().map(AgentState::position));
-    let all = agents.iter().fold(Bounds::EMPTY, |all, agent| all.union(&of(agent))).inflated(MARGIN);
-    let reach = of(&agents[0]).inflated(REACH);
+    let all = agents.iter().fold(Bounds::EMPTY, |all, agent| all.union(&of(agent))).inflated(TRACK_MARGIN);
+    let reach = of(&agents[0]).inflated(AV_MARGIN);
     Bounds { min: all.min.sup(&reach.min), max: all.max.inf(&reach.max) }
 }
 
-/// The part of a map that touches the ground; areas are taken as a whole.
+/// Returns the part of a map that touches `clip`; areas are taken as a whole.
 fn clipped(
     map: &Map,
     clip: &Bounds,
@@ -194,13 +199,14 @@ fn clipped(
 }
 
 fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> LaneParts {
-    // Links out of the ground end here; those that the map itself can not resolve are dropped and counted later.
+    // Links to lanes outside the clipped map are removed; those to lanes missing in the map are dropped and
+    // counted later.
     let names = |fids: &[i64]| -> Vec<String> {
         let kept = fids.iter().filter(|fid| taken.contains(fid) || !map.lanes.contains_key(fid));
         kept.map(i64::to_string).collect()
     };
     let last = |points: &[Vec2]| u32::try_from(points.len().saturating_sub(1)).unwrap_or(u32::MAX);
-    let beside = |other: Option<i64>| -> Vec<NeighborParts> {
+    let neighbors = |other: Option<i64>| -> Vec<NeighborParts> {
         let other = other.filter(|fid| taken.contains(fid)).and_then(|fid| Some((fid, map.lanes.get(&fid)?)));
         let whole = |(fid, other): (i64, &MapLane)| NeighborParts {
             lane: fid.to_string(),
@@ -213,7 +219,7 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
     };
     LaneParts {
         id: fid.to_string(),
-        kind: if lane.connector { LaneKind::Connector } else { LaneKind::Lane },
+        kind: if lane.is_connector { LaneKind::Connector } else { LaneKind::Lane },
         class: if lane.lane_type == Some(1) { LaneClass::Bike } else { LaneClass::Undefined },
         speed_limit: Some(lane.speed_limit).filter(|v| v.is_finite() && *v > 0.0),
         points: lane.baseline.clone(),
@@ -224,12 +230,13 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
         },
         successors: names(&lane.outgoing),
         predecessors: names(&lane.incoming),
-        left: beside(lane.beside[0]),
-        right: beside(lane.beside[1]),
+        left: neighbors(lane.neighbors[0]),
+        right: neighbors(lane.neighbors[1]),
     }
 }
 
-/// A line for lights where each connector begins that has lights in the map or in the log; signs and give-way lines of the map.
+/// Returns the stop lines: for lights at the start of each connector with lights in the map or the log, and
+/// for stop signs and yield signs of the map.
 fn stop_lines(
     map: &Map,
     lanes: &[(i64, &MapLane)],
@@ -237,7 +244,7 @@ fn stop_lines(
 ) -> Vec<StopLineParts> {
     let mut lines = Vec::new();
     for (fid, lane) in lanes {
-        let lit = lane.connector && !map.stop_lines(lane).is_empty() || lights.contains_key(fid);
+        let lit = lane.is_connector && !map.stop_lines(lane).is_empty() || lights.contains_key(fid);
         if let Some(&at) = lane.baseline.first().filter(|_| lit) {
             lines.push(StopLineParts { kind: StopKind::Light, lane: fid.to_string(), at });
         }

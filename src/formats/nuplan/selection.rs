@@ -1,29 +1,29 @@
-//! Which windows of which logs become scenarios.
+//! Selection of the windows of logs that become scenarios.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::library::LIST;
+use super::library::MAP_LIST;
 use super::log::Log;
 use super::token::Token;
 use super::window;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::{head, named, read_whole};
 
-/// What a selection calls itself.
+/// Required value of `format`.
 pub(super) const FORMAT: &str = "reactsim-nuplan-v1";
-/// How selections of any version begin to call themselves.
-const ANY_VERSION: &str = "\"reactsim-nuplan-";
-/// Seconds between windows where nothing else is said: they do not overlap.
-const EVERY: f64 = 10.0;
-/// Longest selection that is read: a million tokens.
-const LONGEST: u64 = 32 << 20;
+/// Start of `format` in selections of any version.
+const FORMAT_PREFIX: &str = "\"reactsim-nuplan-";
+/// Default interval in seconds between windows, which then do not overlap.
+const DEFAULT_INTERVAL: f64 = 10.0;
+/// Maximum size of a selection in bytes: a million tokens.
+const MAX_SELECTION_SIZE: u64 = 32 << 20;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Raw {
+struct RawSelection {
     format: String,
     logs: Vec<PathBuf>,
     maps: Option<PathBuf>,
@@ -32,43 +32,43 @@ struct Raw {
     every_seconds: Option<f64>,
 }
 
-/// Which frames become the current frames of scenarios.
+/// Choice of the current frames of scenarios.
 #[derive(Clone, Debug)]
-pub(super) struct Choice {
-    /// Among which frames.
-    pub(super) among: Among,
-    /// Seconds from one to the next, at least.
-    pub(super) every: f64,
+pub(super) struct WindowChoice {
+    /// Candidate frames.
+    pub(super) anchors: Anchors,
+    /// Minimum time in seconds between successive current frames.
+    pub(super) interval: f64,
 }
 
 /// Candidates for current frames.
 #[derive(Clone, Debug)]
-pub(super) enum Among {
-    /// The frames that the devkit offers as beginnings.
+pub(super) enum Anchors {
+    /// Frames that the devkit offers as scenario starts.
     Starts,
-    /// Those with one of these tags.
+    /// Frames with one of these tags.
     Tagged(Vec<String>),
-    /// Those with these tokens.
+    /// Frames with these tokens.
     Tokens(Vec<Token>),
 }
 
-impl Default for Choice {
+impl Default for WindowChoice {
     fn default() -> Self {
-        Self { among: Among::Starts, every: EVERY }
+        Self { anchors: Anchors::Starts, interval: DEFAULT_INTERVAL }
     }
 }
 
-impl Choice {
-    /// The current frames of a log, in the order of time. Those that lack frames before or after are left out, but for those that are
-    /// asked by token.
-    pub(super) fn anchors(&self, log: &Log) -> Vec<usize> {
-        let all: Vec<usize> = match &self.among {
-            Among::Starts => log.starts(),
-            Among::Tagged(types) => {
+impl WindowChoice {
+    /// Returns the current frames of a log, in order of time. Frames without enough frames before and after
+    /// are left out, except frames selected by token.
+    pub(super) fn anchors_in(&self, log: &Log) -> Vec<usize> {
+        let all: Vec<usize> = match &self.anchors {
+            Anchors::Starts => log.starts(),
+            Anchors::Tagged(types) => {
                 let tagged = |tags: &[(String, _)]| tags.iter().any(|(tag, _)| types.contains(tag));
                 log.tags.iter().filter(|(_, tags)| tagged(tags)).map(|(frame, _)| *frame).collect()
             }
-            Among::Tokens(tokens) => {
+            Anchors::Tokens(tokens) => {
                 let frames = log.frames.iter().enumerate();
                 return frames
                     .filter(|(_, f)| tokens.binary_search(&f.token).is_ok())
@@ -77,35 +77,35 @@ impl Choice {
             }
         };
         let mut last = None;
-        let mut keep = |frame: &usize| {
+        let mut is_due = |frame: &usize| {
             let now = log.frames[*frame].timestamp;
             // Half a frame of slack: the clock is only nominally regular.
-            let due =
-                last.is_none_or(|last: i64| now.saturating_sub(last) as f64 >= self.every * 1e6 - 25_000.0);
+            let due = last
+                .is_none_or(|last: i64| now.saturating_sub(last) as f64 >= self.interval * 1e6 - 25_000.0);
             if due {
                 last = Some(now);
             }
             due
         };
-        all.into_iter().filter(|frame| window::fits(log, *frame)).filter(|frame| keep(frame)).collect()
+        all.into_iter().filter(|frame| window::fits(log, *frame)).filter(|frame| is_due(frame)).collect()
     }
 }
 
-/// A selection as a file tells it.
+/// Content of a selection.
 pub(super) struct Selection {
-    /// The logs.
+    /// Paths of the logs.
     pub(super) logs: Vec<PathBuf>,
-    /// The folder with the list of maps.
+    /// Folder with the list of maps.
     pub(super) maps: Option<PathBuf>,
-    /// Which frames.
-    pub(super) choice: Choice,
+    /// Choice of windows.
+    pub(super) choice: WindowChoice,
 }
 
-/// Whether a file is a selection.
+/// Returns whether a file is a selection.
 pub(super) fn is_selection(path: &Path) -> bool {
     head(path, 4096).is_ok_and(|head| {
         head.trim_ascii_start().starts_with(b"{")
-            && head.windows(ANY_VERSION.len()).any(|w| w == ANY_VERSION.as_bytes())
+            && head.windows(FORMAT_PREFIX.len()).any(|w| w == FORMAT_PREFIX.as_bytes())
     })
 }
 
@@ -116,8 +116,8 @@ impl Selection {
     /// [`FormatError`] names the key and the value.
     pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
-        let content = read_whole(path, LONGEST, "a selection of at most 32 MiB")?;
-        let raw: Raw =
+        let content = read_whole(path, MAX_SELECTION_SIZE, "a selection of at most 32 MiB")?;
+        let raw: RawSelection =
             serde_json::from_slice(&content).map_err(|e| refuse(Cause::Undecodable(e.to_string())))?;
         if raw.format != FORMAT {
             return Err(refuse(Cause::value("format", format!("`{}`", raw.format), format!("`{FORMAT}`"))));
@@ -137,13 +137,13 @@ impl Selection {
         let mut named = BTreeSet::new();
         logs.retain(|log: &PathBuf| named.insert(log.clone()));
         if let Some(maps) = &raw.maps
-            && !folder.join(maps).join(LIST).is_file()
+            && !folder.join(maps).join(MAP_LIST).is_file()
         {
             let found = format!("`{}`", maps.display());
             return Err(refuse(Cause::value(
                 "maps",
                 found,
-                format!("a folder with `{LIST}`, relative to this file"),
+                format!("a folder with `{MAP_LIST}`, relative to this file"),
             )));
         }
         if raw.tokens.as_ref().is_some_and(Vec::is_empty) || raw.tags.as_ref().is_some_and(Vec::is_empty) {
@@ -151,7 +151,7 @@ impl Selection {
             return Err(refuse(Cause::value(
                 key,
                 "empty",
-                "at least one, or no such key for a window every ten seconds",
+                "at least one entry; leave out the key for a window every ten seconds",
             )));
         }
         if logs.is_empty() {
@@ -161,7 +161,7 @@ impl Selection {
                 "`.db` files or folders that hold some",
             )));
         }
-        let among = match (raw.tokens, raw.tags) {
+        let anchors = match (raw.tokens, raw.tags) {
             (Some(_), Some(_)) => {
                 return Err(refuse(Cause::value("tokens", "given together with `tags`", "one of the two")));
             }
@@ -178,21 +178,25 @@ impl Selection {
                 let mut tokens = tokens.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
                 tokens.sort();
                 tokens.dedup();
-                Among::Tokens(tokens)
+                Anchors::Tokens(tokens)
             }
-            (None, Some(tags)) => Among::Tagged(tags),
-            (None, None) => Among::Starts,
+            (None, Some(tags)) => Anchors::Tagged(tags),
+            (None, None) => Anchors::Starts,
         };
-        let default = if matches!(among, Among::Starts) { EVERY } else { 0.0 };
-        let every = raw.every_seconds.unwrap_or(default);
-        if !(0.0..1e9).contains(&every) {
-            return Err(refuse(Cause::value("every_seconds", every, "seconds, 0 or more")));
+        let default = if matches!(anchors, Anchors::Starts) { DEFAULT_INTERVAL } else { 0.0 };
+        let interval = raw.every_seconds.unwrap_or(default);
+        if !(0.0..1e9).contains(&interval) {
+            return Err(refuse(Cause::value("every_seconds", interval, "seconds, 0 or more")));
         }
-        Ok(Self { logs, maps: raw.maps.map(|maps| folder.join(maps)), choice: Choice { among, every } })
+        Ok(Self {
+            logs,
+            maps: raw.maps.map(|maps| folder.join(maps)),
+            choice: WindowChoice { anchors, interval },
+        })
     }
 }
 
-/// The log at a path, or those of a folder by name.
+/// Lists the log at a path, or those in a folder in order of their names.
 fn logs_at(path: &Path) -> Result<Vec<PathBuf>, Cause> {
     let refuse = Cause::read;
     if !std::fs::metadata(path).map_err(refuse)?.is_dir() {

@@ -1,4 +1,4 @@
-//! SQLite files, opened for reading only; what is read is asked by table and column, and refused by table, column and row.
+//! Read-only access to SQLite files by table and column. Errors name table, column and row.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -12,43 +12,46 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, Row};
 use super::token::Token;
 use crate::formats::error::{Cause, FormatError};
 
-/// The first bytes of every SQLite file.
+/// First bytes of every SQLite file.
 const MAGIC: &[u8] = b"SQLite format 3\0";
-/// Length of the header of a SQLite file.
-const HEADER: usize = 100;
-/// How many steps of SQLite's machine are between two questions of whether it should go on.
-const STEPS: i32 = 10_000;
-/// Most steps for each byte of a file, and for the whole of a short one: what is sound takes less than one for each byte.
-const MOST_STEPS: (u64, u64) = (16, 10_000_000);
-/// The longest text or blob that is read: the outline of a whole city is shorter.
-const LONGEST: i32 = 64 << 20;
+/// Length of the header of a SQLite file in bytes.
+const HEADER_LENGTH: usize = 100;
+/// Number of SQLite virtual machine steps between checks of the step limit.
+const STEPS_PER_CHECK: i32 = 10_000;
+/// Maximum number of SQLite steps per byte of a file; valid files take less than one.
+const MAX_STEPS_PER_BYTE: u64 = 16;
+/// Step limit for small files.
+const MIN_STEP_LIMIT: u64 = 10_000_000;
+/// Maximum length of a text or blob in bytes; the outline of a whole city is shorter.
+const MAX_CELL_LENGTH: i32 = 64 << 20;
 
-/// A SQLite file that is open for reading.
+/// A SQLite file open for reading.
 pub(super) struct Database {
     connection: Connection,
-    /// Bytes of the file: it can not hold more than this, whatever its pages claim.
+    /// Size of the file in bytes, which limits its content whatever its pages claim.
     length: u64,
 }
 
-/// Whether a file begins as SQLite files do.
+/// Returns whether a file begins like a SQLite file.
 pub(super) fn is_sqlite(path: &Path) -> bool {
     crate::formats::format::head(path, MAGIC.len() as u64).is_ok_and(|head| head == MAGIC)
 }
 
 impl Database {
-    /// Opens a file. It is taken as one that nobody changes, so that locks of other programs do not matter and nothing is
-    /// written beside it; one with unfinished changes beside it is refused.
+    /// Opens a file as immutable: locks of other programs are ignored, and no files are written next to it. A
+    /// file with unfinished changes (`-wal`, `-journal`) next to it is refused.
     pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
         let length = check_header(path).map_err(refuse)?;
         for ending in ["-wal", "-journal"] {
-            let mut beside = path.as_os_str().to_owned();
-            beside.push(ending);
-            if std::fs::metadata(&beside).is_ok_and(|about| about.len() > 0) {
+            let mut pending = path.as_os_str().to_owned();
+            pending.push(ending);
+            if std::fs::metadata(&pending).is_ok_and(|about| about.len() > 0) {
                 return Err(refuse(Cause::schema(
                     "the database",
-                    format!("locked or left with unfinished changes (`{}`)", Path::new(&beside).display()),
-                    "a finished file; close the program that writes it, or open it once with `sqlite3` so that it finishes",
+                    format!("locked or left with unfinished changes (`{}`)", Path::new(&pending).display()),
+                    "a complete file; close the program that writes it, or open it once with `sqlite3` to \
+                     complete it",
                 )));
             }
         }
@@ -57,30 +60,33 @@ impl Database {
         let mut connection = Connection::open_with_flags(address(path).map_err(refuse)?, flags)
             .map_err(|e| refuse(refusal("the database", &e)))?;
         connection
-            .set_limit(Limit::SQLITE_LIMIT_LENGTH, LONGEST)
+            .set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_CELL_LENGTH)
             .and_then(|_| {
                 connection.execute_batch("PRAGMA trusted_schema = OFF; PRAGMA cell_size_check = ON")
             })
             .map_err(|e| refuse(refusal("the database", &e)))?;
-        // Damaged pages can lead to one another, also while SQLite looks for the tables.
-        let mut left = (length.saturating_mul(MOST_STEPS.0).max(MOST_STEPS.1)) / STEPS as u64;
+        // Damaged pages can refer to one another without end, even in the list of tables.
+        let mut left =
+            (length.saturating_mul(MAX_STEPS_PER_BYTE).max(MIN_STEP_LIMIT)) / STEPS_PER_CHECK as u64;
         let stop = move || {
             left = left.saturating_sub(1);
             left == 0
         };
-        connection.progress_handler(STEPS, Some(stop)).map_err(|e| refuse(refusal("the database", &e)))?;
+        connection
+            .progress_handler(STEPS_PER_CHECK, Some(stop))
+            .map_err(|e| refuse(refusal("the database", &e)))?;
         Ok(Self { connection, length })
     }
 
-    /// Whether there is a table of this name.
+    /// Returns whether there is a table of this name.
     pub(super) fn has(&self, table: &str) -> Result<bool, Cause> {
         Ok(!self.columns(table)?.is_empty())
     }
 
-    /// The columns of a table, none where it is missing. Views and virtual tables, which could compute anything, are no tables,
-    /// and computed columns no columns.
+    /// Returns the columns of a table, none if it is missing. Views, virtual tables and generated columns are
+    /// ignored, because they could run arbitrary computations.
     fn columns(&self, table: &str) -> Result<Vec<String>, Cause> {
-        let ask = || -> rusqlite::Result<Vec<String>> {
+        let query = || -> rusqlite::Result<Vec<String>> {
             let stored = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = ?1 \
                           AND sql LIKE 'create table %'";
             if self.connection.query_row(stored, [table], |row| row.get::<_, i64>(0))? == 0 {
@@ -89,11 +95,12 @@ impl Database {
             let mut about = self.connection.prepare(&format!("PRAGMA table_info({})", quoted(table)))?;
             about.query_map([], |row| row.get(1))?.collect()
         };
-        ask().map_err(|e| refusal(&format!("table `{table}`"), &e))
+        query().map_err(|e| refusal(&format!("table `{table}`"), &e))
     }
 
-    /// Calls `take` with each row of a table, in the order of the file, with the columns asked; the first one names the row in
-    /// messages. A column that begins with `?` may be missing and is NULL then.
+    /// Calls `take` with the given columns of each row of a table, in file order. The first column identifies
+    /// the row in error messages. A column with the prefix `?` is optional; if it is missing, its cells are
+    /// NULL.
     pub(super) fn each(
         &self,
         table: &str,
@@ -108,14 +115,14 @@ impl Database {
                 "a table of nuPlan; fetch the file again",
             ));
         }
-        let there = |column: &str| found.iter().any(|f| f.eq_ignore_ascii_case(column));
-        if let Some(missing) = columns.iter().find(|c| !c.starts_with('?') && !there(c)) {
+        let exists = |column: &str| found.iter().any(|f| f.eq_ignore_ascii_case(column));
+        if let Some(missing) = columns.iter().find(|c| !c.starts_with('?') && !exists(c)) {
             let expected = format!("a column of this table, which has {}", found.join(", "));
             return Err(Cause::schema(format!("column `{table}.{missing}`"), "missing", expected));
         }
         let failed = |e: rusqlite::Error| refusal(&format!("table `{table}`"), &e);
         let named = |column: &&str| match column.strip_prefix('?') {
-            Some(name) if !there(name) => "NULL".to_owned(),
+            Some(name) if !exists(name) => "NULL".to_owned(),
             Some(name) => quoted(name),
             None => quoted(column),
         };
@@ -126,14 +133,14 @@ impl Database {
         let mut bytes = 0_u64;
         while let Some(row) = rows.next().map_err(failed)? {
             let cells = Cells { table, columns, row };
-            // A damaged file can show the same page again and again.
+            // A damaged file can return the same page many times.
             bytes += 4 + cells.bytes();
             if bytes > self.length.saturating_mul(4) {
                 let found = format!("longer than the file ({} bytes)", self.length);
                 return Err(Cause::schema(
                     format!("table `{table}`"),
                     found,
-                    "what fits; fetch the file again",
+                    "no longer than the file; fetch the file again",
                 ));
             }
             take(&cells)?;
@@ -142,16 +149,16 @@ impl Database {
     }
 }
 
-/// Checks the first bytes of a file against its length, which is returned.
+/// Checks the header of a file against its length, and returns the length.
 fn check_header(path: &Path) -> Result<u64, Cause> {
     let mut file = File::open(path).map_err(Cause::read)?;
     let length = file.metadata().map_err(Cause::read)?.len();
-    let mut header = Vec::with_capacity(HEADER);
-    file.by_ref().take(HEADER as u64).read_to_end(&mut header).map_err(Cause::read)?;
+    let mut header = Vec::with_capacity(HEADER_LENGTH);
+    file.by_ref().take(HEADER_LENGTH as u64).read_to_end(&mut header).map_err(Cause::read)?;
     if header.is_empty()
-        || (header.len() < HEADER && MAGIC.starts_with(&header[..header.len().min(MAGIC.len())]))
+        || (header.len() < HEADER_LENGTH && MAGIC.starts_with(&header[..header.len().min(MAGIC.len())]))
     {
-        let (found, expected) = (header.len() as u64, HEADER as u64);
+        let (found, expected) = (header.len() as u64, HEADER_LENGTH as u64);
         return Err(Cause::Truncated { what: "the header of the database", found, expected });
     }
     if !header.starts_with(MAGIC) {
@@ -166,7 +173,7 @@ fn check_header(path: &Path) -> Result<u64, Cause> {
         1 => 65_536,
         size => u64::from(size),
     };
-    // The number of pages is only stated where the writer was new enough to keep it up to date.
+    // The number of pages is valid only if the writer was recent enough to keep it up to date.
     let expected = if word(24) == word(92) { u64::from(word(28)) * page } else { 0 };
     if length < expected {
         return Err(Cause::Truncated { what: "the database", found: length, expected });
@@ -174,7 +181,7 @@ fn check_header(path: &Path) -> Result<u64, Cause> {
     Ok(length)
 }
 
-/// The address of a file for SQLite.
+/// Returns the URI of a file for SQLite.
 fn address(path: &Path) -> Result<String, Cause> {
     let whole: PathBuf = std::path::absolute(path).map_err(Cause::read)?;
     let mut address = String::from("file:");
@@ -201,19 +208,21 @@ fn quoted(name: &str) -> String {
     format!("\"{}\"", name.replace('"', "\"\""))
 }
 
-/// What SQLite's answer means.
+/// Converts an error of SQLite.
 fn refusal(what: &str, error: &rusqlite::Error) -> Cause {
     let (found, expected) = match error.sqlite_error_code() {
         Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => {
-            ("locked", "a file that no other program holds; close that program or copy the file")
+            ("locked", "a file that no other program has open; close that program or copy the file")
         }
-        Some(ErrorCode::NotADatabase) => ("no SQLite database", "one; decrypt the file or fetch it again"),
+        Some(ErrorCode::NotADatabase) => {
+            ("not a SQLite database", "a SQLite database; decrypt the file or fetch it again")
+        }
         Some(ErrorCode::DatabaseCorrupt | ErrorCode::SystemIoFailure) => {
-            ("damaged", "a sound SQLite database; fetch the file again")
+            ("damaged", "a valid SQLite database; fetch the file again")
         }
         Some(ErrorCode::OperationInterrupted) => (
-            "damaged: its pages lead to one another without end",
-            "a sound SQLite database; fetch the file again",
+            "damaged: its pages refer to one another without end",
+            "a valid SQLite database; fetch the file again",
         ),
         Some(ErrorCode::TooBig) => ("longer than 64 MiB in one cell", "shorter cells; fetch the file again"),
         _ => return Cause::Undecodable(format!("{what}: {error}")),
@@ -221,7 +230,7 @@ fn refusal(what: &str, error: &rusqlite::Error) -> Cause {
     Cause::schema(what, format!("{found} ({error})"), expected)
 }
 
-/// The cells of one row.
+/// Cells of one row.
 pub(super) struct Cells<'a> {
     table: &'a str,
     columns: &'a [&'a str],
@@ -241,18 +250,18 @@ impl Cells<'_> {
         (0..self.columns.len()).map(length).sum()
     }
 
-    /// The table, the column and the row, for messages.
+    /// Returns the table, the column and the row for error messages.
     pub(super) fn field(&self, column: usize) -> String {
         let name = self.columns[column].trim_start_matches('?');
         format!("`{}.{name}` of row {}", self.table, shown(self.get(0)))
     }
 
-    /// The refusal of a cell.
+    /// Returns the error of an invalid cell.
     pub(super) fn wrong(&self, column: usize, expected: impl Into<String>) -> Cause {
         Cause::value(self.field(column), shown(self.get(column)), expected)
     }
 
-    /// A number; NaN where there is none. SQLite stores NaN as NULL.
+    /// Returns a number; NaN for NULL, as SQLite stores NaN as NULL.
     pub(super) fn number(&self, column: usize) -> Result<f64, Cause> {
         match self.get(column) {
             ValueRef::Null => Ok(f64::NAN),
@@ -262,7 +271,8 @@ impl Cells<'_> {
         }
     }
 
-    /// A whole number, stored as one or as a fraction without one (GDAL does so with columns that may be empty); `None` for NULL.
+    /// Returns a whole number, which may be stored as a float (GDAL does this for nullable columns) or a
+    /// text; `None` for NULL.
     pub(super) fn whole(&self, column: usize) -> Result<Option<i64>, Cause> {
         match self.get(column) {
             ValueRef::Null => Ok(None),
@@ -277,12 +287,12 @@ impl Cells<'_> {
         }
     }
 
-    /// A whole number that must be there.
+    /// Returns a required whole number.
     pub(super) fn must_whole(&self, column: usize) -> Result<i64, Cause> {
         self.whole(column)?.ok_or_else(|| self.wrong(column, "a whole number"))
     }
 
-    /// A text, empty for NULL.
+    /// Returns a text, empty for NULL.
     pub(super) fn text(&self, column: usize) -> Result<String, Cause> {
         match self.get(column) {
             ValueRef::Null => Ok(String::new()),
@@ -295,7 +305,7 @@ impl Cells<'_> {
         }
     }
 
-    /// A token; `None` for NULL.
+    /// Returns a token; `None` for NULL.
     pub(super) fn token(&self, column: usize) -> Result<Option<Token>, Cause> {
         match self.get(column) {
             ValueRef::Null => Ok(None),
@@ -306,12 +316,12 @@ impl Cells<'_> {
         }
     }
 
-    /// A token that must be there.
+    /// Returns a required token.
     pub(super) fn must_token(&self, column: usize) -> Result<Token, Cause> {
         self.token(column)?.ok_or_else(|| self.wrong(column, "a token of 8 bytes"))
     }
 
-    /// A blob that must be there.
+    /// Returns a required blob.
     pub(super) fn blob(&self, column: usize, expected: &str) -> Result<&[u8], Cause> {
         match self.get(column) {
             ValueRef::Blob(b) => Ok(b),
@@ -320,7 +330,7 @@ impl Cells<'_> {
     }
 }
 
-/// A cell for messages: what is long is cut.
+/// Formats a cell for error messages; long cells are truncated.
 fn shown(cell: ValueRef<'_>) -> String {
     match cell {
         ValueRef::Null => "NULL".into(),

@@ -1,7 +1,7 @@
 mod damage;
 mod expected;
 mod hostile;
-mod made;
+mod fixture;
 mod small;
 
 use std::path::{Path, PathBuf};
@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use crate::formats::{self, FormatError};
 use crate::scene::Scenario;
 
-/// The sample data, where they are.
+/// Returns the folder of the sample data, if it exists.
 fn samples() -> Option<PathBuf> {
     let found = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/nuplan"));
     if !found.exists() {
         use std::io::Write;
-        writeln!(std::io::stderr().lock(), "skipped: no data/nuplan beside the repository").ok();
+        writeln!(std::io::stderr().lock(), "skipped: no data/nuplan next to the repository").ok();
         return None;
     }
     Some(found.to_owned())
@@ -27,7 +27,7 @@ fn all(path: &Path) -> Vec<Result<Scenario, FormatError>> {
     }
 }
 
-/// The only message that a file gives.
+/// Returns the only error message of a file.
 fn refusal(path: &Path) -> String {
     let mut all = all(path);
     assert_eq!(all.len(), 1, "{all:?}");

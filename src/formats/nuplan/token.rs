@@ -1,18 +1,18 @@
-//! Tokens: how nuPlan names rows.
+//! Tokens, which identify rows in nuPlan.
 
 use std::fmt;
 
-/// The name of a row: 8 bytes, shown and written as 16 hexadecimal digits.
+/// Identifier of a row: 8 bytes, displayed as 16 hexadecimal digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct Token([u8; 8]);
 
 impl Token {
-    /// The token of 8 bytes; `None` for another number of them.
+    /// Creates a token from 8 bytes; `None` for another number of bytes.
     pub(super) fn of_bytes(bytes: &[u8]) -> Option<Self> {
         bytes.try_into().ok().map(Self)
     }
 
-    /// The token of 16 hexadecimal digits.
+    /// Parses a token of 16 hexadecimal digits.
     pub(super) fn parse(text: &str) -> Option<Self> {
         let good = text.len() == 16 && text.bytes().all(|b| b.is_ascii_hexdigit());
         good.then(|| u64::from_str_radix(text, 16).ok()).flatten().map(|n| Self(n.to_be_bytes()))

@@ -1,20 +1,21 @@
-//! From degrees on WGS 84 to metres of a northern UTM zone.
+//! Projection of WGS 84 degrees to metres of a northern UTM zone.
 //!
-//! The transverse Mercator projection by Krüger's series to the sixth order in the third flattening (Karney, "Transverse Mercator
-//! with an accuracy of a few nanometers", J. Geodesy 85, 2011, equations 6 to 13 and 35), summed after Clenshaw.
+//! Transverse Mercator projection by Krüger's series to the sixth order in the third flattening (Karney,
+//! "Transverse Mercator with an accuracy of a few nanometers", J. Geodesy 85, 2011, equations 6 to 13 and
+//! 35), with Clenshaw summation.
 
 use crate::geometry::{Vec2, math};
 
-/// Half of the longer axis of WGS 84, metres.
-const A: f64 = 6_378_137.0;
+/// Semi-major axis of WGS 84 in metres.
+const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
 /// Flattening of WGS 84.
-const F: f64 = 1.0 / 298.257_223_563;
-/// Scale on the central meridian of a UTM zone.
-const K0: f64 = 0.9996;
-/// Easting of the central meridian, metres.
+const FLATTENING: f64 = 1.0 / 298.257_223_563;
+/// Scale factor on the central meridian of a UTM zone.
+const MERIDIAN_SCALE: f64 = 0.9996;
+/// Easting of the central meridian in metres.
 const FALSE_EASTING: f64 = 500_000.0;
-/// Farther from the central meridian than this, degrees, nothing belongs to a zone: its half width is 3.
-const FARTHEST: f64 = 6.0;
+/// Maximum distance in degrees of longitude from the central meridian; the half width of a zone is 3.
+const MAX_LONGITUDE_OFFSET: f64 = 6.0;
 
 /// A northern UTM zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,23 +24,23 @@ pub(super) struct Utm {
     zone: u8,
     /// Eccentricity.
     e: f64,
-    /// Radius of the rectifying sphere times the scale, metres.
+    /// Radius of the rectifying sphere times the scale factor, in metres.
     radius: f64,
-    /// Coefficients of the series.
+    /// Coefficients of the Krüger series.
     alpha: [f64; 6],
 }
 
 impl Utm {
-    /// The zone of an EPSG code 32601 to 32660; `None` for all other codes.
+    /// Returns the zone of an EPSG code from 32601 to 32660; `None` for other codes.
     pub(super) fn of_epsg(code: i64) -> Option<Self> {
         let zone = u8::try_from(code.checked_sub(32_600)?).ok().filter(|z| (1..=60).contains(z))?;
-        let n = F / (2.0 - F);
+        let n = FLATTENING / (2.0 - FLATTENING);
         let (n2, n3) = (n * n, n * n * n);
         let (n4, n5, n6) = (n2 * n2, n2 * n3, n3 * n3);
         Some(Self {
             zone,
-            e: (F * (2.0 - F)).sqrt(),
-            radius: K0 * A / (1.0 + n) * (1.0 + n2 / 4.0 + n4 / 64.0 + n6 / 256.0),
+            e: (FLATTENING * (2.0 - FLATTENING)).sqrt(),
+            radius: MERIDIAN_SCALE * SEMI_MAJOR_AXIS / (1.0 + n) * (1.0 + n2 / 4.0 + n4 / 64.0 + n6 / 256.0),
             alpha: [
                 n / 2.0 - 2.0 / 3.0 * n2 + 5.0 / 16.0 * n3 + 41.0 / 180.0 * n4 - 127.0 / 288.0 * n5
                     + 7891.0 / 37_800.0 * n6,
@@ -55,10 +56,11 @@ impl Utm {
         })
     }
 
-    /// Easting and northing, metres, of a point in degrees; `None` where it is not finite or no point of this zone.
+    /// Projects a point in degrees to easting and northing in metres; `None` if it is not finite or outside
+    /// the zone.
     pub(super) fn project(&self, longitude: f64, latitude: f64) -> Option<Vec2> {
         let east = longitude - (6.0 * f64::from(self.zone) - 183.0);
-        if !(east.abs() <= FARTHEST && (0.0..=84.0).contains(&latitude)) {
+        if !(east.abs() <= MAX_LONGITUDE_OFFSET && (0.0..=84.0).contains(&latitude)) {
             return None;
         }
         let (sin_lat, cos_lat) = math::sin_cos(latitude.to_radians());
@@ -69,7 +71,7 @@ impl Utm {
         let conformal = tau * (1.0 + sigma * sigma).sqrt() - sigma / cos_lat;
         let xi = math::atan2(conformal, cos_lon);
         let eta = math::asinh(sin_lon / math::hypot(conformal, cos_lon));
-        // The sum over j of alpha_j sin(2 j (xi + i eta)), as a complex number.
+        // Complex sum over j of alpha_j sin(2 j (xi + i eta)).
         let (sin_xi, cos_xi) = math::sin_cos(2.0 * xi);
         let (sinh_eta, cosh_eta) = (math::sinh(2.0 * eta), math::cosh(2.0 * eta));
         let twice_cos = (2.0 * cos_xi * cosh_eta, -2.0 * sin_xi * sinh_eta);
@@ -83,7 +85,7 @@ impl Utm {
     }
 }
 
-/// The product of two complex numbers.
+/// Multiplies two complex numbers (real, imaginary).
 fn times(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
 }

@@ -2,7 +2,7 @@
 
 use crate::geometry::{Polygon, Vec2};
 
-/// What a blob holds. Rings are closed, as stored.
+/// Geometry of a blob. Rings are closed, as stored.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Geometry {
     /// A point.
@@ -13,10 +13,10 @@ pub(super) enum Geometry {
     Polygons(Vec<Polygon>),
 }
 
-/// Reads a blob; `place` turns each stored pair into a point of the map.
+/// Parses a blob; `place` converts each stored pair of coordinates to a point of the map.
 ///
 /// # Errors
-/// A text that says what is wrong with the blob.
+/// A description of the defect, to be appended to "a blob that".
 pub(super) fn parse(blob: &[u8], place: &dyn Fn(f64, f64) -> Option<Vec2>) -> Result<Geometry, String> {
     let [b'G', b'P', version, flags, ..] = *blob else {
         return Err("does not begin with `GP`".into());
@@ -35,19 +35,23 @@ pub(super) fn parse(blob: &[u8], place: &dyn Fn(f64, f64) -> Option<Vec2>) -> Re
         other => return Err(format!("has an envelope of the unknown kind {other}")),
     };
     let rest = blob.get(8 + envelope..).ok_or("ends inside its header")?;
-    let mut bytes = Bytes { rest, little: true, place };
-    let geometry = bytes.geometry(0)?;
-    if bytes.rest.is_empty() { Ok(geometry) } else { Err(format!("has {} bytes too many", bytes.rest.len())) }
+    let mut reader = BlobReader { rest, little: true, place };
+    let geometry = reader.geometry(0)?;
+    if reader.rest.is_empty() {
+        Ok(geometry)
+    } else {
+        Err(format!("has {} bytes too many", reader.rest.len()))
+    }
 }
 
-/// What is left of a blob.
-struct Bytes<'a> {
+/// Reader of a blob.
+struct BlobReader<'a> {
     rest: &'a [u8],
     little: bool,
     place: &'a dyn Fn(f64, f64) -> Option<Vec2>,
 }
 
-impl Bytes<'_> {
+impl BlobReader<'_> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
         let (first, rest) = self.rest.split_first_chunk().ok_or("ends too early")?;
         self.rest = rest;
@@ -58,7 +62,8 @@ impl Bytes<'_> {
         Ok(first)
     }
 
-    /// A number of things of at least `size` bytes each: never more than the blob can hold.
+    /// Reads a number of elements of at least `size` bytes each, which the rest of the blob must be able to
+    /// hold.
     fn count(&mut self, size: usize) -> Result<usize, String> {
         let count = u32::from_le_bytes(self.take()?) as usize;
         if count > self.rest.len() / size {
@@ -78,31 +83,31 @@ impl Bytes<'_> {
         if extended & 0x2000_0000 != 0 {
             self.take::<4>()?;
         }
-        // Height and measure are told by the thousands or by the highest bits; both are passed over.
-        let more = match plain / 1000 {
+        // Z and M coordinates are indicated by the thousands or by the highest bits; both are skipped.
+        let extra = match plain / 1000 {
             0 => u32::from(extended & 0x8000_0000 != 0) + u32::from(extended & 0x4000_0000 != 0),
             1 | 2 => 1,
             3 => 2,
             _ => return Err(format!("holds a geometry of the unknown type {code}")),
         };
         match plain % 1000 {
-            1 => Ok(Geometry::Point(self.point(more)?)),
-            2 => Ok(Geometry::Lines(vec![self.points(more, 2)?])),
+            1 => Ok(Geometry::Point(self.point(extra)?)),
+            2 => Ok(Geometry::Lines(vec![self.points(extra, 2)?])),
             3 => {
                 let rings = self.count(4)?;
                 let exterior = match rings {
                     0 => return Err("is a polygon without rings".into()),
-                    _ => self.points(more, 4)?,
+                    _ => self.points(extra, 4)?,
                 };
-                let holes = (1..rings).map(|_| self.points(more, 4)).collect::<Result<_, _>>()?;
+                let holes = (1..rings).map(|_| self.points(extra, 4)).collect::<Result<_, _>>()?;
                 Ok(Geometry::Polygons(vec![Polygon { exterior, holes }]))
             }
             5 | 6 if depth == 0 => {
                 let (mut lines, mut polygons) = (Vec::new(), Vec::new());
                 for _ in 0..self.count(9)? {
                     match self.geometry(1)? {
-                        Geometry::Lines(more) => lines.extend(more),
-                        Geometry::Polygons(more) => polygons.extend(more),
+                        Geometry::Lines(part) => lines.extend(part),
+                        Geometry::Polygons(part) => polygons.extend(part),
                         Geometry::Point(_) => return Err("holds a point among lines or polygons".into()),
                     }
                 }
@@ -116,17 +121,17 @@ impl Bytes<'_> {
         }
     }
 
-    fn points(&mut self, more: u32, fewest: usize) -> Result<Vec<Vec2>, String> {
-        let count = self.count(16 + 8 * more as usize)?;
-        if count < fewest {
-            return Err(format!("has a line or ring of {count} points instead of at least {fewest}"));
+    fn points(&mut self, extra: u32, min_count: usize) -> Result<Vec<Vec2>, String> {
+        let count = self.count(16 + 8 * extra as usize)?;
+        if count < min_count {
+            return Err(format!("has a line or ring of {count} points instead of at least {min_count}"));
         }
-        (0..count).map(|_| self.point(more)).collect()
+        (0..count).map(|_| self.point(extra)).collect()
     }
 
-    fn point(&mut self, more: u32) -> Result<Vec2, String> {
+    fn point(&mut self, extra: u32) -> Result<Vec2, String> {
         let (x, y) = (f64::from_le_bytes(self.take()?), f64::from_le_bytes(self.take()?));
-        for _ in 0..more {
+        for _ in 0..extra {
             self.take::<8>()?;
         }
         (self.place)(x, y)

@@ -1,4 +1,4 @@
-//! Reading rollouts in any order.
+//! Random access to rollouts.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,26 +10,28 @@ use crate::formats::states;
 use crate::formats::table::{Leaf, TableReader, View};
 use crate::geometry::Vec2;
 
-/// A file of rollouts that are read by scenario, simulator and index. In memory are their names and one row group.
+/// Rollout file with random access by scenario, simulator and rollout index. Only the names and one row group
+/// are in memory.
 pub struct ByName {
     path: PathBuf,
     origin: Option<Vec2>,
-    /// Row group and row, by scenario, simulator and index of the rollout.
+    /// Row group and row, by scenario, simulator and rollout index.
     places: BTreeMap<(String, String, u32), (usize, usize)>,
     state: Mutex<State>,
 }
 
 struct State {
     table: TableReader,
-    /// The row group that was read last.
+    /// The row group that was read most recently, with its index.
     last: Option<(usize, Rows)>,
 }
 
 impl ByName {
-    /// Opens a file and reads the names of its rollouts. Of several with one name the first counts.
+    /// Opens a file and reads the names of its rollouts. If a name occurs several times, the first rollout
+    /// counts.
     ///
     /// # Errors
-    /// [`FormatError`] when the file can not be read, is damaged, or holds something else.
+    /// [`FormatError`] if the file cannot be read, is damaged, or does not contain rollouts.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         let mut table = TableReader::open(path)?;
         table.expect(KIND, VERSION)?;
@@ -42,7 +44,7 @@ impl ByName {
             let simulator = View::need(&batch, "simulator", Leaf::Text, 0).map_err(refuse)?;
             let rollout = View::find(&batch, "rollout", Leaf::Whole, 0).map_err(refuse)?;
             for row in 0..batch.num_rows() {
-                // A row without a name is nobody's.
+                // Rows without a name are ignored.
                 let Some((scenario, simulator)) = scenario.text(row).zip(simulator.text(row)) else {
                     continue;
                 };
@@ -54,7 +56,7 @@ impl ByName {
         Ok(Self { path: path.to_owned(), origin, places, state: Mutex::new(State { table, last: None }) })
     }
 
-    /// Whether there is such a rollout.
+    /// Returns whether the file contains this rollout.
     pub fn has(&self, scenario: &str, simulator: &str, rollout: u32) -> bool {
         self.place(scenario, simulator, rollout).is_some()
     }
@@ -63,10 +65,10 @@ impl ByName {
         self.places.get(&(scenario.to_owned(), simulator.to_owned(), rollout)).copied()
     }
 
-    /// Reads a rollout; `None` where the file has none of this name.
+    /// Reads a rollout; `None` if the file does not contain it.
     ///
     /// # Errors
-    /// [`FormatError`] when the file changed meanwhile, can not be read any more, or the rollout is damaged.
+    /// [`FormatError`] if the file has changed or cannot be read any more, or if the rollout is damaged.
     pub fn read(
         &self,
         scenario: &str,
@@ -86,8 +88,8 @@ impl ByName {
             Some(found) if found.scenario_id == scenario && found.simulator == simulator => Ok(Some(found)),
             _ => Err(refuse(Cause::value(
                 "the content of the file",
-                format!("another rollout in the place of `{scenario}`, `{simulator}`"),
-                "what it held when it was opened: it was changed meanwhile",
+                format!("another rollout in place of `{scenario}`, `{simulator}`"),
+                "the content at opening; the file has changed since",
             ))),
         }
     }

@@ -1,18 +1,18 @@
-//! The drivable area, which some files hold as the rings that bound it.
+//! Drivable area, which some files contain as boundary rings.
 
 use crate::geometry::{Polygon, Vec2, point_in_ring};
 
-/// How the keys of these features begin.
-pub(super) const KEY: &str = "boundary_";
-/// Most rings: those of a piece of a city are some dozen.
-const MOST_RINGS: usize = 500;
-/// Most points of all rings, for each of them as often as there are rings.
-const MOST_COMPARED: usize = 100_000_000;
-/// Points of a ring that are asked whether they lie in another.
-const MOST_ASKED: usize = 8;
+/// Prefix of the keys of boundary features.
+pub(super) const KEY_PREFIX: &str = "boundary_";
+/// Maximum number of rings; part of a city has some dozen.
+const MAX_RINGS: usize = 500;
+/// Maximum product of the numbers of points and rings, which bounds the work of comparing rings.
+const MAX_COMPARISONS: usize = 100_000_000;
+/// Maximum number of points of a ring that are tested for being inside another ring.
+const MAX_TESTED_POINTS: usize = 8;
 
-/// The polygons that lines bound, if together they are closed rings and none else; holes are rings within others. Newer files cut a ring into
-/// pieces that follow one another.
+/// Joins boundary lines to polygons; `None` unless the lines form closed rings only. Rings inside others are
+/// holes. Newer files split a ring into successive pieces.
 pub(super) fn ground(lines: &[&[Vec2]]) -> Option<Vec<Polygon>> {
     let mut rings: Vec<Vec<Vec2>> = Vec::new();
     let mut ring: Vec<Vec2> = Vec::new();
@@ -24,15 +24,16 @@ pub(super) fn ground(lines: &[&[Vec2]]) -> Option<Vec<Polygon>> {
         }
     }
     let points: usize = rings.iter().map(Vec::len).sum();
-    let many = rings.len() > MOST_RINGS || points.saturating_mul(rings.len()) > MOST_COMPARED;
-    if !ring.is_empty() || rings.is_empty() || many {
+    let too_large = rings.len() > MAX_RINGS || points.saturating_mul(rings.len()) > MAX_COMPARISONS;
+    if !ring.is_empty() || rings.is_empty() || too_large {
         return None;
     }
     Some(nest(rings))
 }
 
-/// Rings do not cross: each lies in others as a whole or not at all. One that lies in an even number bounds ground, one in an odd number a
-/// hole of the smallest around it.
+/// Groups rings into polygons. Rings do not cross, so each is entirely inside or outside another. A ring
+/// inside an even number of others is an exterior; a ring inside an odd number is a hole of the smallest ring
+/// around it.
 fn nest(rings: Vec<Vec<Vec2>>) -> Vec<Polygon> {
     let around: Vec<Vec<usize>> = (0..rings.len())
         .map(|i| {
@@ -45,7 +46,7 @@ fn nest(rings: Vec<Vec<Vec2>>) -> Vec<Polygon> {
         polygons.push((i, Polygon { exterior: ring.clone(), holes: Vec::new() }));
     }
     for (i, ring) in rings.into_iter().enumerate().filter(|(i, _)| !around[*i].len().is_multiple_of(2)) {
-        // The innermost ring around it lies in as many others as it does itself, less one.
+        // The innermost ring around this one is inside one ring fewer.
         let outer = around[i].iter().copied().find(|o| around[*o].len() + 1 == around[i].len());
         if let Some((_, polygon)) = outer.and_then(|o| polygons.iter_mut().find(|(p, _)| *p == o)) {
             polygon.holes.push(ring);
@@ -54,9 +55,10 @@ fn nest(rings: Vec<Vec<Vec2>>) -> Vec<Polygon> {
     polygons.into_iter().map(|(_, polygon)| polygon).collect()
 }
 
-/// Whether a ring lies in another: rings may touch, so the first point that is not on the other one tells.
+/// Returns whether a ring is inside another. Rings may touch, so the first point that is not on the other
+/// ring decides.
 fn inside(ring: &[Vec2], other: &[Vec2]) -> bool {
-    ring.iter().take(MOST_ASKED).find_map(|p| point_in_ring(*p, other)).unwrap_or(false)
+    ring.iter().take(MAX_TESTED_POINTS).find_map(|p| point_in_ring(*p, other)).unwrap_or(false)
 }
 
 #[cfg(test)]
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_a_ring_are_joined_and_open_lines_are_no_ground() {
+    fn pieces_of_a_ring_are_joined_and_open_lines_give_none() {
         let whole = square(0.0, 0.0, 10.0);
         let pieces = [whole[..2].to_vec(), whole[2..4].to_vec(), whole[4..].to_vec(), square(20.0, 0.0, 5.0)];
         assert_eq!(ground(&slices(&pieces)).unwrap().len(), 2);

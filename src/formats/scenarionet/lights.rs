@@ -1,4 +1,4 @@
-//! Lights.
+//! Traffic lights of a scenario.
 
 use super::parts::Window;
 use super::pickle::View;
@@ -6,18 +6,19 @@ use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::{FRAMES, LightParts, LightState, MapParts};
 
-/// Most lights of a scenario.
-const MOST_LIGHTS: usize = 10_000;
+/// Maximum number of lights of a scenario.
+const MAX_LIGHTS: usize = 10_000;
 
-/// The lights, by the id of the lane that each controls. One without a stop point stands where its lane begins.
+/// Reads the lights, which are keyed by the id of the controlled lane. A light without a stop point is placed
+/// at the start of its lane.
 pub(super) fn lights(all: &View, window: Window, map: &MapParts) -> Result<Vec<LightParts>, Cause> {
     let starts: std::collections::BTreeMap<&str, Vec2> =
         map.lanes.iter().filter_map(|l| Some((l.id.as_str(), *l.points.first()?))).collect();
     let mut lights = Vec::new();
-    for (key, light) in all.entries(MOST_LIGHTS)? {
+    for (key, light) in all.entries(MAX_LIGHTS)? {
         let lane = light.get("lane")?.map_or(Ok(key), |lane| lane.name())?;
         let states = light.need("state")?;
-        let shown = shown(&states.need("object_state")?, window)?;
+        let shown = light_states(&states.need("object_state")?, window)?;
         let at = match light.get("stop_point")? {
             Some(point) => Some(point.point()?),
             None => match states.get("stop_point")? {
@@ -31,8 +32,8 @@ pub(super) fn lights(all: &View, window: Window, map: &MapParts) -> Result<Vec<L
     Ok(lights)
 }
 
-/// What a light showed in each frame of the window.
-fn shown(states: &View, window: Window) -> Result<Vec<Option<LightState>>, Cause> {
+/// Reads the state of a light in each frame of the window.
+fn light_states(states: &View, window: Window) -> Result<Vec<Option<LightState>>, Cause> {
     let one_each = || states.wrong(format!("a state for each of {} frames", window.length));
     let mut shown = Vec::with_capacity(FRAMES);
     if states.is_list() {
@@ -43,8 +44,8 @@ fn shown(states: &View, window: Window) -> Result<Vec<Option<LightState>>, Cause
         for item in &items[window.recorded()] {
             shown.push(match item.as_text() {
                 _ if item.is_none() => None,
-                Some(name) => named(name).ok_or_else(|| unknown(item))?,
-                None => coded(item.whole()? as f64),
+                Some(name) => from_name(name).ok_or_else(|| unknown(item))?,
+                None => from_code(item.whole()? as f64),
             });
         }
     } else {
@@ -52,23 +53,26 @@ fn shown(states: &View, window: Window) -> Result<Vec<Option<LightState>>, Cause
         if grid.rows != window.length {
             return Err(one_each());
         }
-        shown.extend(window.recorded().map(|f| coded(grid.at(f, 0))));
+        shown.extend(window.recorded().map(|f| from_code(grid.at(f, 0))));
     }
     shown.resize(FRAMES, None);
     Ok(shown)
 }
 
+/// Returns the error of an unknown state.
 fn unknown(item: &View) -> Cause {
-    item.wrong("`LANE_STATE_` and a state of Waymo's lights, `TRAFFIC_LIGHT_` and a colour, a code of 0 to 8, or None")
+    item.wrong(
+        "`LANE_STATE_` and a Waymo light state, `TRAFFIC_LIGHT_` and a colour, a code from 0 to 8, or None",
+    )
 }
 
-/// The state of a name; none within where it says that nothing was seen.
-fn named(name: &str) -> Option<Option<LightState>> {
+/// Converts a state name; the inner `None` means no observation, the outer one an unknown name.
+fn from_name(name: &str) -> Option<Option<LightState>> {
     match name {
         "TRAFFIC_LIGHT_GREEN" => Some(Some(LightState::Go)),
         "TRAFFIC_LIGHT_YELLOW" => Some(Some(LightState::Caution)),
         "TRAFFIC_LIGHT_RED" => Some(Some(LightState::Stop)),
-        // Where these files have no observation.
+        // These files use it for missing observations.
         "TRAFFIC_LIGHT_UNKNOWN" => Some(None),
         _ => {
             let state = name.strip_prefix("LANE_STATE_")?.to_ascii_lowercase();
@@ -77,13 +81,13 @@ fn named(name: &str) -> Option<Option<LightState>> {
     }
 }
 
-/// The state of a code of Waymo's messages; unknown for codes that are newer.
-fn coded(code: f64) -> Option<LightState> {
+/// Converts a code of Waymo's messages; unknown for codes that are not in the list.
+fn from_code(code: f64) -> Option<LightState> {
     let known = LightState::ALL.iter().enumerate().find(|(i, _)| *i as f64 == code);
     Some(known.map_or(LightState::Unknown, |(_, state)| *state))
 }
 
-/// The stop point of the first frame that has one: others hold zeros.
+/// Returns the first stop point of the observed frames; frames without one contain zeros.
 fn first_point(points: &View, shown: &[Option<LightState>], window: Window) -> Result<Option<Vec2>, Cause> {
     let grid = points.grid()?;
     if grid.rows != window.length || grid.columns < 2 {

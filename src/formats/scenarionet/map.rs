@@ -1,4 +1,4 @@
-//! The map of a scenario.
+//! Map of a scenario.
 
 use std::collections::BTreeMap;
 
@@ -12,18 +12,20 @@ use crate::scene::{
     RoadEdgeKind, RoadLine, StopKind, StopLineParts, Surface,
 };
 
-/// Metres per second in a mile per hour, and in a kilometre per hour.
+/// One mile per hour in m/s.
 const MPH: f64 = 0.44704;
+/// One kilometre per hour in m/s.
 const KMH: f64 = 1.0 / 3.6;
-/// Most features and lanes: maps of a kilometre around have some thousand.
-const MOST_FEATURES: usize = 50_000;
-const MOST_LANES: usize = 10_000;
-/// A path through a junction, where a file tells such paths from lanes.
-const CONNECTOR: &str = "LANE_SURFACE_UNSTRUCTURE";
-/// Data sets of which ScenarioNet's converters read no speed limits: what stands there (100 km/h, 85 mph) is filled in.
-const WITHOUT_LIMITS: &[&str] = &["nuscenes", "nuplan", "av2", "argoverse2"];
-/// The kinds of paint behind `ROAD_LINE_`, from code 1 on.
-const PAINTS: [&str; 8] = [
+/// Maximum number of map features; maps of a kilometre around the AV have some thousand.
+const MAX_FEATURES: usize = 50_000;
+/// Maximum number of lanes; maps of a kilometre around the AV have some thousand.
+const MAX_LANES: usize = 10_000;
+/// Type of connectors, in files that distinguish them from lanes.
+const CONNECTOR_TYPE: &str = "LANE_SURFACE_UNSTRUCTURE";
+/// Data sets whose speed limits ScenarioNet's converters do not read but fill in (100 km/h, 85 mph).
+const DATASETS_WITHOUT_LIMITS: &[&str] = &["nuscenes", "nuplan", "av2", "argoverse2"];
+/// Suffixes of `ROAD_LINE_` types, in the order of their paint codes from 1.
+const PAINT_TYPES: [&str; 8] = [
     "BROKEN_SINGLE_WHITE",
     "SOLID_SINGLE_WHITE",
     "SOLID_DOUBLE_WHITE",
@@ -34,29 +36,31 @@ const PAINTS: [&str; 8] = [
     "PASSING_DOUBLE_YELLOW",
 ];
 
-/// The map; what is left out is counted.
+/// Reads the map; omitted features are counted in `repairs`.
 pub(super) fn map(
     features: &View,
     dataset: Option<&str>,
     repairs: &mut BTreeMap<&'static str, u32>,
 ) -> Result<MapParts, Cause> {
     let mut map = MapParts::default();
-    let mut lanes =
-        Lanes { limits: !dataset.is_some_and(|d| WITHOUT_LIMITS.contains(&d)), ..Lanes::default() };
+    let mut lanes = LaneCollector {
+        has_limits: !dataset.is_some_and(|d| DATASETS_WITHOUT_LIMITS.contains(&d)),
+        ..LaneCollector::default()
+    };
     let mut boundaries: Vec<(u8, Vec<Vec2>)> = Vec::new();
-    for (id, feature) in features.entries(MOST_FEATURES)? {
+    for (id, feature) in features.entries(MAX_FEATURES)? {
         let kind = feature.need("type")?.text()?;
         let line = || feature.need("polyline")?.points();
         let outline = || feature.get("polygon")?.map_or_else(line, |polygon| polygon.points());
         if kind.starts_with("LANE_") {
-            if lanes.all.len() >= MOST_LANES {
-                return Err(feature.wrong(format!("at most {MOST_LANES} lanes: the map of one scenario")));
+            if lanes.all.len() >= MAX_LANES {
+                return Err(feature.wrong(format!("at most {MAX_LANES} lanes: the map of one scenario")));
             }
             lanes.add(id, kind, &feature)?;
         } else if let Some(paint) = kind.strip_prefix("ROAD_LINE_") {
-            let paint = PAINTS.iter().position(|p| *p == paint).map_or(0, |i| i as u8 + 1);
+            let paint = PAINT_TYPES.iter().position(|p| *p == paint).map_or(0, |i| i as u8 + 1);
             let points = line()?;
-            if id.starts_with(ground::KEY) {
+            if id.starts_with(ground::KEY_PREFIX) {
                 boundaries.push((paint, points));
             } else {
                 map.road_lines.push(RoadLine { paint, points });
@@ -91,31 +95,31 @@ pub(super) fn map(
     Ok(map)
 }
 
-/// Lanes while they are read.
+/// Collector of lanes while the map is read.
 #[derive(Default)]
-struct Lanes {
+struct LaneCollector {
     all: Vec<LaneParts>,
-    /// Neighbours that are only named: index of the lane, whether on the left, ids.
-    named: Vec<(usize, bool, Vec<String>)>,
-    /// Whether speed limits are those of the data set.
-    limits: bool,
-    /// Whether paths through junctions have a type of their own.
-    told_apart: bool,
+    /// Neighbours given only by id: index of the lane, whether they are on its left, ids.
+    unresolved: Vec<(usize, bool, Vec<String>)>,
+    /// Whether the speed limits are those of the data set.
+    has_limits: bool,
+    /// Whether connectors have a type of their own.
+    has_connectors: bool,
 }
 
-impl Lanes {
+impl LaneCollector {
     fn add(&mut self, id: String, kind: &str, feature: &View) -> Result<(), Cause> {
         let class = match kind {
-            "LANE_SURFACE_STREET" | CONNECTOR => LaneClass::SurfaceStreet,
+            "LANE_SURFACE_STREET" | CONNECTOR_TYPE => LaneClass::SurfaceStreet,
             "LANE_FREEWAY" => LaneClass::Freeway,
             "LANE_BIKE_LANE" => LaneClass::Bike,
             _ => LaneClass::Undefined,
         };
-        self.told_apart |= kind == CONNECTOR;
+        self.has_connectors |= kind == CONNECTOR_TYPE;
         let polygon = feature.get("polygon")?.map(|p| p.points()).transpose()?.filter(|ring| ring.len() > 2);
-        // Until it is known whether lanes and paths through junctions are told apart.
+        // Preliminary; [`LaneCollector::finish`] knows whether the file distinguishes lanes and connectors.
         let kind = match (&polygon, kind) {
-            (Some(_), kind) if kind != CONNECTOR => LaneKind::Lane,
+            (Some(_), kind) if kind != CONNECTOR_TYPE => LaneKind::Lane,
             _ => LaneKind::Connector,
         };
         let corridor = LaneArea::Corridor { half_width: LANE_HALF_WIDTH };
@@ -127,25 +131,26 @@ impl Lanes {
             id,
             kind,
             class,
-            speed_limit: if self.limits { limit(feature)? } else { None },
+            speed_limit: if self.has_limits { limit(feature)? } else { None },
             points: feature.need("polyline")?.points()?,
             area: polygon.map_or(corridor, LaneArea::Polygon),
             successors: links("exit_lanes")?,
             predecessors: links("entry_lanes")?,
-            left: self.beside(feature, "left_neighbor", true)?,
-            right: self.beside(feature, "right_neighbor", false)?,
+            left: self.neighbors(feature, "left_neighbor", true)?,
+            right: self.neighbors(feature, "right_neighbor", false)?,
         };
         self.all.push(lane);
         Ok(())
     }
 
-    /// Neighbours with their stretches; those that are only named are put aside.
-    fn beside(&mut self, feature: &View, key: &str, left: bool) -> Result<Vec<NeighborParts>, Cause> {
+    /// Reads neighbours with their index ranges; neighbours given only by id are resolved in
+    /// [`LaneCollector::finish`].
+    fn neighbors(&mut self, feature: &View, key: &str, left: bool) -> Result<Vec<NeighborParts>, Cause> {
         let Some(list) = feature.get(key)? else { return Ok(Vec::new()) };
-        let (mut found, mut named) = (Vec::new(), Vec::new());
+        let (mut found, mut ids) = (Vec::new(), Vec::new());
         for item in list.items()? {
             if !item.is_dict() {
-                named.push(item.name()?);
+                ids.push(item.name()?);
                 continue;
             }
             let at = |key: &str| Ok::<u32, Cause>(u32::try_from(item.need(key)?.whole()?).unwrap_or(0));
@@ -157,26 +162,27 @@ impl Lanes {
                 other_end: at("neighbor_end_index")?,
             });
         }
-        if !named.is_empty() {
-            self.named.push((self.all.len(), left, named));
+        if !ids.is_empty() {
+            self.unresolved.push((self.all.len(), left, ids));
         }
         Ok(found)
     }
 
+    /// Resolves kinds, neighbours and links of all lanes.
     fn finish(mut self, dataset: Option<&str>) -> Result<Vec<LaneParts>, Cause> {
-        if !(self.told_apart || dataset == Some("nuscenes")) {
-            // Outlines of lanes and of paths through junctions alike overlap.
+        if !(self.has_connectors || dataset == Some("nuscenes")) {
+            // Outlines of lanes and connectors overlap.
             self.all.iter_mut().for_each(|lane| lane.kind = LaneKind::Connector);
         }
         let index: BTreeMap<&str, usize> =
             self.all.iter().enumerate().map(|(i, lane)| (lane.id.as_str(), i)).collect();
         let mut nearest = Vec::new();
-        for (i, left, names) in &self.named {
+        for (i, left, names) in &self.unresolved {
             let lane = &self.all[*i];
-            // A file may name every lane of the road on that side, also oncoming ones.
+            // A file may list all lanes of the road on that side, including oncoming ones.
             let others = names.iter().filter_map(|name| self.all.get(*index.get(name.as_str())?));
             let next = others
-                .filter_map(|other| Some((apart(lane, other)?, other)))
+                .filter_map(|other| Some((start_distance(lane, other)?, other)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((_, other)) = next {
                 nearest.push((
@@ -207,14 +213,15 @@ fn last(lane: &LaneParts) -> u32 {
     u32::try_from(lane.points.len().saturating_sub(1)).unwrap_or(u32::MAX)
 }
 
-/// How far the first point of a lane is from that of another one, metres; none where the other one leads back.
-fn apart(lane: &LaneParts, other: &LaneParts) -> Option<f64> {
-    let way = |l: &LaneParts| Some(l.points.last()? - l.points.first()?);
-    let along = way(lane)?.dot(&way(other)?);
+/// Returns the distance in metres between the first points of two lanes; `None` for lanes of opposite
+/// directions.
+fn start_distance(lane: &LaneParts, other: &LaneParts) -> Option<f64> {
+    let direction = |l: &LaneParts| Some(l.points.last()? - l.points.first()?);
+    let along = direction(lane)?.dot(&direction(other)?);
     (along > 0.0).then_some((lane.points.first()? - other.points.first()?).norm())
 }
 
-/// The speed limit, m/s; zero is none.
+/// Reads the speed limit in m/s; zero means none.
 fn limit(feature: &View) -> Result<Option<f64>, Cause> {
     for (key, unit) in [("speed_limit_mph", MPH), ("speed_limit_kmh", KMH)] {
         if let Some(given) = feature.get(key)? {

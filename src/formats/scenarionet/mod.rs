@@ -1,4 +1,5 @@
-//! The pickles of ScenarioNet: one scenario each, of Waymo, nuPlan, nuScenes or Argoverse 2. Told in `scenarios/README.md`.
+//! Pickles of ScenarioNet: one scenario each, from Waymo, nuPlan, nuScenes or Argoverse 2. Described in
+//! `scenarios/README.md`.
 
 mod ground;
 mod lights;
@@ -11,17 +12,19 @@ use std::path::{Path, PathBuf};
 
 use self::pickle::Pickle;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, head, named, read_whole};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole,
+};
 use crate::scene::Scenario;
 
-/// Longest file that is read: one of the largest scenarios has some megabytes.
-const LONGEST: u64 = 1 << 27;
-/// Keys of a scenario; of those at the beginning of a file some are here.
+/// Maximum file size in bytes; the largest scenarios have some megabytes.
+const MAX_FILE_SIZE: u64 = 1 << 27;
+/// Keys of a scenario, some of which occur at the beginning of a file.
 const KEYS: &[&str] = &["tracks", "map_features", "dynamic_map_states", "metadata", "version", "length"];
-/// What lies beside the scenarios of a data set.
-const LISTS: &[&str] = &["dataset_summary.pkl", "dataset_mapping.pkl"];
+/// Index files that accompany the scenarios of a data set.
+const INDEX_FILES: &[&str] = &["dataset_summary.pkl", "dataset_mapping.pkl"];
 
-/// The format.
+/// The ScenarioNet format.
 pub(super) struct ScenarioNet;
 
 impl ScenarioFormat for ScenarioNet {
@@ -35,20 +38,20 @@ impl ScenarioFormat for ScenarioNet {
 
     fn recognises(&self, path: &Path) -> bool {
         head(path, 4096).is_ok_and(|head| {
-            // A text stands behind its length, in one byte or four.
-            let says = |key: &&&str| {
+            // A text follows its length, which has one byte or four.
+            let contains = |key: &&&str| {
                 let (key, n) = (key.as_bytes(), key.len() as u8);
                 let at = |w: &[u8]| w[4..] == *key && (w[3] == n || w[..4] == [n, 0, 0, 0]);
                 head.windows(4 + key.len()).any(at)
             };
             matches!(head[..], [0x80, 2..=5, ..])
                 && !self.accompanies(path)
-                && KEYS.iter().filter(says).count() >= 2
+                && KEYS.iter().filter(contains).count() >= 2
         })
     }
 
     fn accompanies(&self, path: &Path) -> bool {
-        LISTS.iter().any(|list| named(path, list))
+        INDEX_FILES.iter().any(|file| named(path, file))
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
@@ -58,7 +61,7 @@ impl ScenarioFormat for ScenarioNet {
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: Undecoded = Box::new(move || read(&path, None));
+        let decode: UndecodedScenario = Box::new(move || read(&path, None));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 
@@ -67,18 +70,19 @@ impl ScenarioFormat for ScenarioNet {
     }
 }
 
-/// Reads a scenario of which the frame `current` (from 10 on, counted from 0) is the current one; none asks for the frame that the file calls
-/// so, and frame 10 where it calls none. What lacks of the 80 frames after it is counted in the scenario's repairs.
+/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one. `None` stands
+/// for the current frame stored in the file, or frame 10 if there is none. Missing frames among the 80 after
+/// it are counted in the scenario's repairs.
 fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
-    let file = read_whole(path, LONGEST, "one scenario")?;
+    let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
     let pickle = Pickle::read(&file)
         .map_err(|e| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {e}"))).at(0))?;
     let root = pickle.root();
     let id = parts::id(&root).map_err(|cause| FormatError::record(path, 0, None, cause))?;
-    let read = parts::parts(&root, id.clone(), current)
+    let converted = parts::parts(&root, id.clone(), current)
         .map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
-    let mut scenario = Scenario::assemble(read.parts).map_err(|e| FormatError::scene(path, 0, e))?;
-    for (what, count) in read.repairs {
+    let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    for (what, count) in converted.repairs {
         *scenario.repairs.entry(what.to_owned()).or_default() += count;
     }
     Ok(scenario)

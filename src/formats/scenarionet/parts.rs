@@ -1,4 +1,4 @@
-//! From a pickle to the parts of a scenario.
+//! Conversion of a pickle to scenario parts.
 
 use std::collections::BTreeMap;
 
@@ -7,30 +7,30 @@ use super::{lights, map, tracks};
 use crate::formats::error::Cause;
 use crate::scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
 
-/// What a file holds.
-pub(super) struct Read {
+/// Scenario parts of a file, with the repairs made.
+pub(super) struct ConvertedScenario {
     pub(super) parts: ScenarioParts,
-    /// What lacks, was left out or changed: counts.
+    /// Number of missing, omitted or changed elements by description.
     pub(super) repairs: BTreeMap<&'static str, u32>,
 }
 
-/// The frames of a recording that are read.
+/// Window of frames of a recording that are read.
 #[derive(Clone, Copy)]
 pub(super) struct Window {
-    /// The first of the 91, in the recording.
+    /// Index of the first of the 91 frames in the recording.
     pub(super) first: usize,
-    /// Frames of the recording.
+    /// Number of frames of the recording.
     pub(super) length: usize,
 }
 
 impl Window {
-    /// The frames of the recording that lie in the window.
+    /// Returns the frames of the recording in the window.
     pub(super) fn recorded(self) -> std::ops::Range<usize> {
         self.first..self.length.min(self.first + FRAMES)
     }
 }
 
-/// The name of the scenario.
+/// Reads the id of the scenario.
 pub(super) fn id(root: &View) -> Result<String, Cause> {
     let about = root.get("metadata")?;
     for place in [Some(root), about.as_ref()].into_iter().flatten() {
@@ -45,8 +45,8 @@ pub(super) fn id(root: &View) -> Result<String, Cause> {
     Err(Cause::schema("`id`", "missing", "the name of the scenario"))
 }
 
-/// The parts of a scenario; `current` is the current frame, if not as the file says.
-pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<Read, Cause> {
+/// Converts a pickle to scenario parts; `current` overrides the current frame of the file.
+pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<ConvertedScenario, Cause> {
     let about = root.need("metadata")?;
     let (window, mut repairs) = window(root, &about, current)?;
     let timestamps = timestamps(&about, window)?;
@@ -59,7 +59,7 @@ pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<R
         return Err(stated.wrong("the id of a track"));
     };
     let sizes = &mut agents[av].agent;
-    // The converter of nuScenes took the AV's length for its width for a while.
+    // Some versions of the nuScenes converter exchanged length and width of the AV.
     if dataset == Some("nuscenes") && sizes.width > sizes.length {
         std::mem::swap(&mut sizes.width, &mut sizes.length);
         repairs.insert("length and width of the AV that were exchanged", 1);
@@ -83,10 +83,10 @@ pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<R
         lights,
         deviation: None,
     };
-    Ok(Read { parts, repairs })
+    Ok(ConvertedScenario { parts, repairs })
 }
 
-/// Which frames are read, and what is to be said of the others.
+/// Determines the window of frames, and the repairs for missing and unread frames.
 fn window(
     root: &View,
     about: &View,
@@ -94,20 +94,20 @@ fn window(
 ) -> Result<(Window, BTreeMap<&'static str, u32>), Cause> {
     let stated = root.need("length")?;
     let length = stated.whole()?;
-    let length = usize::try_from(length).ok().filter(|n| (1..=tracks::MOST_FRAMES).contains(n));
+    let length = usize::try_from(length).ok().filter(|n| (1..=tracks::MAX_FRAMES).contains(n));
     let length = length.ok_or_else(|| stated.wrong("the number of frames"))?;
-    let said = about.get("current_time_index")?;
-    let now = match (current, &said) {
+    let stored = about.get("current_time_index")?;
+    let now = match (current, &stored) {
         (Some(current), _) => i64::try_from(current).unwrap_or(i64::MAX),
-        (None, Some(said)) => said.whole()?,
+        (None, Some(stored)) => stored.whole()?,
         (None, None) => CURRENT as i64,
     };
     let first =
         usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(CURRENT));
     let Some(first) = first else {
         let expected = format!("a frame with ten before it, {CURRENT} to {}", length as i64 - 1);
-        return Err(match said.filter(|_| current.is_none()) {
-            Some(said) => said.wrong(expected),
+        return Err(match stored.filter(|_| current.is_none()) {
+            Some(stored) => stored.wrong(expected),
             None => Cause::value("the current frame", now, expected),
         });
     };
@@ -123,13 +123,13 @@ fn window(
     Ok((window, repairs))
 }
 
-/// The times of the frames; those that are not recorded follow at the usual step.
+/// Returns the times of the frames; missing frames continue at the mean time step.
 fn timestamps(about: &View, window: Window) -> Result<Vec<f64>, Cause> {
     let rate = about.get("sample_rate")?;
     if let Some(rate) = rate {
         let step = rate.number()?;
         if !((step - DT).abs() <= 0.1 * DT) {
-            return Err(rate.wrong("0.1 (10 Hz); convert the data set with frames in between"));
+            return Err(rate.wrong("0.1 (10 Hz); convert the data set with interpolated frames"));
         }
     }
     let Some(given) = about.get("ts")? else { return Ok(Vec::new()) };
@@ -139,17 +139,17 @@ fn timestamps(about: &View, window: Window) -> Result<Vec<f64>, Cause> {
     }
     let mut times: Vec<f64> = window.recorded().map(|f| grid.at(f, 0)).collect();
     let (n, first, last) = (times.len(), times[0], times[times.len() - 1]);
-    // What is not recorded goes on as what is, so that a recording of another rate is not taken for one of this.
+    // Missing frames continue at the recorded rate, so that a recording of another rate is not accepted.
     let step = if n > 1 { (last - first) / (n - 1) as f64 } else { DT };
     times.extend((n..FRAMES).map(|f| last + (f - n + 1) as f64 * step));
     Ok(times)
 }
 
-/// Ids: the keys of a dictionary, or a list of ids or of records with `track_id`.
+/// Reads ids from the keys of a dictionary, or from a list of ids or of records with `track_id`.
 fn names(about: &View, key: &str) -> Result<Vec<String>, Cause> {
     let Some(list) = about.get(key)? else { return Ok(Vec::new()) };
     if list.is_dict() {
-        return Ok(list.entries(tracks::MOST_TRACKS)?.into_iter().map(|(name, _)| name).collect());
+        return Ok(list.entries(tracks::MAX_TRACKS)?.into_iter().map(|(name, _)| name).collect());
     }
     let name = |item: &View| if item.is_dict() { item.need("track_id")?.name() } else { item.name() };
     list.items()?.iter().map(name).collect()

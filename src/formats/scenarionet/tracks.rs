@@ -1,19 +1,19 @@
-//! The tracks of a scenario.
+//! Tracks of a scenario.
 
 use super::parts::Window;
 use super::pickle::{Grid, View};
 use crate::formats::error::Cause;
 use crate::scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent};
 
-/// Most frames of a recording: those of twenty seconds are 200.
-pub(super) const MOST_FRAMES: usize = 100_000;
-/// Most tracks of a scenario: usual ones have some hundred.
-pub(super) const MOST_TRACKS: usize = 10_000;
+/// Maximum number of frames of a recording; twenty seconds have 200.
+pub(super) const MAX_FRAMES: usize = 100_000;
+/// Maximum number of tracks of a scenario; usual scenarios have some hundred.
+pub(super) const MAX_TRACKS: usize = 10_000;
 
-/// The tracks that are there in at least one frame of the window, and that of the AV, in the order of the file.
+/// Reads the tracks that are present in at least one frame of the window, and that of the AV, in file order.
 pub(super) fn tracks(all: &View, av: &str, window: Window) -> Result<Vec<LoggedAgent>, Cause> {
     let mut agents = Vec::new();
-    for (id, track) in all.entries(MOST_TRACKS)? {
+    for (id, track) in all.entries(MAX_TRACKS)? {
         let is_av = id == av;
         let agent = agent(id, &track, window)?;
         if is_av || agent.track.iter().any(Option::is_some) {
@@ -46,8 +46,9 @@ fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause>
         }
         let number = |view: &View, v: f64| {
             let field = || format!("{}[{f}]", view.path());
-            let mend = "a finite number where `valid` is true; set `valid` to false where it is absent";
-            if v.is_finite() { Ok(v) } else { Err(Cause::value(field(), v, mend)) }
+            let expected =
+                "a finite number where `valid` is true; set `valid` to false where the agent is absent";
+            if v.is_finite() { Ok(v) } else { Err(Cause::value(field(), v, expected)) }
         };
         let moving = |c: usize| velocity.as_ref().map_or(f64::NAN, |v| v.at(f, c));
         frames.push(Some(AgentState {
@@ -59,7 +60,7 @@ fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause>
         }));
     }
     frames.resize(FRAMES, None);
-    // As of Waymo's records: the box of the current frame, else the first one that is seen.
+    // As for Waymo records: the box at the current frame, else the first recorded one.
     let seen =
         if frames[CURRENT].is_some() { Some(CURRENT) } else { frames.iter().position(Option::is_some) };
     let (mut length, mut width) = (0.0, 0.0);
@@ -78,7 +79,7 @@ fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause>
     Ok(LoggedAgent { agent: Agent { id, kind, length, width }, track: frames })
 }
 
-/// Numbers of which there is a row for each frame.
+/// Reads numbers with one row per frame and at least `columns` columns.
 fn rows<'a>(view: &View<'a>, columns: usize, what: &str, window: Window) -> Result<Grid<'a>, Cause> {
     let grid = view.grid()?;
     if grid.rows != window.length || grid.columns < columns {

@@ -1,4 +1,4 @@
-//! Columns of nested lists: filled value by value, read as slices.
+//! Columns of nested lists: filled value by value, read as ranges of cells.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use arrow_schema::{DataType, Field};
 
 use crate::formats::error::Cause;
 
-/// What the innermost cells of a column hold.
+/// Type of the innermost cells of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Leaf {
     Number,
@@ -23,7 +23,7 @@ pub(crate) enum Leaf {
     Flag,
 }
 
-/// One cell.
+/// Value of a cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Value<'a> {
     Number(f64),
@@ -50,7 +50,7 @@ pub(crate) struct Column {
     name: &'static str,
     leaf: Leaf,
     nullable: bool,
-    /// Ends of the lists, outermost first; values of a list at one depth are lists of the next.
+    /// Ends of the lists, by depth, outermost first; the elements of a list are the lists of the next depth.
     ends: Vec<Vec<i32>>,
     numbers: Vec<f64>,
     wholes: Vec<u32>,
@@ -60,7 +60,7 @@ pub(crate) struct Column {
 }
 
 impl Column {
-    /// An empty column of lists nested so deep (0: plain cells).
+    /// Creates an empty column of lists of nesting depth `depth` (0: plain cells).
     pub(crate) fn new(name: &'static str, leaf: Leaf, depth: usize, nullable: bool) -> Self {
         Self {
             name,
@@ -79,7 +79,7 @@ impl Column {
         self.name
     }
 
-    /// The arrow field. List elements are called `element`, as the Parquet standard asks.
+    /// Returns the arrow field. List elements are called `element`, as the Parquet standard requires.
     pub(crate) fn field(&self) -> Field {
         let leaf = match self.leaf {
             Leaf::Number => DataType::Float64,
@@ -96,7 +96,7 @@ impl Column {
         Field::new(name, data, nullable)
     }
 
-    /// The path of the leaf in Parquet's schema.
+    /// Returns the path of the leaf in the Parquet schema.
     pub(crate) fn path(&self) -> String {
         format!("{}{}", self.name, ".list.element".repeat(self.ends.len()))
     }
@@ -119,7 +119,7 @@ impl Column {
         }
     }
 
-    /// Ends the list at this depth: all that was added since the last end is in it.
+    /// Ends the list at this depth: it contains everything added since the previous end.
     fn close(&mut self, depth: usize) {
         let cells = self.present.len() as i32;
         let end = self.ends.get(depth + 1).map_or(cells, |inner| inner.len() as i32 - 1);
@@ -157,7 +157,7 @@ impl Column {
         self.close(0);
     }
 
-    /// Takes what was added as an array and starts anew.
+    /// Returns the rows added so far as an array and empties the column.
     pub(crate) fn take(&mut self) -> ArrayRef {
         let mut fields = vec![self.field()];
         while let DataType::List(inner) = fields[fields.len() - 1].data_type() {
@@ -184,14 +184,14 @@ impl Column {
     }
 }
 
-/// A column that was read.
+/// A column of a file that is read.
 pub(crate) struct View {
     name: &'static str,
     offsets: Vec<OffsetBuffer<i32>>,
     cells: Cells,
 }
 
-/// The innermost cells of a column.
+/// Innermost cells of a column.
 enum Cells {
     Number(Float64Array),
     Whole(UInt32Array),
@@ -200,7 +200,8 @@ enum Cells {
 }
 
 impl View {
-    /// The column of this name, checked to be lists nested so deep over cells of this kind. `None` where it is missing.
+    /// Finds a column by name and checks the nesting depth of its lists and the type of its cells. `None` if
+    /// it is missing.
     pub(crate) fn find(
         batch: &RecordBatch,
         name: &'static str,
@@ -229,7 +230,7 @@ impl View {
             (Leaf::Whole, DataType::UInt32) => Cells::Whole(array.as_primitive().clone()),
             (Leaf::Text, DataType::Utf8) => Cells::Text(array.as_string().clone()),
             (Leaf::Flag, DataType::Boolean) => Cells::Flag(array.as_boolean().clone()),
-            // Other programs write narrower numbers and signed counts.
+            // Other programs write narrower numbers and signed whole numbers.
             (Leaf::Number, DataType::Float32) => {
                 Cells::Number(array.as_primitive::<Float32Type>().unary(f64::from))
             }
@@ -252,7 +253,7 @@ impl View {
         Ok(Some(Self { name, offsets, cells }))
     }
 
-    /// As [`View::find`], for a column that must be there.
+    /// Like [`View::find`], for a required column.
     pub(crate) fn need(
         batch: &RecordBatch,
         name: &'static str,
@@ -263,7 +264,7 @@ impl View {
             .ok_or_else(|| Cause::schema(format!("column `{name}`"), "missing", "present"))
     }
 
-    /// The cells, or lists of the next depth, in list `i` of this depth.
+    /// Returns the range of cells, or of lists of the next depth, in list `i` of this depth.
     pub(crate) fn range(&self, depth: usize, i: usize) -> Range<usize> {
         let ends = &self.offsets[depth];
         match (ends.get(i), ends.get(i + 1)) {
@@ -272,13 +273,13 @@ impl View {
         }
     }
 
-    /// The number in a cell; `None` where it is null.
+    /// Returns the number in a cell; `None` for null.
     pub(crate) fn number(&self, cell: usize) -> Option<f64> {
         let Cells::Number(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 
-    /// All numbers of the column, and whether none of them is null.
+    /// Returns all numbers of the column, and whether none of them is null.
     pub(crate) fn numbers(&self) -> (&[f64], bool) {
         match &self.cells {
             Cells::Number(array) => (array.values(), array.null_count() == 0),
@@ -286,19 +287,19 @@ impl View {
         }
     }
 
-    /// The count in a cell.
+    /// Returns the whole number in a cell; `None` for null.
     pub(crate) fn whole(&self, cell: usize) -> Option<u32> {
         let Cells::Whole(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 
-    /// The truth in a cell.
+    /// Returns the flag in a cell; `None` for null.
     pub(crate) fn flag(&self, cell: usize) -> Option<bool> {
         let Cells::Flag(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
     }
 
-    /// The text in a cell.
+    /// Returns the text in a cell; `None` for null.
     pub(crate) fn text(&self, cell: usize) -> Option<&str> {
         let Cells::Text(array) = &self.cells else { return None };
         (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))

@@ -1,80 +1,83 @@
-//! How large the pages of a Parquet file become when they are decompressed, told from their headers before the library decodes them: it
-//! believes what a page says, so that a file of some kilobytes could take all memory.
+//! Decompressed sizes of the pages of a Parquet file, from their headers, before the library decodes them.
+//! The library trusts the sizes in the headers, so a file of some kilobytes could exhaust the memory.
 
 use std::io::{Read, sink};
 
 use flate2::read::MultiGzDecoder;
 use parquet::basic::Compression;
 
-use super::compact::Compact;
+use super::compact::CompactReader;
 use crate::formats::error::Cause;
 
-/// Longest page when decompressed; usual ones have a megabyte.
-const LONGEST: u64 = 256 << 20;
-/// Most values of a column in a row group; usual ones have a million rows.
-const MOST_VALUES: u64 = 1 << 27;
-/// Deflate makes at most this many bytes of one, LZ4 less.
-const DEFLATE: u64 = 1032;
-const LZ4: u64 = 255;
-/// Longest block of zstd.
-const ZSTD_BLOCK: u64 = 128 << 10;
-/// Bytes of a value in memory: one that is null, or as those before it, takes none in the file.
-const VALUE: u64 = 8;
+/// Maximum size of a decompressed page in bytes; usual pages have a megabyte.
+const MAX_PAGE_SIZE: u64 = 256 << 20;
+/// Maximum number of values of a column in a row group; usual row groups have a million rows.
+const MAX_VALUES: u64 = 1 << 27;
+/// Maximum ratio of decompressed to compressed size for Deflate.
+const DEFLATE_RATIO: u64 = 1032;
+/// Maximum ratio of decompressed to compressed size for LZ4.
+const LZ4_RATIO: u64 = 255;
+/// Maximum size of a zstd block in bytes.
+const ZSTD_BLOCK_SIZE: u64 = 128 << 10;
+/// Size of a value in memory in bytes; in the file, null and repeated values may take no space.
+const VALUE_SIZE: u64 = 8;
 
-/// Checks all pages of a column's part of a row group; returns how much memory they take: the longest of them, or all values.
+/// Checks all pages of a column chunk and returns the memory they need in bytes: that of the longest page or
+/// of all values, whichever is larger.
 ///
 /// # Errors
-/// [`Cause`] where a header can not be read, or says more than any honest file holds.
+/// [`Cause`] if a header cannot be read or exceeds the limits.
 pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<u64, Cause> {
     let (mut rest, mut longest, mut values) = (chunk, 0, 0);
     let damaged = |what: &str| Cause::Undecodable(format!("{what} of column `{column}` is damaged"));
     while !rest.is_empty() {
-        let mut reader = Compact::new(rest);
+        let mut reader = CompactReader::new(rest);
         let page = header(&mut reader).ok_or_else(|| damaged("the header of a Parquet page"))?;
         let parts = reader.rest().split_at_checked(page.compressed);
         let (content, after) = parts.ok_or_else(|| damaged("the length of a Parquet page"))?;
         rest = after;
         let plain = page.plain.min(content.len());
         let real = match &content[plain..] {
-            data if page.is_compressed => expanded(data, codec).map_err(|refused| match refused {
-                Refused::Damaged => damaged("a compressed Parquet page"),
-                Refused::Codec => {
-                    let expected = "none, SNAPPY, GZIP, ZSTD or LZ4: write the file anew with one of them";
+            data if page.is_compressed => expanded(data, codec).map_err(|error| match error {
+                ExpansionError::Damaged => damaged("a compressed Parquet page"),
+                ExpansionError::UnsupportedCodec => {
+                    let expected = "none, SNAPPY, GZIP, ZSTD or LZ4: rewrite the file with one of them";
                     Cause::value(format!("the compression of column `{column}`"), codec, expected)
                 }
             })?,
             _ => 0,
         };
         let length = page.stated.max(plain as u64 + real);
-        if length > LONGEST {
-            let most = format!("at most {} MiB", LONGEST >> 20);
+        if length > MAX_PAGE_SIZE {
+            let most = format!("at most {} MiB", MAX_PAGE_SIZE >> 20);
             let what = format!("the length of a decompressed page of column `{column}`");
             return Err(Cause::value(what, format!("{length} bytes"), most));
         }
         (longest, values) = (longest.max(length), values + page.values);
-        if values > MOST_VALUES {
-            let most = format!("at most {MOST_VALUES}: write smaller row groups");
+        if values > MAX_VALUES {
+            let most = format!("at most {MAX_VALUES}: write smaller row groups");
             let what = format!("the number of values of column `{column}` in a row group");
             return Err(Cause::value(what, values, most));
         }
     }
-    Ok(longest.max(values * VALUE))
+    Ok(longest.max(values * VALUE_SIZE))
 }
 
-/// What the header of a page says.
-struct Page {
-    /// Bytes when decompressed.
+/// Header of a page.
+struct PageHeader {
+    /// Decompressed size in bytes.
     stated: u64,
-    /// Bytes in the file.
+    /// Size in the file in bytes.
     compressed: usize,
-    /// Bytes at the beginning that are never compressed.
+    /// Size of the part at the beginning that is never compressed, in bytes.
     plain: usize,
+    /// Number of values.
     values: u64,
     is_compressed: bool,
 }
 
-/// Reads a `PageHeader` (parquet.thrift); `None` where it is none.
-fn header(reader: &mut Compact<'_>) -> Option<Page> {
+/// Reads a `PageHeader` (parquet.thrift); `None` if it is malformed.
+fn header(reader: &mut CompactReader<'_>) -> Option<PageHeader> {
     let (mut stated, mut compressed) = (None, None);
     let (mut values, mut plain, mut is_compressed) = (0_i64, 0_i64, true);
     let mut last = 0;
@@ -89,7 +92,7 @@ fn header(reader: &mut Compact<'_>) -> Option<Page> {
                     match (id, field) {
                         (_, 1) => values = reader.whole()?,
                         (8, 5 | 6) => plain = plain.checked_add(reader.whole()?)?,
-                        (8, 7) => is_compressed = Compact::flag(kind)?,
+                        (8, 7) => is_compressed = CompactReader::flag(kind)?,
                         _ => reader.skip(kind)?,
                     }
                 }
@@ -97,7 +100,7 @@ fn header(reader: &mut Compact<'_>) -> Option<Page> {
             _ => reader.skip(kind)?,
         }
     }
-    Some(Page {
+    Some(PageHeader {
         stated: u64::try_from(stated?).ok()?,
         compressed: usize::try_from(compressed?).ok()?,
         plain: usize::try_from(plain).ok()?,
@@ -106,44 +109,48 @@ fn header(reader: &mut Compact<'_>) -> Option<Page> {
     })
 }
 
-/// Why a page is not decompressed.
-enum Refused {
+/// Reason why a page cannot be decompressed.
+enum ExpansionError {
     Damaged,
-    /// No decoder for it is compiled in.
-    Codec,
+    /// No decoder for the codec is compiled in.
+    UnsupportedCodec,
 }
 
-/// At most how many bytes come out of these; exactly so where that is not told cheaply.
-fn expanded(data: &[u8], codec: Compression) -> Result<u64, Refused> {
+/// Returns an upper bound of the decompressed size in bytes. If no cheap bound is low enough, decompresses
+/// the data and returns the exact size.
+fn expanded(data: &[u8], codec: Compression) -> Result<u64, ExpansionError> {
     let length = data.len() as u64;
     Ok(match codec {
-        // The library takes no more room than the header states.
+        // The library allocates no more than the size stated in the header.
         Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::LZ4_RAW => 0,
-        Compression::LZ4 => length.saturating_mul(LZ4),
-        Compression::GZIP(_) if length.saturating_mul(DEFLATE) <= LONGEST => length * DEFLATE,
+        Compression::LZ4 => length.saturating_mul(LZ4_RATIO),
+        Compression::GZIP(_) if length.saturating_mul(DEFLATE_RATIO) <= MAX_PAGE_SIZE => {
+            length * DEFLATE_RATIO
+        }
         Compression::GZIP(_) => count(MultiGzDecoder::new(data))?,
         Compression::ZSTD(_) => match zstd_bound(data) {
-            bound if bound <= LONGEST => bound,
-            _ => count(zstd::Decoder::with_buffer(data).map_err(|_| Refused::Damaged)?)?,
+            bound if bound <= MAX_PAGE_SIZE => bound,
+            _ => count(zstd::Decoder::with_buffer(data).map_err(|_| ExpansionError::Damaged)?)?,
         },
-        Compression::BROTLI(_) | Compression::LZO => return Err(Refused::Codec),
+        Compression::BROTLI(_) | Compression::LZO => return Err(ExpansionError::UnsupportedCodec),
     })
 }
 
-/// How many bytes there are, or that there are too many.
-fn count(bytes: impl Read) -> Result<u64, Refused> {
-    std::io::copy(&mut bytes.take(LONGEST + 1), &mut sink()).map_err(|_| Refused::Damaged)
+/// Counts the bytes of a reader, up to one more than the maximum page size.
+fn count(bytes: impl Read) -> Result<u64, ExpansionError> {
+    std::io::copy(&mut bytes.take(MAX_PAGE_SIZE + 1), &mut sink()).map_err(|_| ExpansionError::Damaged)
 }
 
-/// At most how many bytes the blocks of zstd frames (RFC 8878, section 3.1) hold. What the frame itself states is not believed: the
-/// library does not hold to it. Ends where the data are no frames: there the library ends too.
+/// Returns an upper bound of the decompressed size of zstd frames (RFC 8878, section 3.1) from their blocks.
+/// The content size stated by a frame is ignored, because the library does not enforce it. Stops at data that
+/// are not frames, as the library does.
 fn zstd_bound(mut data: &[u8]) -> u64 {
     let mut bound = 0_u64;
     let word = |data: &[u8]| data.first_chunk::<4>().map(|bytes| u32::from_le_bytes(*bytes));
     while let Some(magic) = word(data) {
         data = &data[4..];
         if magic & 0xffff_fff0 == 0x184d_2a50 {
-            // A frame to be skipped.
+            // A skippable frame.
             let Some(length) = word(data) else { break };
             data = data.get(4 + length as usize..).unwrap_or_default();
             continue;
@@ -159,11 +166,11 @@ fn zstd_bound(mut data: &[u8]) -> u64 {
         while let Some(head) = data.first_chunk::<3>() {
             let head = u32::from_le_bytes([head[0], head[1], head[2], 0]);
             let (is_last, kind, size) = (head & 1 == 1, head >> 1 & 3, head >> 3);
-            // A run is one byte in the file, and as long as it says.
+            // An RLE block is one byte in the file and `size` bytes when decompressed.
             let (stored, real) = match kind {
                 0 => (size, u64::from(size)),
                 1 => (1, u64::from(size)),
-                _ => (size, ZSTD_BLOCK),
+                _ => (size, ZSTD_BLOCK_SIZE),
             };
             bound += real;
             data = data.get(3 + stored as usize..).unwrap_or_default();
@@ -195,7 +202,7 @@ mod tests {
     const ZSTD: fn() -> Compression = || "ZSTD(1)".parse().unwrap();
     const GZIP: fn() -> Compression = || "GZIP(6)".parse().unwrap();
 
-    /// A page with this content as the file would hold it.
+    /// Encodes a page with this content.
     fn page(stated: i32, values: i32, content: &[u8]) -> Vec<u8> {
         let zigzag = |mut page: Vec<u8>, number: usize| {
             let mut rest = 2 * number;
@@ -216,7 +223,7 @@ mod tests {
         page
     }
 
-    fn told(chunk: &[u8], codec: Compression) -> String {
+    fn error(chunk: &[u8], codec: Compression) -> String {
         check(chunk, "heading", codec).unwrap_err().to_string()
     }
 
@@ -226,11 +233,11 @@ mod tests {
         out.finish().unwrap()
     }
 
-    /// A frame of zstd that is nothing but runs.
+    /// Returns a zstd frame of RLE blocks only.
     fn runs(blocks: usize) -> Vec<u8> {
         let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, 0x58];
         for block in 0..blocks {
-            let head = (ZSTD_BLOCK as u32) << 3 | 1 << 1 | u32::from(block + 1 == blocks);
+            let head = (ZSTD_BLOCK_SIZE as u32) << 3 | 1 << 1 | u32::from(block + 1 == blocks);
             frame.extend(&head.to_le_bytes()[..3]);
             frame.push(7);
         }
@@ -238,13 +245,17 @@ mod tests {
     }
 
     #[test]
-    fn honest_pages_pass() {
+    fn valid_pages_pass() {
         let two = [page(1000, 10, &[0; 30]), page(50, 10, &[0; 20])].concat();
         assert_eq!(check(&two, "x", Compression::SNAPPY).unwrap(), 1000);
         assert!(check(&page(90_000, 10, &gzip(90_000)), "x", GZIP()).unwrap() >= 90_000);
-        assert_eq!(check(&page(9, 10, &runs(20)), "x", ZSTD()).unwrap(), 20 * ZSTD_BLOCK);
-        assert_eq!(zstd::decode_all(&runs(20)[..]).unwrap().len() as u64, 20 * ZSTD_BLOCK, "a true frame");
-        // More than a ratio allows, but counted.
+        assert_eq!(check(&page(9, 10, &runs(20)), "x", ZSTD()).unwrap(), 20 * ZSTD_BLOCK_SIZE);
+        assert_eq!(
+            zstd::decode_all(&runs(20)[..]).unwrap().len() as u64,
+            20 * ZSTD_BLOCK_SIZE,
+            "a valid frame"
+        );
+        // Above the limit by ratio, but the exact size is counted.
         let noise: Vec<u8> = (0..400_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
         let mut out = GzEncoder::new(Vec::new(), flate2::Compression::none());
         out.write_all(&noise).unwrap();
@@ -253,36 +264,36 @@ mod tests {
     }
 
     #[test]
-    fn bombs_are_told() {
+    fn decompression_bombs_are_refused() {
         let most = "the length of a decompressed page of column `heading` is";
-        assert!(told(&page(i32::MAX, 10, &[0; 9]), Compression::SNAPPY).starts_with(most));
-        assert!(told(&page(100, 10, &gzip(300 << 20)), GZIP()).starts_with(most));
-        assert!(told(&page(100, 10, &runs(3000)), ZSTD()).starts_with(most));
+        assert!(error(&page(i32::MAX, 10, &[0; 9]), Compression::SNAPPY).starts_with(most));
+        assert!(error(&page(100, 10, &gzip(300 << 20)), GZIP()).starts_with(most));
+        assert!(error(&page(100, 10, &runs(3000)), ZSTD()).starts_with(most));
         // The second page, and the second frame of a page.
         let second = [page(9, 9, &[1]), page(i32::MAX, 9, &[])].concat();
-        assert!(told(&second, Compression::UNCOMPRESSED).starts_with(most));
-        let passed_over = [0x50, 0x2a, 0x4d, 0x18, 2, 0, 0, 0, 9, 9];
+        assert!(error(&second, Compression::UNCOMPRESSED).starts_with(most));
+        let skippable = [0x50, 0x2a, 0x4d, 0x18, 2, 0, 0, 0, 9, 9];
         assert!(
-            told(&page(9, 9, &[runs(1), passed_over.into(), runs(3000)].concat()), ZSTD()).starts_with(most)
+            error(&page(9, 9, &[runs(1), skippable.into(), runs(3000)].concat()), ZSTD()).starts_with(most)
         );
-        let values = told(&page(9, i32::MAX, &[]), Compression::UNCOMPRESSED);
+        let values = error(&page(9, i32::MAX, &[]), Compression::UNCOMPRESSED);
         assert!(values.starts_with("the number of values of column `heading`"), "{values}");
-        let codec = told(&page(9, 9, &[0; 4]), "BROTLI(1)".parse().unwrap());
+        let codec = error(&page(9, 9, &[0; 4]), "BROTLI(1)".parse().unwrap());
         assert!(codec.contains("compression of column `heading` is BROTLI"), "{codec}");
     }
 
     #[test]
-    fn values_count_that_take_no_bytes() {
+    fn values_without_bytes_are_counted() {
         assert_eq!(check(&page(9, 1 << 26, &[]), "x", Compression::UNCOMPRESSED).unwrap(), 1 << 29);
     }
 
     #[test]
-    fn damage_is_told() {
+    fn damage_is_reported() {
         let whole = page(100, 10, &[0; 40]);
         for cut in 1..whole.len() {
-            assert!(told(&whole[..cut], Compression::SNAPPY).contains("column `heading` is damaged"));
+            assert!(error(&whole[..cut], Compression::SNAPPY).contains("column `heading` is damaged"));
         }
-        assert!(told(&[0; 8], Compression::SNAPPY).contains("header of a Parquet page"));
+        assert!(error(&[0; 8], Compression::SNAPPY).contains("header of a Parquet page"));
     }
 
     #[test]
@@ -295,7 +306,7 @@ mod tests {
                 let packed = zstd::encode_all(&plain[..], 3).unwrap();
                 let bound = zstd_bound(&packed);
                 assert!(
-                    bound >= length as u64 && bound <= 2 * length as u64 + ZSTD_BLOCK,
+                    bound >= length as u64 && bound <= 2 * length as u64 + ZSTD_BLOCK_SIZE,
                     "{length}: {bound}"
                 );
                 let twice = zstd_bound(&[packed.clone(), packed].concat());
@@ -329,11 +340,11 @@ mod tests {
         let (start, length) = reader.metadata().row_group(0).column(0).byte_range();
         let bare = page(i32::MAX, 400, &[]).len();
         let forged = page(i32::MAX, 400, &vec![0; length as usize - bare - 1]);
-        assert_eq!(forged.len() as u64, length, "as long as what it takes the place of");
+        assert_eq!(forged.len() as u64, length, "as long as the original");
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[start as usize..][..forged.len()].copy_from_slice(&forged);
         std::fs::write(&path, bytes).unwrap();
-        let told = read(&path).unwrap_err().to_string();
-        assert!(told.contains("a decompressed page of column `n`"), "{told}");
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("a decompressed page of column `n`"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Reading Parquet by row group, with every number of the footer checked before it is used.
+//! Reading of Parquet by row group. Every number of the footer is checked before it is used.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -17,41 +17,43 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::{ChunkReader, Length};
 
-use super::compact::{Compact, STRUCTURE};
-use super::{KIND, LARGEST_GROUP, SAID, SUMS, VERSION, pages};
+use super::compact::{CompactReader, STRUCTURE};
+use super::{GROUP_CHECKSUMS, KIND, MAX_GROUP_ROWS, METADATA_CHECKSUM, VERSION, pages};
 use crate::formats::error::{Cause, FormatError};
 
-/// Rows that are decoded at a time.
-const BATCH: usize = 64;
-/// Longest footer that is believed.
-const LONGEST_FOOTER: u64 = 1 << 28;
-/// Most bytes that the longest pages of all columns may have together: as many are in memory at a time.
-const MOST_IN_MEMORY: u64 = 1 << 30;
+/// Number of rows that are decoded at a time.
+const BATCH_SIZE: usize = 64;
+/// Maximum size of the footer in bytes.
+const MAX_FOOTER_SIZE: u64 = 1 << 28;
+/// Maximum memory in bytes for the decompressed pages of a row group, summed over its columns.
+const MAX_GROUP_MEMORY: u64 = 1 << 30;
 
-/// The row groups of a Parquet file.
+/// Reader of the row groups of a Parquet file.
 pub(crate) struct TableReader {
     path: PathBuf,
     file: Box<dyn Input>,
     metadata: ArrowReaderMetadata,
-    groups: Vec<Group>,
+    groups: Vec<RowGroup>,
+    /// Index of the next row group.
     next: usize,
-    /// Columns that are decoded; all where none is named.
+    /// Columns that are decoded; empty for all.
     columns: &'static [&'static str],
     batches: Option<ParquetRecordBatchReader>,
+    /// Number of rows left in the current row group.
     rows: usize,
 }
 
-/// What a Parquet file can be read from.
+/// Source that a Parquet file can be read from.
 trait Input: Read + Seek + Send {}
 
 impl<T: Read + Seek + Send> Input for T {}
 
-/// Where a row group lies.
-struct Group {
+/// Byte range, number of rows and checksum of a row group.
+struct RowGroup {
     start: u64,
     end: u64,
     rows: usize,
-    sum: Option<u32>,
+    checksum: Option<u32>,
 }
 
 impl TableReader {
@@ -61,7 +63,7 @@ impl TableReader {
         Self::over(path, Box::new(file))
     }
 
-    /// As [`TableReader::open`], with the content in memory; errors name it by `name`.
+    /// Like [`TableReader::open`], for content in memory; errors refer to it as `name`.
     pub(crate) fn of_bytes(name: &Path, content: impl Into<Cow<'static, [u8]>>) -> Result<Self, FormatError> {
         Self::over(name, Box::new(Cursor::new(content.into())))
     }
@@ -77,12 +79,12 @@ impl TableReader {
         Ok(Self { path, file, metadata, groups, next: 0, columns: &[], batches: None, rows: 0 })
     }
 
-    /// A value of the file's own metadata.
+    /// Returns a value of the file's metadata.
     pub(crate) fn key(&self, key: &str) -> Option<&str> {
         find(self.metadata.metadata(), key)
     }
 
-    /// Refuses a file of another kind or version, or one that this program did not write.
+    /// Refuses files of another kind or version, and files that this program did not write.
     pub(crate) fn require(&self, kind: &str, version: u32) -> Result<(), FormatError> {
         let version = version.to_string();
         for (key, expected) in [(KIND, kind), (VERSION, version.as_str())] {
@@ -99,18 +101,19 @@ impl TableReader {
                 }
             }
         }
-        if self.key(SUMS).is_none() {
-            let cause = Cause::schema(format!("`{SUMS}` in the file's metadata"), "missing", "present");
+        if self.key(GROUP_CHECKSUMS).is_none() {
+            let cause =
+                Cause::schema(format!("`{GROUP_CHECKSUMS}` in the file's metadata"), "missing", "present");
             return Err(FormatError::file(&self.path, cause));
         }
-        self.check_said().map_err(|cause| FormatError::file(&self.path, cause))
+        self.check_metadata().map_err(|cause| FormatError::file(&self.path, cause))
     }
 
-    /// Whether the metadata still say what the writer said.
-    fn check_said(&self) -> Result<(), Cause> {
-        let Some(stated) = self.key(SAID) else { return Ok(()) };
+    /// Checks that the metadata match their checksum.
+    fn check_metadata(&self) -> Result<(), Cause> {
+        let Some(stated) = self.key(METADATA_CHECKSUM) else { return Ok(()) };
         let keys = stated.split(' ').skip(1).map(|key| (key, self.key(key).unwrap_or_default()));
-        let found = super::sum(keys);
+        let found = super::metadata_checksum(keys);
         if found == stated {
             return Ok(());
         }
@@ -118,23 +121,23 @@ impl TableReader {
         Err(Cause::Checksum { what, found, expected: stated.to_owned() })
     }
 
-    /// As [`TableReader::require`], but files of other programs, which state nothing, are welcome.
+    /// Like [`TableReader::require`], but accepts files of other programs, which have no kind and version.
     pub(crate) fn expect(&self, kind: &str, version: u32) -> Result<(), FormatError> {
         if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
     }
 
-    /// Whether there is a column of this name.
+    /// Returns whether there is a column of this name.
     pub(crate) fn has(&self, column: &str) -> bool {
         let fields = self.metadata.parquet_schema().root_schema().get_fields();
         fields.iter().any(|field| field.name() == column)
     }
 
-    /// Decodes these columns only, of those that there are.
+    /// Restricts decoding to these columns; missing ones are ignored.
     pub(crate) fn only(&mut self, columns: &'static [&'static str]) {
         self.columns = columns;
     }
 
-    /// The next rows; `None` at the end. After an error there are none.
+    /// Returns the next rows; `None` at the end and after an error.
     pub(crate) fn next_batch(&mut self) -> Option<Result<RecordBatch, FormatError>> {
         match self.advance() {
             Ok(Some(batch)) => Some(Ok(batch)),
@@ -146,20 +149,20 @@ impl TableReader {
         }
     }
 
-    /// The number of row groups.
+    /// Returns the number of row groups.
     pub(crate) fn groups(&self) -> usize {
         self.groups.len()
     }
 
-    /// The rows of one row group, with these columns only; all where none is named. Columns that are missing are left out.
+    /// Reads one row group with these columns, or all if `columns` is empty. Missing columns are left out.
     pub(crate) fn group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, FormatError> {
         self.load_group(index, columns).map_err(|cause| FormatError::file(&self.path, cause))
     }
 
     fn load_group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, Cause> {
         let group = &self.groups[index];
-        if group.rows > LARGEST_GROUP {
-            let most = format!("at most {LARGEST_GROUP}");
+        if group.rows > MAX_GROUP_ROWS {
+            let most = format!("at most {MAX_GROUP_ROWS}");
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
         let data = load(&mut *self.file, group)?;
@@ -183,7 +186,7 @@ impl TableReader {
         }
     }
 
-    /// Reads no further.
+    /// Stops reading.
     pub(crate) fn end(&mut self) {
         self.next = self.groups.len();
         self.batches = None;
@@ -213,7 +216,7 @@ impl TableReader {
                 ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
                     .with_row_groups(vec![index])
                     .with_projection(mask)
-                    .with_batch_size(group.rows.clamp(1, BATCH))
+                    .with_batch_size(group.rows.clamp(1, BATCH_SIZE))
                     .build()
             })?);
             self.rows = group.rows;
@@ -222,7 +225,7 @@ impl TableReader {
     }
 }
 
-/// The leaves of these columns; of all where none is named.
+/// Returns the leaves of these columns, or all if `columns` is empty.
 fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
     if columns.is_empty() {
         return ProjectionMask::all();
@@ -230,7 +233,8 @@ fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
     ProjectionMask::columns(metadata.parquet_schema(), columns.iter().copied())
 }
 
-/// The kind that a Parquet file says it holds: `Ok(None)` where it says nothing, `Err` where its footer can not be read.
+/// Returns the kind of a Parquet file from its metadata: `Ok(None)` if there is none, `Err` if the footer
+/// cannot be read.
 pub(crate) fn kind(path: &Path) -> Result<Option<String>, Cause> {
     let (metadata, _) = footer(&mut File::open(path).map_err(Cause::read)?)?;
     Ok(find(&metadata, KIND).map(str::to_owned))
@@ -241,12 +245,12 @@ fn find<'a>(metadata: &'a ParquetMetaData, key: &str) -> Option<&'a str> {
     pairs.iter().find(|p| p.key == key)?.value.as_deref()
 }
 
-/// Runs a part of the Parquet library. It checks most of what it reads; what it does not must not end the program.
+/// Calls the Parquet library and turns panics into errors: the library does not check all of its input.
 fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause> {
     match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(Cause::Undecodable(error.to_string())),
-        Err(_) => Err(Cause::Undecodable("the Parquet data contradict themselves".into())),
+        Err(_) => Err(Cause::Undecodable("the Parquet data are inconsistent".into())),
     }
 }
 
@@ -263,71 +267,72 @@ fn footer(file: &mut dyn Input) -> Result<(ParquetMetaData, u64), Cause> {
         return Err(Cause::Undecodable(why.into()));
     }
     let bytes = u64::from(u32::from_le_bytes([a, b, c, d]));
-    if bytes > LONGEST_FOOTER || bytes + 12 > length {
+    if bytes > MAX_FOOTER_SIZE || bytes + 12 > length {
         return Err(Cause::value("the length of the Parquet footer", bytes, "less than the file holds"));
     }
     let mut data = Vec::new();
     file.seek(SeekFrom::End(-8 - bytes as i64)).map_err(Cause::read)?;
     Read::take(file, bytes).read_to_end(&mut data).map_err(Cause::read)?;
-    // The library believes how long a list says it is, in what it passes over.
-    let sound = Compact::new(&data).skip(STRUCTURE);
-    sound.ok_or_else(|| Cause::Undecodable("the Parquet footer is damaged; fetch the file again".into()))?;
+    // The library trusts the stated lengths of lists that it skips.
+    let valid = CompactReader::new(&data).skip(STRUCTURE);
+    valid.ok_or_else(|| Cause::Undecodable("the Parquet footer is damaged; fetch the file again".into()))?;
     let metadata = guarded(|| ParquetMetaDataReader::decode_metadata(&data))?;
     Ok((metadata, length - 8 - bytes))
 }
 
-/// Where the row groups lie; every number is checked against the data's length.
-fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<Group>, Cause> {
-    let wrong = |what: &str| Cause::Undecodable(format!("the footer contradicts itself: {what}"));
+/// Returns the row groups; every number is checked against the length of the data.
+fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
+    let wrong = |what: &str| Cause::Undecodable(format!("the footer is inconsistent: {what}"));
     let mut groups = Vec::with_capacity(metadata.num_row_groups());
     let mut total = 0i64;
     for group in metadata.row_groups() {
         let (mut first, mut last) = (u64::MAX, 0);
         for column in group.columns() {
             if column.file_path().is_some() {
-                return Err(wrong("a column lies in another file"));
+                return Err(wrong("a column is in another file"));
             }
             let begin = column.dictionary_page_offset().unwrap_or(i64::MAX).min(column.data_page_offset());
             let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size()))
             else {
-                return Err(wrong("a column has a negative place"));
+                return Err(wrong("a column has a negative position"));
             };
             if column.num_values() < 0 || column.data_page_offset() < 0 {
                 return Err(wrong("a column has a negative number of values"));
             }
             let end = begin.checked_add(size).filter(|end| *end <= length);
-            let end = end.ok_or_else(|| wrong("a column ends behind the data"))?;
+            let end = end.ok_or_else(|| wrong("a column ends after the data"))?;
             (first, last) = (first.min(begin), last.max(end));
         }
         let rows = usize::try_from(group.num_rows()).map_err(|_| wrong("a negative number of rows"))?;
         total = total.checked_add(group.num_rows()).ok_or_else(|| wrong("too many rows"))?;
-        groups.push(Group { start: first.min(last), end: last, rows, sum: None });
+        groups.push(RowGroup { start: first.min(last), end: last, rows, checksum: None });
     }
     if metadata.file_metadata().num_rows() != total {
-        return Err(wrong("row groups do not hold the stated number of rows"));
+        return Err(wrong("the row groups do not have the stated number of rows"));
     }
-    let Some(sums) = find(metadata, SUMS) else { return Ok(groups) };
+    let Some(sums) = find(metadata, GROUP_CHECKSUMS) else { return Ok(groups) };
     let mut stated = sums.split(',').filter(|s| !s.is_empty());
     for group in &mut groups {
         let sum = stated.next().ok_or_else(|| wrong("fewer checksums than row groups"))?;
         let parts: Vec<&str> = sum.split(':').collect();
-        let [start, end, rows, sum] = parts[..] else { return Err(wrong("a checksum has another form")) };
+        let [start, end, rows, sum] = parts[..] else { return Err(wrong("a checksum is malformed")) };
         let (Ok(start), Ok(end), Ok(rows), Ok(sum)) =
             (start.parse::<u64>(), end.parse::<u64>(), rows.parse::<usize>(), u32::from_str_radix(sum, 16))
         else {
-            return Err(wrong("a checksum has another form"));
+            return Err(wrong("a checksum is malformed"));
         };
         if rows != group.rows || start > group.start || end < group.end || end > length {
             return Err(wrong(
-                "checksums and row groups differ; if another program wrote the file anew, take the original, or leave out the metadata that begin with `reactsim.`",
+                "checksums and row groups differ; if another program rewrote the file, use the original, or \
+                 remove the metadata that begin with `reactsim.`",
             ));
         }
-        (group.start, group.end, group.sum) = (start, end, Some(sum));
+        (group.start, group.end, group.checksum) = (start, end, Some(sum));
     }
     if stated.next().is_some() { Err(wrong("more checksums than row groups")) } else { Ok(groups) }
 }
 
-fn load(file: &mut dyn Input, group: &Group) -> Result<Part, Cause> {
+fn load(file: &mut dyn Input, group: &RowGroup) -> Result<RowGroupData, Cause> {
     let expected = group.end - group.start;
     let mut data = Vec::with_capacity(expected as usize);
     file.seek(SeekFrom::Start(group.start)).map_err(Cause::read)?;
@@ -336,24 +341,24 @@ fn load(file: &mut dyn Input, group: &Group) -> Result<Part, Cause> {
     if found < expected {
         return Err(Cause::Truncated { what: "a row group", found, expected });
     }
-    if let Some(sum) = group.sum {
+    if let Some(sum) = group.checksum {
         let read = crc32c::crc32c(&data);
         if read != sum {
             let (found, expected) = (format!("{read:08x}"), format!("{sum:08x}"));
             return Err(Cause::Checksum { what: "a row group", found, expected });
         }
     }
-    Ok(Part { start: group.start, data: data.into() })
+    Ok(RowGroupData { start: group.start, data: data.into() })
 }
 
-/// The bytes of one row group, addressed as in the file.
-struct Part {
+/// Bytes of one row group, addressed by their offset in the file.
+struct RowGroupData {
     start: u64,
     data: Bytes,
 }
 
-impl Part {
-    /// Whether the pages of these columns can be decompressed within bounds.
+impl RowGroupData {
+    /// Checks that the pages of these columns can be decompressed within bounds.
     fn check(
         &self,
         metadata: &ArrowReaderMetadata,
@@ -368,10 +373,10 @@ impl Part {
             let (start, length) = column.byte_range();
             let chunk = self.slice(start, length as usize).map_err(|e| Cause::Undecodable(e.to_string()))?;
             total += pages::check(&chunk, &column.column_path().string(), column.compression())?;
-            if total > MOST_IN_MEMORY {
+            if total > MAX_GROUP_MEMORY {
                 let (found, most) = (
-                    format!("more than {} MiB", MOST_IN_MEMORY >> 20),
-                    "smaller row groups: write the file anew",
+                    format!("more than {} MiB", MAX_GROUP_MEMORY >> 20),
+                    "smaller row groups: rewrite the file",
                 );
                 return Err(Cause::value("the decompressed pages of a row group", found, most));
             }
@@ -384,18 +389,18 @@ impl Part {
         let range = begin.and_then(|b| Some(b..b.checked_add(length)?));
         match range {
             Some(range) if range.end <= self.data.len() => Ok(self.data.slice(range)),
-            _ => Err(ParquetError::EOF("a page lies outside its row group".into())),
+            _ => Err(ParquetError::EOF("a page is outside its row group".into())),
         }
     }
 }
 
-impl Length for Part {
+impl Length for RowGroupData {
     fn len(&self) -> u64 {
         self.start + self.data.len() as u64
     }
 }
 
-impl ChunkReader for Part {
+impl ChunkReader for RowGroupData {
     type T = Cursor<Bytes>;
 
     fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {

@@ -1,4 +1,4 @@
-//! Writing Parquet so that no half file is left.
+//! Writing of Parquet files that are complete or absent.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -16,30 +16,33 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
 
 use super::columns::{Column, Leaf};
-use super::{KIND, SAID, SUMS, VERSION};
+use super::{GROUP_CHECKSUMS, KIND, METADATA_CHECKSUM, VERSION};
 use crate::formats::error::{Cause, FormatError};
 
-/// A Parquet file being written. It gets its name when it is finished; dropped before, it is removed.
+/// Writer of a Parquet file. The file gets its final name in [`TableWriter::finish`]; dropping the writer
+/// before removes the file.
 pub(crate) struct TableWriter {
     path: PathBuf,
     partial: PathBuf,
     columns: Vec<Column>,
     schema: Arc<Schema>,
-    writer: Option<ArrowWriter<Summed>>,
-    sums: Vec<String>,
-    group: usize,
-    /// Rows that are not written yet.
-    waiting: usize,
-    /// What the metadata say besides kind and version.
-    said: Vec<(&'static str, String)>,
+    writer: Option<ArrowWriter<ChecksumWriter>>,
+    /// Checksums of the row groups written so far.
+    checksums: Vec<String>,
+    /// Number of rows of a row group.
+    group_size: usize,
+    /// Number of rows not written yet.
+    pending: usize,
+    /// Metadata in addition to kind and version.
+    metadata: Vec<(&'static str, String)>,
 }
 
 impl TableWriter {
-    /// Begins a file of a kind and version, in row groups of `group` rows.
+    /// Starts a file of a kind and version, with row groups of `group_size` rows.
     pub(crate) fn create(
         path: &Path,
         (kind, version): (&str, u32),
-        group: usize,
+        group_size: usize,
         columns: Vec<Column>,
     ) -> Result<Self, FormatError> {
         let refuse = |e| FormatError::file(path, Cause::Io { doing: "create", source: e });
@@ -48,7 +51,7 @@ impl TableWriter {
             return Err(refuse(io::Error::from(io::ErrorKind::IsADirectory)));
         }
         if path.exists() && !path.is_file() {
-            return Err(refuse(io::Error::other("is no regular file, and its place would be taken")));
+            return Err(refuse(io::Error::other("is no regular file and would be replaced")));
         }
         let partial = path.with_file_name(format!(".{}.{}.partial", name.display(), std::process::id()));
         let file = File::create(&partial).map_err(refuse)?;
@@ -67,13 +70,13 @@ impl TableWriter {
         for column in &columns {
             let path = ColumnPath::from(column.path().split('.').map(str::to_owned).collect::<Vec<_>>());
             properties = match column.leaf() {
-                // Coordinates share their high bytes: split by byte they shrink by a third.
+                // Coordinates share their high bytes: splitting by byte reduces their size by a third.
                 Leaf::Number => properties.set_column_encoding(path, Encoding::BYTE_STREAM_SPLIT),
                 Leaf::Text => properties.set_column_dictionary_enabled(path, true),
                 Leaf::Whole | Leaf::Flag => properties,
             };
         }
-        let sink = Summed { file: BufWriter::new(file), written: 0, sum: 0, start: 0 };
+        let sink = ChecksumWriter { file: BufWriter::new(file), written: 0, checksum: 0, start: 0 };
         let options =
             ArrowWriterOptions::new().with_properties(properties.build()).with_skip_arrow_metadata(true);
         let writer = ArrowWriter::try_new_with_options(sink, schema.clone(), options)
@@ -84,35 +87,35 @@ impl TableWriter {
             columns,
             schema,
             writer: Some(writer),
-            sums: Vec::new(),
-            group,
-            waiting: 0,
-            said: Vec::new(),
+            checksums: Vec::new(),
+            group_size,
+            pending: 0,
+            metadata: Vec::new(),
         })
     }
 
-    /// The column of this name, to be filled.
+    /// Returns the column of this name, to be filled.
     ///
     /// # Panics
-    /// When the file has no such column: the schema is the program's own.
+    /// If the file has no such column: the schema is defined by this program.
     pub(crate) fn column(&mut self, name: &str) -> &mut Column {
         self.columns.iter_mut().find(|c| c.name() == name).expect("columns are named as in the schema")
     }
 
-    /// Says something in the file's metadata; a checksum over all that is said this way stands beside it.
-    pub(crate) fn say(&mut self, key: &'static str, value: String) {
-        self.said.push((key, value));
+    /// Adds an entry to the file's metadata; a checksum covers all entries added this way.
+    pub(crate) fn add_metadata(&mut self, key: &'static str, value: String) {
+        self.metadata.push((key, value));
     }
 
-    /// Ends a row, of which every column has been given its part.
+    /// Ends a row; every column must have received its cells.
     pub(crate) fn end_row(&mut self) -> Result<(), FormatError> {
-        self.waiting += 1;
-        if self.waiting < self.group { Ok(()) } else { self.flush() }
+        self.pending += 1;
+        if self.pending < self.group_size { Ok(()) } else { self.flush() }
     }
 
-    /// Writes what the columns hold as one row group.
+    /// Writes the pending rows as one row group.
     pub(crate) fn flush(&mut self) -> Result<(), FormatError> {
-        self.waiting = 0;
+        self.pending = 0;
         let arrays = self.columns.iter_mut().map(Column::take).collect();
         let refuse = |e| FormatError::file(&self.path, cause(e));
         let Some(writer) = &mut self.writer else { return Ok(()) };
@@ -122,27 +125,32 @@ impl TableWriter {
         }
         writer.write(&batch).map_err(refuse)?;
         writer.flush().map_err(refuse)?;
-        // What Parquet's own buffer holds back belongs to this row group's sum.
+        // Data in the Parquet writer's own buffer belong to the checksum of this row group.
         writer.sync().map_err(|e| refuse(e.into()))?;
-        // The sink's counters are read and restarted through the writer's inner handle.
         let sink = writer.inner_mut();
-        self.sums.push(format!("{}:{}:{}:{:08x}", sink.start, sink.written, batch.num_rows(), sink.sum));
-        (sink.start, sink.sum) = (sink.written, 0);
+        self.checksums.push(format!(
+            "{}:{}:{}:{:08x}",
+            sink.start,
+            sink.written,
+            batch.num_rows(),
+            sink.checksum
+        ));
+        (sink.start, sink.checksum) = (sink.written, 0);
         Ok(())
     }
 
-    /// Writes the rest and gives the file its name.
+    /// Writes the remaining rows and gives the file its final name.
     pub(crate) fn finish(mut self) -> Result<(), FormatError> {
         self.flush()?;
         let Some(mut writer) = self.writer.take() else { return Ok(()) };
-        if !self.said.is_empty() {
-            let sum = super::sum(self.said.iter().map(|(k, v)| (*k, v.as_str())));
-            writer.append_key_value_metadata(KeyValue::new(SAID.to_owned(), sum));
+        if !self.metadata.is_empty() {
+            let sum = super::metadata_checksum(self.metadata.iter().map(|(k, v)| (*k, v.as_str())));
+            writer.append_key_value_metadata(KeyValue::new(METADATA_CHECKSUM.to_owned(), sum));
         }
-        for (key, value) in std::mem::take(&mut self.said) {
+        for (key, value) in std::mem::take(&mut self.metadata) {
             writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value));
         }
-        writer.append_key_value_metadata(KeyValue::new(SUMS.to_owned(), self.sums.join(",")));
+        writer.append_key_value_metadata(KeyValue::new(GROUP_CHECKSUMS.to_owned(), self.checksums.join(",")));
         let refuse = |e| FormatError::file(&self.path, Cause::write(e));
         let sink = writer.into_inner().map_err(|e| FormatError::file(&self.path, cause(e)))?;
         let file = sink.file.into_inner().map_err(|e| refuse(e.into_error()))?;
@@ -153,12 +161,12 @@ impl TableWriter {
 
 impl Drop for TableWriter {
     fn drop(&mut self) {
-        // After `finish` there is no such file; an error here has nobody to be told to.
+        // After `finish` there is no such file; an error here cannot be reported.
         let _ = fs::remove_file(&self.partial);
     }
 }
 
-/// The system's answer, where the error comes from it.
+/// Converts a Parquet error, keeping an operating system error inside it.
 fn cause(error: ParquetError) -> Cause {
     match error {
         ParquetError::External(inner) => match inner.downcast::<io::Error>() {
@@ -169,18 +177,21 @@ fn cause(error: ParquetError) -> Cause {
     }
 }
 
-/// A file that sums up what is written to it.
-struct Summed {
+/// File writer that computes a checksum of the written bytes.
+struct ChecksumWriter {
     file: BufWriter<File>,
+    /// Number of bytes written.
     written: u64,
-    sum: u32,
+    /// Checksum since `start`.
+    checksum: u32,
+    /// Offset of the current row group.
     start: u64,
 }
 
-impl Write for Summed {
+impl Write for ChecksumWriter {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         let n = self.file.write(buf)?;
-        self.sum = crc32c::crc32c_append(self.sum, &buf[..n]);
+        self.checksum = crc32c::crc32c_append(self.checksum, &buf[..n]);
         self.written += n as u64;
         Ok(n)
     }

@@ -12,10 +12,10 @@ use prost::Message;
 use self::message::Scenario as Proto;
 use self::record::Records;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, Undecoded, is_parquet, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
 use crate::scene::Scenario;
 
-/// The format.
+/// The format of the Waymo Open Motion Dataset.
 pub(super) struct Womd;
 
 impl ScenarioFormat for Womd {
@@ -28,7 +28,7 @@ impl ScenarioFormat for Womd {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        !is_parquet(path).unwrap_or(false) && (Records::starts(path) || by_name(path))
+        !is_parquet(path).unwrap_or(false) && (Records::starts(path) || has_tfrecord_name(path))
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
@@ -40,8 +40,9 @@ impl ScenarioFormat for Womd {
     }
 }
 
-/// Whether a file is called as TFRecords are: `x.tfrecord`, `x.tfrecord.gz`, `x.tfrecord.zst`, `x.tfrecord-00003-of-01000`.
-fn by_name(path: &Path) -> bool {
+/// Returns whether a file is named like a TFRecord: `x.tfrecord`, `x.tfrecord.gz`, `x.tfrecord.zst`,
+/// `x.tfrecord-00003-of-01000`.
+fn has_tfrecord_name(path: &Path) -> bool {
     let shard = |name: &str| {
         let number = name.split_once(".tfrecord-").map(|(_, number)| number);
         number.is_some_and(|n| n.chars().all(|c| c.is_ascii_digit() || "-of".contains(c)))
@@ -53,6 +54,7 @@ fn by_name(path: &Path) -> bool {
 struct Reader {
     path: PathBuf,
     records: Records,
+    /// Index of the next record.
     next: u64,
 }
 
@@ -63,13 +65,13 @@ impl Reader {
 }
 
 impl Iterator for Reader {
-    type Item = Result<Undecoded, FormatError>;
+    type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let payload = self.records.next()?.map(<[u8]>::to_vec);
         let (path, record) = (self.path.clone(), self.next);
         self.next += 1;
-        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as Undecoded))
+        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as UndecodedScenario))
     }
 }
 

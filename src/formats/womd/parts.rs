@@ -1,4 +1,4 @@
-//! From a Waymo message to the parts of a scenario.
+//! Conversion of a Waymo message to scenario parts.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +11,10 @@ use crate::scene::{
     RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
-/// Metres per second in a mile per hour.
+/// One mile per hour in m/s.
 const MPH: f64 = 0.44704;
 
-/// The parts of a message.
+/// Converts a message to scenario parts.
 pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
     if proto.current_time_index != CURRENT as i32 {
         return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
@@ -25,8 +25,9 @@ pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
     }
     let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
     let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
-    for (i, asked) in proto.tracks_to_predict.iter().enumerate() {
-        let track = index(&format!("tracks_to_predict[{i}].track_index"), asked.track_index, &proto.tracks)?;
+    for (i, required) in proto.tracks_to_predict.iter().enumerate() {
+        let track =
+            index(&format!("tracks_to_predict[{i}].track_index"), required.track_index, &proto.tracks)?;
         tracks_to_predict.push(proto.tracks[track].id.to_string());
     }
     let mut agents = Vec::with_capacity(proto.tracks.len());
@@ -63,7 +64,8 @@ fn agent(i: usize, track: &Track) -> Result<LoggedAgent, Cause> {
         let found = format!("{} entries", track.states.len());
         return Err(Cause::value(format!("tracks[{i}].states"), found, "91 entries (9.1 s at 10 Hz)"));
     }
-    // The benchmark takes the box of the current frame; agents that are absent then keep the first one seen.
+    // The benchmark uses the box at the current frame; agents that are absent then have their first recorded
+    // box.
     let sized = if track.states[CURRENT].valid {
         Some(&track.states[CURRENT])
     } else {
@@ -77,7 +79,7 @@ fn agent(i: usize, track: &Track) -> Result<LoggedAgent, Cause> {
         _ => AgentKind::Other,
     };
     let frame = |s: &super::message::ObjectState| {
-        // States that are not valid may hold data; it means nothing.
+        // Data of invalid states have no meaning.
         s.valid.then(|| AgentState {
             x: s.center_x,
             y: s.center_y,
@@ -100,8 +102,9 @@ fn points(line: &[MapPoint]) -> Vec<Vec2> {
     line.iter().map(point).collect()
 }
 
-/// The entry of a list of all values at a code of the messages; the first one (unknown) for codes that are newer.
-fn coded<T: Copy>(all: &[T], code: i32) -> T {
+/// Returns the value of a code, which is its index in `all`; the first value (unknown) for codes that are not
+/// in the list.
+fn from_code<T: Copy>(all: &[T], code: i32) -> T {
     usize::try_from(code).ok().and_then(|i| all.get(i).copied()).unwrap_or(all[0])
 }
 
@@ -131,7 +134,7 @@ fn map(features: Vec<MapFeature>) -> MapParts {
                 id: id.to_string(),
                 // Waymo's lanes overlap at merges and junctions, as connectors do.
                 kind: LaneKind::Connector,
-                class: coded(&LaneClass::ALL, lane.kind),
+                class: from_code(&LaneClass::ALL, lane.kind),
                 speed_limit: Some(lane.speed_limit_mph * MPH).filter(|v| *v != 0.0),
                 points: points(&lane.polyline),
                 // Waymo records no widths.
@@ -146,7 +149,7 @@ fn map(features: Vec<MapFeature>) -> MapParts {
                 points: points(&line.polyline),
             }),
             Feature::RoadEdge(line) => map.road_edges.push(RoadEdge {
-                kind: coded(&RoadEdgeKind::ALL, line.kind),
+                kind: from_code(&RoadEdgeKind::ALL, line.kind),
                 points: points(&line.polyline),
             }),
             Feature::StopSign(sign) => {
@@ -162,36 +165,37 @@ fn map(features: Vec<MapFeature>) -> MapParts {
     map
 }
 
-/// One light per controlled lane, in the order in which they appear. A light without a recorded stop point stands at the
-/// start of its lane, where nearly all recorded ones are; without a lane it is dropped and counted later.
+/// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is
+/// placed at the start of its lane, where nearly all recorded stop points are. A light without a lane is
+/// dropped and counted later.
 fn lights(frames: &[DynamicMapState], map: &MapParts) -> Result<Vec<LightParts>, Cause> {
     if !frames.is_empty() && frames.len() != FRAMES {
         let found = format!("{} entries", frames.len());
         return Err(Cause::value("dynamic_map_states", found, "91 entries or none"));
     }
-    let (mut order, mut places) = (Vec::new(), BTreeMap::new());
+    let (mut order, mut indices) = (Vec::new(), BTreeMap::new());
     let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
     for (f, frame) in frames.iter().enumerate() {
         for seen in &frame.lane_states {
-            let i = *places.entry(seen.lane).or_insert_with(|| {
+            let i = *indices.entry(seen.lane).or_insert_with(|| {
                 order.push(seen.lane);
                 lights.push((None, vec![None; FRAMES]));
                 order.len() - 1
             });
             let (stop, states) = &mut lights[i];
-            states[f] = Some(coded(&LightState::ALL, seen.state));
+            states[f] = Some(from_code(&LightState::ALL, seen.state));
             *stop = stop.or_else(|| seen.stop_point.as_ref().map(point));
         }
     }
-    // Of lanes with one id the first; such a scenario is refused later.
+    // The first of lanes with the same id; such a scenario is refused later.
     let mut starts = BTreeMap::new();
     for lane in &map.lanes {
         starts.entry(lane.id.as_str()).or_insert_with(|| lane.points.first().copied());
     }
-    let stand = |(lane, (stop, states)): (i64, (Option<Vec2>, Vec<Option<LightState>>))| {
+    let place = |(lane, (stop, states)): (i64, (Option<Vec2>, Vec<Option<LightState>>))| {
         let lane = lane.to_string();
         let start = || starts.get(lane.as_str()).copied().flatten();
         LightParts { stop_point: stop.or_else(start).unwrap_or_default(), states, lane }
     };
-    Ok(order.into_iter().zip(lights).map(stand).collect())
+    Ok(order.into_iter().zip(lights).map(place).collect())
 }

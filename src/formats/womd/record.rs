@@ -1,4 +1,5 @@
-//! TFRecord framing: u64 length, u32 masked CRC-32C of the length, payload, u32 masked CRC-32C of the payload, little-endian.
+//! TFRecord framing: u64 length, u32 masked CRC-32C of the length, payload, u32 masked CRC-32C of the
+//! payload, little-endian.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -9,16 +10,17 @@ use flate2::read::MultiGzDecoder;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::{GZIP, ZSTD, head};
 
-/// Longest record that is believed: a scenario is a few megabytes, and compressed files can claim much more than they hold.
-const LONGEST: u64 = 1 << 27;
-/// Window that zstd files of long records are written with.
-const WINDOW_LOG: u32 = 27;
-/// Bytes that are read from a file at a time.
-const BUFFER: usize = 1 << 16;
-/// Bytes of length and its checksum.
-const HEADER: usize = 12;
+/// Maximum length of a record in bytes: a scenario has a few megabytes, and compressed files can claim much
+/// more than they contain.
+const MAX_RECORD_LENGTH: u64 = 1 << 27;
+/// Maximum window size of zstd files, as a power of two: files of long records need large windows.
+const MAX_WINDOW_LOG: u32 = 27;
+/// Size of the read buffer in bytes.
+const BUFFER_SIZE: usize = 1 << 16;
+/// Size of a record header (length and its checksum) in bytes.
+const HEADER_SIZE: usize = 12;
 
-/// The records of a file, one at a time.
+/// Reader of the records of a file, one at a time.
 pub(super) struct Records {
     path: PathBuf,
     source: Box<dyn Read + Send>,
@@ -33,14 +35,15 @@ impl Records {
         Ok(Self { path: path.to_owned(), source, payload: Vec::new(), next: 0, ended: false })
     }
 
-    /// Whether a file begins with the header of a record.
+    /// Returns whether a file begins with the header of a record.
     pub(super) fn starts(path: &Path) -> bool {
-        let mut header = [0; HEADER];
+        let mut header = [0; HEADER_SIZE];
         let read = source(path).and_then(|mut s| s.read_exact(&mut header));
         read.is_ok() && length(&header).is_ok()
     }
 
-    /// The payload of the next record, checked. After an error that ends the file there is no next one.
+    /// Returns the checked payload of the next record; `None` at the end and after an error that ends the
+    /// file.
     pub(super) fn next(&mut self) -> Option<Result<&[u8], FormatError>> {
         if self.ended {
             return None;
@@ -51,12 +54,12 @@ impl Records {
             Ok(true) => Some(Ok(&self.payload)),
             Ok(false) => {
                 self.ended = true;
-                // An empty file is no data set of zero scenarios but a failed copy.
+                // An empty file is a failed copy, not a data set of zero scenarios.
                 let cause =
-                    || Cause::Truncated { what: "the first record", found: 0, expected: HEADER as u64 };
+                    || Cause::Truncated { what: "the first record", found: 0, expected: HEADER_SIZE as u64 };
                 (record == 0).then(|| Err(FormatError::file(&self.path, cause()).at(0)))
             }
-            // The framing of a record whose payload alone is damaged is intact: the next one can be read.
+            // If only the payload is damaged, the framing is intact and the next record can be read.
             Err(cause @ Cause::Checksum { what: "the record", .. }) => {
                 Some(Err(FormatError::record(&self.path, record, None, cause)))
             }
@@ -69,14 +72,14 @@ impl Records {
 
     /// Reads a record into `payload`; `false` at the end of the file.
     fn advance(&mut self) -> Result<bool, Cause> {
-        match self.fill("the header of the record", HEADER as u64) {
+        match self.fill("the header of the record", HEADER_SIZE as u64) {
             Err(Cause::Truncated { found: 0, .. }) => return Ok(false),
             done => done?,
         }
-        let mut header = [0; HEADER];
+        let mut header = [0; HEADER_SIZE];
         header.copy_from_slice(&self.payload);
         let length = length(&header)?;
-        if length > LONGEST {
+        if length > MAX_RECORD_LENGTH {
             return Err(Cause::value(
                 "the length of the record",
                 length,
@@ -89,7 +92,7 @@ impl Records {
         Ok(true)
     }
 
-    /// Reads so many bytes. The buffer grows as they come, so that a wrong length allocates nothing.
+    /// Reads `bytes` bytes. The buffer grows as they arrive, so that a wrong length allocates nothing.
     fn fill(&mut self, what: &'static str, bytes: u64) -> Result<(), Cause> {
         self.payload.clear();
         let found =
@@ -98,22 +101,22 @@ impl Records {
     }
 }
 
-/// Opens a file through the decompressor that its first bytes ask for.
+/// Opens a file with the decompressor that its first bytes indicate.
 fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
     let first = head(path, ZSTD.len() as u64)?;
     let file = File::open(path)?;
     Ok(if first.starts_with(ZSTD) {
         let mut decoder = zstd::stream::read::Decoder::new(file)?;
-        decoder.window_log_max(WINDOW_LOG)?;
+        decoder.window_log_max(MAX_WINDOW_LOG)?;
         Box::new(decoder)
     } else if first.starts_with(GZIP) {
-        Box::new(BufReader::with_capacity(BUFFER, MultiGzDecoder::new(BufReader::new(file))))
+        Box::new(BufReader::with_capacity(BUFFER_SIZE, MultiGzDecoder::new(BufReader::new(file))))
     } else {
-        Box::new(BufReader::with_capacity(BUFFER, file))
+        Box::new(BufReader::with_capacity(BUFFER_SIZE, file))
     })
 }
 
-fn length(header: &[u8; HEADER]) -> Result<u64, Cause> {
+fn length(header: &[u8; HEADER_SIZE]) -> Result<u64, Cause> {
     let (length, stated) = header.split_at(8);
     check("the length of the record", length, stated)?;
     let mut bytes = [0; 8];
@@ -130,7 +133,8 @@ fn check(what: &'static str, data: &[u8], stated: &[u8]) -> Result<(), Cause> {
     Err(Cause::Checksum { what, found: hex(&sum.to_le_bytes()), expected: hex(stated) })
 }
 
-/// CRC-32C, rotated and shifted as TensorFlow does (a checksum of data that holds checksums would be weak).
+/// Returns the CRC-32C, rotated and offset as in TensorFlow (a plain checksum is weak for data that contain
+/// checksums).
 pub(super) fn masked_crc(data: &[u8]) -> u32 {
     crc32c::crc32c(data).rotate_right(15).wrapping_add(0xa282_ead8)
 }

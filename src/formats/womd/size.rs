@@ -1,46 +1,49 @@
-//! How much a message will hold, found before it is decoded: few bytes can stand for much memory.
+//! Size of a message, determined before decoding: few bytes can expand to much memory.
 
 use crate::formats::error::Cause;
 
-/// Most fields: those of the largest scenarios are some hundred thousand.
-const MOST: usize = 1_000_000;
-/// Fields of a scenario whose content is looked at (tracks, lights by frame, map features), and the ids of agents.
-const NESTED: [u64; 3] = [2, 7, 8];
-const IDS: u64 = 4;
-const FEATURES: u64 = 8;
-/// Fields of map features that hold lists of ids, one byte each at least.
-const LANES: [u64; 3] = [1, 9, 10];
+/// Maximum number of fields; the largest scenarios have some hundred thousand.
+const MAX_FIELDS: usize = 1_000_000;
+/// Tags of the scenario fields whose content is counted: tracks, lights by frame, map features.
+const NESTED_TAGS: [u64; 3] = [2, 7, 8];
+/// Tag of the scenario field with packed ids of agents.
+const AGENT_IDS_TAG: u64 = 4;
+/// Tag of the scenario field with map features.
+const MAP_FEATURES_TAG: u64 = 8;
+/// Tags of the map feature fields with lists of ids of at least one byte each.
+const ID_LIST_TAGS: [u64; 3] = [1, 9, 10];
 
-/// Refuses a message of more fields than a scenario has. What is no message at all is left to the decoder.
+/// Refuses messages with more fields than a scenario has. Malformed messages are left to the decoder.
 pub(super) fn check(payload: &[u8]) -> Result<(), Cause> {
     let mut found = 0;
     for (tag, content) in Fields(payload) {
         found += 1;
-        if tag == IDS {
+        if tag == AGENT_IDS_TAG {
             found += content.len();
         }
-        if !NESTED.contains(&tag) {
+        if !NESTED_TAGS.contains(&tag) {
             continue;
         }
         for (_, content) in Fields(content) {
             found += 1;
-            if tag == FEATURES {
+            if tag == MAP_FEATURES_TAG {
                 found += Fields(content)
-                    .map(|(t, c)| if LANES.contains(&t) { 1 + c.len() } else { 1 })
+                    .map(|(t, c)| if ID_LIST_TAGS.contains(&t) { 1 + c.len() } else { 1 })
                     .sum::<usize>();
             }
         }
-        if found > MOST {
+        if found > MAX_FIELDS {
             break;
         }
     }
-    if found <= MOST {
+    if found <= MAX_FIELDS {
         return Ok(());
     }
-    Err(Cause::value("the number of fields", format!("more than {MOST}"), "a message of one scenario"))
+    Err(Cause::value("the number of fields", format!("more than {MAX_FIELDS}"), "a message of one scenario"))
 }
 
-/// The fields of a message: number and content, which is empty for numbers. They end where the message does not go on as one.
+/// Iterator over the fields of a message: tag and content, which is empty for numbers. It ends where the
+/// message is malformed.
 struct Fields<'a>(&'a [u8]);
 
 impl<'a> Iterator for Fields<'a> {
@@ -55,7 +58,7 @@ impl<'a> Iterator for Fields<'a> {
             }
             1 => 8,
             2 => usize::try_from(self.varint()?).ok()?,
-            // Begin and end of a group, which is passed over; its content counts as well.
+            // Start and end of a group: skipped, but the fields inside are counted.
             3 | 4 => 0,
             5 => 4,
             _ => return None,

@@ -1,6 +1,6 @@
-//! A crosswalk in the middle of a block, with or without lights.
+//! A mid-block crosswalk, with or without lights.
 
-use super::build::{MapBuilder, Path, Pavement, Piece, Road, Way};
+use super::build::{Direction, MapBuilder, Path, Pavement, Piece, Road};
 use super::plain::enter;
 use super::ranges::{centred, smallest_radius, street};
 use crate::generation::{Draw, Layout};
@@ -8,10 +8,10 @@ use crate::geometry::Vec2;
 use crate::rollout::Stream;
 use crate::scene::{LightState, StopKind};
 
-/// No parking this far from the edge of a crosswalk, metres (20 ft).
-const DAYLIGHT: f64 = 6.1;
+/// Distance from the edge of a crosswalk without parking, metres (20 ft).
+const DAYLIGHTING_DISTANCE: f64 = 6.1;
 
-/// A street that people cross where no other street does.
+/// Draws a street with a crosswalk away from junctions.
 pub(super) fn mid_block(rng: &mut Stream) -> Layout {
     let (mut section, speed) = street(rng, (1, 2));
     let pavement = section
@@ -40,21 +40,22 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
     road.surface(&mut b, 0.0, end, (true, true));
     road.lines(&mut b, 0.0, at - reach);
     road.lines(&mut b, at + reach, end);
-    for way in road.ways() {
-        road.pavement(&mut b, way, 0.0, at);
-        road.pavement(&mut b, way, at, end);
-        road.parking(&mut b, rng, way, 3.0, at - 0.5 * width - DAYLIGHT);
-        road.parking(&mut b, rng, way, at + 0.5 * width + DAYLIGHT, end - 3.0);
+    for direction in road.directions() {
+        road.pavement(&mut b, direction, 0.0, at);
+        road.pavement(&mut b, direction, at, end);
+        road.parking(&mut b, rng, direction, 3.0, at - 0.5 * width - DAYLIGHTING_DISTANCE);
+        road.parking(&mut b, rng, direction, at + 0.5 * width + DAYLIGHTING_DISTANCE, end - 3.0);
     }
-    enter(&mut b, rng, &road, &before, Way::Forward);
-    enter(&mut b, rng, &road, &after, Way::Backward);
+    enter(&mut b, rng, &road, &before, Direction::Forward);
+    enter(&mut b, rng, &road, &after, Direction::Backward);
 
-    let across: Vec<Vec2> =
-        [Way::Forward, Way::Backward].map(|way| road.path.at(at).aside(road.pavement_offset(way))).into();
+    let across: Vec<Vec2> = [Direction::Forward, Direction::Backward]
+        .map(|direction| road.path.at(at).aside(road.pavement_offset(direction)))
+        .into();
     let crossed = b.lanes_across(&across, 0.0);
     let lights = if rng.chance(0.4) { crossed.clone() } else { Vec::new() };
     b.crossing(across, width, &crossed, &lights);
-    let phases = phases(rng, road.kerb(Way::Backward) - road.kerb(Way::Forward));
+    let phases = phases(rng, road.kerb(Direction::Backward) - road.kerb(Direction::Forward));
     for &lane in &lights {
         b.stop(StopKind::Light, lane);
         b.signal(lane, phases.clone());
@@ -62,7 +63,7 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
     b.finish("mid-block-crosswalk")
 }
 
-/// A straight, or a bend somewhere before the crosswalk.
+/// Draws a straight path, or one with a bend somewhere before the crosswalk.
 fn approach(rng: &mut Stream, speed: f64) -> Path {
     let length = rng.uniform(500.0, 600.0);
     if rng.chance(0.6) {
@@ -74,11 +75,11 @@ fn approach(rng: &mut Stream, speed: f64) -> Path {
     Path::new(&[&[Piece::straight(0.25 * rest)], &bend[..], &[Piece::straight(0.75 * rest)]].concat())
 }
 
-/// Green for vehicles, then yellow, then red for as long as people need at 1.07 m/s (3.5 ft/s) after 7 s of walk. The cycle begins
-/// somewhere in green.
-fn phases(rng: &mut Stream, way: f64) -> Vec<(LightState, f64)> {
+/// Draws the phases: green for vehicles, then yellow, then red for as long as people need at 1.07 m/s (3.5
+/// ft/s) after 7 s of walk. The cycle begins at some time within green.
+fn phases(rng: &mut Stream, width: f64) -> Vec<(LightState, f64)> {
     let green = rng.uniform(25.0, 45.0);
-    let (first, red) = (green * rng.uniform(0.05, 0.95), 7.0 + way / 1.07);
+    let (first, red) = (green * rng.uniform(0.05, 0.95), 7.0 + width / 1.07);
     vec![
         (LightState::Go, first),
         (LightState::Caution, rng.uniform(3.2, 4.2)),

@@ -1,15 +1,15 @@
-//! Driveways onto a street, and the exit of a car park.
+//! Streets with driveways, and the exit of a car park.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::access::Access;
-use super::build::{MapBuilder, Path, Piece, Road, RoadLanes, Way};
+use super::build::{Direction, MapBuilder, Path, Piece, Road, RoadLanes};
 use super::plain::enter;
 use super::ranges::{centred, flows, smallest_radius, street};
 use crate::generation::{Draw, Layout, ParkingSpot};
 use crate::rollout::Stream;
 
-/// A street with several driveways on both sides.
+/// Draws a street with several driveways on both sides.
 pub(super) fn driveways(rng: &mut Stream) -> Layout {
     let road = block(rng);
     let end = road.path.length();
@@ -17,11 +17,11 @@ pub(super) fn driveways(rng: &mut Stream) -> Layout {
     let count = rng.count(3, 6);
     let mut s = 0.5 * end - rng.uniform(15.0, 25.0) * count as f64;
     for _ in 0..count {
-        let way = if rng.chance(0.5) { Way::Forward } else { Way::Backward };
+        let direction = if rng.chance(0.5) { Direction::Forward } else { Direction::Backward };
         let length = rng.uniform(45.0, 80.0);
         let bend =
             Path::new(&[Piece::straight(0.4 * length), Piece::arc(0.6 * length, rng.uniform(-0.004, 0.004))]);
-        if let Some(access) = Access::draw(rng, &road, s, way, bend) {
+        if let Some(access) = Access::draw(rng, &road, s, direction, bend) {
             s += 2.0 * access.reach;
             accesses.push(access);
         }
@@ -36,19 +36,19 @@ pub(super) fn driveways(rng: &mut Stream) -> Layout {
     b.finish("driveways")
 }
 
-/// A street onto which the aisle of a car park leads, with cars parked on both sides of it.
+/// Draws a street joined by the aisle of a car park, with cars parked on both sides of the aisle.
 pub(super) fn car_park(rng: &mut Stream) -> Layout {
     let road = block(rng);
     let end = road.path.length();
-    let way = if rng.chance(0.5) { Way::Forward } else { Way::Backward };
+    let direction = if rng.chance(0.5) { Direction::Forward } else { Direction::Backward };
     let throat = rng.uniform(10.0, 18.0);
     let pitch = rng.uniform(2.6, 2.8);
     let stalls = rng.count(9, 18) as f64 * pitch;
     let aisle = Path::straight(throat + stalls + rng.uniform(55.0, 85.0));
     let mut accesses = Vec::new();
-    // The street is straight there, so the first angle does.
+    // The street is straight there, so the first skew angle usually works.
     while accesses.is_empty() {
-        accesses.extend(Access::draw(rng, &road, 0.5 * end - 12.0, way, aisle.clone()));
+        accesses.extend(Access::draw(rng, &road, 0.5 * end - 12.0, direction, aisle.clone()));
     }
     let mut b = MapBuilder::new();
     let doors = join(&mut b, rng, &road, &accesses);
@@ -60,7 +60,7 @@ pub(super) fn car_park(rng: &mut Stream) -> Layout {
         if rng.chance(0.1) {
             continue;
         }
-        let edge = access.road.lanes_edge(Way::Backward) + clear;
+        let edge = access.road.lanes_edge(Direction::Backward) + clear;
         let slab = (side * edge, side * (edge + length + 0.5));
         access.road.slab(
             &mut b,
@@ -72,7 +72,7 @@ pub(super) fn car_park(rng: &mut Stream) -> Layout {
         let mut s = throat + 0.5 * pitch;
         while s < throat + stalls {
             let at = access.road.path.at(s);
-            // Most drive in forwards.
+            // Most drivers park forwards.
             let out = at.heading + side * FRAC_PI_2 + if rng.chance(0.8) { 0.0 } else { PI };
             let position = at.aside(side * (edge + 0.5 * length));
             b.park(ParkingSpot { position, heading: out, length: length - 0.2, width: pitch - 0.5 });
@@ -82,7 +82,7 @@ pub(super) fn car_park(rng: &mut Stream) -> Layout {
     b.finish("car-park-exit")
 }
 
-/// A street, straight in its middle.
+/// Draws a street that is straight in its middle.
 fn block(rng: &mut Stream) -> Road {
     let (section, speed) = street(rng, (1, 2));
     let middle = rng.uniform(220.0, 260.0);
@@ -101,12 +101,13 @@ fn block(rng: &mut Stream) -> Road {
     Road::new(centred(path, centre, rng), section)
 }
 
-/// Lays the street in stretches, one per driveway, and joins the driveways to it. Their lanes come back in the same order.
+/// Lays the street in stretches, one per driveway, and joins the driveways to it. Returns the lanes of the
+/// driveways in the same order.
 fn join(b: &mut MapBuilder, rng: &mut Stream, road: &Road, accesses: &[Access]) -> Vec<RoadLanes> {
     let end = road.path.length();
     let mut cuts = vec![0.0];
     for access in accesses {
-        // Driveways close to each other have a short stretch between them, never none.
+        // There is always a stretch between neighbouring driveways, even if it is short.
         cuts.extend([access.s - access.reach, access.s + access.reach]);
     }
     cuts.push(end);
@@ -117,8 +118,8 @@ fn join(b: &mut MapBuilder, rng: &mut Stream, road: &Road, accesses: &[Access]) 
     }
     road.surface(b, 0.0, end, (true, true));
     road.lines(b, 0.0, end);
-    enter(b, rng, road, &stretches[0], Way::Forward);
-    enter(b, rng, road, &stretches[stretches.len() - 1], Way::Backward);
+    enter(b, rng, road, &stretches[0], Direction::Forward);
+    enter(b, rng, road, &stretches[stretches.len() - 1], Direction::Backward);
     let doors = accesses
         .iter()
         .enumerate()
@@ -126,15 +127,15 @@ fn join(b: &mut MapBuilder, rng: &mut Stream, road: &Road, accesses: &[Access]) 
             access.join(b, rng, road, i, [&stretches[2 * i], &stretches[2 * i + 1], &stretches[2 * i + 2]])
         })
         .collect();
-    for way in road.ways() {
+    for direction in road.directions() {
         let (mut walked, mut parked) = (0.0, 3.0);
-        for access in accesses.iter().filter(|a| a.way == way) {
-            road.pavement(b, way, walked, access.s - access.gap);
-            road.parking(b, rng, way, parked, access.s - access.reach);
+        for access in accesses.iter().filter(|a| a.direction == direction) {
+            road.pavement(b, direction, walked, access.s - access.gap);
+            road.parking(b, rng, direction, parked, access.s - access.reach);
             (walked, parked) = (access.s + access.gap, access.s + access.reach);
         }
-        road.pavement(b, way, walked, end);
-        road.parking(b, rng, way, parked, end - 3.0);
+        road.pavement(b, direction, walked, end);
+        road.parking(b, rng, direction, parked, end - 3.0);
     }
     doors
 }

@@ -1,10 +1,10 @@
 //! On-ramps, off-ramps and weaving sections of motorways.
 //!
-//! A parallel lane runs beside the rightmost lane: acceleration lanes end in a taper, deceleration lanes begin with one, and the lane of a
-//! weaving section joins an on-ramp to an off-ramp.
+//! A parallel lane runs next to the rightmost lane: acceleration lanes end in a taper, deceleration lanes
+//! begin with one, and the lane of a weaving section joins an on-ramp to an off-ramp.
 
 use super::build::{
-    LaneRef, MARGIN, MapBuilder, OVERHANG, Path, Piece, Pose, Profile, Road, RoadLanes, Spec, Way, mph,
+    Direction, LaneRef, MARGIN, MapBuilder, OVERHANG, Path, Piece, Pose, Profile, Road, RoadLanes, Spec, mph,
     ribbon,
 };
 use super::lanes::gentle;
@@ -15,17 +15,17 @@ use crate::geometry::Vec2;
 use crate::rollout::Stream;
 use crate::scene::LaneClass;
 
-/// Traffic comes in by a ramp.
+/// Draws a motorway with an on-ramp.
 pub(super) fn on_ramp(rng: &mut Stream) -> Layout {
     Motorway::draw(rng).layout(rng, true, false)
 }
 
-/// Traffic leaves by a ramp.
+/// Draws a motorway with an off-ramp.
 pub(super) fn off_ramp(rng: &mut Stream) -> Layout {
     Motorway::draw(rng).layout(rng, false, true)
 }
 
-/// An on-ramp and, soon after it, an off-ramp.
+/// Draws a motorway with an on-ramp and, soon after it, an off-ramp.
 pub(super) fn weaving(rng: &mut Stream) -> Layout {
     Motorway::draw(rng).layout(rng, true, true)
 }
@@ -43,7 +43,8 @@ impl Motorway {
         Self { road: Road::new(centred(path, middle, rng), section) }
     }
 
-    /// From border to border with a parallel lane in the middle, into which a ramp leads, or a taper; and out of which one leads.
+    /// Lays the motorway from border to border with a parallel lane in the middle, which begins with an
+    /// on-ramp or a taper, and ends with an off-ramp or a taper.
     fn layout(&self, rng: &mut Stream, on: bool, off: bool) -> Layout {
         let road = &self.road;
         let mut b = MapBuilder::new();
@@ -53,13 +54,13 @@ impl Motorway {
             if on { 0.0 } else { rng.uniform(60.0, 95.0) },
             if off { 0.0 } else { rng.uniform(85.0, 110.0) },
         ];
-        // The middle of the map lies where vehicles merge or part.
+        // The middle of the map is where vehicles merge or diverge.
         let start = 0.5 * end - parallel * if on { 0.65 } else { 0.35 };
         let cuts = [0.0, start - tapers[0], start, start + parallel, start + parallel + tapers[1], end];
-        let offset = road.lanes_edge(Way::Forward) - road.lane_half(Way::Forward);
+        let offset = road.lanes_edge(Direction::Forward) - road.lane_half(Direction::Forward);
         let right = road.section.forward.lanes - 1;
 
-        // A taper of no length is no stretch of its own.
+        // A taper of zero length has no stretch of its own.
         let mut stretches: Vec<RoadLanes> = Vec::new();
         let mut beside = 0;
         for pair in cuts.windows(2).filter(|p| p[1] > p[0]) {
@@ -73,7 +74,7 @@ impl Motorway {
         }
         let auxiliary = self.strip(&mut b, "auxiliary", (start, cuts[3]), offset.into(), false);
         b.beside(stretches[beside].forward[right], auxiliary);
-        let main = road.lane_offset(Way::Forward, right);
+        let main = road.lane_offset(Direction::Forward, right);
         if on {
             let ramp = self.ramp(&mut b, rng, start, offset, true);
             b.link(ramp, auxiliary);
@@ -95,8 +96,8 @@ impl Motorway {
             b.priority(taper, &[stretches[beside + 1].forward[right]], RightOfWay::Yield);
         }
         self.ground(&mut b, [cuts[1], start, cuts[3], cuts[4]]);
-        enter(&mut b, rng, road, &stretches[0], Way::Forward);
-        enter(&mut b, rng, road, &stretches[stretches.len() - 1], Way::Backward);
+        enter(&mut b, rng, road, &stretches[0], Direction::Forward);
+        enter(&mut b, rng, road, &stretches[stretches.len() - 1], Direction::Backward);
         b.finish(match (on, off) {
             (true, false) => "on-ramp",
             (false, true) => "off-ramp",
@@ -113,27 +114,28 @@ impl Motorway {
         taper: bool,
     ) -> LaneRef {
         let (class, speed) = (LaneClass::Freeway, self.road.section.speed);
-        let half = self.road.lane_half(Way::Forward).into();
+        let half = self.road.lane_half(Direction::Forward).into();
         let (spec, stations) = if taper {
             (Spec::connector(id, class, speed), self.road.taper_stations(from, to))
         } else {
             (Spec::lane(id, class, speed), self.road.stations(from, to))
         };
-        b.strip(spec, &stations, &centre, &half, Way::Forward)
+        b.strip(spec, &stations, &centre, &half, Direction::Forward)
     }
 
-    /// A ramp that comes to (or leaves) the parallel lane at `s`, with its ground.
+    /// Lays a ramp that leads to (or from) the parallel lane at `s`, with its ground.
     fn ramp(&self, b: &mut MapBuilder, rng: &mut Stream, s: f64, offset: f64, on: bool) -> LaneRef {
         let at = self.road.path.at(s);
         let joint = Pose { position: at.aside(offset), heading: at.heading };
-        // Away from the motorway: seen from the joint, on-ramps bend to the left backwards, off-ramps to the right.
+        // Away from the motorway: seen from the joint, on-ramps bend to the left backwards, off-ramps to
+        // the right.
         let (pose, side) = if on { (joint.reversed(), 1.0) } else { (joint, -1.0) };
         let along = at.curvature / (1.0 - at.curvature * offset) * if on { -1.0 } else { 1.0 };
         let speed = *rng.pick(&[25.0, 30.0, 35.0, 40.0, 45.0]);
         let gore = side / rng.uniform(260.0, 420.0);
         let bent = rng.uniform(0.05, 0.10) * (1.0 / gore).abs();
         let radius = smallest_radius(speed) * rng.uniform(1.1, 1.6);
-        // Ramps turn away from the motorway, or back to be parallel to it, but not across it.
+        // Ramps turn away from the motorway, or back to become parallel to it, but not across it.
         let turn =
             if rng.chance(0.6) { side * rng.uniform(0.3, 1.0) } else { -side * rng.uniform(0.03, 0.08) };
         let mut pieces = vec![
@@ -148,11 +150,11 @@ impl Motorway {
         let path = Path::new(&pieces).placed(0.0, pose.position, pose.heading);
         let length = path.length();
 
-        let half = self.road.lane_half(Way::Forward);
+        let half = self.road.lane_half(Direction::Forward);
         let stations = path.stations(0.0, length, 5.0);
-        let way = if on { Way::Backward } else { Way::Forward };
+        let direction = if on { Direction::Backward } else { Direction::Forward };
         let spec = Spec::lane(if on { "on-ramp" } else { "off-ramp" }, LaneClass::Freeway, mph(speed));
-        let lane = b.strip(spec, &stations, &0.0.into(), &half.into(), way);
+        let lane = b.strip(spec, &stations, &0.0.into(), &half.into(), direction);
         let (right, left) = (self.road.section.forward.shoulder, rng.uniform(0.8, 1.3));
         // The wider shoulder is on the right of the traffic.
         let shift = 0.5 * if on { right - left } else { left - right };
@@ -162,7 +164,7 @@ impl Motorway {
         b.ground(ribbon(&line, reach));
         self.gore(b, &path, if on { -reach } else { reach } + shift);
         b.gate(end.aside(shift - reach), end.aside(shift + reach));
-        // Edge lines begin where the ramp has parted from the motorway.
+        // Edge lines begin where the ramp has diverged from the motorway.
         for (paint, aside) in [(2, half), (6, -half)] {
             let aside = if on { aside } else { -aside };
             let from = if paint == 6 { 45.0 } else { 0.0 };
@@ -171,22 +173,24 @@ impl Motorway {
         lane
     }
 
-    /// Paves the wedge between the motorway and a ramp, whose edge has this offset, until it is as wide as noses are.
+    /// Paves the wedge between the motorway and a ramp, whose edge has offset `edge`, until it is as wide
+    /// as a nose.
     fn gore(&self, b: &mut MapBuilder, ramp: &Path, edge: f64) {
-        const NOSE: f64 = 1.5;
-        let kerb = self.road.kerb(Way::Forward);
+        /// Width of a nose, metres.
+        const NOSE_WIDTH: f64 = 1.5;
+        let kerb = self.road.kerb(Direction::Forward);
         let (mut outer, mut inner) = (Vec::new(), Vec::new());
         for station in ramp.stations(0.0, 140.0_f64.min(ramp.length()), 2.0) {
             let near = self.road.path.at(self.road.path.nearest(station.position));
             let (out, on) = (station.aside(edge), near.aside(kerb));
             // Positive to the right of the motorway.
             let gap = -crate::geometry::direction(near.heading).perp(&(out - on));
-            if gap > NOSE {
+            if gap > NOSE_WIDTH {
                 break;
             }
             outer.push(station.position);
             // Well within the motorway, so that the ring does not cross itself.
-            inner.push(near.aside(self.road.lanes_edge(Way::Forward)));
+            inner.push(near.aside(self.road.lanes_edge(Direction::Forward)));
         }
         outer.extend(inner.into_iter().rev());
         b.ground(outer);
@@ -196,7 +200,7 @@ impl Motorway {
         let road = &self.road;
         let end = road.path.length();
         road.surface(b, 0.0, end, (true, true));
-        let width = 2.0 * road.lane_half(Way::Forward);
+        let width = 2.0 * road.lane_half(Direction::Forward);
         let widened = |edge: f64| {
             let mut profile = Profile::flat(edge);
             if opens < start {
@@ -206,13 +210,13 @@ impl Motorway {
             }
             if stop < closes { profile.then(stop, closes, edge) } else { profile }
         };
-        let kerb = widened(road.kerb(Way::Forward));
-        road.band(b, &kerb, &road.lanes_edge(Way::Forward).into(), opens, closes, (false, false));
+        let kerb = widened(road.kerb(Direction::Forward));
+        road.band(b, &kerb, &road.lanes_edge(Direction::Forward).into(), opens, closes, (false, false));
         road.inner_lines(b, 0.0, end);
-        let edge = road.lanes_edge(Way::Forward);
-        b.paint(2, road.line(Way::Forward, edge, 0.0, opens));
-        b.paint(1, road.line(Way::Forward, edge, start, stop));
-        b.paint(2, road.line(Way::Forward, widened(edge), opens, closes));
-        b.paint(2, road.line(Way::Forward, edge, closes, end));
+        let edge = road.lanes_edge(Direction::Forward);
+        b.paint(2, road.line(Direction::Forward, edge, 0.0, opens));
+        b.paint(1, road.line(Direction::Forward, edge, start, stop));
+        b.paint(2, road.line(Direction::Forward, widened(edge), opens, closes));
+        b.paint(2, road.line(Direction::Forward, edge, closes, end));
     }
 }

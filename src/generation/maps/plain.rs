@@ -1,12 +1,12 @@
 //! Straight and winding roads of several lanes, and narrow streets between parked cars.
 
-use super::build::{MapBuilder, Median, Path, Pavement, Road, RoadLanes, Section, Side, Way, mph};
+use super::build::{Direction, MapBuilder, Median, Path, Pavement, Road, RoadLanes, Section, Side, mph};
 use super::ranges::{centred, flows, motorway, street, winding};
 use crate::generation::{Draw, Layout};
 use crate::rollout::Stream;
 use crate::scene::LaneClass;
 
-/// A straight road.
+/// Draws a straight road.
 pub(super) fn straight(rng: &mut Stream) -> Layout {
     let (section, _) = any_section(rng);
     let freeway = section.class == LaneClass::Freeway;
@@ -15,7 +15,7 @@ pub(super) fn straight(rng: &mut Stream) -> Layout {
     whole(rng, &Road::new(path, section), "straight-road")
 }
 
-/// A winding road.
+/// Draws a winding road.
 pub(super) fn curved(rng: &mut Stream) -> Layout {
     let (section, speed) = any_section(rng);
     let length = if section.class == LaneClass::Freeway { 620.0 } else { 360.0 };
@@ -25,7 +25,7 @@ pub(super) fn curved(rng: &mut Stream) -> Layout {
     whole(rng, &Road::new(path, section), "curved-road")
 }
 
-/// A street of one lane each way, as narrow as streets are, with parked cars on both sides.
+/// Draws a narrow street of one lane per direction, with parked cars on both sides.
 pub(super) fn narrow(rng: &mut Stream) -> Layout {
     let side = Side {
         parking: Some(rng.uniform(2.5, 2.65)),
@@ -48,13 +48,13 @@ pub(super) fn narrow(rng: &mut Stream) -> Layout {
     let end = road.path.length();
     let lanes = road.lanes(&mut b, "street", 0.0, end);
     road.surface(&mut b, 0.0, end, (true, true));
-    // Few such streets have a line in the middle.
+    // Few such streets have a centre line.
     if rng.chance(0.3) {
         road.lines(&mut b, 0.0, end);
     }
-    for way in road.ways() {
-        road.pavement(&mut b, way, 0.0, end);
-        road.parking(&mut b, rng, way, 3.0, end - 3.0);
+    for direction in road.directions() {
+        road.pavement(&mut b, direction, 0.0, end);
+        road.parking(&mut b, rng, direction, 3.0, end - 3.0);
     }
     for &lane in lanes.forward.iter().chain(&lanes.backward) {
         b.entry(lane, rng.uniform(150.0, 400.0));
@@ -62,30 +62,36 @@ pub(super) fn narrow(rng: &mut Stream) -> Layout {
     b.finish("narrow-street")
 }
 
-/// Streets mostly, motorways sometimes.
+/// Draws a cross-section: mostly of a street, sometimes of a motorway.
 fn any_section(rng: &mut Stream) -> (Section, f64) {
     if rng.chance(0.25) { motorway(rng, (2, 4)) } else { street(rng, (1, 3)) }
 }
 
-/// One stretch from border to border.
+/// Lays a single stretch from border to border.
 fn whole(rng: &mut Stream, road: &Road, kind: &str) -> Layout {
     let mut b = MapBuilder::new();
     let end = road.path.length();
     let lanes = road.lay(&mut b, "road", 0.0, end, (true, true));
-    for way in road.ways() {
-        road.parking(&mut b, rng, way, 3.0, end - 3.0);
-        enter(&mut b, rng, road, &lanes, way);
+    for direction in road.directions() {
+        road.parking(&mut b, rng, direction, 3.0, end - 3.0);
+        enter(&mut b, rng, road, &lanes, direction);
     }
     b.finish(kind)
 }
 
-/// Traffic comes in on the lanes of a direction, cyclists on its bicycle lane.
-pub(super) fn enter(b: &mut MapBuilder, rng: &mut Stream, road: &Road, lanes: &RoadLanes, way: Way) {
-    for &lane in lanes.of(way) {
+/// Adds the entries of a direction: vehicles on its lanes, cyclists on its bicycle lane.
+pub(super) fn enter(
+    b: &mut MapBuilder,
+    rng: &mut Stream,
+    road: &Road,
+    lanes: &RoadLanes,
+    direction: Direction,
+) {
+    for &lane in lanes.of(direction) {
         let freeway = road.section.class == LaneClass::Freeway;
         b.entry(lane, if freeway { flows::motorway(rng) } else { flows::street(rng) });
     }
-    if let Some(bike) = lanes.bike_of(way) {
+    if let Some(bike) = lanes.bike_of(direction) {
         b.entry(bike, flows::bicycles(rng));
     }
 }

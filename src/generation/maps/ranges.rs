@@ -1,15 +1,18 @@
-//! Engineering ranges that map types draw from.
+//! Engineering ranges from which map types are drawn.
 //!
-//! Sources, all of the United States, as are the reference recordings:
-//! - AASHTO, A Policy on Geometric Design of Highways and Streets (7th edition, 2018): lanes of 10 to 12 ft; smallest radii
-//!   `v² / (127 (e + f))` (km/h, m) with the side friction of its tables, without superelevation on streets and with 6 % on motorways;
-//!   acceleration and deceleration lanes; tapers of ramps of about 300 ft; medians.
-//! - FHWA, Manual on Uniform Traffic Control Devices (2009), section 3B.09: length of the taper of a lane reduction, `w v` at
-//!   45 mph or more, else `w v² / 60` (ft, mph).
-//! - NACTO, Urban Street Design Guide (2013) and Urban Bikeway Design Guide (2014): bicycle lanes of 5 to 6 ft, parking strips of 7 to 9 ft,
-//!   pavements of 5 to 7 ft, 8 to 12 ft downtown, no parking within 20 ft of crossings, corner radii.
-//! - TRB, Highway Capacity Manual (6th edition, 2016): a motorway lane carries up to 2250 to 2400 passenger cars an hour, depending
-//!   on its speed; flows of streets, 400 to 900 vehicles an hour and lane, are chosen (about 1900 times the share of green).
+//! Sources, all from the United States, like the reference recordings:
+//! - AASHTO, A Policy on Geometric Design of Highways and Streets (7th edition, 2018): lanes of 10 to 12
+//!   ft; smallest radii `v² / (127 (e + f))` (km/h, m) with the side friction of its tables, without
+//!   superelevation on streets and with 6 % on motorways; acceleration and deceleration lanes; tapers of
+//!   ramps of about 300 ft; medians.
+//! - FHWA, Manual on Uniform Traffic Control Devices (2009), section 3B.09: length of the taper of a lane
+//!   reduction, `w v` at 45 mph or more, else `w v² / 60` (ft, mph).
+//! - NACTO, Urban Street Design Guide (2013) and Urban Bikeway Design Guide (2014): bicycle lanes of 5 to 6
+//!   ft, parking strips of 7 to 9 ft, pavements of 5 to 7 ft, 8 to 12 ft downtown, no parking within 20 ft
+//!   of crossings, corner radii.
+//! - TRB, Highway Capacity Manual (6th edition, 2016): a motorway lane carries up to 2250 to 2400 passenger
+//!   cars an hour, depending on its speed; flows of streets, 400 to 900 vehicles an hour and lane, are
+//!   chosen (about 1900 times the share of green).
 
 use std::f64::consts::PI;
 
@@ -19,15 +22,16 @@ use crate::geometry::Vec2;
 use crate::rollout::Stream;
 use crate::scene::LaneClass;
 
-/// Side friction of streets by speed, mph.
+/// Side friction of streets, by speed in mph.
 const FRICTION: [(f64, f64); 6] =
     [(20.0, 0.27), (25.0, 0.23), (30.0, 0.20), (35.0, 0.18), (40.0, 0.16), (45.0, 0.15)];
-/// Side friction of motorways by speed, mph.
+/// Side friction of motorways, by speed in mph.
 const FREEWAY_FRICTION: [(f64, f64); 3] = [(55.0, 0.13), (60.0, 0.12), (65.0, 0.11)];
 /// Superelevation of motorways.
 const SUPERELEVATION: f64 = 0.06;
 
-/// The smallest radius of the middle of a road of this speed (one of those of the tables, mph), metres.
+/// Returns the smallest radius of a road's reference line for this speed (one of the tabulated ones, mph),
+/// metres.
 pub(super) fn smallest_radius(speed: f64) -> f64 {
     let kmh = speed * 1.609_344;
     let find = |table: &[(f64, f64)]| table.iter().find(|(v, _)| *v >= speed).map(|e| e.1);
@@ -38,25 +42,26 @@ pub(super) fn smallest_radius(speed: f64) -> f64 {
     kmh * kmh / (127.0 * grip)
 }
 
-/// Length of the taper in which a lane of this width (m) ends at this speed (mph), metres.
+/// Returns the length of the taper in which a lane of this width (m) ends at this speed (mph), metres.
 pub(super) fn merging_taper(width: f64, speed: f64) -> f64 {
     let feet = width / 0.3048;
     0.3048 * if speed >= 45.0 { feet * speed } else { feet * speed * speed / 60.0 }
 }
 
-/// A path set down so that the place at `s` is at (0, 0), in any direction.
+/// Places a path so that the point at `s` is at (0, 0), with a random orientation.
 pub(super) fn centred(path: Path, s: f64, rng: &mut Stream) -> Path {
     path.placed(s, Vec2::zeros(), rng.uniform(-PI, PI))
 }
 
-/// Bends to and fro with straights between them, at least `length` metres, for this speed (mph).
+/// Draws alternating bends with straights between them, at least `length` metres long, for this speed
+/// (mph).
 pub(super) fn winding(rng: &mut Stream, length: f64, speed: f64) -> Path {
     let mut pieces = vec![Piece::straight(rng.uniform(20.0, 70.0))];
     let mut sign = if rng.chance(0.5) { 1.0 } else { -1.0 };
     let mut done = pieces[0].length;
     while done < length {
         let radius = smallest_radius(speed) * rng.uniform(1.05, 2.2);
-        // Short arcs of large circles look like kinks, long ones come back on themselves.
+        // Short arcs of large circles look like kinks, long ones turn back on themselves.
         let along = rng.uniform(60.0, 140.0_f64.max(length * 0.25));
         let angle = (along / radius).clamp(0.15, 1.2);
         let bend = Piece::bend(sign * angle, radius, rng.uniform(0.35, 0.7));
@@ -64,13 +69,13 @@ pub(super) fn winding(rng: &mut Stream, length: f64, speed: f64) -> Path {
         done += bend.iter().map(|p| p.length).sum::<f64>() + straight.length;
         pieces.extend(bend);
         pieces.push(straight);
-        // To and fro, so that the road does not close to a ring.
+        // Alternate bends, so that the road does not close into a ring.
         sign = -sign;
     }
     Path::new(&pieces)
 }
 
-/// A street: its cross-section and its speed limit in mph.
+/// Draws a street: its cross-section and its speed limit in mph.
 pub(super) fn street(rng: &mut Stream, lanes: (usize, usize)) -> (Section, f64) {
     let forward = rng.count(lanes.0, lanes.1);
     let backward = if rng.chance(0.8) { forward } else { rng.count(lanes.0, lanes.1) };
@@ -87,7 +92,7 @@ pub(super) fn street(rng: &mut Stream, lanes: (usize, usize)) -> (Section, f64) 
         verge: if rng.chance(0.5) { rng.uniform(0.3, 0.6) } else { rng.uniform(1.0, 2.0) },
         width: rng.uniform(1.6, 2.6),
     });
-    let side = |lanes| Side { lanes, lane_width, bike, parking, shoulder: rng_shoulder(parking), pavement };
+    let side = |lanes| Side { lanes, lane_width, bike, parking, shoulder: shoulder_width(parking), pavement };
     let median = if most >= 2 && rng.chance(0.3) {
         Median { width: rng.uniform(3.0, 5.0), shoulder: 0.6, raised: true }
     } else {
@@ -103,12 +108,13 @@ pub(super) fn street(rng: &mut Stream, lanes: (usize, usize)) -> (Section, f64) 
     (section, speed)
 }
 
-/// Gutters are part of parking strips, but some ground beyond them makes up for the grid.
-const fn rng_shoulder(parking: Option<f64>) -> f64 {
+/// Returns the width of the shoulder, metres. Gutters are part of parking strips, but some ground beyond
+/// them allows for rounding to the grid.
+const fn shoulder_width(parking: Option<f64>) -> f64 {
     if parking.is_some() { 0.5 } else { 0.6 }
 }
 
-/// A motorway: its cross-section and its speed limit in mph. The opposite carriageway is there or not.
+/// Draws a motorway: its cross-section and its speed limit in mph. The opposite carriageway may be missing.
 pub(super) fn motorway(rng: &mut Stream, lanes: (usize, usize)) -> (Section, f64) {
     let speed = *rng.pick(&[55.0, 60.0, 65.0]);
     let count = rng.count(lanes.0, lanes.1);
@@ -123,7 +129,7 @@ pub(super) fn motorway(rng: &mut Stream, lanes: (usize, usize)) -> (Section, f64
     (section, speed)
 }
 
-/// Vehicles an hour on a lane of a street, the lane of a motorway, a ramp, a bicycle lane, a driveway: at density 1.
+/// Vehicles per hour and lane at density 1: on streets, motorways, ramps, bicycle lanes and driveways.
 pub(super) mod flows {
     use super::{Draw, Stream};
 

@@ -1,4 +1,4 @@
-//! Every road map over many seeds.
+//! Tests of all road maps over many seeds.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::geometry::{Bounds, point_segment, ring_distance, signed_angle_between
 use crate::rollout::{Purpose, stream};
 use crate::scene::{LaneArea, LaneParts};
 
-/// The types that this file looks at: roads. Junctions have tests of their own.
+/// Ids of the map types tested here: roads. Junctions have their own tests.
 pub(super) const ROADS: [&str; 11] = [
     "straight-road",
     "curved-road",
@@ -29,7 +29,8 @@ fn draw(id: &str, seed: u64) -> Layout {
     (kind.draw)(&mut stream(seed, id, 0, Purpose::Map))
 }
 
-/// Requires `check` of every type over these seeds; all that fail are told, the first of each type in full.
+/// Requires `check` to pass for every type and seed; reports the number of failures per type, and the first
+/// one in full.
 fn all(seeds: u64, check: impl Fn(&Layout) -> Result<(), String>) {
     let mut failed: BTreeMap<&str, (u64, String)> = BTreeMap::new();
     for id in ROADS {
@@ -121,7 +122,7 @@ fn points_are_dense_enough() {
             for w in lane.points.windows(3) {
                 let (a, b) = (w[1] - w[0], w[2] - w[1]);
                 let step = a.norm().max(b.norm());
-                // The arc rises above the chord by less than the grid of a survey.
+                // The arc deviates from the chord by less than the grid of a survey.
                 let sagitta = point_segment(w[1], w[0], w[2]).0.sqrt();
                 if step > 5.01 || sagitta > 0.12 {
                     return Err(format!(

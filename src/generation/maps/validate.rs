@@ -1,4 +1,4 @@
-//! Checks of generated maps: what every [`Layout`] promises, rule by rule.
+//! Validation of generated maps: the rules that every [`Layout`] must satisfy.
 
 mod beside;
 pub(super) mod crossing;
@@ -15,54 +15,55 @@ use super::super::Layout;
 use crate::geometry::Vec2;
 use survey::Survey;
 
-/// What a map must be.
+/// A rule for maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// Ids of lanes are unique, and a centre line has at least two points.
+    /// Lane ids are unique, and centre lines have at least two points.
     Id,
-    /// Links exist and are mutual, ends meet and headings agree.
+    /// Links exist and are mutual; linked ends meet, and their headings agree.
     Link,
     /// Centre lines bend no more than vehicles can turn, and do not cross themselves.
     CentreLine,
-    /// The outline of a lane is simple and holds its centre line.
+    /// Outlines of lanes are simple and contain the centre line.
     Outline,
-    /// Lanes lie on drivable ground.
+    /// Lanes are on drivable ground.
     Drivable,
     /// Road edges have drivable ground on their left and none on their right.
     Edge,
-    /// Neighbours are mutual, go the same way and lie side by side.
+    /// Neighbours are mutual, have the same direction and are side by side.
     Neighbour,
-    /// Lanes that are no connectors do not overlap.
+    /// Lanes other than connectors do not overlap.
     Overlap,
-    /// Stop lines lie on lanes.
+    /// Stop lines are on lanes.
     StopLine,
-    /// Signal plans name lanes, have one cycle, and let nobody meet.
+    /// Signal plans name existing lanes, have a common cycle, and never release conflicting lanes.
     Signal,
     /// Priorities name lanes that meet, and decide wherever no light does.
     Priority,
-    /// Vehicles come in where lanes begin, and find a way out.
+    /// Vehicles enter where lanes begin, and a route leads out of the map.
     Entry,
-    /// Parked vehicles stand on drivable ground beside the lanes.
+    /// Parked vehicles are on drivable ground clear of the lanes.
     Parking,
-    /// People walk beside the road, and cross where it is said.
+    /// Footways are off the road, and crossings name the lanes that they cross.
     Footway,
 }
 
-/// Something about a map that is not as it must be.
+/// A violation of a rule.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{rule:?}: {what} at ({:.2}, {:.2}): {found}", place.x, place.y)]
 pub struct Flaw {
-    /// The rule that is broken.
+    /// The violated rule.
     pub rule: Rule,
     /// The lane, edge, spot or footway.
     pub what: String,
-    /// Where, metres.
+    /// Position, metres.
     pub place: Vec2,
-    /// What was found, with its value, and what it must be.
+    /// The offending value, and the expected one.
     pub found: String,
 }
 
-/// The flaws of a map, rule by rule; none for a sound one. Each rule tells the first flaw of each thing that breaks it.
+/// Returns the flaws of a map, ordered by rule; none for a valid map. Each rule reports the first flaw of
+/// each object that violates it.
 pub fn validate(layout: &Layout) -> Vec<Flaw> {
     let mut flaws = Flaws::default();
     let survey = Survey::new(layout, &mut flaws);
@@ -75,7 +76,7 @@ pub fn validate(layout: &Layout) -> Vec<Flaw> {
     flaws.found
 }
 
-/// The flaws that were found so far.
+/// The flaws found so far.
 #[derive(Default)]
 struct Flaws {
     found: Vec<Flaw>,

@@ -2,84 +2,85 @@
 
 use serde::Serialize;
 
-/// Parts of a bin that are counted one by one, so that quartiles need no values.
-const FINE: usize = 20;
+/// Number of parts of a bin that are counted separately, so that quartiles need no stored values.
+const PARTS_PER_BIN: usize = 20;
 
-/// Bins of equal width. What lies below the first or above the last is counted in those.
+/// Bins of equal width. Values outside the range count in the first or the last bin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bins {
-    /// Where the first bin begins, in the unit of the quantity.
+    /// Lower edge of the first bin, in the unit of the quantity.
     pub start: f64,
     /// Width of each bin.
     pub width: f64,
-    /// How many there are.
+    /// Number of bins.
     pub count: usize,
 }
 
 impl Bins {
-    /// Where bin `i` begins.
+    /// Returns the lower edge of bin `i`.
     pub fn edge(&self, i: usize) -> f64 {
         self.start + self.width * i as f64
     }
 }
 
-/// Counts of values in bins, with what a mean and quartiles need.
+/// Counts of values per bin, detailed enough for the mean and quartiles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
     bins: Bins,
-    /// Number and sum of the values in each part of a bin.
-    fine: Vec<(u64, f64)>,
+    /// Count and sum of the values in each part of a bin.
+    parts: Vec<(u64, f64)>,
 }
 
 impl Histogram {
-    /// An empty histogram.
+    /// Creates an empty histogram.
     pub fn new(bins: Bins) -> Self {
-        Self { bins, fine: vec![(0, 0.0); bins.count * FINE] }
+        Self { bins, parts: vec![(0, 0.0); bins.count * PARTS_PER_BIN] }
     }
 
-    /// Counts a value. One that is not finite is left out.
+    /// Counts a value. Values that are not finite are ignored.
     pub fn add(&mut self, value: f64) {
         if !value.is_finite() {
             return;
         }
-        // A value on the edge of a bin belongs to the bin that begins there, whatever rounding makes of the quotient.
-        let at = ((value - self.bins.start) / self.bins.width * FINE as f64 + 1e-9).floor();
-        let at = (at.max(0.0) as usize).min(self.fine.len() - 1);
-        self.fine[at].0 += 1;
-        self.fine[at].1 += value;
+        // A value on an edge belongs to the bin that begins there, however the quotient is rounded.
+        let at = ((value - self.bins.start) / self.bins.width * PARTS_PER_BIN as f64 + 1e-9).floor();
+        let at = (at.max(0.0) as usize).min(self.parts.len() - 1);
+        self.parts[at].0 += 1;
+        self.parts[at].1 += value;
     }
 
     /// Adds the counts of another histogram of the same quantity.
     pub fn merge(&mut self, other: &Self) {
-        for (mine, theirs) in self.fine.iter_mut().zip(&other.fine) {
+        for (mine, theirs) in self.parts.iter_mut().zip(&other.parts) {
             mine.0 += theirs.0;
             mine.1 += theirs.1;
         }
     }
 
-    /// The bins.
+    /// Returns the bins.
     pub fn bins(&self) -> Bins {
         self.bins
     }
 
-    /// Values.
+    /// Returns the number of values.
     pub fn n(&self) -> u64 {
-        self.fine.iter().map(|part| part.0).sum()
+        self.parts.iter().map(|part| part.0).sum()
     }
 
-    /// Values in each bin.
+    /// Returns the number of values in each bin.
     pub fn counts(&self) -> Vec<u64> {
-        self.fine.chunks(FINE).map(|bin| bin.iter().map(|part| part.0).sum()).collect()
+        self.parts.chunks(PARTS_PER_BIN).map(|bin| bin.iter().map(|part| part.0).sum()).collect()
     }
 
-    /// Mean of the values themselves; `None` without values.
+    /// Returns the mean of the exact values; `None` without values.
     pub fn mean(&self) -> Option<f64> {
         let n = self.n();
-        (n > 0).then(|| self.fine.iter().map(|part| part.1).sum::<f64>() / n as f64)
+        (n > 0).then(|| self.parts.iter().map(|part| part.1).sum::<f64>() / n as f64)
     }
 
-    /// The value that a share `q` of the values does not exceed, to a twentieth of a bin: the mean of those that share its part of a bin,
-    /// which for counts is the count itself. `None` without values.
+    /// Returns the value that a share `q` of the values does not exceed, to a twentieth of a bin: the mean
+    /// of the values in the same part of a bin, which for counts is the count itself. `None` without
+    /// values.
     pub fn quantile(&self, q: f64) -> Option<f64> {
         let wanted = q * self.n() as f64;
         let mut up_to = 0;
@@ -87,7 +88,7 @@ impl Histogram {
             up_to += part.0;
             part.0 > 0 && up_to as f64 >= wanted
         };
-        self.fine.iter().find(holds).map(|(count, sum)| sum / *count as f64)
+        self.parts.iter().find(holds).map(|(count, sum)| sum / *count as f64)
     }
 }
 
@@ -96,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_fall_where_they_belong() {
+    fn values_are_counted_in_their_bins() {
         let mut h = Histogram::new(Bins { start: -1.0, width: 0.1, count: 20 });
         for value in [-9.0, -0.7, 0.3, 0.35, 9.0, f64::NAN] {
             h.add(value);

@@ -1,28 +1,28 @@
-//! Two sets side by side.
+//! Comparison of two sets of scenarios.
 
 use serde::Serialize;
 
 use super::{Bins, Histogram, Measured, Quantity, divergence};
 
-/// Two sets compared, quantity by quantity.
+/// Comparison of two sets, quantity by quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The set in question.
+    /// The set under test.
     pub generated: Side,
-    /// What it is held against.
+    /// The set it is compared with.
     pub reference: Side,
-    /// One per quantity, in their order.
+    /// One row per quantity, in the order of [`Quantity::ALL`].
     pub rows: Vec<Row>,
 }
 
-/// A set.
+/// One of the compared sets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Side {
-    /// Its name, as of a file or folder.
+    /// Name, as of a file or folder.
     pub name: String,
-    /// Scenarios that were measured.
+    /// Number of measured scenarios.
     pub scenarios: u64,
-    /// Records that could not be read.
+    /// Number of records that could not be read.
     pub failures: u64,
 }
 
@@ -31,40 +31,42 @@ pub struct Side {
 pub struct Row {
     /// Name in files.
     pub id: &'static str,
-    /// Name for people.
+    /// Name for display.
     pub title: &'static str,
     /// Unit; empty for counts and shares.
     pub unit: &'static str,
-    /// What one value is.
+    /// Definition of one value.
     pub of: &'static str,
-    /// Whether the set is judged by it.
+    /// Whether sets are judged by this quantity.
     pub decides: bool,
     /// Bins of both histograms.
     pub bins: Bins,
-    /// The set in question.
+    /// Values of the set under test.
     pub generated: Spread,
-    /// What it is held against.
+    /// Values of the set it is compared with.
     pub reference: Spread,
-    /// Jensen-Shannon divergence of the histograms, base 2, from 0 (the same) to 1; `None` where a set has no value.
+    /// Jensen-Shannon divergence of the histograms, base 2, from 0 (identical) to 1; `None` if a set has no
+    /// values.
     pub divergence: Option<f64>,
-    /// The same between the two halves of the reference: what chance alone makes of as few scenarios.
+    /// The same divergence between the two halves of the reference: what chance alone causes with this many
+    /// scenarios.
     pub chance: Option<f64>,
 }
 
-/// How values are spread. Without values there is neither a mean nor a quartile.
+/// Distribution of values. Without values there is neither a mean nor a quartile.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// Values.
+    /// Number of values.
     pub n: u64,
     /// Mean.
     pub mean: Option<f64>,
-    /// Quartile that a quarter of the values do not exceed.
+    /// Lower quartile: a quarter of the values do not exceed it.
     pub lower_quartile: Option<f64>,
     /// Median.
     pub median: Option<f64>,
-    /// Quartile that three quarters of the values do not exceed.
+    /// Upper quartile: three quarters of the values do not exceed it.
     pub upper_quartile: Option<f64>,
-    /// Values in each bin.
+    /// Number of values in each bin.
     pub histogram: Vec<u64>,
 }
 
@@ -82,7 +84,7 @@ impl Spread {
 }
 
 impl Comparison {
-    /// Compares two sets, given with their names.
+    /// Compares two named sets.
     pub fn new(generated: (&str, &Measured), reference: (&str, &Measured)) -> Self {
         let side = |(name, set): (&str, &Measured)| Side {
             name: name.to_owned(),

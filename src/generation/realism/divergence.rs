@@ -1,12 +1,12 @@
-//! How far two distributions are apart.
+//! Divergence of two distributions.
 
 use std::f64::consts::LN_2;
 
 use crate::geometry::math;
 
-/// The Jensen-Shannon divergence of two histograms with the same bins, to the base 2: 0 where the shares are the same, 1 where no bin
-/// is in both (Lin, "Divergence measures based on the Shannon entropy", 1991). The divergence itself, not its root. `None` where
-/// one of them is empty.
+/// Returns the Jensen-Shannon divergence of two histograms with the same bins, to base 2: 0 for identical
+/// shares, 1 if no bin occurs in both (Lin, "Divergence measures based on the Shannon entropy", 1991). This
+/// is the divergence itself, not its square root. `None` if a histogram is empty.
 pub fn divergence(a: &[u64], b: &[u64]) -> Option<f64> {
     let (na, nb) = (a.iter().sum::<u64>() as f64, b.iter().sum::<u64>() as f64);
     if na == 0.0 || nb == 0.0 {
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lies_between_the_same_and_nothing_in_common() {
+    fn is_0_for_equal_shares_and_1_for_disjoint_ones() {
         assert_eq!(divergence(&[1, 2, 3], &[2, 4, 6]), Some(0.0));
         assert_eq!(divergence(&[1, 1, 0, 0], &[0, 0, 5, 1]), Some(1.0));
         assert_eq!(divergence(&[0, 0], &[1, 0]), None);

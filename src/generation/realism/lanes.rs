@@ -1,16 +1,17 @@
-//! Lanes as geometry: recorded maps lack neighbours, and their lanes overlap at junctions.
+//! Lanes by geometry alone, since recorded maps lack neighbours and their lanes overlap at junctions.
 
 use crate::geometry::{Polyline, Vec2, direction};
 use crate::scene::{AgentState, LANE_HALF_WIDTH, LaneClass, LaneHit, Road};
 
-/// A lane is followed by who heads along it within this angle: its cosine (30°).
-const ALONG: f64 = 0.866;
-/// Lanes whose centres are closer than this here are one lane to all appearances, metres.
-const SAME: f64 = 0.3;
-/// Lanes whose centres are farther apart than this are beside each other, metres.
-pub(super) const BESIDE: f64 = 2.3;
+/// Cosine of the maximum angle (30°) between a vehicle and the lane that it follows.
+const MIN_ALIGNMENT: f64 = 0.866;
+/// Distance between lane centres, metres, below which two lanes are effectively the same lane here.
+const SAME_LANE_SPACING: f64 = 0.3;
+/// Distance between lane centres, metres, above which two lanes are next to each other.
+pub(super) const MIN_ADJACENT_SPACING: f64 = 2.3;
 
-/// The lanes for motor vehicles that run along a pose, within `radius` metres, and that do not begin or end before it.
+/// Finds the lanes for motor vehicles that run along a pose, within `radius` metres, and that neither begin
+/// nor end before it.
 pub(super) fn lanes_along(road: &Road<'_>, state: &AgentState, radius: f64, hits: &mut Vec<LaneHit>) {
     road.lanes_near(state.position(), radius, hits);
     let axis = direction(state.heading);
@@ -19,34 +20,41 @@ pub(super) fn lanes_along(road: &Road<'_>, state: &AgentState, radius: f64, hits
         let (a, b) = lane.baseline.segment(hit.projection.segment);
         let beyond = (hit.projection.t >= 1.0 && hit.projection.segment + 1 == lane.baseline.segments())
             || (hit.projection.t <= 0.0 && hit.projection.segment == 0);
-        lane.class != LaneClass::Bike && !beyond && (b - a).dot(&axis) > ALONG * (b - a).norm()
+        lane.class != LaneClass::Bike && !beyond && (b - a).dot(&axis) > MIN_ALIGNMENT * (b - a).norm()
     });
 }
 
-/// The lane that a vehicle is in: of those along it the one whose centre is nearest, within half a lane.
+/// Returns the lane of a vehicle: of the lanes along it, the one with the nearest centre, within half a
+/// lane width.
 pub(super) fn lane_of(road: &Road<'_>, state: &AgentState, hits: &mut Vec<LaneHit>) -> Option<LaneHit> {
     lanes_along(road, state, LANE_HALF_WIDTH, hits);
     hits.iter().min_by(|a, b| a.projection.distance.total_cmp(&b.projection.distance)).copied()
 }
 
-/// The lane that a vehicle is in and its offset there, metres, left positive, where no other lane overlaps it.
+/// Returns the offset of a vehicle in its lane, metres, left positive; `None` if another lane overlaps it.
 pub(super) fn clear_offset(road: &Road<'_>, state: &AgentState, hits: &mut Vec<LaneHit>) -> Option<f64> {
-    lanes_along(road, state, LANE_HALF_WIDTH + BESIDE, hits);
+    lanes_along(road, state, LANE_HALF_WIDTH + MIN_ADJACENT_SPACING, hits);
     let nearest = hits.iter().min_by(|a, b| a.projection.distance.total_cmp(&b.projection.distance))?;
     let offset = nearest.projection.offset;
     let unclear = |hit: &LaneHit| {
         let apart = (hit.projection.offset - offset).abs();
-        SAME < apart && apart < BESIDE
+        SAME_LANE_SPACING < apart && apart < MIN_ADJACENT_SPACING
     };
     (nearest.projection.distance < LANE_HALF_WIDTH && !hits.iter().any(unclear)).then_some(offset)
 }
 
-/// The way on from a pose over the lanes, `length` metres of it, straight on where lanes part: points beyond the pose. Empty off lanes.
-pub(super) fn way_on(road: &Road<'_>, state: &AgentState, length: f64, hits: &mut Vec<LaneHit>) -> Vec<Vec2> {
+/// Returns points of the route ahead of a pose along the lanes, `length` metres long, straight on where
+/// lanes diverge. Empty off lanes.
+pub(super) fn route_ahead(
+    road: &Road<'_>,
+    state: &AgentState,
+    length: f64,
+    hits: &mut Vec<LaneHit>,
+) -> Vec<Vec2> {
     let mut points = Vec::new();
     let Some(hit) = lane_of(road, state, hits) else { return points };
     let (mut lane, mut from, mut left) = (hit.lane, hit.projection.segment + 1, length);
-    // A loop of very short lanes would never end.
+    // Guards against endless loops of very short lanes.
     for _ in 0..64 {
         let line = &road.lane(lane).baseline;
         for &point in &line.points()[from.min(line.segments())..] {
@@ -65,7 +73,7 @@ pub(super) fn way_on(road: &Road<'_>, state: &AgentState, length: f64, hits: &mu
     points
 }
 
-/// How far a lane bends away from the end of the one before: 0 straight on, 2 backwards.
+/// Returns how far a lane bends away from the end of the previous one: 0 for straight on, 2 for backwards.
 fn bend(before: &Polyline, lane: &Polyline) -> f64 {
     let (a, b) = before.segment(before.segments() - 1);
     let (points, n) = (lane.points(), lane.points().len());

@@ -1,13 +1,14 @@
-//! How real generated scenarios are: the same statistics of two sets of scenarios, side by side.
+//! Realism of generated scenarios: the same statistics for two sets of scenarios, compared.
 //!
-//! Every scenario is reduced to histograms with fixed [`Bins`] ([`Tally`]), so that sets of any size fit in memory, and two sets are
-//! compared by the Jensen-Shannon divergence of the histograms ([`divergence`]). Statistics are taken of the agents that take part
-//! (`start.agents`) over all 91 frames of the log; what each is, and which vehicles it is taken of, stands with its [`Quantity`].
+//! Every scenario is reduced to histograms with fixed [`Bins`] ([`Tally`]), so that sets of any size fit in
+//! memory. Two sets are compared by the Jensen-Shannon divergence of their histograms ([`divergence`]).
+//! Statistics cover the agents that take part (`start.agents`) over all 91 frames of the log; each
+//! [`Quantity`] documents its definition and the vehicles that it covers.
 //!
-//! Recorded tracks are noisy at 10 Hz, generated ones are not. So that noise is not taken for driving, motion is fitted over a second
-//! (see the module `motion`) in both sets alike. Maps differ as well: recorded ones often lack neighbours, widths and speed limits,
-//! and their lanes overlap. What a lane is told by is geometry only (see the module `lanes`), and where it is not clear which lane
-//! is meant, nothing is counted.
+//! Recorded tracks are noisy at 10 Hz, generated ones are not. To keep noise from being measured as
+//! driving, motion is fitted over one second in both sets (see the module `motion`). Maps differ as well:
+//! recorded ones often lack neighbours, widths and speed limits, and their lanes overlap. Lanes are
+//! therefore matched by geometry only (see the module `lanes`), and ambiguous cases are not counted.
 
 mod bins;
 mod comparison;

@@ -1,35 +1,36 @@
-//! Measuring whole sets, scenarios side by side.
+//! Parallel measurement of whole sets.
 
 use rayon::prelude::*;
 
 use super::{Tally, measure};
-use crate::generation::in_order::{CHUNK, MOST_JOBS};
+use crate::generation::in_order::{CHUNK_PER_JOB, MAX_JOBS};
 use crate::scene::Scenario;
 
-/// A set of scenarios, measured. Memory does not grow with the set.
+/// Statistics of a set of scenarios. Memory does not grow with the set.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Every other scenario, from the first one on, and the rest: what one half differs from the other by chance, another set may too.
+    /// Every other scenario, from the first one on, and the rest: the difference between the halves shows
+    /// the effect of chance.
     pub halves: [Tally; 2],
-    /// Records that could not be read.
+    /// Number of records that could not be read.
     pub failures: u64,
 }
 
 impl Measured {
-    /// Reads and measures records on so many threads. The order of the records decides the result, the number of threads does not.
-    /// Every error is counted, and handed to `failed` in the order of the records.
+    /// Reads and measures records on `jobs` threads. The result depends on the order of the records, not on
+    /// the number of threads. Every error is counted, and passed to `failed` in the order of the records.
     pub fn of<F, E>(records: impl Iterator<Item = F>, jobs: usize, mut failed: impl FnMut(E)) -> Self
     where
         F: FnOnce() -> Result<Scenario, E> + Send,
         E: Send,
     {
-        let jobs = jobs.clamp(1, MOST_JOBS);
-        // Where the system grants no threads of our own, those that there are do the work.
+        let jobs = jobs.clamp(1, MAX_JOBS);
+        // If the system grants no extra threads, the existing ones do the work.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
         let mut set = Self::default();
         let mut records = records;
         loop {
-            let chunk: Vec<F> = records.by_ref().take(jobs * CHUNK).collect();
+            let chunk: Vec<F> = records.by_ref().take(jobs * CHUNK_PER_JOB).collect();
             if chunk.is_empty() {
                 return set;
             }
@@ -52,13 +53,13 @@ impl Measured {
         }
     }
 
-    /// Adds a scenario to the half whose turn it is.
+    /// Adds a scenario to the halves in turn.
     fn add(&mut self, tally: &Tally) {
         let half = usize::from(self.halves[0].scenarios > self.halves[1].scenarios);
         self.halves[half].merge(tally);
     }
 
-    /// Both halves together.
+    /// Returns both halves merged.
     pub fn whole(&self) -> Tally {
         let mut whole = self.halves[0].clone();
         whole.merge(&self.halves[1]);

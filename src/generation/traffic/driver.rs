@@ -1,28 +1,28 @@
-//! Drivers: who they are, and what they do from one decision to the next.
+//! Drivers and their parameters.
 
 use crate::generation::Draw;
 use crate::rollout::Stream;
 
-/// Limits above this are those of motorways, m/s.
-pub(super) const MOTORWAY: f64 = 22.0;
+/// Speed limit, m/s, above which a road is a motorway.
+pub(super) const MOTORWAY_LIMIT: f64 = 22.0;
 
-/// Parameters of one driver, drawn once. Models: `src/generation/README.md`; the ranges are chosen, some of them so that
-/// traffic is like the recorded one (`realism`).
+/// Parameters of one driver, drawn once. For the models see `src/generation/README.md`. The ranges are
+/// chosen, some of them so that traffic resembles recorded traffic (`realism`).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Driver {
-    /// Speed wanted where the limit is 1, that is as a multiple of the limit.
+    /// Desired speed as a multiple of the speed limit.
     pub(super) haste: f64,
-    /// Top speed, m/s: cyclists and heavy vehicles.
+    /// Maximum speed, m/s, which binds cyclists and heavy vehicles.
     pub(super) top: f64,
     /// Reaction time of Gipps' model, s.
     pub(super) reaction: f64,
-    /// How old what is known of the leader's speed is, s.
+    /// Age of the driver's knowledge of the leader's speed, s.
     pub(super) delay: f64,
     /// Comfortable acceleration, m/s².
     pub(super) acceleration: f64,
-    /// Comfortable braking, m/s², positive.
+    /// Comfortable deceleration, m/s², positive.
     pub(super) braking: f64,
-    /// Distance kept from who stands ahead, m.
+    /// Distance kept from a standing leader, m.
     pub(super) gap: f64,
     /// Distance kept from the stop line, m.
     pub(super) line_gap: f64,
@@ -30,30 +30,35 @@ pub(super) struct Driver {
     pub(super) lateral: f64,
     /// Weight of the others' disadvantage in lane changes, 0 to 1 (MOBIL).
     pub(super) politeness: f64,
-    /// What a lane change must bring, m/s² (MOBIL).
+    /// Minimum advantage of a lane change, m/s² (MOBIL).
     pub(super) threshold: f64,
-    /// Time that must be left after one has passed before another who goes first, s.
+    /// Minimum time between leaving a conflict and the arrival of a vehicle with right of way, s.
     pub(super) margin: f64,
-    /// Where in the lane the driver likes to be, m, left positive.
+    /// Preferred lateral position in the lane, m, left positive.
     pub(super) bias: f64,
-    /// Deviation of the wandering about that place, m.
+    /// Standard deviation of the lateral wander about that position, m.
     pub(super) wandering: f64,
-    /// Deviation of the error in what is seen of speeds, m/s, and of distances, as a share.
-    pub(super) noise: (f64, f64),
-    /// How long a lane change takes, s.
+    /// Standard deviation of the error in perceived speeds, m/s.
+    pub(super) speed_noise: f64,
+    /// Standard deviation of the error in perceived distances, as a share of the distance.
+    pub(super) distance_noise: f64,
+    /// Duration of a lane change, s.
     pub(super) change_time: f64,
-    /// Look-ahead of steering, m, and that per m/s, s.
-    pub(super) preview: (f64, f64),
+    /// Look-ahead distance of the steering at standstill, m.
+    pub(super) preview_distance: f64,
+    /// Additional look-ahead of the steering per m/s of speed, s.
+    pub(super) preview_time: f64,
 }
 
 impl Driver {
-    /// The speed wanted where this is the limit, m/s. On motorways all drive more alike.
+    /// Returns the desired speed under this limit, m/s. Drivers are more alike on motorways.
     pub(super) fn wanted(&self, limit: f64) -> f64 {
-        let haste = if limit > MOTORWAY { 0.5 * (self.haste + 1.0) } else { self.haste };
+        let haste = if limit > MOTORWAY_LIMIT { 0.5 * (self.haste + 1.0) } else { self.haste };
         (haste * limit).min(self.top)
     }
 
-    /// A driver of a car, or of something heavier with that share of a car's acceleration.
+    /// Draws the driver of a car, or of a heavier vehicle whose acceleration is `agility` times that of a
+    /// car.
     pub(super) fn of_car(agility: f64, rng: &mut Stream) -> Self {
         let heavy = agility < 0.8;
         Self {
@@ -71,13 +76,15 @@ impl Driver {
             margin: rng.normal_within(1.6, 0.5, 0.8, 3.0),
             bias: rng.normal_within(0.0, 0.32, -0.6, 0.6),
             wandering: rng.uniform(0.12, 0.32),
-            noise: (rng.uniform(0.05, 0.35), rng.uniform(0.01, 0.05)),
+            speed_noise: rng.uniform(0.05, 0.35),
+            distance_noise: rng.uniform(0.01, 0.05),
             change_time: rng.normal_within(4.5, 1.0, 2.8, 7.0),
-            preview: (rng.uniform(1.8, 2.4), rng.uniform(0.5, 0.65)),
+            preview_distance: rng.uniform(1.8, 2.4),
+            preview_time: rng.uniform(0.5, 0.65),
         }
     }
 
-    /// Somebody on a bicycle.
+    /// Draws a cyclist.
     pub(super) fn of_bicycle(rng: &mut Stream) -> Self {
         Self {
             haste: 1.0,
@@ -89,7 +96,8 @@ impl Driver {
             lateral: rng.uniform(1.2, 2.0),
             bias: rng.normal_within(0.0, 0.15, -0.35, 0.35),
             wandering: rng.uniform(0.05, 0.15),
-            preview: (2.0, 0.5),
+            preview_distance: 2.0,
+            preview_time: 0.5,
             ..Self::of_car(1.0, rng)
         }
     }

@@ -1,23 +1,25 @@
-//! Sizes of vehicles and bicycles, and what of them the dynamics need.
+//! Sizes of vehicles and bicycles, and their turning radius, rear axle and acceleration.
 //!
-//! The mixture is fitted to the boxes in the Waymo Open Motion Dataset (the train split beside this repository: 196 scenarios, 10 894
-//! vehicles and 62 cyclists, everybody that was recorded): lengths of vehicles 4.26, 4.46, 4.62, 4.83, 5.31, 5.74 and 8.05 m at the quantiles
-//! 5, 25, 50, 75, 90, 95 and 99 %, widths 1.94, 2.01, 2.06, 2.14, 2.30, 2.41 and 2.93 m; bicycles with their riders 1.62, 1.83 and
-//! 2.06 m by 0.75, 0.84 and 0.93 m at 5, 50 and 95 %. The recorder's boxes take in mirrors, so they are wider than data sheets say. Within
-//! a class the width follows the length, as it does in the recording (2.01 m at 4.4 m, 2.20 m at 5.05 m, 2.40 m at 5.8 m). No
-//! vehicle is articulated.
+//! The mixture is fitted to the boxes in the Waymo Open Motion Dataset (the train split kept outside this
+//! repository: 196 scenarios, 10 894 vehicles and 62 cyclists, all that were recorded): lengths of vehicles
+//! 4.26, 4.46, 4.62, 4.83, 5.31, 5.74 and 8.05 m at the quantiles 5, 25, 50, 75, 90, 95 and 99 %, widths
+//! 1.94, 2.01, 2.06, 2.14, 2.30, 2.41 and 2.93 m; bicycles with their riders 1.62, 1.83 and 2.06 m by 0.75,
+//! 0.84 and 0.93 m at 5, 50 and 95 %. Recorded boxes include mirrors, so they are wider than in data
+//! sheets. Within a class the width follows the length, as in the recording (2.01 m at 4.4 m, 2.20 m at
+//! 5.05 m, 2.40 m at 5.8 m). No vehicle is articulated.
 //!
-//! Turning radii follow the AASHTO design vehicles (*A Policy on Geometric Design of Highways and Streets*, 2011: centreline turning radius,
-//! at the front axle, of passenger car 6.4 m, single-unit truck 11.6 m, city bus 11.5 m); here they are of box centres, so somewhat less
-//! for cars and trucks. That trucks accelerate about half as hard as cars, or less, is in Bokare & Maurya (*Acceleration-deceleration
-//! behaviour of various vehicle types*, Transportation Research Procedia 25, 2017: trucks at most 1.0 m/s², cars 2.2 to 2.9); the
-//! factors of vans and buses are chosen.
+//! Turning radii follow the AASHTO design vehicles (*A Policy on Geometric Design of Highways and Streets*,
+//! 2011: centreline turning radius, at the front axle, of passenger car 6.4 m, single-unit truck 11.6 m,
+//! city bus 11.5 m). Here they are radii of box centres, hence somewhat smaller for cars and trucks.
+//! According to Bokare & Maurya (*Acceleration-deceleration behaviour of various vehicle types*,
+//! Transportation Research Procedia 25, 2017: trucks at most 1.0 m/s², cars 2.2 to 2.9), trucks accelerate
+//! at most about half as hard as cars; the factors of vans and buses are chosen.
 
 use crate::dynamics::REAR_AXLE;
 use crate::generation::Draw;
 use crate::rollout::Stream;
 
-/// A kind of vehicle.
+/// Class of vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Class {
     /// Small cars to large saloons.
@@ -28,7 +30,7 @@ pub enum Class {
     Pickup,
     /// Delivery vans.
     Van,
-    /// Lorries of one piece.
+    /// Rigid trucks.
     Truck,
     /// City buses and coaches.
     Bus,
@@ -36,10 +38,10 @@ pub enum Class {
     Bicycle,
 }
 
-/// What a vehicle is like: what is drawn once and does not change.
+/// Class and dimensions of a vehicle, drawn once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
-    /// Its kind.
+    /// Vehicle class.
     pub class: Class,
     /// Extent along the heading, metres.
     pub length: f64,
@@ -47,14 +49,14 @@ pub struct Size {
     pub width: f64,
 }
 
-/// How a class is drawn: lengths are normal within bounds, the width grows with the length.
+/// Distribution of sizes within a class: lengths are normal within bounds, the width grows with the length.
 struct Shape {
     class: Class,
     /// Share among motor vehicles.
     share: f64,
-    /// Mean, deviation, shortest, longest, metres.
+    /// Mean, standard deviation, minimum and maximum, metres.
     length: [f64; 4],
-    /// At the mean length, growth per metre of length, deviation, metres.
+    /// Width at the mean length, growth per metre of length, and standard deviation, metres.
     width: [f64; 3],
 }
 
@@ -69,19 +71,19 @@ const SHAPES: [Shape; 7] = [
 ];
 
 impl Size {
-    /// A motor vehicle of moving traffic.
+    /// Draws a motor vehicle of moving traffic.
     pub fn draw(rng: &mut Stream) -> Self {
         let shares: Vec<f64> = SHAPES.iter().map(|s| s.share).collect();
         let which = rng.weighted(&shares);
         Self::of(SHAPES[which].class, rng)
     }
 
-    /// A bicycle with its rider.
+    /// Draws a bicycle with its rider.
     pub fn bicycle(rng: &mut Stream) -> Self {
         Self::of(Class::Bicycle, rng)
     }
 
-    /// One of this class.
+    /// Draws a vehicle of this class.
     pub fn of(class: Class, rng: &mut Stream) -> Self {
         let shape = &SHAPES[class as usize];
         let [mean, deviation, low, high] = shape.length;
@@ -91,12 +93,12 @@ impl Size {
         Self { class, length, width }
     }
 
-    /// How far the rear axle lies behind the box centre, metres.
+    /// Returns the distance of the rear axle behind the box centre, metres.
     pub fn rear_axle(&self) -> f64 {
         REAR_AXLE * self.length
     }
 
-    /// Smallest radius of the way of the box centre, metres.
+    /// Returns the minimum turning radius of the box centre, metres.
     pub fn turning_radius(&self) -> f64 {
         match self.class {
             Class::Car => 5.8,
@@ -108,7 +110,7 @@ impl Size {
         }
     }
 
-    /// Comfortable and largest acceleration as a share of that of a car.
+    /// Returns the comfortable and the maximum acceleration as a share of that of a car.
     pub fn acceleration_factor(&self) -> f64 {
         match self.class {
             Class::Car | Class::Suv => 1.0,

@@ -1,85 +1,90 @@
-//! Longitudinal behaviour: Gipps' car-following model, bends ahead, standing at a point.
+//! Longitudinal behaviour: Gipps' car-following model, bends ahead, stopping at a point.
 //!
-//! P. G. Gipps, A behavioural car-following model for computer simulation, Transportation Research Part B 15 (1981). A driver chooses the
-//! speed to have after the reaction time: no more than the free road allows, and no more than lets them stop behind the leader if that
-//! one brakes.
+//! P. G. Gipps, A behavioural car-following model for computer simulation, Transportation Research Part B
+//! 15 (1981). A driver chooses the speed at the end of the reaction time: at most what the free road
+//! allows, and at most what allows stopping behind the leader if the leader brakes.
 
 use super::driver::Driver;
 
-/// What a driver knows of who is ahead.
+/// The leader as perceived by a driver.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leader {
-    /// From bumper to bumper, metres.
+    /// Bumper-to-bumper gap, metres.
     pub(super) gap: f64,
-    /// Its speed, m/s.
+    /// Speed, m/s.
     pub(super) speed: f64,
 }
 
-/// The hardest braking that anybody does, m/s²: within what the benchmark calls feasible.
-pub(super) const HARDEST: f64 = 5.5;
+/// Maximum braking, m/s²: within what the benchmark considers feasible.
+pub(super) const MAX_BRAKING: f64 = 5.5;
 
 impl Driver {
-    /// Acceleration on a free road towards the speed `wanted`, m/s² (Gipps: free road).
+    /// Returns the acceleration on a free road towards the speed `wanted`, m/s² (Gipps' free-road term).
     pub(super) fn free(&self, speed: f64, wanted: f64) -> f64 {
         let wanted = wanted.max(0.1);
         if speed > wanted {
-            // Nobody brakes hard to keep a limit.
+            // Drivers do not brake hard to obey a limit.
             return ((wanted - speed) / 2.0).max(-self.braking);
         }
         let share = speed / wanted;
         2.5 * self.acceleration * (1.0 - share) * (0.025 + share).sqrt()
     }
 
-    /// Acceleration that lets one stop behind the leader, m/s² (Gipps: behind a leader).
+    /// Returns the acceleration that allows stopping behind the leader, m/s² (Gipps' following term).
     pub(super) fn behind(&self, speed: f64, leader: Leader) -> f64 {
-        self.keep(speed, leader.gap - self.gap, leader.speed)
+        self.safe_acceleration(speed, leader.gap - self.gap, leader.speed)
     }
 
-    /// Acceleration to stand after so many metres, m/s².
+    /// Returns the acceleration that stops the vehicle after `distance` metres, m/s².
     pub(super) fn stop_in(&self, speed: f64, distance: f64) -> f64 {
-        self.keep(speed, distance, 0.0)
+        self.safe_acceleration(speed, distance, 0.0)
     }
 
-    fn keep(&self, speed: f64, room: f64, leader: f64) -> f64 {
+    fn safe_acceleration(&self, speed: f64, room: f64, leader: f64) -> f64 {
         let (b, t) = (self.braking, self.reaction);
-        // Others are taken to brake a little harder than oneself.
+        // The driver assumes that others brake slightly harder.
         let others = b + 0.1;
         let under = b * b * t * t + b * (2.0 * room - speed * t) + b * leader * leader / others;
         let safe = if under > 0.0 { (under.sqrt() - b * t).max(0.0) } else { 0.0 };
-        // Where there is no room left, what it takes to come to a halt.
-        let needed =
-            if room > 0.1 { -(speed * speed - leader * leader).max(0.0) / (2.0 * room) } else { -HARDEST };
+        // Without room left: the deceleration needed to stop.
+        let needed = if room > 0.1 {
+            -(speed * speed - leader * leader).max(0.0) / (2.0 * room)
+        } else {
+            -MAX_BRAKING
+        };
         let chosen = (safe - speed) / t;
         if chosen < -b { chosen.max(needed.min(-b)) } else { chosen }
     }
 
-    /// The speed at which a bend is driven, m/s.
+    /// Returns the speed at which the driver takes a bend of this curvature (1/m), m/s.
     pub(super) fn in_bend(&self, curvature: f64) -> f64 {
         if curvature > 1e-4 { (self.lateral / curvature).sqrt() } else { f64::INFINITY }
     }
 
-    /// Acceleration for a place `distance` metres ahead where the speed must not be above `limit`, m/s².
+    /// Returns the acceleration towards a point `distance` metres ahead where the speed must not exceed
+    /// `limit`, m/s².
     pub(super) fn for_limit(&self, speed: f64, limit: f64, distance: f64) -> f64 {
         if speed <= limit {
-            // Just under it: no faster than reaches it there.
+            // Slightly below the limit: at most the acceleration that reaches it at that point.
             return (limit * limit - speed * speed) / (2.0 * distance.max(2.0)) + 0.3;
         }
         (limit * limit - speed * speed) / (2.0 * distance.max(1.0))
     }
 }
 
-/// Seconds to cover a distance from `speed`, accelerating by `acceleration` up to `top`.
+/// Returns the time in seconds to cover a distance from `speed`, accelerating by `acceleration` up to
+/// `top`.
 pub(super) fn time_for(distance: f64, speed: f64, acceleration: f64, top: f64) -> f64 {
     if distance <= 0.0 {
         return 0.0;
     }
     let top = top.max(speed).max(0.1);
     let until = (top - speed) / acceleration;
-    let way = speed * until + 0.5 * acceleration * until * until;
-    if way >= distance {
+    let covered = speed * until + 0.5 * acceleration * until * until;
+    if covered >= distance {
         return ((speed * speed + 2.0 * acceleration * distance).sqrt() - speed) / acceleration;
     }
-    until + (distance - way) / top
+    until + (distance - covered) / top
 }
 
 #[cfg(test)]
@@ -92,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn who_follows_stops_behind_a_leader_that_brakes_hard() {
+    fn followers_stop_behind_a_leader_that_brakes_hard() {
         let driver = driver();
         let (mut x, mut v) = (0.0, 15.0);
         let (mut ahead, mut speed) = (30.0, 15.0);
@@ -107,7 +112,7 @@ mod tests {
             assert!(x < ahead, "collision");
         }
         assert!(v < 1e-3 && ahead - x < driver.gap + 3.0, "{v} {}", ahead - x);
-        assert!(hardest > -HARDEST, "{hardest}");
+        assert!(hardest > -MAX_BRAKING, "{hardest}");
     }
 
     #[test]

@@ -1,54 +1,55 @@
-//! Driving where nobody is in the way: speed limits, and bends ahead.
+//! Free driving without leaders and conflicts: speed limits, and bends ahead.
 
 use super::network::Network;
 use super::vehicle::Vehicle;
 
-/// Deviation of the speed that is driven from the wanted one, as a share.
+/// Standard deviation of the actual speed from the desired one, as a share of it.
 const SPEED_NOISE: f64 = 0.09;
-/// Drivers slow down for bends and lower limits with this share of their comfortable braking.
-const CALM: f64 = 0.8;
-/// How far they look for them beyond the way that this takes, metres, and the distance of the places they look at.
-const AHEAD: f64 = 8.0;
-const STEP: f64 = 2.0;
-/// Nearer than this they keep to the speed of a bend exactly, metres.
-const NEAR: f64 = 10.0;
+/// Share of the comfortable braking with which drivers slow down for bends and lower limits.
+const CALM_BRAKING_SHARE: f64 = 0.8;
+/// Distance, metres, that drivers look ahead beyond their braking distance.
+const LOOK_AHEAD: f64 = 8.0;
+/// Distance between two points at which bends ahead are sampled, metres.
+const LOOK_STEP: f64 = 2.0;
+/// Distance, metres, within which drivers keep exactly to the speed of a bend.
+const EXACT_SPEED_DISTANCE: f64 = 10.0;
 
-/// Acceleration on an empty road: speed limits and bends.
-pub(super) fn unhindered(network: &Network, v: &Vehicle) -> f64 {
-    let way = &network.ways[v.path[0]];
-    // Nobody holds a speed exactly.
-    let wanted = v.driver.wanted(way.limit) * (1.0 + SPEED_NOISE * v.mood);
-    let here = wanted.min(v.driver.in_bend(way.bend_at(v.s)));
+/// Returns the acceleration on an empty road, given speed limits and bends.
+pub(super) fn free_acceleration(network: &Network, v: &Vehicle) -> f64 {
+    let lane = &network.lanes[v.path[0]];
+    // No driver holds a speed exactly.
+    let wanted = v.driver.wanted(lane.limit) * (1.0 + SPEED_NOISE * v.mood);
+    let here = wanted.min(v.driver.in_bend(lane.curvature_at(v.s)));
     let mut acceleration = v.driver.free(v.speed, here);
-    let comfortable = CALM * v.driver.braking;
-    let horizon = v.speed * v.speed / (2.0 * comfortable) + AHEAD;
+    let comfortable = CALM_BRAKING_SHARE * v.driver.braking;
+    let horizon = v.speed * v.speed / (2.0 * comfortable) + LOOK_AHEAD;
     let mut start = 0.0;
-    for (k, &w) in v.path.iter().enumerate() {
-        let way = &network.ways[w];
+    for (k, &index) in v.path.iter().enumerate() {
+        let lane = &network.lanes[index];
         if start - v.s > horizon {
             break;
         }
         if k > 0 {
-            let limit = v.driver.wanted(way.limit);
+            let limit = v.driver.wanted(lane.limit);
             if limit < v.speed {
                 acceleration = acceleration.min(v.driver.for_limit(v.speed, limit, start - v.s));
             }
         }
-        if !way.is_straight() {
+        if !lane.is_straight() {
             let mut s = (v.s - start).max(0.0);
-            while s < way.length && s + start - v.s < horizon {
-                let limit = v.driver.in_bend(way.bend_at(s));
+            while s < lane.length && s + start - v.s < horizon {
+                let limit = v.driver.in_bend(lane.curvature_at(s));
                 let distance = s + start - v.s;
                 if limit < v.speed + 1.0 && distance > 0.5 {
                     let needed = v.driver.for_limit(v.speed, limit, distance);
-                    if needed < -0.5 * comfortable || distance < NEAR {
+                    if needed < -0.5 * comfortable || distance < EXACT_SPEED_DISTANCE {
                         acceleration = acceleration.min(needed);
                     }
                 }
-                s += STEP;
+                s += LOOK_STEP;
             }
         }
-        start += way.length;
+        start += lane.length;
     }
     acceleration.max(-2.0 * comfortable)
 }

@@ -1,15 +1,16 @@
-//! Microscopic traffic on a generated map: individual drivers with their own parameters, car following with reaction times and errors of
-//! perception (Gipps), lane changes (MOBIL), gap acceptance, lights and signs. Sources of models and parameters: `src/generation/README.md`.
+//! Microscopic traffic on a generated map: individual drivers with their own parameters, car following with
+//! reaction times and perception errors (Gipps), lane changes (MOBIL), gap acceptance, lights and signs.
+//! Sources of models and parameters: `src/generation/README.md`.
 
 mod arrivals;
 mod changing;
 mod driver;
+mod encounters;
 pub mod fleet;
 mod following;
 mod free_road;
-mod lists;
-mod meeting;
 mod network;
+mod occupancy;
 pub mod parked;
 pub mod people;
 mod recording;

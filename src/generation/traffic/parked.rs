@@ -1,8 +1,9 @@
-//! Parked vehicles: which spots are taken, by what, and how exactly it stands.
+//! Parked vehicles: which spots are occupied, by which vehicles, and their exact poses.
 //!
-//! Nobody parks exactly in the middle: the jitter (0.1 m across, 1.5 degrees) is of the size that marked bays leave
-//! room for. Taken spots come in runs, as along real kerbs: a spot is more likely taken where the one before it is (a two-state Markov chain
-//! along the list of spots, whose share of taken spots is drawn per map).
+//! Nobody parks exactly in the middle: the jitter (0.1 m laterally, 1.5 degrees) is about what marked bays
+//! leave room for. Occupied spots come in runs, as along real kerbs: a spot is more likely occupied if the
+//! previous one is (a two-state Markov chain along the list of spots, whose share of occupied spots is
+//! drawn per map).
 
 use super::fleet::{Class, Size};
 use crate::generation::{Draw, ParkingSpot};
@@ -10,28 +11,29 @@ use crate::geometry::{OrientedBox, direction, left, rounded_distance, wrap};
 use crate::rollout::Stream;
 use crate::scene::{Agent, AgentKind, AgentState};
 
-/// How alike neighbouring spots are: correlation of "taken" from one spot to the next.
-const CLUSTERING: f64 = 0.35;
-/// Spots closer than this are neighbours, metres.
-const NEIGHBOUR: f64 = 9.0;
-/// Vehicles may stick out of a spot's width by so much, metres.
-const OVERHANG: f64 = 0.15;
-/// Least distance between two parked vehicles, metres.
-const CLEARANCE: f64 = 0.15;
-/// Share of vehicles that are parked the other way round in car parks; along kerbs nobody is.
-const REVERSED: f64 = 0.12;
+/// Correlation of the occupancy of neighbouring spots.
+const SPOT_CORRELATION: f64 = 0.35;
+/// Distance between spots, metres, below which they are neighbours.
+const NEIGHBOUR_SPACING: f64 = 9.0;
+/// Maximum overhang of a vehicle over the width of its spot, metres.
+const MAX_OVERHANG: f64 = 0.15;
+/// Minimum distance between two parked vehicles, metres.
+const MIN_CLEARANCE: f64 = 0.15;
+/// Share of vehicles parked in reverse in car parks; along kerbs there are none.
+const REVERSED_SHARE: f64 = 0.12;
 
-/// Draws the parked vehicles: agents with the states that they keep, standing still. Ids are `parked-` and the number of the spot.
+/// Draws the parked vehicles with their constant states. Ids are `parked-` and the index of the spot.
 ///
-/// The share of taken spots is drawn; no two vehicles touch, and each fits its spot.
+/// The share of occupied spots is drawn; no two vehicles touch, and each fits its spot.
 pub fn park(spots: &[ParkingSpot], rng: &mut Stream) -> Vec<(Agent, AgentState)> {
     let share = rng.uniform(0.35, 0.9);
     let mut parked: Vec<(Agent, AgentState)> = Vec::new();
     let mut before: Option<(ParkingSpot, bool)> = None;
     for (i, &spot) in spots.iter().enumerate() {
-        let beside = before.filter(|(s, _)| (s.position - spot.position).norm() < NEIGHBOUR);
-        let chance = beside
-            .map_or(share, |(_, taken)| share + CLUSTERING * (if taken { 1.0 - share } else { -share }));
+        let beside = before.filter(|(s, _)| (s.position - spot.position).norm() < NEIGHBOUR_SPACING);
+        let chance = beside.map_or(share, |(_, taken)| {
+            share + SPOT_CORRELATION * (if taken { 1.0 - share } else { -share })
+        });
         let taken = rng.chance(chance);
         before = Some((spot, taken));
         if taken && let Some((size, state)) = place(&spot, side_by_side(spots, i), rng) {
@@ -45,7 +47,7 @@ pub fn park(spots: &[ParkingSpot], rng: &mut Stream) -> Vec<(Agent, AgentState)>
             let near = |b: &OrientedBox| (b.center - own.center).norm() < own.radius() + b.radius() + 1.0;
             let clear = parked.iter().all(|(other, s)| {
                 let b = s.footprint(other);
-                !near(&b) || rounded_distance(&own, &b, 0.0) >= CLEARANCE
+                !near(&b) || rounded_distance(&own, &b, 0.0) >= MIN_CLEARANCE
             });
             if clear {
                 parked.push((agent, state));
@@ -55,7 +57,8 @@ pub fn park(spots: &[ParkingSpot], rng: &mut Stream) -> Vec<(Agent, AgentState)>
     parked
 }
 
-/// Whether the nearest other spot lies beside this one rather than before or behind it: a car park, not a kerb.
+/// Whether the nearest other spot is next to this one rather than in front of it or behind it: a car park,
+/// not a kerb.
 fn side_by_side(spots: &[ParkingSpot], i: usize) -> bool {
     let spot = spots[i];
     let others = spots.iter().enumerate().filter(|&(j, _)| j != i);
@@ -64,18 +67,18 @@ fn side_by_side(spots: &[ParkingSpot], i: usize) -> bool {
     nearest.is_some_and(|d| d.norm() < 4.5 && d.dot(&direction(spot.heading)).abs() < d.norm() * 0.7)
 }
 
-/// A vehicle that fits, as it stands; `None` where none of those that come by does.
+/// Draws a vehicle that fits the spot, with its pose; `None` if none of several drawn vehicles fits.
 fn place(spot: &ParkingSpot, car_park: bool, rng: &mut Stream) -> Option<(Size, AgentState)> {
-    let fits = |s: &Size| s.length <= spot.length - 0.3 && s.width <= spot.width + OVERHANG;
+    let fits = |s: &Size| s.length <= spot.length - 0.3 && s.width <= spot.width + MAX_OVERHANG;
     let parks = |s: &Size| !matches!(s.class, Class::Bus | Class::Truck);
     let size = (0..12).map(|_| Size::draw(rng)).find(|s| fits(s) && parks(s))?;
     let along = direction(spot.heading);
     let room = 0.5 * (spot.length - size.length);
     let ahead = rng.normal_within(0.0, 0.3 * room + 0.05, -0.8 * room, 0.8 * room);
-    let most = (0.5 * (spot.width - size.width) + OVERHANG).clamp(0.02, 0.25);
+    let most = (0.5 * (spot.width - size.width) + MAX_OVERHANG).clamp(0.02, 0.25);
     let aside = rng.normal_within(0.0, 0.1_f64.min(0.6 * most), -most, most);
     let tilt = rng.normal_within(0.0, 1.5, -4.0, 4.0).to_radians();
-    let turned = car_park && rng.chance(REVERSED);
+    let turned = car_park && rng.chance(REVERSED_SHARE);
     let heading = wrap(spot.heading + tilt + if turned { std::f64::consts::PI } else { 0.0 });
     let p = spot.position + along * ahead + left(along) * aside;
     Some((size, AgentState { x: p.x, y: p.y, heading, vx: 0.0, vy: 0.0 }))
@@ -87,7 +90,7 @@ mod tests {
     use crate::geometry::Vec2;
     use crate::rollout::{Purpose, stream};
 
-    /// A kerb with spots of 6 m, and a row of a car park.
+    /// Returns a kerb with spots of 6 m, and a row of a car park.
     fn spots() -> Vec<ParkingSpot> {
         let kerb = (0..20).map(|i| ParkingSpot {
             position: Vec2::new(6.0 * f64::from(i), 0.0),

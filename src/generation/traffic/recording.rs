@@ -1,4 +1,4 @@
-//! What is kept of traffic: 91 frames once it has settled.
+//! Recording of traffic: 91 frames once it has settled.
 
 use super::parked;
 use super::vehicle::Vehicle;
@@ -9,27 +9,30 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::rollout::Stream;
 use crate::scene::{Agent, AgentKind, AgentState, FRAMES, Frame, LightState};
 
-/// How long traffic settles before it is recorded, s.
-const WARM_UP: (f64, f64) = (30.0, 50.0);
+/// Minimum time for which traffic settles before it is recorded, s.
+const WARM_UP_MIN: f64 = 30.0;
+/// Maximum time for which traffic settles before it is recorded, s.
+const WARM_UP_MAX: f64 = 50.0;
 
-/// What is recorded of traffic: 91 frames at 10 Hz.
+/// Recorded traffic: 91 frames at 10 Hz.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
-    /// Everybody who was there at some frame, with 91 frames each.
+    /// Agents that were present at some frame, with 91 frames each.
     pub agents: Vec<(Agent, Vec<Frame>)>,
-    /// Per signal plan of the layout, what it showed at each frame.
+    /// Light states at each frame, per signal plan of the layout.
     pub lights: Vec<Vec<LightState>>,
-    /// Indices into `agents` of the drivers who may be taken for the AV: there at every frame, not parked, no offenders.
+    /// Indices into `agents` of the drivers who can be the AV: present at every frame, not parked, no
+    /// red-light runners.
     pub drivers: Vec<usize>,
-    /// Indices into `agents` of those who passed a red light while they were recorded.
+    /// Indices into `agents` of drivers who ran a red light while they were recorded.
     pub offenders: Vec<usize>,
 }
 
-/// Lets traffic run on a map until it has settled, then records it.
+/// Simulates traffic on a map until it has settled, then records it.
 ///
-/// `density` is the multiple of the entries' flows. The result depends on the arguments only.
+/// `density` multiplies the flows of the entries. The result depends only on the arguments.
 pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
-    let warm_up = rng.uniform(WARM_UP.0, WARM_UP.1);
+    let warm_up = rng.uniform(WARM_UP_MIN, WARM_UP_MAX);
     let parked = parked::park(&[layout.parking.as_slice(), &layout.yards].concat(), rng);
     let mut world = World::new(layout, density, Stream::from_rng(rng));
     while world.time < warm_up {
@@ -38,7 +41,7 @@ pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
     let mut recorder = Recorder::default();
     recorder.recording.lights = vec![Vec::with_capacity(FRAMES); layout.signals.len()];
     for frame in 0..FRAMES {
-        recorder.note(&world, frame);
+        recorder.record_frame(&world, frame);
         world.step();
     }
     let standing = parked.into_iter().map(|(agent, state)| (agent, vec![Some(state); FRAMES]));
@@ -47,25 +50,25 @@ pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
 
 #[derive(Default)]
 struct Recorder {
-    /// Per recorded agent its kind and number.
+    /// Kind and number of each recorded agent.
     ids: Vec<(AgentKind, u64)>,
     recording: Recording,
 }
 
 impl Recorder {
-    fn note(&mut self, world: &World<'_>, frame: usize) {
+    fn record_frame(&mut self, world: &World<'_>, frame: usize) {
         for (list, &state) in self.recording.lights.iter_mut().zip(world.lights()) {
             list.push(state);
         }
         for v in &world.vehicles {
-            let bicycle = world.network.ways[v.path[0]].bicycles;
+            let bicycle = world.network.lanes[v.path[0]].bicycles;
             let kind = if bicycle { AgentKind::Cyclist } else { AgentKind::Vehicle };
-            let at = self.keep((kind, v.id.into()), (v.body.length, v.body.width), frame, state(v));
+            let at = self.store((kind, v.id.into()), (v.body.length, v.body.width), frame, state(v));
             if v.passed_red && frame > 0 {
                 self.recording.offenders.push(at);
             }
         }
-        for p in world.meeting.crowd.people() {
+        for p in world.encounters.crowd.people() {
             let state = AgentState {
                 x: p.position.x,
                 y: p.position.y,
@@ -73,11 +76,11 @@ impl Recorder {
                 vx: p.velocity.x,
                 vy: p.velocity.y,
             };
-            self.keep((AgentKind::Pedestrian, p.id), (p.length, p.width), frame, state);
+            self.store((AgentKind::Pedestrian, p.id), (p.length, p.width), frame, state);
         }
     }
 
-    fn keep(
+    fn store(
         &mut self,
         id: (AgentKind, u64),
         (length, width): (f64, f64),
@@ -94,7 +97,7 @@ impl Recorder {
         at
     }
 
-    /// The recording, with those who stand all the time.
+    /// Completes the recording with the parked vehicles.
     fn finish(mut self, standing: impl Iterator<Item = (Agent, Vec<Frame>)>) -> Recording {
         let agents = self.recording.agents.iter().enumerate();
         self.recording.drivers = agents

@@ -1,101 +1,109 @@
-//! Where drivers want to go, and which way leads there.
+//! Destinations of drivers, and the routes to them.
 
-use super::network::{Beside, Network};
+use super::network::{AdjacentLane, Network};
 use crate::generation::Draw;
 use crate::rollout::Stream;
 
-/// What a lane change costs in the choice of a way, seconds; on short ways more, since there is little room for it.
-const CHANGE: f64 = 4.0;
-/// That much more per change on a way of one metre, falling with its length, seconds times metres.
-const CHANGE_ON_SHORT: f64 = 300.0;
-/// How often drivers go straight on and turn, where they can, as weights: about as often as not, since recordings are made where they turn.
-const STRAIGHT: f64 = 0.28;
-const TURN: f64 = 0.36;
-/// Ways that turn by more than this are turns, radians.
-const IS_TURN: f64 = 0.5;
+/// Cost of a lane change in route choice, seconds; higher on short lanes, which leave little room for it.
+const CHANGE_COST: f64 = 4.0;
+/// Additional cost per lane change on a lane of one metre, inversely proportional to its length, seconds
+/// times metres.
+const SHORT_LANE_COST: f64 = 300.0;
+/// Weight of going straight on where drivers have a choice. Drivers turn about as often as not, since
+/// recordings are made where they turn.
+const STRAIGHT_WEIGHT: f64 = 0.28;
+/// Weight of turning where drivers have a choice.
+const TURN_WEIGHT: f64 = 0.36;
+/// Heading change of a lane, radians, above which it is a turn.
+const TURN_ANGLE: f64 = 0.5;
 
-/// The ends of the map that drivers go to, and the cost of the way there from every way.
+/// Goals at the ends of the map, and the cost of the route to them from every lane.
 pub(super) struct Routes {
-    /// Per goal, per way: seconds from its beginning to the goal; infinite where no way leads there.
+    /// Per goal and lane: seconds from the beginning of the lane to the goal; infinite without a route.
     costs: Vec<Vec<f64>>,
-    /// Per way without successors: its goal.
+    /// Goal of each lane without successors.
     goal_of: Vec<Option<usize>>,
 }
 
 impl Routes {
-    /// Finds all goals: ways that end at the border; those beside one another are one goal.
+    /// Finds all goals: lanes that end at the border of the map; adjacent ones form one goal.
     pub(super) fn new(network: &Network) -> Self {
-        let n = network.ways.len();
+        let n = network.lanes.len();
         let mut goal_of: Vec<Option<usize>> = vec![None; n];
         let mut goals: Vec<Vec<usize>> = Vec::new();
-        for w in (0..n).filter(|&w| network.ways[w].next.is_empty()) {
-            if goal_of[w].is_some() {
+        for index in (0..n).filter(|&index| network.lanes[index].next.is_empty()) {
+            if goal_of[index].is_some() {
                 continue;
             }
-            let mut group = vec![w];
+            let mut group = vec![index];
             let mut k = 0;
             while k < group.len() {
-                let way = &network.ways[group[k]];
-                for beside in way.left.iter().chain(&way.right) {
-                    if network.ways[beside.way].next.is_empty() && !group.contains(&beside.way) {
-                        group.push(beside.way);
+                let lane = &network.lanes[group[k]];
+                for beside in lane.left.iter().chain(&lane.right) {
+                    if network.lanes[beside.lane].next.is_empty() && !group.contains(&beside.lane) {
+                        group.push(beside.lane);
                     }
                 }
                 k += 1;
             }
-            group.iter().for_each(|&w| goal_of[w] = Some(goals.len()));
+            group.iter().for_each(|&index| goal_of[index] = Some(goals.len()));
             goals.push(group);
         }
         let costs = goals.iter().map(|group| costs_to(network, group)).collect();
         Self { costs, goal_of }
     }
 
-    /// Seconds from the beginning of a way to a goal.
-    pub(super) fn cost(&self, goal: usize, way: usize) -> f64 {
-        self.costs[goal][way]
+    /// Returns the travel time from the beginning of a lane to a goal, seconds.
+    pub(super) fn cost(&self, goal: usize, lane: usize) -> f64 {
+        self.costs[goal][lane]
     }
 
-    /// The way to go on with at the end of `way`, if any leads to the goal.
-    pub(super) fn next(&self, network: &Network, goal: usize, way: usize) -> Option<usize> {
-        let cost = |w: &usize| self.costs[goal][*w];
-        let next = network.ways[way].next.iter().copied().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    /// Returns the next lane at the end of `lane`, if one leads to the goal.
+    pub(super) fn next(&self, network: &Network, goal: usize, lane: usize) -> Option<usize> {
+        let cost = |index: &usize| self.costs[goal][*index];
+        let next = network.lanes[lane].next.iter().copied().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
         self.costs[goal][next].is_finite().then_some(next)
     }
 
-    /// A goal that can be reached from the end of this very way, without a lane change on it: where the straightest way on leads.
-    pub(super) fn draw_goal_from(&self, network: &Network, way: usize, rng: &mut Stream) -> Option<usize> {
-        let bend = |w: &usize| network.ways[*w].tightest();
-        let next = network.ways[way].next.iter().copied().min_by(|a, b| bend(a).total_cmp(&bend(b)))?;
+    /// Draws a goal that can be reached from the end of this lane without a lane change on it, along the
+    /// straightest successor.
+    pub(super) fn draw_goal_from(&self, network: &Network, lane: usize, rng: &mut Stream) -> Option<usize> {
+        let bend = |index: &usize| network.lanes[*index].max_curvature();
+        let next = network.lanes[lane].next.iter().copied().min_by(|a, b| bend(a).total_cmp(&bend(b)))?;
         self.draw_goal(network, next, rng)
     }
 
-    /// A goal for somebody who comes in at `way`: where a walk over the ways ends, with the usual shares of turns.
-    pub(super) fn draw_goal(&self, network: &Network, way: usize, rng: &mut Stream) -> Option<usize> {
-        let mut at = way;
+    /// Draws a goal for a vehicle that enters at `lane`: the end of a random walk over the lanes, with the
+    /// usual shares of turns.
+    pub(super) fn draw_goal(&self, network: &Network, lane: usize, rng: &mut Stream) -> Option<usize> {
+        let mut at = lane;
         for _ in 0..200 {
             let mut here: Vec<usize> = vec![at];
-            // Where one comes in, any lane of the road may be taken.
-            let beside = |b: &Beside| b.way;
-            here.extend(network.ways[at].left.iter().chain(&network.ways[at].right).map(beside));
-            let next: Vec<usize> = here.iter().flat_map(|&w| &network.ways[w].next).copied().collect();
+            // On entry, any lane of the road may be taken.
+            let beside = |b: &AdjacentLane| b.lane;
+            here.extend(network.lanes[at].left.iter().chain(&network.lanes[at].right).map(beside));
+            let next: Vec<usize> =
+                here.iter().flat_map(|&index| &network.lanes[index].next).copied().collect();
             if next.is_empty() {
                 return self.goal_of[at];
             }
-            let turns = |w: &usize| network.ways[*w].turn.abs() > IS_TURN;
-            let (turning, straight): (Vec<usize>, Vec<usize>) = next.iter().partition(|w| turns(w));
-            // Few turn into driveways: slow roads have little traffic.
-            let calm = |w: usize| {
-                let beyond =
-                    network.ways[w].next.first().map_or(network.ways[w].limit, |&n| network.ways[n].limit);
-                (beyond / network.ways[at].limit).min(1.0)
+            let turns = |index: &usize| network.lanes[*index].turn.abs() > TURN_ANGLE;
+            let (turning, straight): (Vec<usize>, Vec<usize>) = next.iter().partition(|index| turns(index));
+            // Few drivers turn into driveways: slow roads have little traffic.
+            let calm = |index: usize| {
+                let beyond = network.lanes[index]
+                    .next
+                    .first()
+                    .map_or(network.lanes[index].limit, |&n| network.lanes[n].limit);
+                (beyond / network.lanes[at].limit).min(1.0)
             };
             let weights: Vec<f64> = next
                 .iter()
-                .map(|&w| {
-                    if turns(&w) {
-                        TURN * calm(w) * calm(w) / turning.len() as f64
+                .map(|&index| {
+                    if turns(&index) {
+                        TURN_WEIGHT * calm(index) * calm(index) / turning.len() as f64
                     } else {
-                        STRAIGHT / straight.len() as f64
+                        STRAIGHT_WEIGHT / straight.len() as f64
                     }
                 })
                 .collect();
@@ -105,24 +113,28 @@ impl Routes {
     }
 }
 
-/// Seconds from the beginning of every way to the nearest of these.
+/// Returns the travel time in seconds from the beginning of every lane to the nearest lane of the group.
 fn costs_to(network: &Network, group: &[usize]) -> Vec<f64> {
-    let mut cost = vec![f64::INFINITY; network.ways.len()];
-    for &w in group {
-        cost[w] = network.ways[w].length / network.ways[w].limit;
+    let mut cost = vec![f64::INFINITY; network.lanes.len()];
+    for &index in group {
+        cost[index] = network.lanes[index].length / network.lanes[index].limit;
     }
-    // As many rounds as there are ways are enough; a few are needed.
-    for _ in 0..network.ways.len() {
+    // As many rounds as there are lanes always suffice; usually a few do.
+    for _ in 0..network.lanes.len() {
         let mut changed = false;
-        for (w, way) in network.ways.iter().enumerate() {
-            let along = way.length / way.limit;
-            let ahead = way.next.iter().map(|&n| cost[n] + along).fold(f64::INFINITY, f64::min);
-            let change = CHANGE + CHANGE_ON_SHORT / way.length.max(1.0);
-            let aside =
-                way.left.iter().chain(&way.right).map(|b| cost[b.way] + change).fold(f64::INFINITY, f64::min);
+        for (index, lane) in network.lanes.iter().enumerate() {
+            let along = lane.length / lane.limit;
+            let ahead = lane.next.iter().map(|&n| cost[n] + along).fold(f64::INFINITY, f64::min);
+            let change = CHANGE_COST + SHORT_LANE_COST / lane.length.max(1.0);
+            let aside = lane
+                .left
+                .iter()
+                .chain(&lane.right)
+                .map(|b| cost[b.lane] + change)
+                .fold(f64::INFINITY, f64::min);
             let best = ahead.min(aside);
-            if best < cost[w] - 1e-9 {
-                cost[w] = best;
+            if best < cost[index] - 1e-9 {
+                cost[index] = best;
                 changed = true;
             }
         }

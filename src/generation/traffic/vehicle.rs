@@ -1,39 +1,45 @@
-//! A vehicle or bicycle on its way: state and motion.
+//! State and motion of a vehicle or bicycle.
 
-use super::driver::{Driver, MOTORWAY};
+use super::driver::{Driver, MOTORWAY_LIMIT};
 use super::fleet::Size;
-use super::following::{HARDEST, Leader};
+use super::following::{Leader, MAX_BRAKING};
 use super::network::Network;
 use crate::dynamics::Pose;
 use crate::generation::Draw;
 use crate::geometry::{Vec2, direction, left, smooth_step};
 use crate::rollout::Stream;
 
-/// How fast accelerations grow and fall, m/s³.
-const JERK: (f64, f64) = (2.5, 4.0);
-/// The same when it is urgent.
+/// Maximum rate at which accelerations grow, m/s³.
+const JERK_UP: f64 = 2.5;
+/// Maximum rate at which accelerations fall, m/s³.
+const JERK_DOWN: f64 = 4.0;
+/// Maximum rate at which accelerations fall in urgent braking, m/s³.
 const URGENT_JERK: f64 = 20.0;
-/// From this braking on it is urgent, m/s².
-const URGENT: f64 = 3.2;
-/// How fast the wheel is turned: change of the curvature, 1/m per second; and lateral jerk, m/s³.
-const STEERING: f64 = 0.35;
+/// Braking above which it is urgent, m/s².
+const URGENT_BRAKING: f64 = 3.2;
+/// Maximum steering rate: change of the curvature, 1/m per second.
+const STEERING_RATE: f64 = 0.35;
+/// Maximum lateral jerk, m/s³.
 const LATERAL_JERK: f64 = 8.0;
-/// Observations that are remembered, one per decision.
-const MEMORY: usize = 8;
-/// How long errors of perception and of lane keeping last, s.
+/// Number of remembered observations, one per decision.
+const MEMORY_LENGTH: usize = 8;
+/// Correlation time of perception errors, s.
 const NOISE_TIME: f64 = 3.0;
+/// Correlation time of lane-keeping errors, s.
 const WANDER_TIME: f64 = 7.0;
+/// Correlation time of the deviation from the desired speed, s.
 const MOOD_TIME: f64 = 5.0;
 
-/// What of a vehicle matters for its motion.
+/// Dimensions of a vehicle that matter for its motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
-    /// Length and width, metres.
+    /// Length, metres.
     pub(super) length: f64,
+    /// Width, metres.
     pub(super) width: f64,
-    /// How far the rear axle lies behind the box centre, metres.
+    /// Distance of the rear axle behind the box centre, metres.
     rear: f64,
-    /// Largest curvature of the rear axle's way, 1/m.
+    /// Largest curvature of the path of the rear axle, 1/m.
     curvature: f64,
 }
 
@@ -45,64 +51,67 @@ impl Body {
     }
 }
 
-/// Room that is left to the side of the lane at least, metres.
-const SIDE_ROOM: f64 = 0.2;
-/// Half of the width below which a lane is narrow, metres.
-const NARROW: f64 = 1.6;
+/// Minimum lateral clearance to the border of the lane, metres.
+const SIDE_CLEARANCE: f64 = 0.2;
+/// Half width, metres, below which a lane is narrow.
+const NARROW_HALF_WIDTH: f64 = 1.6;
 
-/// A lane change that is under way.
+/// A lane change in progress.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Change {
-    /// The way that is left, while it is beside the one that the vehicle is on.
+pub(super) struct LaneChange {
+    /// The lane that the vehicle is leaving, as long as it is next to the current one.
     pub(super) from: Option<usize>,
-    /// Offset from the new way when it began, m.
+    /// Lateral offset from the new lane at the beginning of the change, m.
     start: f64,
-    /// Seconds since then, of which slow ones count less.
+    /// Seconds since then; time at low speed counts less.
     age: f64,
 }
 
-/// One road user on wheels.
+/// A road user on wheels.
 pub(super) struct Vehicle {
     pub(super) id: u32,
     pub(super) body: Body,
     pub(super) driver: Driver,
-    /// The middle of the rear axle.
+    /// Middle of the rear axle.
     rear: Pose,
     pub(super) speed: f64,
     pub(super) acceleration: f64,
     curvature: f64,
-    /// The way it is on and the next ones.
+    /// The current lane and the following ones.
     pub(super) path: Vec<usize>,
     pub(super) goal: usize,
-    /// Arc length of the box centre on the first way of the path, metres.
+    /// Arc length of the box centre on the first lane of the path, metres.
     pub(super) s: f64,
-    /// Lateral offset of the box centre there, metres.
+    /// Lateral offset of the box centre on that lane, metres.
     pub(super) offset: f64,
-    pub(super) change: Option<Change>,
-    /// The way before which it means to stop, by the last decision.
-    pub(super) held: Option<usize>,
-    /// The way before which it has stopped as the sign asks, and when.
+    pub(super) change: Option<LaneChange>,
+    /// The lane in front of which it intends to stop, by the last decision.
+    pub(super) held_before: Option<usize>,
+    /// The lane in front of which it has stopped for a sign, and the time of the stop.
     pub(super) stopped: Option<(usize, f64)>,
-    /// Since when it stands, s of the simulation; infinite while it moves.
+    /// Time since which it has been standing, s of the simulation; infinite while it moves.
     pub(super) standing_since: f64,
-    /// The way whose yellow light it has decided to pass.
+    /// The lane whose yellow light it has decided to pass.
     pub(super) passes_yellow: Option<usize>,
     /// Whether its front has just passed a red light.
     pub(super) passed_red: bool,
-    /// When it last began a lane change, s.
+    /// Time at which its last lane change began, s.
     pub(super) changed_at: f64,
     wander: f64,
-    /// How much more or less than the wanted speed is driven just now, in deviations.
+    /// Current deviation from the desired speed, in standard deviations.
     pub(super) mood: f64,
-    noise: (f64, f64),
-    /// The last speeds of leaders, with their ids.
-    seen: [Option<(u32, f64)>; MEMORY],
+    /// Current error of perceived speeds, in standard deviations.
+    speed_noise: f64,
+    /// Current error of perceived distances, in standard deviations.
+    distance_noise: f64,
+    /// Recent leader ids and speeds.
+    seen: [Option<(u32, f64)>; MEMORY_LENGTH],
     seen_next: usize,
 }
 
 impl Vehicle {
-    /// Somebody at `s` of the first way of a path.
-    #[expect(clippy::too_many_arguments, reason = "all of it is what makes a vehicle")]
+    /// Creates a vehicle at `s` of the first lane of a path.
+    #[expect(clippy::too_many_arguments, reason = "a vehicle needs all of them")]
     pub(super) fn new(
         network: &Network,
         id: u32,
@@ -113,10 +122,10 @@ impl Vehicle {
         s: f64,
         speed: f64,
     ) -> Self {
-        let way = &network.ways[path[0]];
-        let heading = way.line.heading_at(s);
+        let lane = &network.lanes[path[0]];
+        let heading = lane.line.heading_at(s);
         let along = direction(heading);
-        let center = way.line.at(s) + left(along) * driver.bias;
+        let center = lane.line.at(s) + left(along) * driver.bias;
         Self {
             id,
             body,
@@ -130,7 +139,7 @@ impl Vehicle {
             s,
             offset: driver.bias,
             change: None,
-            held: None,
+            held_before: None,
             stopped: None,
             standing_since: f64::INFINITY,
             passes_yellow: None,
@@ -138,74 +147,77 @@ impl Vehicle {
             changed_at: 0.0,
             wander: 0.0,
             mood: 0.0,
-            noise: (0.0, 0.0),
-            seen: [None; MEMORY],
+            speed_noise: 0.0,
+            distance_noise: 0.0,
+            seen: [None; MEMORY_LENGTH],
             seen_next: 0,
         }
     }
 
-    /// Puts a vehicle that has not moved yet elsewhere on the way.
+    /// Moves a vehicle that has not driven yet to another place on its lane.
     pub(super) fn place(&mut self, network: &Network, s: f64) {
-        let line = &network.ways[self.path[0]].line;
+        let line = &network.lanes[self.path[0]].line;
         self.rear.position += line.at(s) - line.at(self.s);
         self.rear.heading = line.heading_at(s);
         self.s = s;
     }
 
-    /// The box centre and the heading.
+    /// Returns the box centre and the heading.
     pub(super) fn pose(&self) -> Pose {
         let Pose { position, heading } = self.rear;
         Pose { position: position + direction(heading) * self.body.rear, heading }
     }
 
-    /// Velocity of the box centre, m/s: that of the rear axle and the turning.
+    /// Returns the velocity of the box centre, m/s: that of the rear axle plus the rotation.
     pub(super) fn velocity(&self) -> Vec2 {
         let along = direction(self.rear.heading);
         (along + left(along) * (self.curvature * self.body.rear)) * self.speed
     }
 
-    /// Arc length of the front bumper on the first way of the path.
+    /// Returns the arc length of the front bumper on the first lane of the path.
     pub(super) fn front(&self) -> f64 {
         self.s + 0.5 * self.body.length
     }
 
-    /// Errors of perception and lane keeping go on (Ornstein-Uhlenbeck processes).
+    /// Advances the errors of perception and lane keeping (Ornstein-Uhlenbeck processes).
     pub(super) fn drift(&mut self, dt: f64, rng: &mut Stream) {
         let next = |value: f64, time: f64, rng: &mut Stream| {
             let keep = 1.0 - dt / time;
             value * keep + (1.0 - keep * keep).sqrt() * rng.normal()
         };
-        self.noise.0 = next(self.noise.0, NOISE_TIME, rng);
-        self.noise.1 = next(self.noise.1, NOISE_TIME, rng);
+        self.speed_noise = next(self.speed_noise, NOISE_TIME, rng);
+        self.distance_noise = next(self.distance_noise, NOISE_TIME, rng);
         self.mood = next(self.mood, MOOD_TIME, rng).clamp(-2.0, 2.0);
         self.wander = next(self.wander, WANDER_TIME, rng).clamp(-2.5, 2.5);
     }
 
-    /// Notes what is seen of the leader now, and gives what the driver is aware of: its speed some time ago, with errors.
+    /// Records the current leader, and returns the leader as the driver perceives it: with a delayed speed,
+    /// and with errors.
     pub(super) fn perceive(&mut self, leader: Option<(Leader, u32)>, dt: f64) -> Option<Leader> {
         self.seen[self.seen_next] = leader.map(|(l, id)| (id, l.speed));
-        let age = ((self.driver.delay / dt).round() as usize).min(MEMORY - 1);
-        let old = self.seen[(self.seen_next + MEMORY - age) % MEMORY];
-        self.seen_next = (self.seen_next + 1) % MEMORY;
+        let age = ((self.driver.delay / dt).round() as usize).min(MEMORY_LENGTH - 1);
+        let old = self.seen[(self.seen_next + MEMORY_LENGTH - age) % MEMORY_LENGTH];
+        self.seen_next = (self.seen_next + 1) % MEMORY_LENGTH;
         let (now, id) = leader?;
         let then = old.filter(|o| o.0 == id).map_or(now.speed, |o| o.1);
-        // Slow ones are told from standing ones.
-        let speed = then + self.driver.noise.0 * self.noise.0 * (now.speed / 8.0).min(1.0);
-        let error = (self.driver.noise.1 * self.noise.1 * now.gap).clamp(-2.0, 2.0);
+        // Slow leaders are distinguished from standing ones.
+        let speed = then + self.driver.speed_noise * self.speed_noise * (now.speed / 8.0).min(1.0);
+        let error = (self.driver.distance_noise * self.distance_noise * now.gap).clamp(-2.0, 2.0);
         Some(Leader { gap: now.gap + error, speed: speed.max(0.0) })
     }
 
-    /// Begins a lane change: from now on the vehicle is on `way`, at `s` and `offset` of it.
+    /// Begins a lane change: from now on the vehicle is on the first lane of `path`, at `s` and `offset` of
+    /// it.
     pub(super) fn begin_change(&mut self, s: f64, offset: f64, path: Vec<usize>) {
-        self.change = Some(Change { from: Some(self.path[0]), start: offset, age: 0.0 });
+        self.change = Some(LaneChange { from: Some(self.path[0]), start: offset, age: 0.0 });
         (self.s, self.offset, self.path) = (s, offset, path);
     }
 
-    /// Moves on for `dt` seconds towards the acceleration that was decided.
+    /// Advances by `dt` seconds, approaching the acceleration that was decided.
     pub(super) fn advance(&mut self, network: &Network, decided: f64, dt: f64) {
-        let decided = decided.max(-HARDEST);
-        let urgent = decided < -URGENT;
-        let (up, down) = if urgent { (JERK.0, URGENT_JERK) } else { JERK };
+        let decided = decided.max(-MAX_BRAKING);
+        let urgent = decided < -URGENT_BRAKING;
+        let (up, down) = if urgent { (JERK_UP, URGENT_JERK) } else { (JERK_UP, JERK_DOWN) };
         let up = if self.acceleration < 0.0 { up * 2.5 } else { up };
         self.acceleration += (decided - self.acceleration).clamp(-down * dt, up * dt);
         if self.speed < 0.05 && self.acceleration <= 0.0 {
@@ -217,9 +229,9 @@ impl Vehicle {
         self.speed = speed;
         self.steer(network, dt);
         self.rear = self.rear.advance(distance, self.curvature);
-        self.follow_way(network, distance);
+        self.follow_path(network, distance);
         if let Some(change) = &mut self.change {
-            // Who crawls gets over more slowly.
+            // Crawling vehicles change lanes more slowly.
             change.age += dt * (self.speed / 3.0).min(1.0);
             if change.age > self.driver.change_time + 1.0 {
                 self.change = None;
@@ -227,24 +239,24 @@ impl Vehicle {
         }
     }
 
-    /// Pure pursuit of a point on the path (Coulter 1992), by the rear axle.
+    /// Steers by pure pursuit of a point on the path (Coulter 1992), from the rear axle.
     fn steer(&mut self, network: &Network, dt: f64) {
-        let (fixed, per_speed) = self.driver.preview;
+        let (fixed, per_speed) = (self.driver.preview_distance, self.driver.preview_time);
         let reach = (fixed + per_speed * self.speed).max(0.75 * self.body.length - 1.0);
-        let way = &network.ways[self.path[0]];
+        let lane = &network.lanes[self.path[0]];
         let at = self.s - self.body.rear + reach;
         let on = network.ahead(&self.path, at);
         let along = {
             let d = network.ahead(&self.path, at + 0.5) - network.ahead(&self.path, at - 0.5);
             d / d.norm().max(1e-9)
         };
-        let room = (way.half_width - 0.5 * self.body.width - SIDE_ROOM).max(0.05);
-        // In junctions, on narrow lanes and at speed drivers keep to their lane more closely.
-        let calm = if way.connector {
+        let room = (lane.half_width - 0.5 * self.body.width - SIDE_CLEARANCE).max(0.05);
+        // Drivers keep to their lane more closely in junctions, on narrow lanes and at high speed.
+        let calm = if lane.connector {
             0.5
-        } else if way.limit > MOTORWAY {
+        } else if lane.limit > MOTORWAY_LIMIT {
             0.7
-        } else if way.half_width < NARROW {
+        } else if lane.half_width < NARROW_HALF_WIDTH {
             0.8
         } else {
             1.0
@@ -261,26 +273,27 @@ impl Vehicle {
         let to = target - self.rear.position;
         let wanted = 2.0 * ahead.perp(&to) / to.norm_squared().max(1.0);
         let most = self.body.curvature;
-        let rate = STEERING.min(LATERAL_JERK / (self.speed * self.speed).max(0.01)) * dt;
+        let rate = STEERING_RATE.min(LATERAL_JERK / (self.speed * self.speed).max(0.01)) * dt;
         self.curvature += (wanted.clamp(-most, most) - self.curvature).clamp(-rate, rate);
     }
 
-    /// Finds the place on the way anew, and goes over to the next way at the end of one.
-    fn follow_way(&mut self, network: &Network, distance: f64) {
+    /// Updates the position on the path, and moves on to the next lane at the end of one.
+    fn follow_path(&mut self, network: &Network, distance: f64) {
         let center = self.pose().position;
         loop {
-            let line = &network.ways[self.path[0]].line;
+            let line = &network.lanes[self.path[0]].line;
             let near = line.segment_from((self.s + distance).max(0.0), line.segment_at(self.s.max(0.0)));
             let found = line.project_between(center, near.saturating_sub(2), near + 3);
             let last = line.points()[line.segments()];
-            let over = (center - last).dot(&network.ways[self.path[0]].end);
+            let over = (center - last).dot(&network.lanes[self.path[0]].end);
             self.offset = found.offset;
             if found.s >= line.length() - 1e-9 && over >= 0.0 && self.path.len() > 1 {
                 let length = line.length();
                 self.path.remove(0);
                 self.s -= length;
                 if let Some(change) = &mut self.change {
-                    // The neighbour that is left ends here too; what remains of the change goes on beside the next way.
+                    // The lane that is being left ends here too; the rest of the change continues on the
+                    // next lane.
                     change.from = None;
                 }
                 continue;

@@ -1,4 +1,5 @@
-//! Which lane a vehicle is on: nuPlan's route over lanes and connectors, or every point by itself.
+//! Assignment of vehicles to lanes: by nuPlan's route over lanes and connectors, or for each point
+//! separately.
 
 use std::ops::Range;
 
@@ -7,30 +8,31 @@ use crate::metrics::Case;
 use crate::metrics::options::DirConnector;
 use crate::scene::{LaneClass, LaneHit, LaneKind, Road};
 
-/// A vehicle that leaves its connector stays on it up to this distance, metres (nuPlan `get_route`).
+/// Distance in metres up to which a vehicle that leaves its connector stays assigned to it (nuPlan
+/// `get_route`).
 const PROXIMITY: f64 = 5.0;
 
-/// Where a pose lies on its lane.
+/// The position of a pose on its lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Placed {
+pub(super) struct LanePosition {
     /// Index of the lane.
     pub(super) lane: usize,
     /// Arc length of the nearest point of the baseline, metres.
     pub(super) s: f64,
-    /// Direction of the segment that holds it, radians.
+    /// Heading of the segment that contains this point, radians.
     pub(super) theta: f64,
 }
 
-/// Assigns lanes to poses; keeps its buffers between vehicles.
+/// Assigns lanes to poses; reuses its buffers for all vehicles.
 pub(super) struct Tracker<'c> {
     road: Road<'c>,
-    /// Bike lanes of maps without drivable polygons overlap the lanes beside them and are left out.
+    /// Whether to ignore bike lanes: in maps without drivable polygons they overlap adjacent lanes.
     skip_bikes: bool,
     hits: Vec<LaneHit>,
-    /// Hits of all poses of a run, one after the other, and the range of each pose.
+    /// Hits of all poses of a run, in sequence, and the range of each pose.
     all_hits: Vec<LaneHit>,
     hit_ranges: Vec<Range<usize>>,
-    /// Candidate lists of all poses in one store, and the range of each pose.
+    /// Candidate lanes of all poses of a run, and the range of each pose.
     members: Vec<usize>,
     lists: Vec<Range<usize>>,
 }
@@ -50,7 +52,7 @@ impl<'c> Tracker<'c> {
         }
     }
 
-    fn look(&mut self, p: Vec2) {
+    fn look_up(&mut self, p: Vec2) {
         self.road.lanes_at(p, &mut self.hits);
         if self.skip_bikes {
             let road = self.road;
@@ -58,12 +60,13 @@ impl<'c> Tracker<'c> {
         }
     }
 
-    fn placed(&self, lane: usize, projection: &Projection) -> Placed {
-        Placed { lane, s: projection.s, theta: self.road.lane(lane).baseline.heading(projection.segment) }
+    fn position(&self, lane: usize, projection: &Projection) -> LanePosition {
+        let theta = self.road.lane(lane).baseline.heading(projection.segment);
+        LanePosition { lane, s: projection.s, theta }
     }
 
-    /// Whether any lane holds `p`, and whether one of them surely points less than `degrees` off `axis`. `hint` carries such a
-    /// lane from one pose to the next and is asked first.
+    /// Returns whether any lane contains `p`, and whether the direction of one of them is certainly less than
+    /// `degrees` off `axis`. `hint` carries such a lane from one pose to the next and is tried first.
     pub(super) fn some_lane_along(
         &mut self,
         p: Vec2,
@@ -71,47 +74,48 @@ impl<'c> Tracker<'c> {
         degrees: f64,
         hint: &mut Option<usize>,
     ) -> (bool, bool) {
-        // The margin keeps rounding on the safe side: what is close to the bound is judged exactly.
-        let least = math::cos(degrees.to_radians()) + 1e-9;
+        // The margin covers rounding: directions close to the bound are evaluated exactly elsewhere.
+        let min_cos = math::cos(degrees.to_radians()) + 1e-9;
         let road = self.road;
         let along = |lane: usize, projection: &Projection| {
             let (a, b) = road.lane(lane).baseline.segment(projection.segment);
-            (b - a).dot(&axis) > least * (b - a).norm()
+            (b - a).dot(&axis) > min_cos * (b - a).norm()
         };
         if let Some(lane) = *hint
             && road.lane_at(p, lane).is_some_and(|projection| along(lane, &projection))
         {
             return (true, true);
         }
-        self.look(p);
+        self.look_up(p);
         *hint = self.hits.iter().find(|h| along(h.lane, &h.projection)).map(|h| h.lane);
         (!self.hits.is_empty(), hint.is_some())
     }
 
-    /// Every lane that holds the pose, the least heading error counts; the first in map order on ties.
+    /// Assigns each pose to the lane with the smallest heading error among all that contain it; the first in
+    /// map order on ties.
     pub(super) fn pointwise(
         &mut self,
         case: &Case<'_>,
         agent: usize,
         run: Range<usize>,
-        placed: &mut Vec<Option<Placed>>,
+        placed: &mut Vec<Option<LanePosition>>,
     ) {
         placed.clear();
         for f in run {
-            self.look(case.motion.position(agent, f));
+            self.look_up(case.motion.position(agent, f));
             let heading = case.motion.heading[case.motion.at(agent, f)];
-            let all = self.hits.iter().map(|h| self.placed(h.lane, &h.projection));
+            let all = self.hits.iter().map(|h| self.position(h.lane, &h.projection));
             placed.push(least_error(all, heading));
         }
     }
 
-    /// nuPlan's `get_route` and `remove_extra_lane_connectors`, on box centres.
+    /// Assigns poses to lanes by nuPlan's `get_route` and `remove_extra_lane_connectors`, on box centres.
     pub(super) fn route(
         &mut self,
         case: &Case<'_>,
         agent: usize,
         run: Range<usize>,
-        placed: &mut Vec<Option<Placed>>,
+        placed: &mut Vec<Option<LanePosition>>,
     ) {
         self.all_hits.clear();
         self.hit_ranges.clear();
@@ -119,7 +123,7 @@ impl<'c> Tracker<'c> {
         self.lists.clear();
         for f in run.clone() {
             let p = case.motion.position(agent, f);
-            self.look(p);
+            self.look_up(p);
             let from = self.all_hits.len();
             self.all_hits.extend_from_slice(&self.hits);
             self.hit_ranges.push(from..self.all_hits.len());
@@ -132,8 +136,8 @@ impl<'c> Tracker<'c> {
             let p = case.motion.position(agent, f);
             let hits = &self.all_hits[self.hit_ranges[q].clone()];
             let place = |&lane: &usize| match hits.iter().find(|h| h.lane == lane) {
-                Some(hit) => self.placed(lane, &hit.projection),
-                None => self.placed(lane, &self.road.lane(lane).baseline.project(p)),
+                Some(hit) => self.position(lane, &hit.projection),
+                None => self.position(lane, &self.road.lane(lane).baseline.project(p)),
             };
             let list = &self.members[self.lists[q].clone()];
             placed.push(match case.options.dir_connector {
@@ -153,7 +157,7 @@ impl<'c> Tracker<'c> {
         self.members[list.clone()].first().is_some_and(|&lane| self.road.lane(lane).kind == kind)
     }
 
-    /// The candidate list of the next pose at `p`, whose hits have been looked up.
+    /// Returns the candidate lanes of the next pose at `p`, whose hits have been looked up.
     fn advance(&mut self, p: Vec2) -> Range<usize> {
         let q = self.lists.len();
         let before = self.lists.last().cloned().unwrap_or(0..0);
@@ -200,7 +204,7 @@ impl<'c> Tracker<'c> {
         fresh
     }
 
-    /// Backwards over the poses: a list of several lanes is narrowed by the list that comes after it.
+    /// Narrows each list of several lanes by the list of the next pose, going backwards.
     fn prune(&mut self) {
         for q in (0..self.lists.len().saturating_sub(1)).rev() {
             let (mut list, next) = (self.lists[q].clone(), self.lists[q + 1].clone());
@@ -214,7 +218,7 @@ impl<'c> Tracker<'c> {
             if self.begins_with(&next, LaneKind::Lane) {
                 let incoming = &self.road.map.lanes[self.members[next.start]].predecessors;
                 let start = self.members.len();
-                // The members that the forward pass stored, even where the list has just become the next one.
+                // The members stored by the forward pass, even if the list was just replaced by the next one.
                 for k in self.lists[q].clone() {
                     let lane = self.members[k];
                     if incoming.contains(&lane) {
@@ -230,12 +234,12 @@ impl<'c> Tracker<'c> {
     }
 }
 
-fn least_error(places: impl Iterator<Item = Placed>, heading: f64) -> Option<Placed> {
-    let mut best: Option<(f64, Placed)> = None;
-    for place in places {
-        let error = wrap(heading - place.theta).abs();
+fn least_error(positions: impl Iterator<Item = LanePosition>, heading: f64) -> Option<LanePosition> {
+    let mut best: Option<(f64, LanePosition)> = None;
+    for position in positions {
+        let error = wrap(heading - position.theta).abs();
         if best.is_none_or(|(least, _)| error < least) {
-            best = Some((error, place));
+            best = Some((error, position));
         }
     }
     best.map(|b| b.1)

@@ -1,4 +1,5 @@
-//! The worked cases of `docs/over-reaction.md`: everybody drives along the x axis; the AV stands with its centre at 100 m.
+//! The worked cases of `docs/over-reaction.md`. All agents drive along the x axis; the AV is stopped with its
+//! centre at 100 m.
 
 use super::super::{Case, LoggedTrack, Object, Options, Score, Scores, score_case};
 use crate::scene::{
@@ -6,13 +7,15 @@ use crate::scene::{
     Response, Road, RoadMap,
 };
 
+/// x of the AV's centre, metres.
 const AV_AT: f64 = 100.0;
 
 fn agent(id: &str) -> Agent {
     Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 }
 }
 
-/// Drives from `x` at 10 m/s, and brakes from now on with this deceleration until it stands.
+/// Returns a track that starts at `x` with 10 m/s and brakes from now on with this deceleration until it
+/// stops.
 fn drive(x: f64, y: f64, deceleration: f64) -> Vec<Frame> {
     let state = |f: usize| {
         let t = DT * (f as f64 - CURRENT as f64);
@@ -24,7 +27,7 @@ fn drive(x: f64, y: f64, deceleration: f64) -> Vec<Frame> {
     (0..FRAMES).map(|f| Some(state(f))).collect()
 }
 
-fn stand(x: f64, y: f64) -> Vec<Frame> {
+fn parked_at(x: f64, y: f64) -> Vec<Frame> {
     vec![Some(AgentState { x, y, heading: 0.0, vx: 0.0, vy: 0.0 }); FRAMES]
 }
 
@@ -41,18 +44,18 @@ fn response(id: &str, leader: Option<&str>, track: &[Frame], peak: f64) -> Respo
     }
 }
 
-/// Agents with their logs and what they do in the rollout; the AV is the first.
+/// Agents with their logs and their tracks in the rollout; the AV is the first.
 struct World {
     agents: Vec<(Agent, Vec<Frame>, Vec<Frame>)>,
     certificate: Option<Certificate>,
 }
 
 impl World {
-    /// The AV, and `a` 50 m behind it, which brakes with 2 m/s² in the certificate: 25 m in 5 s.
+    /// Creates the AV, and `a` 50 m behind it, which brakes with 2 m/s² in the certificate: 25 m in 5 s.
     fn new(driven: Vec<Frame>) -> Self {
         let log = drive(AV_AT - 50.0, 0.0, 0.0);
         let track = drive(AV_AT - 50.0, 0.0, 2.0);
-        let av = (agent("av"), drive(AV_AT, 0.0, 0.0), stand(AV_AT, 0.0));
+        let av = (agent("av"), drive(AV_AT, 0.0, 0.0), parked_at(AV_AT, 0.0));
         Self {
             agents: vec![av, (agent("a"), log, driven)],
             certificate: Some(Certificate { responses: vec![response("a", None, &track, 2.0)] }),
@@ -90,14 +93,14 @@ fn near(found: Option<f64>, expected: f64) {
     assert!(found.is_some_and(|v| (v - expected).abs() < 1e-9), "{found:?} is not {expected}");
 }
 
-/// The events of a metric: agent, whether it counts, and the first value.
+/// Returns the events of a metric: agent, whether the event counts, and the first value.
 fn events<'s>(scores: &'s Scores, metric: &str) -> Vec<(&'s str, bool, f64)> {
     let own = scores.events.iter().filter(|e| e.metric == metric);
     own.map(|e| (e.agent.as_str(), e.counted, e.values[0].1)).collect()
 }
 
 #[test]
-fn the_certificate_itself_is_no_over_reaction() {
+fn the_certificate_itself_is_not_an_over_reaction() {
     let scores = World::new(drive(AV_AT - 50.0, 0.0, 2.0)).scores();
     assert_eq!(scores.score("over-reaction"), Some(Score::Mean { sum: 0.0, n: 1 }));
     assert_eq!(scores.score("over-braking"), Some(Score::Mean { sum: 0.0, n: 1 }));
@@ -105,16 +108,16 @@ fn the_certificate_itself_is_no_over_reaction() {
 }
 
 #[test]
-fn going_farther_than_the_certificate_is_no_over_reaction() {
-    // 10²/(2 x 1.25) = 40 m, so that 6 m are left of the gap of 46 m.
+fn driving_farther_than_the_certificate_is_not_an_over_reaction() {
+    // 10²/(2 x 1.25) = 40 m, which leaves 6 m of the 46 m gap.
     let scores = World::new(drive(AV_AT - 50.0, 0.0, 1.25)).scores();
     assert_eq!(scores.score("over-reaction"), Some(Score::Mean { sum: 0.0, n: 1 }));
     assert_eq!(scores.value("over-braking"), Some(0.0));
 }
 
 #[test]
-fn stopping_at_once_loses_what_the_certificate_drives() {
-    // 10 m/s to 0 in one step: 100 m/s², 98 more than needed.
+fn stopping_at_once_loses_the_path_of_the_certificate() {
+    // 10 m/s to 0 in one step: 100 m/s², 98 m/s² more than needed.
     let driven = World::new(frozen()).scores();
     near(driven.value("over-reaction"), 25.0);
     near(driven.value("over-braking"), 98.0);
@@ -124,7 +127,7 @@ fn stopping_at_once_loses_what_the_certificate_drives() {
     assert_eq!(names, ["lost", "driven", "reference", "peak", "reference_peak"]);
 }
 
-/// Stands from the current frame on.
+/// Returns a track that is stopped from the current frame on.
 fn frozen() -> Vec<Frame> {
     let mut track = drive(AV_AT - 50.0, 0.0, 0.0);
     for frame in &mut track[HISTORY..] {
@@ -143,12 +146,12 @@ fn harder_braking_than_needed_costs_both() {
 }
 
 #[test]
-fn who_vanishes_drives_nothing() {
+fn absent_agents_drive_nothing() {
     let mut driven = drive(AV_AT - 50.0, 0.0, 2.0);
     driven[HISTORY + 10..].fill(None);
     // In the first second 10 - 1 = 9 m.
     near(World::new(driven.clone()).scores().value("over-reaction"), 16.0);
-    // What lies between vanishing and coming back is not driven.
+    // The distance between disappearing and reappearing is not counted.
     driven[FRAMES - 1] = drive(AV_AT - 50.0, 0.0, 2.0)[FRAMES - 1];
     near(World::new(driven).scores().value("over-reaction"), 16.0);
 }
@@ -159,13 +162,14 @@ fn log_replay_is_undefined() {
     assert_eq!((scores.score("over-reaction"), scores.score("over-braking")), (None, None));
     let event = scores.events.iter().find(|e| e.metric == "over-reaction").unwrap();
     assert_eq!((event.reason, event.counted), (Some("under_reacted"), false));
-    // Within 5 m at 10 m/s from step 42 on (4 m of 46 m are left); the boxes have parted again after step 54.
+    // Less than 5 m away at 10 m/s from step 42 on (4 m of 46 m are left); the boxes have separated after
+    // step 53.
     assert_eq!((event.step, event.last_step), (42, 53));
 }
 
 #[test]
 fn a_close_call_is_under_reaction_too() {
-    // Drives on at 10 m/s and stops in one step, 0.5 m before the AV: 0.1 s or less were left before.
+    // Continues at 10 m/s and stops in one step, 0.5 m before the AV: until then 0.1 s or less remained.
     let mut driven = drive(AV_AT - 50.0, 0.0, 0.0);
     for (k, frame) in driven[HISTORY..].iter_mut().enumerate() {
         let x = (AV_AT - 50.0 + (k + 1) as f64).min(AV_AT - 4.5);
@@ -195,7 +199,7 @@ fn followers_belong_to_neither_set() {
     // `b` follows `a`, and stops at once; `a` drives the certificate.
     let track = drive(AV_AT - 80.0, 0.0, 2.0);
     let world = World::new(drive(AV_AT - 50.0, 0.0, 2.0))
-        .with("b", drive(AV_AT - 80.0, 20.0, 0.0), stand(AV_AT - 80.0, 20.0))
+        .with("b", drive(AV_AT - 80.0, 20.0, 0.0), parked_at(AV_AT - 80.0, 20.0))
         .with_response(response("b", Some("a"), &track, 2.0));
     let scores = world.scores();
     assert_eq!(scores.score("over-reaction"), Some(Score::Mean { sum: 0.0, n: 1 }));
@@ -203,7 +207,7 @@ fn followers_belong_to_neither_set() {
 }
 
 #[test]
-fn responders_that_are_not_there_are_left_out() {
+fn absent_responders_are_left_out() {
     let track = drive(0.0, 0.0, 2.0);
     let mut world = World::new(drive(AV_AT - 50.0, 0.0, 2.0))
         .with_response(response("nobody", None, &track, 2.0))
@@ -230,9 +234,9 @@ fn undisturbed_vehicles_are_measured_against_their_log() {
     let world = |driven: Vec<Frame>| {
         World::new(drive(AV_AT - 50.0, 0.0, 2.0))
             .with("c", drive(0.0, 20.0, 0.0), driven)
-            // Parked, and close to the AV: neither is judged.
-            .with("parked", stand(0.0, -20.0), stand(0.0, -20.0))
-            .with("near", drive(AV_AT - 60.0, 6.0, 0.0), stand(AV_AT - 60.0, 6.0))
+            // Parked, and close to the AV: neither is evaluated.
+            .with("parked", parked_at(0.0, -20.0), parked_at(0.0, -20.0))
+            .with("near", drive(AV_AT - 60.0, 6.0, 0.0), parked_at(AV_AT - 60.0, 6.0))
             .scores()
     };
     let replay = world(drive(0.0, 20.0, 0.0));
@@ -250,7 +254,7 @@ fn undisturbed_vehicles_are_measured_against_their_log() {
 
 #[test]
 fn the_reference_of_braking_is_the_harder_of_profile_and_track() {
-    // The log brakes with 3 m/s² until the response begins, which itself needs 2 m/s² only.
+    // The log brakes with 3 m/s² until the response begins, which itself needs only 2 m/s².
     let mut world = World::new(drive(AV_AT - 50.0, 0.0, 3.0));
     let track = drive(AV_AT - 50.0, 0.0, 3.0);
     world.certificate = Some(Certificate { responses: vec![response("a", None, &track, 2.0)] });

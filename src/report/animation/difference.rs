@@ -1,24 +1,24 @@
-//! What changes from one moment to the next.
+//! Difference between two consecutive pictures.
 
 use super::palette::TRANSPARENT;
 
-/// A part of a picture.
+/// Changed rectangle of a picture.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Change {
     /// Left edge, pixels.
     pub(super) left: usize,
     /// Upper edge, pixels.
     pub(super) top: usize,
-    /// Pixels from left to right, at least one.
+    /// Width in pixels, at least 1.
     pub(super) width: usize,
-    /// Pixels from top to bottom, at least one.
+    /// Height in pixels, at least 1.
     pub(super) height: usize,
-    /// Its pixels, row by row; [`TRANSPARENT`] where nothing changed.
+    /// Pixels in row-major order; [`TRANSPARENT`] if unchanged.
     pub(super) pixels: Vec<u8>,
 }
 
-/// The least rectangle that holds all that changed in a picture of this width; one transparent pixel where nothing did, since a moment must
-/// have some. Without a picture before it everything changed.
+/// Returns the smallest rectangle with all changes in a picture of this width: one transparent pixel if
+/// there are none, since a frame must not be empty, and the whole picture if there is none before it.
 pub(super) fn change(before: Option<&[u8]>, after: &[u8], width: usize) -> Change {
     let Some(before) = before else {
         let height = after.len() / width.max(1);

@@ -1,14 +1,15 @@
-//! Letters of pixels, for the few words of an animation: drawing those of a font would need the font.
+//! Bitmap letters for the short texts of an animation, which need no font file.
 
-/// Rows of a letter; the last two are for what hangs below the line.
+/// Height of a letter in dots; the last two rows are descenders.
 pub(super) const HEIGHT: usize = 9;
-/// Columns of a letter, and from one letter to the next.
+/// Width of a letter in dots.
 const WIDTH: usize = 5;
+/// Distance between the left edges of two letters, in dots.
 const ADVANCE: usize = 6;
-/// What is shown for letters that are not known: a box.
+/// Substitute for unknown letters: a box.
 const UNKNOWN: [u8; HEIGHT] = [0x1f, 0x11, 0x11, 0x11, 0x11, 0x11, 0x1f, 0x00, 0x00];
 
-/// Rows from top to bottom; of each the lower five bits from left to right.
+/// Rows of each letter from top to bottom; the lower five bits of a row are its dots from left to right.
 #[rustfmt::skip]
 const LETTERS: [(char, [u8; HEIGHT]); 48] = [
     ('a', [0x00, 0x00, 0x0e, 0x01, 0x0f, 0x11, 0x0f, 0x00, 0x00]),
@@ -61,13 +62,13 @@ const LETTERS: [(char, [u8; HEIGHT]); 48] = [
     ('†', [0x04, 0x0e, 0x04, 0x04, 0x04, 0x04, 0x04, 0x00, 0x00]),
 ];
 
-/// Pixels that a text takes from left to right, at so many pixels per dot.
+/// Returns the width of a text in pixels, at `scale` pixels per dot.
 pub(super) fn width(text: &str, scale: usize) -> usize {
     text.chars().count() * ADVANCE * scale
 }
 
-/// Writes a text. `dot` is given the left upper corner of every dot of the letters, and its side. There are no capitals: they are
-/// written small.
+/// Writes a text, in lower case: calls `dot` with the upper left corner (x, y) and the side of every dot,
+/// in pixels.
 pub(super) fn write(text: &str, scale: usize, mut dot: impl FnMut(usize, usize, usize)) {
     for (i, letter) in text.chars().enumerate() {
         let small = letter.to_ascii_lowercase();

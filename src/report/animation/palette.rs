@@ -5,29 +5,32 @@ use std::collections::{BTreeMap, HashMap};
 /// Red, green, blue.
 pub(super) type Colour = [u8; 3];
 
-/// The index that leaves a pixel as it was.
+/// Palette index that leaves a pixel unchanged.
 pub(super) const TRANSPARENT: u8 = 0;
 
-/// A colour written as `#rrggbb`; black where it is not.
+/// Parses a colour written as `#rrggbb`; black if malformed.
 pub(super) fn rgb(hex: &str) -> Colour {
     let value = u32::from_str_radix(hex.trim_start_matches('#'), 16).unwrap_or(0);
     let [_, r, g, b] = value.to_be_bytes();
     [r, g, b]
 }
 
-/// Few colours that stand for many.
+/// Few colours that approximate many.
 pub(super) struct Palette {
     colours: Vec<Colour>,
-    /// The index of every colour that was asked for.
+    /// Cached index of every colour looked up so far.
     known: HashMap<Colour, u8>,
 }
 
-/// Colours that one colour will stand for, with how much each weighs.
+/// Colours that share one palette colour.
 struct Cluster {
+    /// Colours with their weights.
     members: Vec<(Colour, f64)>,
-    /// The channel in which they differ most, where to cut there, and the sum of squared differences.
+    /// Channel with the largest spread.
     axis: usize,
+    /// Value of that channel at which to split the cluster.
     cut: f64,
+    /// Weighted sum of squared differences from the mean in that channel.
     spread: f64,
 }
 
@@ -45,7 +48,7 @@ impl Cluster {
             let mean = members.iter().map(|m| m.1 * value(m)).sum::<f64>() / total;
             let spread: f64 = members.iter().map(|m| m.1 * (value(m) - mean) * (value(m) - mean)).sum();
             if spread > found.2 {
-                // Values are whole: with this cut there is something on both sides.
+                // Values are integers: with this cut, neither side is empty.
                 found = (axis, mean.clamp(least, most - 0.5), spread);
             }
         }
@@ -53,7 +56,7 @@ impl Cluster {
         Self { members, axis, cut, spread }
     }
 
-    /// The colour that weighs most: flat areas keep theirs exactly.
+    /// Returns the colour with the largest weight, so that flat areas keep their exact colour.
     fn colour(&self) -> Colour {
         let mut best = self.members[0];
         for member in &self.members {
@@ -66,14 +69,15 @@ impl Cluster {
 }
 
 impl Palette {
-    /// At most `most` colours (at least 1, at most 255) for these, with how many pixels have each. Clusters are cut in two at their mean, the
-    /// one with the greatest sum of squared differences first, until there are enough (a simple form of Wu's quantiser of 1991). A colour
-    /// weighs as the root of its pixels, so that what is small and bright is not lost beside the ground.
+    /// Creates a palette of at most `most` colours (1 to 255) from the pixel counts of colours. Clusters
+    /// are split at their mean, the one with the largest sum of squared differences first, until there
+    /// are enough (a simple form of Wu's quantiser of 1991). The weight of a colour is the square root of
+    /// its pixel count, so that small bright areas are not lost among large ones.
     pub(super) fn new(counts: &BTreeMap<Colour, u64>, most: usize) -> Self {
         let members: Vec<(Colour, f64)> = counts.iter().map(|(c, n)| (*c, (*n as f64).sqrt())).collect();
         let mut clusters = if members.is_empty() { Vec::new() } else { vec![Cluster::new(members)] };
         while clusters.len() < most.clamp(1, 255) {
-            // Of equal ones the first.
+            // Ties: the first one.
             let mut widest = 0;
             for (i, cluster) in clusters.iter().enumerate() {
                 if cluster.spread > clusters[widest].spread {
@@ -94,12 +98,12 @@ impl Palette {
         Self { colours, known: HashMap::new() }
     }
 
-    /// Red, green and blue of each index; that of the transparent one means nothing.
+    /// Returns red, green and blue of each index; those of the transparent index are meaningless.
     pub(super) fn table(&self) -> Vec<u8> {
         std::iter::once(&[0, 0, 0]).chain(&self.colours).flatten().copied().collect()
     }
 
-    /// The indices of the nearest colours.
+    /// Returns the indices of the nearest colours.
     pub(super) fn indices(&mut self, pixels: &[Colour]) -> Vec<u8> {
         let mut indices = Vec::with_capacity(pixels.len());
         let mut before: Option<(Colour, u8)> = None;
@@ -118,7 +122,7 @@ impl Palette {
         if let Some(&index) = self.known.get(&pixel) {
             return index;
         }
-        // Green tells most to the eye, blue least.
+        // The eye is most sensitive to green and least to blue.
         let far = |c: &Colour| -> u32 {
             let square = |k: usize| u32::from(c[k].abs_diff(pixel[k])) * u32::from(c[k].abs_diff(pixel[k]));
             3 * square(0) + 4 * square(1) + 2 * square(2)

@@ -1,4 +1,4 @@
-//! Moments as pixels.
+//! Rasterised frames of an animation.
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{self, Options, Tree};
@@ -8,26 +8,28 @@ use super::camera::Camera;
 use super::letters;
 use super::palette::{Colour, rgb};
 use crate::geometry::Vec2;
-use crate::report::birdseye::{Mark, MarkKind, moving::Moving, palette};
+use crate::report::birdseye::{Mark, MarkKind, moving::StepRenderer, palette};
 use crate::scene::{DT, FUTURE};
 
-/// Panels in a row.
-const ROW: usize = 4;
+/// Panels per row.
+const PANELS_PER_ROW: usize = 4;
 /// Space between panels, pixels.
-const GAP: usize = 8;
-/// Height of the line above a panel and of the bar below it, pixels.
-const HEAD: usize = 26;
-const FOOT: usize = 20;
-/// Height of the bar of time and of a tick, pixels.
-const BAR: usize = 6;
-const TICK: usize = 14;
-/// Around everything.
+const PANEL_GAP: usize = 8;
+/// Height of the title line above a panel, pixels.
+const TITLE_HEIGHT: usize = 26;
+/// Height of the area of the time bar below a panel, pixels.
+const TIME_HEIGHT: usize = 20;
+/// Height of the time bar, pixels.
+const BAR_HEIGHT: usize = 6;
+/// Height of the tick of an event, pixels.
+const TICK_HEIGHT: usize = 14;
+/// Background colour.
 const PAPER: Colour = [255; 3];
 
 /// A picture without transparency.
 #[derive(Clone)]
 pub(super) struct Picture {
-    /// Row by row.
+    /// Pixels in row-major order.
     pub(super) pixels: Vec<Colour>,
     width: usize,
 }
@@ -37,7 +39,7 @@ impl Picture {
         Self { pixels: vec![PAPER; width * height], width }
     }
 
-    /// Fills a rectangle; what lies outside is cut off.
+    /// Fills a rectangle, clipped to the picture.
     pub(super) fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: Colour) {
         let right = (x + width).min(self.width);
         for row in self.pixels.chunks_exact_mut(self.width).skip(y).take(height) {
@@ -60,15 +62,15 @@ impl Picture {
     }
 }
 
-/// Draws an SVG document over a picture.
+/// Draws an SVG document onto a picture.
 fn paint(svg: &str, onto: &mut Pixmap) -> Result<(), usvg::Error> {
     let tree = Tree::from_str(svg, &Options::default())?;
     resvg::render(&tree, Transform::identity(), &mut onto.as_mut());
     Ok(())
 }
 
-/// What does not move in a panel, drawn once for as long as it is the same.
-struct Below {
+/// Static content of a panel, redrawn only when it changes.
+struct Background {
     svg: String,
     pixels: Pixmap,
 }
@@ -76,69 +78,75 @@ struct Below {
 /// All panels of an animation.
 pub(super) struct Stage<'a> {
     panels: &'a [Panel<'a>],
-    moving: Vec<Moving<'a>>,
-    below: Vec<Option<Below>>,
+    renderers: Vec<StepRenderer<'a>>,
+    backgrounds: Vec<Option<Background>>,
     camera: Camera,
     size: usize,
 }
 
 impl<'a> Stage<'a> {
-    /// `size`: pixels of the side of a panel.
-    pub(super) fn new(panels: &'a [Panel<'a>], moving: Vec<Moving<'a>>, camera: Camera, size: usize) -> Self {
-        let below = panels.iter().map(|_| None).collect();
-        Self { panels, moving, below, camera, size }
+    /// `size`: side of a panel, pixels.
+    pub(super) fn new(
+        panels: &'a [Panel<'a>],
+        renderers: Vec<StepRenderer<'a>>,
+        camera: Camera,
+        size: usize,
+    ) -> Self {
+        let backgrounds = panels.iter().map(|_| None).collect();
+        Self { panels, renderers, backgrounds, camera, size }
     }
 
-    /// Pixels from left to right.
+    /// Returns the width in pixels.
     pub(super) fn width(&self) -> usize {
-        let columns = self.panels.len().min(ROW);
-        columns * (self.size + GAP) - GAP
+        let columns = self.panels.len().min(PANELS_PER_ROW);
+        columns * (self.size + PANEL_GAP) - PANEL_GAP
     }
 
-    /// Pixels from top to bottom.
+    /// Returns the height in pixels.
     pub(super) fn height(&self) -> usize {
-        self.panels.len().div_ceil(ROW) * (HEAD + self.size + FOOT)
+        self.panels.len().div_ceil(PANELS_PER_ROW) * (TITLE_HEIGHT + self.size + TIME_HEIGHT)
     }
 
-    /// All panels at a step.
-    pub(super) fn moment(&mut self, step: usize) -> Result<Picture, usvg::Error> {
+    /// Draws all panels at a step.
+    pub(super) fn draw(&mut self, step: usize) -> Result<Picture, usvg::Error> {
         let mut picture = Picture::new(self.width(), self.height());
         for number in 0..self.panels.len() {
-            let x = number % ROW * (self.size + GAP);
-            let y = number / ROW * (HEAD + self.size + FOOT);
-            head(&mut picture, &self.panels[number].title, step, [x, y], self.size);
-            picture.put(&self.panel(number, step)?, x, y + HEAD);
-            frame(&mut picture, [x, y + HEAD], self.size);
-            bar(&mut picture, &self.panels[number].marks, step, [x, y + HEAD + self.size], self.size);
+            let x = number % PANELS_PER_ROW * (self.size + PANEL_GAP);
+            let y = number / PANELS_PER_ROW * (TITLE_HEIGHT + self.size + TIME_HEIGHT);
+            title_line(&mut picture, &self.panels[number].title, step, [x, y], self.size);
+            picture.put(&self.panel(number, step)?, x, y + TITLE_HEIGHT);
+            frame(&mut picture, [x, y + TITLE_HEIGHT], self.size);
+            let bottom = y + TITLE_HEIGHT + self.size;
+            time_bar(&mut picture, &self.panels[number].marks, step, [x, bottom], self.size);
         }
         Ok(picture)
     }
 
     fn panel(&mut self, number: usize, step: usize) -> Result<Pixmap, usvg::Error> {
-        let moving = &self.moving[number];
-        let middle: Vec2 = self.camera.middle(moving, step);
-        let svg = moving.below(step, middle);
-        let below = &mut self.below[number];
-        if below.as_ref().is_none_or(|b| b.svg != svg) {
+        let renderer = &self.renderers[number];
+        let middle: Vec2 = self.camera.middle(renderer, step);
+        let svg = renderer.background(step, middle);
+        let background = &mut self.backgrounds[number];
+        if background.as_ref().is_none_or(|b| b.svg != svg) {
             let side = self.size as u32;
             let mut pixels = Pixmap::new(side, side).ok_or(usvg::Error::InvalidSize)?;
             paint(&svg, &mut pixels)?;
-            *below = Some(Below { svg, pixels });
+            *background = Some(Background { svg, pixels });
         }
-        let mut pixels = below.as_ref().map(|b| b.pixels.clone()).ok_or(usvg::Error::InvalidSize)?;
-        paint(&moving.above(step, middle), &mut pixels)?;
+        let mut pixels = background.as_ref().map(|b| b.pixels.clone()).ok_or(usvg::Error::InvalidSize)?;
+        paint(&renderer.foreground(step, middle), &mut pixels)?;
         Ok(pixels)
     }
 }
 
-/// The title and the time.
-fn head(picture: &mut Picture, title: &str, step: usize, [x, y]: [usize; 2], size: usize) {
+/// Draws the title and the time.
+fn title_line(picture: &mut Picture, title: &str, step: usize, [x, y]: [usize; 2], size: usize) {
     let scale = if size < 320 { 1 } else { 2 };
     let ink = rgb(palette::STOP);
     let time = format!("{:.1} s", step as f64 * DT);
     let begin = size.saturating_sub(letters::width(&time, scale) + 4);
-    let top = y + (HEAD - letters::HEIGHT * scale) / 2;
-    // A long title makes room for the time.
+    let top = y + (TITLE_HEIGHT - letters::HEIGHT * scale) / 2;
+    // Truncate a long title to leave space for the time.
     let mut fits = title;
     while letters::width(fits, scale) + 12 > begin {
         let Some((last, _)) = fits.char_indices().next_back() else { break };
@@ -148,7 +156,7 @@ fn head(picture: &mut Picture, title: &str, step: usize, [x, y]: [usize; 2], siz
     letters::write(&time, scale, |dx, dy, side| picture.fill(x + begin + dx, top + dy, side, side, ink));
 }
 
-/// A thin line around a panel.
+/// Draws a thin line around a panel.
 fn frame(picture: &mut Picture, [x, y]: [usize; 2], size: usize) {
     let line = rgb(palette::FRAME);
     picture.fill(x, y, size, 1, line);
@@ -157,17 +165,17 @@ fn frame(picture: &mut Picture, [x, y]: [usize; 2], size: usize) {
     picture.fill(x + size - 1, y, 1, size, line);
 }
 
-/// How far time is, seconds by gaps, and a tick for every event.
-fn bar(picture: &mut Picture, marks: &[Mark], step: usize, [x, y]: [usize; 2], size: usize) {
+/// Draws the time bar, with gaps at full seconds and a tick for every event.
+fn time_bar(picture: &mut Picture, marks: &[Mark], step: usize, [x, y]: [usize; 2], size: usize) {
     let at = |step: usize| step.min(FUTURE) * (size - 2) / FUTURE;
-    let top = y + (FOOT - BAR) / 2;
-    picture.fill(x, top, size, BAR, rgb(palette::ROAD));
-    picture.fill(x, top, at(step) + 2, BAR, rgb(palette::EDGE));
+    let top = y + (TIME_HEIGHT - BAR_HEIGHT) / 2;
+    picture.fill(x, top, size, BAR_HEIGHT, rgb(palette::ROAD));
+    picture.fill(x, top, at(step) + 2, BAR_HEIGHT, rgb(palette::EDGE));
     for second in (10..FUTURE).step_by(10) {
-        picture.fill(x + at(second), top, 1, BAR, PAPER);
+        picture.fill(x + at(second), top, 1, BAR_HEIGHT, PAPER);
     }
     let mut marks: Vec<&Mark> = marks.iter().collect();
-    // What weighs most comes last, on top.
+    // The most severe events are drawn last, on top.
     marks.sort_by_key(|m| (std::cmp::Reverse(m.kind), m.step));
     for mark in marks {
         let colour = match mark.kind {
@@ -175,6 +183,6 @@ fn bar(picture: &mut Picture, marks: &[Mark], step: usize, [x, y]: [usize; 2], s
             _ => palette::EVENT,
         };
         let wide = if mark.kind == MarkKind::AtFault { 4 } else { 2 };
-        picture.fill(x + at(mark.step), y + (FOOT - TICK) / 2, wide, TICK, rgb(colour));
+        picture.fill(x + at(mark.step), y + (TIME_HEIGHT - TICK_HEIGHT) / 2, wide, TICK_HEIGHT, rgb(colour));
     }
 }

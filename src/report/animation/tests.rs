@@ -22,8 +22,8 @@ fn moment(animation: &Animation<'_>, step: usize) -> picture::Picture {
     let camera = Camera::new(animation, &views, f64::from(animation.size));
     let view = View { radius: camera.radius, ..views[0].clone() };
     let panels = [Panel::default()];
-    let moving = vec![Moving::new(animation.scenario, &view)];
-    Stage::new(&panels, moving, camera, animation.size as usize).moment(step).unwrap()
+    let renderers = vec![StepRenderer::new(animation.scenario, &view)];
+    Stage::new(&panels, renderers, camera, animation.size as usize).draw(step).unwrap()
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn colours_are_read() {
 }
 
 #[test]
-fn a_camera_that_stands_sees_the_whole_way() {
+fn a_fixed_camera_sees_the_whole_path() {
     let scenario = scenario(10.0);
     let animation = Animation { size: 400, ..Animation::new(&scenario, Vec::new()) };
     let orange = |picture: &picture::Picture| {
@@ -91,7 +91,7 @@ fn a_camera_that_stands_sees_the_whole_way() {
     for step in [0, 40, 80] {
         assert!(orange(&moment(&animation, step)) > 20, "the AV is there at step {step}");
     }
-    // A camera that stands has the AV in its middle half-way; one that follows, always.
+    // A fixed camera has the AV in its centre half-way, a following one always.
     let middle = |follow: bool, step: usize| {
         let animation = Animation { follow, ..animation.clone() };
         let picture = moment(&animation, step);

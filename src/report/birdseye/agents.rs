@@ -8,19 +8,19 @@ use super::{Mark, MarkKind, Scene};
 use crate::geometry::{Bounds, OrientedBox, Vec2, direction};
 use crate::scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE};
 
-/// Frames of one stretch of a fading trail.
-const STRETCH: usize = 8;
-/// A realised state farther than this from the log gives the log a ghost, metres.
-const APART: f64 = 0.5;
+/// Number of frames per stretch of a fading trail.
+const STRETCH_FRAMES: usize = 8;
+/// Distance in metres between realised and logged position above which the log is drawn as a ghost.
+const GHOST_DISTANCE: f64 = 0.5;
 
-/// Draws all agents at some steps; the last step counts most.
+/// Draws all agents at the given steps, most prominently at the last one.
 pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
     let last = steps[steps.len() - 1];
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
     for obstacle in &scene.scenario.start.obstacles {
         body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
     }
-    // The AV comes last, on top.
+    // The AV is drawn last, on top.
     let order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
     for &agent in &order {
         if scene.view.rollout.is_some() {
@@ -44,17 +44,17 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
     }
 }
 
-/// The colours of an agent.
+/// Returns the colours of an agent.
 pub(super) fn paint(scene: &Scene<'_>, agent: usize) -> &'static Paint {
     if agent == 0 { &palette::AV } else { palette::of(scene.scenario.start.agents[agent].kind) }
 }
 
-/// What has been driven, growing paler with age, and thin what comes.
+/// Draws the past track, paler with age, and the future track as a thin line.
 fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let Some(track) = scene.tracks().get(agent) else { return };
     let colour = paint(scene, agent).line;
     let now = CURRENT + step;
-    // The trail of what stands is a blot.
+    // The trail of a standing agent would be a blot.
     let places = track.iter().flatten().filter(|s| s.is_finite()).map(AgentState::position);
     let size = Bounds::of(places);
     if (size.max - size.min).norm() < 1.0 {
@@ -63,7 +63,7 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let width = if agent == 0 { 2.4 } else { 1.6 };
     let mut first = 0;
     while first < now {
-        let end = (first + STRETCH).min(now);
+        let end = (first + STRETCH_FRAMES).min(now);
         let mut path = PathData::new(canvas.window());
         stretch(&mut path, track, first, end);
         let opacity = 0.15 + 0.6 * end as f64 / now as f64;
@@ -86,7 +86,7 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     );
 }
 
-/// The positions of the frames `first..=last`; a gap breaks the line.
+/// Adds the positions of the frames `first..=last` to a path; gaps break the line.
 pub(super) fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: usize, last: usize) {
     let mut points: Vec<Vec2> = Vec::new();
     for frame in first..=last {
@@ -101,41 +101,41 @@ pub(super) fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: 
     path.line(&points);
 }
 
-/// The logged track of an agent that was moved elsewhere, and its logged box at the drawn step.
+/// Draws the logged track of an agent that deviates from it, and its logged box at the drawn step.
 fn ghost(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
-    if !(0..=FUTURE).any(|k| apart(scene, agent, k)) {
+    if !(0..=FUTURE).any(|k| is_displaced(scene, agent, k)) {
         return;
     }
     let mut path = PathData::new(canvas.window());
     stretch(&mut path, &scene.logged[agent], CURRENT, FRAMES - 1);
     ghost_box(&mut path, scene, agent, step);
-    canvas.path(&path, &ghostly());
+    canvas.path(&path, &ghost_style());
 }
 
-/// Whether an agent is elsewhere at a step than in the log.
-pub(super) fn apart(scene: &Scene<'_>, agent: usize, step: usize) -> bool {
+/// Returns whether the position of an agent at a step differs from the log.
+pub(super) fn is_displaced(scene: &Scene<'_>, agent: usize, step: usize) -> bool {
     match (scene.state(agent, step), scene.logged[agent][CURRENT + step]) {
-        (Some(a), Some(b)) => (a.position() - b.position()).norm() > APART,
+        (Some(a), Some(b)) => (a.position() - b.position()).norm() > GHOST_DISTANCE,
         _ => false,
     }
 }
 
-/// Adds the box of an agent as it is in the log.
+/// Adds the logged box of an agent.
 pub(super) fn ghost_box(path: &mut PathData, scene: &Scene<'_>, agent: usize, step: usize) {
     if let Some(state) = scene.logged[agent][CURRENT + step].filter(AgentState::is_finite) {
         path.ring(&state.footprint(&scene.scenario.start.agents[agent]).corners());
     }
 }
 
-/// How ghosts are drawn.
-pub(super) fn ghostly() -> String {
+/// Returns the SVG attributes of ghosts.
+pub(super) fn ghost_style() -> String {
     format!(
         "fill=\"none\" stroke=\"{}\" stroke-width=\"0.9\" stroke-dasharray=\"4 3\" stroke-opacity=\"0.8\"",
         palette::GHOST
     )
 }
 
-/// The deviated AV that comes with the scenario, where the log is drawn.
+/// Draws the deviated AV of the scenario, if the log is drawn.
 fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
     let (None, Some(deviation)) = (scene.view.rollout, &scene.scenario.deviation) else { return };
     let mut points = vec![scene.scenario.start.now(0).position()];
@@ -154,7 +154,7 @@ fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
     );
 }
 
-/// An agent: people as discs with a tick, the rest as boxes with a pale wedge at the front.
+/// Draws an agent: pedestrians as discs with a tick, others as boxes with a pale wedge at the front.
 pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint, strength: f64) {
     let shape = state.footprint(agent);
     if agent.kind != AgentKind::Pedestrian {
@@ -169,7 +169,8 @@ pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, pai
     let radius = (shape.half_length.max(shape.half_width) * window.scale()).max(3.2);
     let tip = direction(state.heading) * (radius + 3.0);
     canvas.raw(&format!(
-        "<g stroke=\"{}\" opacity=\"{strength:.2}\"><path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke-width=\"1.4\"/>\
+        "<g stroke=\"{}\" opacity=\"{strength:.2}\">\
+         <path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke-width=\"1.4\"/>\
          <circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius:.1}\" fill=\"{}\"/></g>",
         paint.line,
         p.x,
@@ -182,7 +183,7 @@ pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, pai
     ));
 }
 
-/// A box with a pale wedge that points ahead.
+/// Draws a box with a pale wedge that points ahead.
 pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) {
     let window = canvas.window();
     let mut outline = PathData::new(window);
@@ -204,7 +205,7 @@ pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, stre
     canvas.path(&wedge, &format!("fill=\"#ffffff\" fill-opacity=\"{:.2}\"", 0.85 * strength));
 }
 
-/// Events up to a step, where the agent was then, on demand with their steps beside them.
+/// Draws the events up to a step at the agent's position at that time, optionally with their steps.
 pub(super) fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize, numbered: bool) {
     let window = canvas.window();
     let mut marks: Vec<_> = scene.view.marks.iter().filter(|m| m.step <= last).collect();
@@ -224,44 +225,48 @@ pub(super) fn marks(canvas: &mut Canvas, scene: &Scene<'_>, last: usize, numbere
             sign(mark.kind, radius)
         ));
         if numbered {
-            let beside = p + Vec2::new(0.75 * radius + 2.0, 0.75 * radius + 9.0);
+            let position = p + Vec2::new(0.75 * radius + 2.0, 0.75 * radius + 9.0);
             let attributes = format!("font-size=\"10\" fill=\"{}\"", palette::EVENT);
-            canvas.text(beside, &format!("step {}", mark.step), &attributes);
+            canvas.text(position, &format!("step {}", mark.step), &attributes);
         }
     }
 }
 
-/// Where the agent of an event was then; `None` for unknown and absent agents.
+/// Returns the position of the agent at its event; `None` for unknown and absent agents.
 pub(super) fn place(scene: &Scene<'_>, mark: &Mark) -> Option<Vec2> {
     let agent = scene.scenario.start.agents.iter().position(|a| a.id == mark.agent)?;
     scene.state(agent, mark.step).map(|s| s.position())
 }
 
-/// The sign of an event, of this radius in pixels, around the origin.
+/// Returns the SVG sign of an event with radius `r` in pixels, around the origin.
 pub(super) fn sign(kind: MarkKind, r: f64) -> String {
     let colour = palette::EVENT;
     match kind {
         MarkKind::AtFault => format!(
-            "<circle r=\"{r:.1}\" fill=\"{colour}\" fill-opacity=\"0.10\" stroke=\"{colour}\" stroke-width=\"2.6\"/>"
+            "<circle r=\"{r:.1}\" fill=\"{colour}\" fill-opacity=\"0.10\" stroke=\"{colour}\" \
+             stroke-width=\"2.6\"/>"
         ),
         MarkKind::Contact => format!(
-            "<circle r=\"{r:.1}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" stroke-dasharray=\"4 3\"/>"
+            "<circle r=\"{r:.1}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" \
+             stroke-dasharray=\"4 3\"/>"
         ),
         MarkKind::Risky => format!(
-            "<path d=\"M0 {:.1}L{:.1} {:.1}H{:.1}Z\" fill=\"#ffd34d\" stroke=\"#22252b\" stroke-width=\"1.2\"/>",
+            "<path d=\"M0 {:.1}L{:.1} {:.1}H{:.1}Z\" fill=\"#ffd34d\" stroke=\"#22252b\" \
+             stroke-width=\"1.2\"/>",
             -r,
             0.95 * r,
             0.7 * r,
             -0.95 * r
         ),
         MarkKind::OffRoad => format!(
-            "<path d=\"M{0:.1} {0:.1}L{r:.1} {r:.1}M{0:.1} {r:.1}L{r:.1} {0:.1}\" stroke=\"{colour}\" stroke-width=\"2.4\"/>",
+            "<path d=\"M{0:.1} {0:.1}L{r:.1} {r:.1}M{0:.1} {r:.1}L{r:.1} {0:.1}\" stroke=\"{colour}\" \
+             stroke-width=\"2.4\"/>",
             -r
         ),
     }
 }
 
-/// Ids beside the agents that are in the picture.
+/// Writes the ids of the agents in the picture next to them.
 fn ids(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
     let window = canvas.window();
     let mut halos = String::new();
@@ -272,7 +277,7 @@ fn ids(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
             continue;
         }
         let shape = state.footprint(about);
-        // Right of the box and above its middle, whatever way it points.
+        // To the right of the box and above its centre, for any heading.
         let reach = shape.corners().iter().map(|c| c.x - shape.center.x).fold(0.0, f64::max);
         let p = window.pixel(state.position()) + Vec2::new(reach.min(3.0) * window.scale() + 2.0, -3.0);
         let name = if agent == 0 { "AV" } else { about.id.as_str() };
@@ -288,6 +293,8 @@ fn ids(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
         );
     }
     canvas.raw(&format!(
-        "<g font-size=\"9\">\n<g stroke=\"#ffffff\" stroke-width=\"2.5\" stroke-opacity=\"0.8\" stroke-linejoin=\"round\">\n{halos}</g>\n{texts}</g>"
+        "<g font-size=\"9\">\n\
+         <g stroke=\"#ffffff\" stroke-width=\"2.5\" stroke-opacity=\"0.8\" stroke-linejoin=\"round\">\n\
+         {halos}</g>\n{texts}</g>"
     ));
 }

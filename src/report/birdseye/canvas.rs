@@ -1,4 +1,4 @@
-//! The SVG document: windows onto the scene, paths, texts.
+//! The SVG document: windows that show parts of the scene, paths, texts.
 
 use std::fmt::Write;
 
@@ -8,7 +8,7 @@ use crate::geometry::{Bounds, Vec2};
 /// A square of the scene and the square of the picture that shows it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window {
-    /// Middle, metres.
+    /// Centre, metres.
     pub(super) middle: Vec2,
     /// Half of the side, metres.
     pub(super) radius: f64,
@@ -19,80 +19,85 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Pixels per metre.
+    /// Returns the scale in pixels per metre.
     pub(super) fn scale(&self) -> f64 {
         self.size / (2.0 * self.radius)
     }
 
-    /// Pixels of a point of the scene: y is up there and down here.
+    /// Converts a point of the scene (y up) to pixels (y down).
     pub(super) fn pixel(&self, p: Vec2) -> Vec2 {
         let d = (p - self.middle) * self.scale();
         self.corner + Vec2::new(0.5 * self.size + d.x, 0.5 * self.size - d.y)
     }
 
-    /// The ground that is shown, metres, with a margin so that cut ends lie outside.
+    /// Returns the visible area in metres, with a margin so that cut ends are outside.
     pub(super) fn bounds(&self) -> Bounds {
         Bounds::around(self.middle, self.radius + 2.0)
     }
 }
 
-/// An SVG document in the making.
+/// Builder of an SVG document.
 pub(super) struct Canvas {
     out: String,
     window: Option<Window>,
 }
 
 impl Canvas {
-    /// An empty document of this size in pixels.
+    /// Creates an empty document of this size in pixels.
     pub(super) fn new(width: f64, height: f64) -> Self {
         let mut out = String::with_capacity(1 << 16);
         let _ = write!(
             out,
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" viewBox=\"0 0 {width:.0} {height:.0}\" \
-             font-family=\"Helvetica, Arial, 'Liberation Sans', sans-serif\">\n<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
+             viewBox=\"0 0 {width:.0} {height:.0}\" \
+             font-family=\"Helvetica, Arial, 'Liberation Sans', sans-serif\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
         );
         Self { out, window: None }
     }
 
-    /// A document that is nothing but a window, without a ground.
+    /// Creates a document that consists of a single window without background.
     pub(super) fn bare(window: Window) -> Self {
         let size = window.size;
         let out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{size:.0}\" height=\"{size:.0}\" viewBox=\"0 0 {size:.0} {size:.0}\">\n"
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{size:.0}\" height=\"{size:.0}\" \
+             viewBox=\"0 0 {size:.0} {size:.0}\">\n"
         );
         Self { out, window: Some(window) }
     }
 
-    /// Fills a bare document with the colour of the ground.
+    /// Fills a bare document with the ground colour.
     pub(super) fn background(&mut self) {
         self.raw(&format!("<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>", super::palette::GROUND));
     }
 
-    /// The document.
+    /// Returns the document.
     pub(super) fn finish(mut self) -> String {
         self.out.push_str("</svg>\n");
         self.out
     }
 
-    /// Begins a window; what is drawn until it is closed is cut to it.
+    /// Opens a window; everything drawn until it is closed is clipped to it.
     pub(super) fn open_window(&mut self, window: Window, number: usize) {
         let Window { corner: c, size, .. } = window;
         let area = format!("x=\"{:.1}\" y=\"{:.1}\" width=\"{size:.1}\" height=\"{size:.1}\"", c.x, c.y);
         let _ = writeln!(
             self.out,
-            "<clipPath id=\"w{number}\"><rect {area}/></clipPath>\n<g clip-path=\"url(#w{number})\">\n<rect {area} fill=\"{}\"/>",
+            "<clipPath id=\"w{number}\"><rect {area}/></clipPath>\n<g clip-path=\"url(#w{number})\">\n\
+             <rect {area} fill=\"{}\"/>",
             super::palette::GROUND
         );
         self.window = Some(window);
     }
 
-    /// Ends the window.
+    /// Closes the window and draws its frame.
     pub(super) fn close_window(&mut self) {
         self.out.push_str("</g>\n");
         if let Some(Window { corner: c, size, .. }) = self.window.take() {
             let _ = writeln!(
                 self.out,
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{size:.1}\" height=\"{size:.1}\" fill=\"none\" stroke=\"{}\"/>",
+                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{size:.1}\" height=\"{size:.1}\" fill=\"none\" \
+                 stroke=\"{}\"/>",
                 c.x,
                 c.y,
                 super::palette::FRAME
@@ -100,25 +105,25 @@ impl Canvas {
         }
     }
 
-    /// The open window.
+    /// Returns the open window.
     pub(super) fn window(&self) -> Window {
         self.window.unwrap_or(Window { middle: Vec2::zeros(), radius: 1.0, corner: Vec2::zeros(), size: 1.0 })
     }
 
-    /// Markup as it is.
+    /// Adds markup unchanged.
     pub(super) fn raw(&mut self, markup: &str) {
         self.out.push_str(markup);
         self.out.push('\n');
     }
 
-    /// A path of lines and rings with these attributes; nothing where it is empty.
+    /// Adds a path with these attributes, unless it is empty.
     pub(super) fn path(&mut self, data: &PathData, attributes: &str) {
         if !data.d.is_empty() {
             let _ = writeln!(self.out, "<path d=\"{}\" {attributes}/>", data.d);
         }
     }
 
-    /// A text at a pixel, escaped.
+    /// Adds an escaped text at a pixel.
     pub(super) fn text(&mut self, at: Vec2, text: &str, attributes: &str) {
         let _ = writeln!(
             self.out,
@@ -129,33 +134,38 @@ impl Canvas {
         );
     }
 
-    /// A text with a pale edge around it, so that it can be read on any ground.
+    /// Adds a text with a pale outline, legible on any background.
     pub(super) fn label(&mut self, at: Vec2, text: &str) {
-        self.text(at, text, "font-size=\"13\" fill=\"none\" stroke=\"#ffffff\" stroke-opacity=\"0.85\" stroke-width=\"3\" stroke-linejoin=\"round\"");
+        self.text(
+            at,
+            text,
+            "font-size=\"13\" fill=\"none\" stroke=\"#ffffff\" stroke-opacity=\"0.85\" stroke-width=\"3\" \
+             stroke-linejoin=\"round\"",
+        );
         self.text(at, text, "font-size=\"13\" fill=\"#22252b\"");
     }
 }
 
-/// The `d` of a path.
+/// The `d` attribute of a path.
 pub(super) struct PathData {
     window: Window,
     d: String,
 }
 
 impl PathData {
-    /// An empty path in a window.
+    /// Creates an empty path in a window.
     pub(super) fn new(window: Window) -> Self {
         Self { window, d: String::new() }
     }
 
-    /// Adds what of a line lies in the window.
+    /// Adds the parts of a line inside the window.
     pub(super) fn line(&mut self, points: &[Vec2]) {
         for part in clip::line(points, &self.window.bounds()) {
             self.put(&clip::thin(&part, 0.25 / self.window.scale()), false);
         }
     }
 
-    /// Adds what of a ring lies in the window.
+    /// Adds the part of a ring inside the window.
     pub(super) fn ring(&mut self, points: &[Vec2]) {
         let open = match points {
             [first, rest @ ..] if rest.last() == Some(first) => rest,
@@ -179,7 +189,7 @@ impl PathData {
     }
 }
 
-/// Text as XML may hold it: markup is written as entities, and characters that XML forbids as `�`.
+/// Escapes text for XML: markup becomes entities, and characters that XML forbids become `�`.
 pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

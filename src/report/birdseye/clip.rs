@@ -1,8 +1,8 @@
-//! Cutting lines and rings to a rectangle, and thinning them.
+//! Clipping of lines and rings to a rectangle, and simplification.
 
 use crate::geometry::{Bounds, Vec2, point_segment};
 
-/// The parts of a line within a rectangle (Liang and Barsky, 1984).
+/// Returns the parts of a line within a rectangle (Liang and Barsky, 1984).
 pub(super) fn line(points: &[Vec2], within: &Bounds) -> Vec<Vec<Vec2>> {
     let mut parts: Vec<Vec<Vec2>> = Vec::new();
     let mut open = false;
@@ -20,7 +20,7 @@ pub(super) fn line(points: &[Vec2], within: &Bounds) -> Vec<Vec<Vec2>> {
     parts
 }
 
-/// The part of a segment within a rectangle, and whether its end was cut off.
+/// Returns the part of a segment within a rectangle, and whether its end was cut off.
 fn segment(a: Vec2, b: Vec2, within: &Bounds) -> Option<(Vec2, Vec2, bool)> {
     let d = b - a;
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
@@ -40,7 +40,8 @@ fn segment(a: Vec2, b: Vec2, within: &Bounds) -> Option<(Vec2, Vec2, bool)> {
     (enter <= leave).then(|| (a + d * enter, a + d * leave, leave < 1.0))
 }
 
-/// The part of a ring within a rectangle (Sutherland and Hodgman, 1974); empty where they do not meet.
+/// Returns the part of a ring within a rectangle (Sutherland and Hodgman, 1974); empty if they are
+/// disjoint.
 pub(super) fn ring(points: &[Vec2], within: &Bounds) -> Vec<Vec2> {
     let mut ring = points.to_vec();
     for side in 0..4 {
@@ -66,7 +67,7 @@ pub(super) fn ring(points: &[Vec2], within: &Bounds) -> Vec<Vec2> {
     if ring.len() < 3 { Vec::new() } else { ring }
 }
 
-/// A line with fewer points that stays within `tolerance` of it (Douglas and Peucker, 1973).
+/// Simplifies a line, within `tolerance` of the original (Douglas and Peucker, 1973).
 pub(super) fn thin(points: &[Vec2], tolerance: f64) -> Vec<Vec2> {
     if points.len() < 3 {
         return points.to_vec();
@@ -90,7 +91,7 @@ pub(super) fn thin(points: &[Vec2], tolerance: f64) -> Vec<Vec2> {
     points.iter().zip(keep).filter_map(|(p, keep)| keep.then_some(*p)).collect()
 }
 
-/// The stretches of a line inside a ring: where it enters and leaves, in pairs.
+/// Returns the parts of a segment inside a ring as pairs of entry and exit points.
 pub(super) fn inside(a: Vec2, b: Vec2, ring: &[Vec2]) -> Vec<(Vec2, Vec2)> {
     let d = b - a;
     let mut cuts: Vec<f64> = Vec::new();

@@ -9,14 +9,13 @@ use crate::geometry::{Vec2, direction, left};
 use crate::scene::{LaneArea, LaneClass, RoadEdgeKind, RoadMap, Scenario, StopKind};
 
 /// Distance between two arrows on a lane, metres.
-const ARROWS: f64 = 24.0;
+const ARROW_SPACING: f64 = 24.0;
 /// Distance between two stripes of a crosswalk, metres.
-const STRIPES: f64 = 1.2;
+const STRIPE_SPACING: f64 = 1.2;
+/// Distance from a centre line to the edge of the pale margin around it, metres.
+const SHOULDER_HALF_WIDTH: f64 = 2.9;
 
-/// Reach of the pale margin around a centre line, metres.
-const MARGIN: f64 = 2.9;
-
-/// Draws everything that does not move, with the lights as they are at `frame`.
+/// Draws the map, with the lights at `frame`.
 pub(super) fn draw(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
     let map = &scenario.start.map;
     canvas.raw("<g stroke-linejoin=\"round\">");
@@ -30,7 +29,7 @@ pub(super) fn draw(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
     canvas.raw("</g>");
 }
 
-/// Drivable area, lanes, junctions, driveways and bumps.
+/// Draws drivable area, lanes, junctions, driveways and speed bumps.
 fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
     let window = canvas.window();
     let mut area = PathData::new(window);
@@ -51,7 +50,7 @@ fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
     for bike in [false, true] {
         let colour = if bike { palette::BIKE_LANE } else { palette::ROAD };
         let mut outlines = PathData::new(window);
-        // Corridors of one width, in centimetres, are one path.
+        // Corridors of equal width, in centimetres, share one path.
         let mut corridors: BTreeMap<u64, PathData> = BTreeMap::new();
         for lane in map.lanes.iter().filter(|l| (l.class == LaneClass::Bike) == bike) {
             match &lane.area {
@@ -64,7 +63,7 @@ fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
         }
         canvas.path(&outlines, &format!("fill=\"{colour}\""));
         for (width, path) in &corridors {
-            // Bicycle lanes are given the width of a car's where the map records none.
+            // Without a recorded width, bicycle lanes have that of car lanes: draw half of it.
             let width = *width as f64 / 100.0 * window.scale() * if bike { 0.5 } else { 1.0 };
             canvas.path(path, &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\""));
         }
@@ -74,19 +73,20 @@ fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
     canvas.path(&bumps, "fill=\"#c9c3b2\"");
 }
 
-/// A pale margin around lanes: maps without drivable polygons leave gaps between lanes and to the edges.
+/// Draws a pale margin around lanes, for maps without drivable polygons, which have gaps between lanes
+/// and road edges.
 fn shoulders(canvas: &mut Canvas, map: &RoadMap) {
     let window = canvas.window();
     let mut path = PathData::new(window);
     map.lanes.iter().for_each(|lane| path.line(lane.baseline.points()));
-    let width = 2.0 * MARGIN * window.scale();
+    let width = 2.0 * SHOULDER_HALF_WIDTH * window.scale();
     canvas.path(
         &path,
         &format!("fill=\"none\" stroke=\"#e9eaec\" stroke-width=\"{width:.1}\" stroke-linecap=\"round\""),
     );
 }
 
-/// Zebra stripes, along the way of the vehicles: across the longest side of the outline.
+/// Draws crosswalks with zebra stripes in driving direction, across the longest side of the outline.
 fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
     let window = canvas.window();
     let (mut grounds, mut stripes) = (PathData::new(window), PathData::new(window));
@@ -108,8 +108,8 @@ fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
             (low, high) = (low.min(p.dot(&along)), high.max(p.dot(&along)));
         }
         let middle = ring.iter().sum::<Vec2>().dot(&across) / ring.len() as f64;
-        // A damaged outline must not make a picture without end.
-        let count = ((high - low) / STRIPES).min(200.0) as usize;
+        // Bounds the number of stripes of a damaged outline.
+        let count = ((high - low) / STRIPE_SPACING).min(200.0) as usize;
         for k in 0..count {
             let base = along * (low + (k as f64 + 0.5) * (high - low) / count as f64) + across * middle;
             for (a, b) in clip::inside(base - across * 20.0, base + across * 20.0, ring) {
@@ -122,7 +122,7 @@ fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
     canvas.path(&stripes, &format!("stroke=\"{}\" stroke-width=\"{width:.1}\"", palette::WHITE));
 }
 
-/// Road lines, white and yellow, solid and broken.
+/// Draws road lines: white and yellow, solid and broken.
 fn painted_lines(canvas: &mut Canvas, map: &RoadMap) {
     let window = canvas.window();
     let scale = window.scale();
@@ -144,13 +144,13 @@ fn painted_lines(canvas: &mut Canvas, map: &RoadMap) {
     }
 }
 
-/// Centre lines with arrows in driving direction.
+/// Draws centre lines with arrows in driving direction.
 fn center_lines(canvas: &mut Canvas, map: &RoadMap) {
     let window = canvas.window();
     let (mut lines, mut arrows) = (PathData::new(window), PathData::new(window));
     for lane in &map.lanes {
         lines.line(lane.baseline.points());
-        let count = (lane.baseline.length() / ARROWS).ceil().min(500.0);
+        let count = (lane.baseline.length() / ARROW_SPACING).ceil().min(500.0);
         for k in 0..count as usize {
             let s = (k as f64 + 0.5) * lane.baseline.length() / count;
             let tip = lane.baseline.at(s);
@@ -166,7 +166,7 @@ fn center_lines(canvas: &mut Canvas, map: &RoadMap) {
     canvas.path(&arrows, &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.3\""));
 }
 
-/// Edges of the road; medians are paler.
+/// Draws road edges; medians are thinner.
 fn edges(canvas: &mut Canvas, map: &RoadMap) {
     for (median, width) in [(true, 1.1), (false, 1.8)] {
         let mut path = PathData::new(canvas.window());
@@ -176,7 +176,7 @@ fn edges(canvas: &mut Canvas, map: &RoadMap) {
     }
 }
 
-/// Stop lines of signs (solid) and of give-way lines (broken); those of lights take the light's colour.
+/// Draws stop lines of signs (solid) and give-way lines (broken). [`lights`] draws those of lights.
 fn stop_lines(canvas: &mut Canvas, map: &RoadMap) {
     let width = (0.4 * canvas.window().scale()).max(1.5);
     for (kind, dashes) in [(StopKind::Sign, ""), (StopKind::Yield, " stroke-dasharray=\"3 2\"")] {
@@ -186,7 +186,7 @@ fn stop_lines(canvas: &mut Canvas, map: &RoadMap) {
     }
 }
 
-/// Lights: a bar across the lane in the light's colour, and a sign whose shape tells the state too.
+/// Draws lights: a bar across the lane in the light's colour, and a sign whose shape shows the state.
 fn lights(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
     let window = canvas.window();
     let mut signs = String::new();
@@ -221,7 +221,8 @@ fn lights(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
         };
         let _ = writeln!(
             signs,
-            "<g transform=\"translate({:.1} {:.1})\" fill=\"{colour}\" stroke=\"#ffffff\" stroke-width=\"1\">{shape}</g>",
+            "<g transform=\"translate({:.1} {:.1})\" fill=\"{colour}\" stroke=\"#ffffff\" stroke-width=\"1\">\
+             {shape}</g>",
             p.x, p.y
         );
     }

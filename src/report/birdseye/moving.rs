@@ -1,52 +1,55 @@
-//! Moments of an animation: like stills, but without text, and so that little changes from one to the next.
+//! Frames of an animation: like stills, but without text, and with small changes between frames.
 //!
-//! A still tells of all that has been and what comes. In an animation time itself does: agents draw a short tail behind them, only the
-//! ways of the AV (driven and logged) are shown as a whole, and only who is elsewhere than in the log at this moment has a ghost.
+//! A still shows the whole past and future. An animation shows them over time: agents have a short tail,
+//! only the paths of the AV (driven and logged) are shown completely, and only agents that currently
+//! deviate from the log have a ghost.
 
-use super::agents::{self, apart, body, figure, ghost_box, ghostly, marks, paint, stretch};
+use super::agents::{self, body, figure, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
 use super::canvas::{Canvas, PathData, Window};
 use super::{Scene, View, ground, palette};
 use crate::geometry::Vec2;
 use crate::scene::{AgentKind, CURRENT, FRAMES, FUTURE, Frame, Scenario};
 
-/// Frames of one stretch of a tail, and stretches of it.
-const TAIL_STRETCH: usize = 5;
-const TAIL: usize = 4;
+/// Number of frames per stretch of a tail.
+const TAIL_STRETCH_FRAMES: usize = 5;
+/// Number of stretches of a tail.
+const TAIL_STRETCHES: usize = 4;
 
-/// A scenario or a rollout of it, from which moments are drawn.
-pub(in crate::report) struct Moving<'a> {
+/// Renderer of single steps of a scenario or of a rollout of it.
+pub(in crate::report) struct StepRenderer<'a> {
     scene: Scene<'a>,
 }
 
-impl<'a> Moving<'a> {
-    /// `view`: its rollout, marks, radius (metres) and size (pixels) count.
+impl<'a> StepRenderer<'a> {
+    /// Creates a renderer; it uses the rollout, marks, radius (metres) and size (pixels) of the view.
     pub(in crate::report) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
         Self { scene: Scene::new(scenario, view) }
     }
 
-    /// The AV's state at a step, 0 to 80.
+    /// Returns the AV's state at a step, 0 to 80.
     pub(in crate::report) fn av(&self, step: usize) -> Frame {
         self.scene.state(0, step)
     }
 
-    /// Where the events happened that are pointed out.
-    pub(in crate::report) fn marked(&self) -> impl Iterator<Item = Vec2> {
+    /// Returns the positions of the marked events.
+    pub(in crate::report) fn mark_positions(&self) -> impl Iterator<Item = Vec2> {
         self.scene.view.marks.iter().filter_map(|mark| agents::place(&self.scene, mark))
     }
 
-    /// What lies below all that moves, an SVG document: the map with the lights of this step, and the ways of the AV. `middle`: metres.
-    pub(in crate::report) fn below(&self, step: usize, middle: Vec2) -> String {
+    /// Draws the background as an SVG document: the map with the lights of this step, and the paths of
+    /// the AV. `middle`: centre, metres.
+    pub(in crate::report) fn background(&self, step: usize, middle: Vec2) -> String {
         let mut canvas = self.canvas(middle);
         canvas.background();
         ground::draw(&mut canvas, self.scene.scenario, CURRENT + step.min(FUTURE));
-        ways(&mut canvas, &self.scene);
+        av_paths(&mut canvas, &self.scene);
         canvas.finish()
     }
 
-    /// What moves, and the events so far: an SVG document of the same size without a ground.
-    pub(in crate::report) fn above(&self, step: usize, middle: Vec2) -> String {
+    /// Draws the agents and the events so far as a transparent SVG document of the same size.
+    pub(in crate::report) fn foreground(&self, step: usize, middle: Vec2) -> String {
         let mut canvas = self.canvas(middle);
-        moment(&mut canvas, &self.scene, step.min(FUTURE));
+        draw_agents(&mut canvas, &self.scene, step.min(FUTURE));
         canvas.finish()
     }
 
@@ -56,16 +59,16 @@ impl<'a> Moving<'a> {
     }
 }
 
-/// What of agents is the same throughout an animation: static context, and the AV's ways.
-fn ways(canvas: &mut Canvas, scene: &Scene<'_>) {
+/// Draws static obstacles and the AV's paths, which are the same throughout an animation.
+fn av_paths(canvas: &mut Canvas, scene: &Scene<'_>) {
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
     for obstacle in &scene.scenario.start.obstacles {
         body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
     }
-    if scene.view.rollout.is_some() && (0..=FUTURE).any(|k| apart(scene, 0, k)) {
+    if scene.view.rollout.is_some() && (0..=FUTURE).any(|k| is_displaced(scene, 0, k)) {
         let mut path = PathData::new(canvas.window());
         stretch(&mut path, &scene.logged[0], CURRENT, FRAMES - 1);
-        canvas.path(&path, &ghostly());
+        canvas.path(&path, &ghost_style());
     }
     if let Some(track) = scene.tracks().first() {
         let mut path = PathData::new(canvas.window());
@@ -79,18 +82,18 @@ fn ways(canvas: &mut Canvas, scene: &Scene<'_>) {
     canvas.raw("</g>");
 }
 
-/// All agents at one step of an animation, with tails, ghosts and the events so far.
-fn moment(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
+/// Draws all agents at one step, with tails, ghosts and the events so far.
+fn draw_agents(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
     let order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
     let mut ghosts = PathData::new(canvas.window());
     for &agent in &order {
         tail(canvas, scene, agent, step);
-        if scene.view.rollout.is_some() && apart(scene, agent, step) {
+        if scene.view.rollout.is_some() && is_displaced(scene, agent, step) {
             ghost_box(&mut ghosts, scene, agent, step);
         }
     }
-    canvas.path(&ghosts, &ghostly());
+    canvas.path(&ghosts, &ghost_style());
     for &agent in &order {
         if let Some(state) = scene.state(agent, step) {
             figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), 1.0);
@@ -100,7 +103,8 @@ fn moment(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
     marks(canvas, scene, step, false);
 }
 
-/// The way of the last moments, growing paler with age. Stretches lie on a fixed grid of frames, so that they stay as they are drawn.
+/// Draws the track of the last frames, paler with age. Stretches begin at fixed frames, so that their
+/// pixels stay the same between steps.
 fn tail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let Some(track) = scene.tracks().get(agent) else { return };
     let now = CURRENT + step;
@@ -108,16 +112,17 @@ fn tail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
         return;
     }
     let width = if agent == 0 { 2.4 } else { 1.6 };
-    let last = now / TAIL_STRETCH;
-    for k in last.saturating_sub(TAIL - 1)..=last {
+    let last = now / TAIL_STRETCH_FRAMES;
+    for k in last.saturating_sub(TAIL_STRETCHES - 1)..=last {
         let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, k * TAIL_STRETCH, now.min((k + 1) * TAIL_STRETCH));
-        let opacity = 0.75 * (k + TAIL - last) as f64 / TAIL as f64;
+        stretch(&mut path, track, k * TAIL_STRETCH_FRAMES, now.min((k + 1) * TAIL_STRETCH_FRAMES));
+        let opacity = 0.75 * (k + TAIL_STRETCHES - last) as f64 / TAIL_STRETCHES as f64;
         let colour = paint(scene, agent).line;
         canvas.path(
             &path,
             &format!(
-                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
+                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+                 stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
             ),
         );
     }

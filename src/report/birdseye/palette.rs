@@ -2,11 +2,11 @@
 
 use crate::scene::{AgentKind, Deviation, LightState};
 
-/// The two colours of a thing.
+/// Colours of an agent.
 pub(super) struct Paint {
-    /// Of its body.
+    /// Colour of the body.
     pub(super) fill: &'static str,
-    /// Of its outline and its trail.
+    /// Colour of the outline and the trail.
     pub(super) line: &'static str,
 }
 
@@ -18,33 +18,33 @@ const VEHICLE: Paint = Paint { fill: "#56a7dc", line: "#00568c" };
 const PEDESTRIAN: Paint = Paint { fill: "#cc79a7", line: "#8f3f6d" };
 /// Cyclists.
 const CYCLIST: Paint = Paint { fill: "#1fb48a", line: "#006f4f" };
-/// Static context.
+/// Static obstacles.
 const OTHER: Paint = Paint { fill: "#a7a9ae", line: "#63666d" };
 
-/// Off the road.
+/// Ground outside the road.
 pub(super) const GROUND: &str = "#f4f3ef";
-/// The road.
+/// Road surface.
 pub(in crate::report) const ROAD: &str = "#d9dbe0";
-/// The lanes of bicycles.
+/// Bicycle lanes.
 pub(super) const BIKE_LANE: &str = "#cfe0d6";
-/// White paint, and zebra stripes.
+/// White road paint and zebra stripes.
 pub(super) const WHITE: &str = "#ffffff";
-/// Yellow paint.
+/// Yellow road paint.
 pub(in crate::report) const YELLOW: &str = "#e2a800";
-/// Edges of the road.
+/// Road edges.
 pub(in crate::report) const EDGE: &str = "#6c7078";
 /// Centre lines and their arrows.
 pub(super) const CENTER: &str = "#aeb3bd";
 /// Stop lines without a light.
 pub(in crate::report) const STOP: &str = "#22252b";
-/// Tracks of the log beside a rollout.
+/// Logged tracks next to a rollout.
 pub(in crate::report) const GHOST: &str = "#5c6068";
-/// The line around a panel.
+/// Frame of a panel.
 pub(in crate::report) const FRAME: &str = "#b9bcc4";
 /// Events.
 pub(in crate::report) const EVENT: &str = "#b00020";
 
-/// The colours of a kind of agent.
+/// Returns the colours of a kind of agent.
 pub(super) const fn of(kind: AgentKind) -> &'static Paint {
     match kind {
         AgentKind::Vehicle => &VEHICLE,
@@ -54,11 +54,11 @@ pub(super) const fn of(kind: AgentKind) -> &'static Paint {
     }
 }
 
-/// What is generated, and what it is held against.
+/// Generated data in charts, and reference data in charts.
 pub(in crate::report) const GENERATED: &str = AV.line;
 pub(in crate::report) const REFERENCE: &str = "#a9cfea";
 
-/// The colour of a category of deviations.
+/// Returns the colour of a category of deviations.
 pub(in crate::report) const fn category(category: Deviation) -> &'static str {
     match category {
         Deviation::Longitudinal => VEHICLE.fill,
@@ -67,7 +67,7 @@ pub(in crate::report) const fn category(category: Deviation) -> &'static str {
     }
 }
 
-/// The colour of a light; grey where it was not observed.
+/// Returns the colour of a light; grey if it was not observed.
 pub(super) fn light(state: Option<LightState>) -> &'static str {
     match state {
         Some(LightState::Stop | LightState::ArrowStop | LightState::FlashingStop) => "#d0021b",

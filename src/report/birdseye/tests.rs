@@ -5,7 +5,8 @@ use crate::scene::{
     LightState, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
 };
 
-/// A checker for what is written here: one root, tags that match, quoted attributes without markup, known entities.
+/// Checks the XML that this module writes: one root, matching tags, quoted attributes without markup,
+/// known entities.
 fn well_formed(text: &str) -> Result<(), String> {
     let mut open: Vec<String> = Vec::new();
     let mut rest = text.trim_end();

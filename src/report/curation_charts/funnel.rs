@@ -1,41 +1,47 @@
-//! How many scenarios and candidates are left after each step.
+//! Chart of the scenarios and candidates that remain after each step.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::{Area, Drawn, FONT, color, palette, text, title};
+use super::{Area, DrawResult, FONT, color, palette, text, title};
 use crate::curation::stats::Statistics;
 use crate::report::curation_tables::{dropped, rejections};
 
-/// A line: what is left, and what fell just before.
+/// A bar of the funnel.
 struct Line {
     name: String,
+    /// Number left after this step.
     left: u64,
+    /// Number rejected at this step.
     fell: u64,
 }
 
-/// Bars of what is left, with what fell at each rule in a paler colour at their ends.
-pub(super) fn funnel(area: &Area<'_>, statistics: &Statistics) -> Drawn {
+/// Draws bars of the remaining numbers, with the rejected ones in a paler colour at their ends.
+pub(super) fn funnel(area: &Area<'_>, statistics: &Statistics) -> DrawResult {
     title(
         area,
         "What is left of scenarios and candidates",
         "Steps 1 to 4 of the pipeline; pale: what fell at this rule",
     )?;
     let (scenarios, candidates) = (scenarios(statistics), candidates(statistics));
-    // Both parts share the height; many filters make thinner bars.
+    // Both parts share the height: the more filters, the thinner the bars.
     let lines = (scenarios.len() + candidates.len()) as i32;
-    let pitch = ((SPACE - 2 * HEAD) / lines.max(1)).min(26);
+    let pitch = ((HEIGHT - 2 * HEADING_HEIGHT) / lines.max(1)).min(26);
     let next = part(area, "Scenarios", &scenarios, TOP, pitch)?;
     part(area, "Candidates", &candidates, next, pitch)?;
     Ok(())
 }
 
+/// Top edge of the bars, pixels.
 const TOP: i32 = 68;
-const SPACE: i32 = 420;
-const HEAD: i32 = 30;
-/// Where bars begin, and how long the longest is.
+/// Height of both parts together, pixels.
+const HEIGHT: i32 = 420;
+/// Height of the heading of a part, pixels.
+const HEADING_HEIGHT: i32 = 30;
+/// Left edge of the bars, pixels.
 const LEFT: i32 = 300;
-const LONGEST: i32 = 360;
+/// Length of the longest bar, pixels.
+const MAX_LENGTH: i32 = 360;
 
 fn scenarios(statistics: &Statistics) -> Vec<Line> {
     let mut left = statistics.funnel.scenarios;
@@ -64,7 +70,7 @@ fn candidates(statistics: &Statistics) -> Vec<Line> {
     lines
 }
 
-/// Draws some lines under a heading; where the next part can begin.
+/// Draws lines under a heading. Returns the top of the next part.
 fn part(
     area: &Area<'_>,
     heading: &str,
@@ -75,10 +81,10 @@ fn part(
     let strong = (FONT, 16).into_font().style(FontStyle::Bold).color(&color(palette::STOP));
     area.draw_text(heading, &strong, (24, top))?;
     let most = lines.iter().map(|l| l.left + l.fell).max().unwrap_or(0).max(1);
-    let length = |n: u64| (f64::from(LONGEST) * n as f64 / most as f64).round() as i32;
+    let length = |n: u64| (f64::from(MAX_LENGTH) * n as f64 / most as f64).round() as i32;
     let size = (pitch * 3 / 5).clamp(8, 14) as u32;
     for (i, line) in lines.iter().enumerate() {
-        let middle = top + HEAD + pitch * i as i32 + pitch / 2 - 4;
+        let middle = top + HEADING_HEIGHT + pitch * i as i32 + pitch / 2 - 4;
         let half = (pitch * 2 / 5).max(2);
         text(area, &shortened(&line.name), (LEFT - 10, middle), size, HPos::Right)?;
         let (left, all) = (LEFT + length(line.left), LEFT + length(line.left + line.fell));
@@ -88,14 +94,14 @@ fn part(
         let fell = if line.fell > 0 { format!("  (−{})", line.fell) } else { String::new() };
         text(area, &format!("{}{fell}", line.left), (all + 8, middle), size, HPos::Left)?;
     }
-    Ok(top + HEAD + pitch * lines.len() as i32 + 8)
+    Ok(top + HEADING_HEIGHT + pitch * lines.len() as i32 + 8)
 }
 
-/// Names that would run out of the picture are cut.
+/// Truncates names that are too long for the picture.
 fn shortened(name: &str) -> String {
-    const MOST: usize = 42;
-    if name.chars().count() <= MOST {
+    const MAX_CHARS: usize = 42;
+    if name.chars().count() <= MAX_CHARS {
         return name.to_owned();
     }
-    name.chars().take(MOST - 1).chain(['…']).collect()
+    name.chars().take(MAX_CHARS - 1).chain(['…']).collect()
 }

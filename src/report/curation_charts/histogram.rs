@@ -1,28 +1,31 @@
-//! How quantities are spread, by category.
+//! Histograms by category.
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, category_color, color, layout, legend, nothing, palette, style, tick, title};
+use super::{
+    Area, DrawResult, category_color, color, empty_message, layout, legend, palette, style, tick, title,
+};
 use crate::curation::stats::{Bins, Distribution, Part, Statistics};
 use crate::scene::Deviation;
 
-pub(super) fn ade(area: &Area<'_>, statistics: &Statistics) -> Drawn {
+pub(super) fn ade(area: &Area<'_>, statistics: &Statistics) -> DrawResult {
     title(area, "Distance to the log", &about(&statistics.overall.ade, "m"))?;
     stacked(area, statistics, &statistics.bins.ade, "ADE over 8 s (m)", |p| &p.ade)
 }
 
-pub(super) fn mean_speed_difference(area: &Area<'_>, statistics: &Statistics) -> Drawn {
+pub(super) fn mean_speed_difference(area: &Area<'_>, statistics: &Statistics) -> DrawResult {
     let Statistics { overall, bins, .. } = statistics;
     title(area, "Speed against the log", &about(&overall.mean_speed_difference, "m/s"))?;
     let label = "Mean speed minus the log's (m/s)";
     stacked(area, statistics, &bins.mean_speed_difference, label, |p| &p.mean_speed_difference)
 }
 
-/// The numbers that people look for, in one line.
+/// Summarises a distribution in one line.
 fn about(d: &Distribution, unit: &str) -> String {
     match (d.mean, d.lower_quartile, d.median, d.upper_quartile) {
         (Some(mean), Some(low), Some(median), Some(high)) => format!(
-            "{} chosen candidates: mean {mean:.2} {unit}, median {median:.2} {unit}, half of them from {low:.2} to {high:.2} {unit}",
+            "{} chosen candidates: mean {mean:.2} {unit}, median {median:.2} {unit}, \
+             half of them from {low:.2} to {high:.2} {unit}",
             d.n
         )
         .replace(" -", " −"),
@@ -30,16 +33,16 @@ fn about(d: &Distribution, unit: &str) -> String {
     }
 }
 
-/// Bars of the categories on top of each other.
+/// Draws stacked bars of the categories.
 fn stacked(
     area: &Area<'_>,
     statistics: &Statistics,
     bins: &Bins,
     label: &str,
     of: fn(&Part) -> &Distribution,
-) -> Drawn {
+) -> DrawResult {
     if bins.count == 0 {
-        return nothing(area);
+        return empty_message(area);
     }
     legend(area, statistics, |area, category, (x, y)| {
         let box_ = [(x - 7, y - 7), (x + 7, y + 7)];

@@ -1,17 +1,20 @@
-//! Where chosen candidates end.
+//! Scatter plot of the end points of chosen candidates.
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, category_color, color, layout, legend, nothing, palette, style, tick, title};
+use super::{
+    Area, DrawResult, category_color, color, empty_message, layout, legend, palette, style, tick, title,
+};
 use crate::curation::stats::Statistics;
 use crate::scene::Deviation;
 
-/// A dot, a triangle or a cross per scenario: shapes tell the categories apart where colours do not.
-pub(super) fn endpoints(area: &Area<'_>, statistics: &Statistics) -> Drawn {
+/// Draws a dot, a triangle or a cross per scenario: shapes distinguish the categories without colour.
+pub(super) fn endpoints(area: &Area<'_>, statistics: &Statistics) -> DrawResult {
     title(
         area,
         "Where the deviated AV ends",
-        "Last position (8 s) relative to the log, in the AV's frame at the current time; one mark per chosen candidate",
+        "Last position (8 s) relative to the log, in the AV's frame at the current time; \
+         one mark per chosen candidate",
     )?;
     let points: Vec<(Deviation, (f64, f64))> = statistics
         .endpoints
@@ -19,7 +22,7 @@ pub(super) fn endpoints(area: &Area<'_>, statistics: &Statistics) -> Drawn {
         .filter_map(|e| Some((Deviation::from_name(e.category)?, (e.longitudinal?, e.lateral?))))
         .collect();
     if points.is_empty() {
-        return nothing(area);
+        return empty_message(area);
     }
     legend(area, statistics, |area, category, at| {
         mark(category, |shape| match shape {
@@ -38,7 +41,7 @@ pub(super) fn endpoints(area: &Area<'_>, statistics: &Statistics) -> Drawn {
             .x_label_formatter(&tick)
             .y_label_formatter(&tick),
     )?;
-    // The place of the log.
+    // The log is at the origin.
     let axis = color(palette::GHOST).stroke_width(1);
     chart.draw_series([
         PathElement::new(vec![(x.start, 0.0), (x.end, 0.0)], axis),
@@ -63,8 +66,8 @@ enum Shape {
     Cross(ShapeStyle),
 }
 
-/// The mark of a category. Marks are translucent, so that crowds show.
-fn mark(category: Deviation, draw: impl FnOnce(Shape) -> Drawn) -> Drawn {
+/// Draws the mark of a category. Marks are translucent to show density.
+fn mark(category: Deviation, draw: impl FnOnce(Shape) -> DrawResult) -> DrawResult {
     let ink = category_color(category).mix(0.6);
     draw(match category {
         Deviation::Longitudinal => Shape::Dot(ink.filled()),
@@ -73,7 +76,7 @@ fn mark(category: Deviation, draw: impl FnOnce(Shape) -> Drawn) -> Drawn {
     })
 }
 
-/// The values with the origin and a margin.
+/// Returns the range of the values and the origin, with a margin.
 fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let (low, high) = values.fold((0.0, 0.0), |(a, b): (f64, f64), v| (a.min(v), b.max(v)));
     let margin = (0.06 * (high - low)).max(0.5);

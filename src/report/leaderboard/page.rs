@@ -1,4 +1,4 @@
-//! The leaderboard as one page that needs no network.
+//! The leaderboard as one self-contained HTML page.
 
 use std::io::{self, Write};
 
@@ -14,15 +14,16 @@ use crate::evaluation::reference::Entry;
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("sort.js");
 
-/// Writes the page: a table that is sorted by a click on the head of a column. Style and script are allowed by their digests, and
-/// nothing else is loaded.
+/// Writes the page: a table that a click on a column head sorts. The policy allows only its style and
+/// script, by their digests.
 ///
 /// # Errors
-/// When `out` can not be written.
+/// If `out` cannot be written.
 pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     let digest = |text: &str| STANDARD.encode(Sha256::digest(text.as_bytes()));
     let policy = format!(
-        "default-src 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data:; base-uri 'none'; form-action 'none'",
+        "default-src 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data:; \
+         base-uri 'none'; form-action 'none'",
         digest(SCRIPT),
         digest(STYLE)
     );
@@ -53,7 +54,8 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     }
     writeln!(
         out,
-        "<p>Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is.</p>"
+        "<p>Means over scenarios ± half the width of the 95 % bootstrap interval; \
+         ↓ less is better, ↑ more is.</p>"
     )?;
     for text in status_legend(entries) {
         writeln!(out, "<p>{text}.</p>")?;
@@ -78,7 +80,7 @@ fn row(out: &mut dyn Write, columns: &[Column], line: &Line<'_>) -> io::Result<(
     writeln!(out, "</tr>")
 }
 
-/// Text that HTML shows as it is.
+/// Escapes text for HTML.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -97,7 +99,7 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn names_can_not_break_the_page() {
+    fn names_cannot_break_the_page() {
         assert_eq!(super::escape("<a b=\"c\">&'"), "&lt;a b=&quot;c&quot;&gt;&amp;&#39;");
         assert!(!super::SCRIPT.contains("</script") && !super::STYLE.contains("</style"));
     }

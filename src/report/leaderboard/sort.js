@@ -1,5 +1,6 @@
 "use strict";
-// A click on the head of a column sorts by it, another click turns the order round. Cells without a value come last.
+// A click on the head of a column sorts by it, another click reverses the order. Cells without a value
+// come last.
 const heads = [...document.querySelectorAll("th")];
 const body = document.querySelector("tbody");
 heads.forEach((head, column) => {

@@ -1,15 +1,15 @@
-//! Which scenes a page shows where it does not hold all of them.
+//! Choice of the scenes of a page that does not hold all of them.
 
 use std::collections::BTreeMap;
 
 use super::gallery::Gallery;
 
-/// What makes a scenario worth a look: metrics of which one simulator has something to count and another has not, most telling first.
-const TELLING: [&str; 4] = ["aav-collision", "aav-ttc", "aa-collision", "offroad"];
+/// Metrics by which simulators are contrasted, most important first.
+const CONTRAST_METRICS: [&str; 4] = ["aav-collision", "aav-ttc", "aa-collision", "offroad"];
 
 impl Gallery {
-    /// The numbers of at most `count` scenarios that can be drawn, in their order. Those come first in which simulators differ most, the
-    /// categories in turn, so that none takes all places.
+    /// Returns the numbers of at most `count` scenarios with a scene, in increasing order. Prefers
+    /// scenarios in which simulators differ most, taking the categories in turn.
     pub(super) fn choose(&self, count: usize) -> Vec<usize> {
         let mut queues: BTreeMap<Option<&str>, Vec<(f64, usize)>> = BTreeMap::new();
         for (index, scenario) in self.scenarios.iter().enumerate().filter(|(i, _)| self.has_scene(*i)) {
@@ -26,11 +26,11 @@ impl Gallery {
         chosen
     }
 
-    /// How much the simulators that do not know the future differ in a scenario.
+    /// Returns how much the simulators other than oracles differ in a scenario.
     fn contrast(&self, index: usize) -> f64 {
         let mut weight = 1.0;
         let mut contrast = 0.0;
-        for metric in TELLING {
+        for metric in CONTRAST_METRICS {
             let counts = self.subjects.iter().filter(|s| !s.oracle).filter_map(|subject| {
                 let place = self.scenarios[index].places[subject.run]?;
                 let archive = &self.runs[subject.run].archive;
@@ -39,7 +39,7 @@ impl Gallery {
             });
             let (with, all) = counts.fold((0.0, 0.0), |(with, all), hit| (with + f64::from(hit), all + 1.0));
             if all > 0.0 {
-                // Greatest where one half differs from the other.
+                // Largest if half of the simulators have an event.
                 let share: f64 = with / all;
                 contrast += weight * share * (1.0 - share);
             }

@@ -12,7 +12,7 @@ use crate::metrics::{METRICS, Unit};
 use crate::report::table::{self, Column};
 use crate::report::{Run, exporter, study_tables};
 
-/// Forms of the results that can be saved from the page.
+/// Formats and file names of the results that the page offers for download.
 const DOWNLOADS: [(&str, &str); 3] =
     [("csv", "results.csv"), ("json", "results.json"), ("latex", "results.tex")];
 
@@ -21,9 +21,9 @@ const DOWNLOADS: [(&str, &str); 3] =
 pub(super) struct Data<'a> {
     version: &'static str,
     commit: &'static str,
-    /// Whether scenes are asked for; else those that there are lie in the page.
+    /// Whether scenes are requested from a server; otherwise they are embedded in the page.
     live: bool,
-    /// What lacks for scenes.
+    /// Reasons why scenes are unavailable.
     lacks: Vec<String>,
     metrics: Vec<MetricData>,
     /// Metrics of the main table.
@@ -38,7 +38,7 @@ pub(super) struct Data<'a> {
 #[derive(Serialize)]
 struct StudyData<'a> {
     name: &'a str,
-    /// What its tables hold ([`study_tables::write_json`]).
+    /// Numbers of its tables ([`study_tables::write_json`]).
     numbers: Box<RawValue>,
 }
 
@@ -54,9 +54,9 @@ struct MetricData {
 #[derive(Serialize)]
 struct RunData<'a> {
     name: &'a str,
-    /// The study that it belongs to, and what it is there.
+    /// Name of its study, and its label there.
     study: &'a Option<(String, String)>,
-    /// What was run, in one line.
+    /// Provenance in one line.
     about: String,
     summary: &'a Summary,
 }
@@ -75,13 +75,13 @@ struct ScenarioData<'a> {
     id: Vec<&'a str>,
     category: Vec<Option<&'a str>>,
     difficulty: Vec<Option<&'a str>>,
-    /// Whether there is a scene.
+    /// Whether there is a scene, as 0 or 1.
     scene: Vec<u8>,
-    /// Per run: what the deviated AV differs in from the logged one, by name of the statistic.
+    /// Per run: statistics of the deviation from the log, by name.
     deviation: Vec<BTreeMap<&'a str, Vec<Option<f64>>>>,
-    /// Per subject and metric (in their order); empty where a metric has no value at all.
+    /// Per subject and metric, in order; empty for a metric without any value.
     values: Vec<Vec<Vec<Option<f64>>>>,
-    /// Per subject and metric: events that count, in all rollouts; empty where there are none.
+    /// Per subject and metric: number of counted events in all rollouts; empty if there are none.
     events: Vec<Vec<Vec<u32>>>,
 }
 
@@ -91,13 +91,13 @@ struct Download {
     text: String,
 }
 
-/// As many digits as anybody reads; the summary has them all.
+/// Rounds a value to six significant digits; the summary has all of them.
 fn short(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 impl Gallery {
-    /// The data of the page. `scenes` are the scenarios that have one.
+    /// Returns the data of the page. `scenes`: numbers of the scenarios that have a scene.
     pub(super) fn data(&self, scenes: &BTreeSet<usize>, live: bool) -> Result<Data<'_>, PageError> {
         let runs: Vec<Run<'_>> =
             self.runs.iter().map(|r| Run { name: &r.name, summary: r.archive.summary() }).collect();
@@ -114,7 +114,7 @@ impl Gallery {
             version: program_version(),
             commit: program_commit(),
             live,
-            lacks: self.lacks(),
+            lacks: self.missing_for_scenes(),
             metrics: METRICS
                 .iter()
                 .map(|m| m.spec())
@@ -137,9 +137,9 @@ impl Gallery {
                 .runs
                 .iter()
                 .zip(&runs)
-                .map(|(shown, run)| RunData {
-                    name: &shown.name,
-                    study: &shown.study,
+                .map(|(member, run)| RunData {
+                    name: &member.name,
+                    study: &member.study,
                     about: table::provenance(run),
                     summary: run.summary,
                 })

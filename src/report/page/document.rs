@@ -42,18 +42,18 @@ const SCRIPTS: &[Asset] = &[
     script!("main.js"),
 ];
 
-/// A page and what it may load: its own script, told by its digest, and nothing from elsewhere.
+/// A page and its content security policy, which allows only its own script, by its digest.
 pub(super) struct Document {
     pub(super) text: String,
     pub(super) policy: String,
 }
 
 impl Gallery {
-    /// Writes the page as one file that needs nothing else. It holds the scenes of the scenarios named by `cases`, of `count` further
-    /// ones that are worth a look, or of `all`.
+    /// Writes the page as one self-contained file, with the scenes of the scenarios in `cases` and of
+    /// `count` further ones (or `all`), chosen by how much simulators differ.
     ///
     /// # Errors
-    /// [`PageError`] when a scenario is unknown, a file can not be read, or `out` can not be written.
+    /// [`PageError`] if a scenario is unknown, a file cannot be read, or `out` cannot be written.
     pub fn write(
         &self,
         cases: &[String],
@@ -72,7 +72,7 @@ impl Gallery {
             if let Some(json) = self.scene(index)? {
                 texts.push(format!(
                     "<script type=\"application/gzip\" id=\"scene-{index}\">{}</script>\n",
-                    packed(&json)?
+                    compressed(&json)?
                 ));
                 drawn.insert(index);
             }
@@ -87,7 +87,7 @@ impl Gallery {
         live: bool,
         scenes: &str,
     ) -> Result<Document, PageError> {
-        let data = harmless(&serde_json::to_string(&self.data(drawn, live)?)?);
+        let data = escape_json(&serde_json::to_string(&self.data(drawn, live)?)?);
         let script = bundle(SHARED.iter().chain(SCRIPTS));
         let connect = if live { "'self'" } else { "'none'" };
         let policy = format!(
@@ -115,13 +115,13 @@ impl Gallery {
     }
 }
 
-/// JSON that ends no element of HTML, whatever names are in it.
-fn harmless(json: &str) -> String {
+/// Escapes JSON so that no name in it can end an HTML element.
+fn escape_json(json: &str) -> String {
     json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
 }
 
-/// JSON, compressed, as letters.
-fn packed(json: &str) -> io::Result<String> {
+/// Compresses JSON with gzip and encodes it in Base64.
+fn compressed(json: &str) -> io::Result<String> {
     let mut gzip = GzEncoder::new(Vec::new(), Compression::best());
     gzip.write_all(json.as_bytes())?;
     Ok(STANDARD.encode(gzip.finish()?))
@@ -133,17 +133,17 @@ mod tests {
 
     #[test]
     fn nothing_in_the_data_ends_its_element() {
-        let text = harmless("{\"id\":\"</script><!--&\"}");
+        let text = escape_json("{\"id\":\"</script><!--&\"}");
         assert!(!text.contains(['<', '>', '&']));
         let value: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(value["id"], "</script><!--&");
     }
 
     #[test]
-    fn scripts_can_stand_in_a_page() {
+    fn scripts_can_be_embedded_in_a_page() {
         let script = bundle(SHARED.iter().chain(SCRIPTS));
         assert!(!script.contains("</script") && !script.contains("<!--"));
-        // What the bundle leaves of modules would not run in a page.
+        // Module syntax left by the bundler would not run in a page.
         assert!(!script.contains("\nimport ") && !script.contains("\nexport "));
         for mark in
             ["<!--policy-->", "/*palette*/", "/*style*/", "<!--data-->", "<!--scenes-->", "/*script*/"]

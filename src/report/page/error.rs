@@ -1,30 +1,30 @@
-//! Why a page can not be made.
+//! Errors of the page.
 
 use std::io;
 
 use crate::evaluation::EvaluationError;
 use crate::web::ServeError;
 
-/// Why a page can not be made or served.
+/// Error in creating or serving a page.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PageError {
-    /// A run can not be read.
+    /// A run cannot be read.
     #[error(transparent)]
     Run(#[from] EvaluationError),
-    /// Two runs are of the same name.
+    /// Two runs have the same name.
     #[error("two runs are named `{0}`: give each once")]
     SameRun(String),
-    /// A scenario that was asked for is in none of the runs.
-    #[error("no run has a scenario `{0}`; `rows.jsonl` of a run folder names those that it has")]
+    /// A requested scenario is in none of the runs.
+    #[error("no run has a scenario `{0}`; `rows.jsonl` of a run folder lists its scenarios")]
     UnknownScenario(String),
-    /// A number or text has no form in JSON.
-    #[error("the page's data can not be written as JSON: {0}")]
+    /// The data cannot be represented as JSON.
+    #[error("could not write the data of the page as JSON: {0}")]
     Json(#[from] serde_json::Error),
-    /// The page can not be written.
+    /// The page cannot be written.
     #[error("could not write the page: {0}")]
     Write(#[from] io::Error),
-    /// The page can not be served.
+    /// The page cannot be served.
     #[error(transparent)]
     Serve(#[from] ServeError),
 }

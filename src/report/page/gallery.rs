@@ -1,45 +1,45 @@
-//! Finished runs beside each other, scenario by scenario.
+//! Finished runs side by side, matched by scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use super::PageError;
-use super::scene::{Performance, scene};
+use super::scene::{SubjectRollout, scene};
 use crate::evaluation::{Archive, Place, Shelf, StudyResults};
 
-/// A run that is to be shown.
+/// A run to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// What it is called on the page.
+    /// Name on the page.
     pub name: String,
-    /// Its folder.
+    /// Run folder.
     pub folder: PathBuf,
-    /// The study that it belongs to, and what it is there.
+    /// Name of its study, and its label there.
     pub study: Option<(String, String)>,
 }
 
 /// Finished runs with their scenarios.
 pub struct Gallery {
-    pub(super) runs: Vec<Shown>,
+    pub(super) runs: Vec<GalleryRun>,
     pub(super) subjects: Vec<Subject>,
-    pub(super) scenarios: Vec<Joined>,
-    /// Studies by name; their runs are among those above.
+    pub(super) scenarios: Vec<GalleryScenario>,
+    /// Studies with their names; their runs are among `runs`.
     pub(super) studies: Vec<(String, StudyResults)>,
     shelf: Shelf,
 }
 
-/// A run.
-pub(super) struct Shown {
+/// An opened run.
+pub(super) struct GalleryRun {
     pub(super) name: String,
     pub(super) study: Option<(String, String)>,
     pub(super) archive: Archive,
 }
 
-/// A simulator of a run: what is compared.
+/// A simulator of a run, the unit of comparison.
 pub(super) struct Subject {
-    /// Number of its run.
+    /// Index of its run.
     pub(super) run: usize,
-    /// Its place in the tally's list.
+    /// Its index in the tally's list of simulators.
     pub(super) simulator: usize,
     pub(super) id: String,
     pub(super) title: String,
@@ -47,7 +47,7 @@ pub(super) struct Subject {
 }
 
 /// A scenario of one or several runs.
-pub(super) struct Joined {
+pub(super) struct GalleryScenario {
     pub(super) id: String,
     pub(super) digest: String,
     pub(super) category: Option<String>,
@@ -57,11 +57,11 @@ pub(super) struct Joined {
 }
 
 impl Gallery {
-    /// Opens runs, and takes the results of the studies that some of them belong to. A scenario of several runs is the same where id and
-    /// digest are.
+    /// Opens runs, with the results of the studies that some of them belong to. Scenarios of different
+    /// runs are identified by id and digest.
     ///
     /// # Errors
-    /// [`PageError`] when a run can not be read or two have one name.
+    /// [`PageError`] if a run cannot be read or two have the same name.
     pub fn open(
         members: Vec<Member>,
         studies: Vec<(String, StudyResults)>,
@@ -74,10 +74,10 @@ impl Gallery {
                 return Err(PageError::SameRun(member.name));
             }
             let archive = Archive::open(&member.folder)?;
-            runs.push(Shown { name: member.name, study: member.study, archive });
+            runs.push(GalleryRun { name: member.name, study: member.study, archive });
         }
         let mut subjects = Vec::new();
-        let mut scenarios: Vec<Joined> = Vec::new();
+        let mut scenarios: Vec<GalleryScenario> = Vec::new();
         let mut known: BTreeMap<(String, String), usize> = BTreeMap::new();
         for (number, run) in runs.iter().enumerate() {
             for record in &run.archive.summary().provenance.run.simulators {
@@ -89,7 +89,7 @@ impl Gallery {
             for (place, entry) in &run.archive.tally().entries {
                 let key = (entry.scenario.clone(), entry.digest.clone());
                 let at = *known.entry(key).or_insert_with(|| {
-                    scenarios.push(Joined {
+                    scenarios.push(GalleryScenario {
                         id: entry.scenario.clone(),
                         digest: entry.digest.clone(),
                         category: None,
@@ -110,35 +110,35 @@ impl Gallery {
         Ok(Self { runs, subjects, scenarios, studies, shelf })
     }
 
-    /// The number of a scenario by its id, the first where several have it.
+    /// Returns the number of the first scenario with this id.
     pub(super) fn find(&self, id: &str) -> Option<usize> {
         self.scenarios.iter().position(|s| s.id == id)
     }
 
-    /// What lacks for scenes, in words for people: runs without rollouts, files of scenarios that were not given.
-    pub fn lacks(&self) -> Vec<String> {
-        let mut lacks = Vec::new();
+    /// Returns messages on why scenes are unavailable: runs without rollouts, missing files of scenarios.
+    pub fn missing_for_scenes(&self) -> Vec<String> {
+        let mut messages = Vec::new();
         let bare = self.runs.iter().filter(|run| !run.archive.keeps_rollouts());
         let bare: Vec<String> = bare.map(|run| format!("`{}`", run.name)).collect();
         if !bare.is_empty() {
             let names = bare.join(", ");
-            lacks.push(format!("no rollouts were kept of {names}: run with --keep-rollouts to see them"));
+            messages.push(format!("no rollouts were kept of {names}: run with --keep-rollouts to see them"));
         }
         let inputs = self.runs.iter().flat_map(|r| &r.archive.summary().provenance.run.inputs);
         let missing: BTreeSet<&str> =
             inputs.filter(|file| !self.shelf.has(file)).map(|f| f.name.as_str()).collect();
         if !missing.is_empty() {
             let names: Vec<&str> = missing.into_iter().collect();
-            lacks.push(format!(
-                "the scenarios of {} are not at hand, so that nothing of them can be drawn: give --scenarios \
+            messages.push(format!(
+                "the scenarios of {} are missing, so their scenes cannot be drawn: give --scenarios \
                  with the files of the run",
                 names.join(", ")
             ));
         }
-        lacks
+        messages
     }
 
-    /// Whether there is something to draw of a scenario.
+    /// Returns whether there is a scene of a scenario.
     pub(super) fn has_scene(&self, index: usize) -> bool {
         self.runs.iter().zip(&self.scenarios[index].places).any(|(run, place)| {
             let inputs = &run.archive.summary().provenance.run.inputs;
@@ -147,37 +147,38 @@ impl Gallery {
         })
     }
 
-    /// The JSON of a scene: the scenario with the first rollout of every subject. `None` where there is nothing to draw.
+    /// Returns the JSON of a scene: the scenario with the first rollout of every subject. `None` if there
+    /// is nothing to draw.
     pub(super) fn scene(&self, index: usize) -> Result<Option<String>, PageError> {
-        let Some(joined) = self.scenarios.get(index) else { return Ok(None) };
+        let Some(wanted) = self.scenarios.get(index) else { return Ok(None) };
         let mut scenario = None;
-        for (run, place) in self.runs.iter().zip(&joined.places) {
+        for (run, place) in self.runs.iter().zip(&wanted.places) {
             let inputs = &run.archive.summary().provenance.run.inputs;
             if let Some(place) = place
                 && let Some(file) = inputs.get(place.input)
             {
-                scenario = self.shelf.read(file, place.record, &joined.digest)?;
+                scenario = self.shelf.read(file, place.record, &wanted.digest)?;
             }
             if scenario.is_some() {
                 break;
             }
         }
         let Some(scenario) = scenario else { return Ok(None) };
-        let mut performances = Vec::new();
+        let mut rollouts = Vec::new();
         for (number, subject) in self.subjects.iter().enumerate() {
             let archive = &self.runs[subject.run].archive;
-            let Some(place) = joined.places[subject.run] else { continue };
+            let Some(place) = wanted.places[subject.run] else { continue };
             if !archive.tally().has(place, subject.simulator) {
                 continue;
             }
             let Some(tracks) = archive.tracks(&scenario, subject.simulator, 0)? else { continue };
             let mut events = archive.events(place, subject.simulator)?;
             events.retain(|event| event.rollout == 0);
-            performances.push(Performance { subject: number, tracks, events });
+            rollouts.push(SubjectRollout { subject: number, tracks, events });
         }
-        if performances.is_empty() {
+        if rollouts.is_empty() {
             return Ok(None);
         }
-        Ok(Some(scene(&scenario, &performances)?))
+        Ok(Some(scene(&scenario, &rollouts)?))
     }
 }

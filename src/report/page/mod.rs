@@ -1,8 +1,9 @@
-//! Runs as one page: tables, figures, the list of scenarios, and a viewer that shows what simulators did.
+//! Runs as one HTML page: tables, figures, the list of scenarios, and a viewer of rollouts.
 //!
-//! A [`Gallery`] holds finished runs and, where there are any, their scenarios and rollouts. [`Gallery::write`] makes a file that needs
-//! nothing else: scripts, styles, numbers and chosen scenes are part of it. [`Gallery::serve`] shows the same page with every scene,
-//! each loaded when it is asked for. All texts of a run reach the page as JSON, which scripts put in as text, never as markup.
+//! A [`Gallery`] holds finished runs and, if available, their scenarios and rollouts.
+//! [`Gallery::write`] writes a self-contained file with scripts, styles, numbers and chosen scenes.
+//! [`Gallery::serve`] shows the same page with every scene, loaded on request. All texts of a run reach
+//! the page as JSON, and scripts insert them as text, never as markup.
 
 mod choice;
 mod data;

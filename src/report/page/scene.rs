@@ -1,4 +1,4 @@
-//! One scenario with what simulators did in it, as JSON.
+//! One scenario with the rollouts of simulators, as JSON.
 
 use serde::Serialize;
 use serde_json::value::RawValue;
@@ -8,16 +8,16 @@ use crate::evaluation::EventRecord;
 use crate::scene::{Frame, Scenario};
 use crate::web::sketch;
 
-/// Version of the form.
+/// Version of the JSON format.
 const VERSION: u32 = 1;
 
-/// What one simulator did.
-pub(super) struct Performance {
-    /// Number of the subject.
+/// One rollout of a subject.
+pub(super) struct SubjectRollout {
+    /// Index of the subject.
     pub(super) subject: usize,
-    /// Per agent of the scenario 91 frames.
+    /// 91 frames for each agent of the scenario.
     pub(super) tracks: Vec<Vec<Frame>>,
-    /// What was counted in this rollout.
+    /// Events of this rollout.
     pub(super) events: Vec<EventRecord>,
 }
 
@@ -34,14 +34,14 @@ struct Scene<'a> {
 #[derive(Serialize)]
 struct Subject<'a> {
     subject: usize,
-    /// Per agent its spans.
+    /// Encoded spans of each agent ([`spans`]).
     tracks: Vec<Vec<Vec<i64>>>,
-    events: Vec<Happening<'a>>,
+    events: Vec<SceneEvent<'a>>,
 }
 
-/// An event; agents by their places in the scenario.
+/// An event; agents by their index in the scenario.
 #[derive(Serialize)]
-struct Happening<'a> {
+struct SceneEvent<'a> {
     metric: &'a str,
     agent: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,17 +55,17 @@ struct Happening<'a> {
     values: Vec<(&'a str, f64)>,
 }
 
-/// The JSON of a scene.
-pub(super) fn scene(scenario: &Scenario, performances: &[Performance]) -> serde_json::Result<String> {
+/// Returns the JSON of a scene.
+pub(super) fn scene(scenario: &Scenario, rollouts: &[SubjectRollout]) -> serde_json::Result<String> {
     let place = |id: &str| scenario.start.agents.iter().position(|a| a.id == id);
-    let subjects = performances.iter().map(|performance| Subject {
-        subject: performance.subject,
-        tracks: performance.tracks.iter().map(|track| spans(track)).collect(),
-        events: performance
+    let subjects = rollouts.iter().map(|rollout| Subject {
+        subject: rollout.subject,
+        tracks: rollout.tracks.iter().map(|track| spans(track)).collect(),
+        events: rollout
             .events
             .iter()
             .filter_map(|event| {
-                Some(Happening {
+                Some(SceneEvent {
                     metric: &event.metric,
                     agent: place(&event.agent)?,
                     partner: event.partner.as_deref().and_then(place),

@@ -1,4 +1,4 @@
-//! The page on the loopback interface, with every scene.
+//! Server of the page with every scene, on the loopback interface.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,28 +13,29 @@ use super::PageError;
 use super::gallery::Gallery;
 use crate::web::{Loopback, Site, Stop};
 
-/// Scenes that are kept before all are forgotten.
-const KEPT: usize = 64;
+/// Number of cached scenes at which the cache is cleared.
+const MAX_CACHED_SCENES: usize = 64;
 
-struct Desk {
+/// State of the server.
+struct PageState {
     gallery: Gallery,
     page: String,
     scenes: Mutex<BTreeMap<usize, String>>,
 }
 
 impl Gallery {
-    /// Shows the page to this machine until `stop` is asked for. Scenes are made when they are asked for.
+    /// Serves the page to this machine until `stop` is triggered. Scenes are created on request.
     ///
     /// # Errors
-    /// [`PageError`] when the page can not be made or the port is lost.
+    /// [`PageError`] if the page cannot be created or the port is lost.
     pub fn serve(self, loopback: Loopback, stop: &Stop) -> Result<(), PageError> {
         let drawn: BTreeSet<usize> = (0..self.scenarios.len()).filter(|&i| self.has_scene(i)).collect();
         let document = self.document(&drawn, true, "")?;
-        let desk = Desk { gallery: self, page: document.text, scenes: Mutex::default() };
+        let state = PageState { gallery: self, page: document.text, scenes: Mutex::default() };
         let router = Router::new()
             .route("/{token}/", get(page))
             .route("/{token}/scene/{index}", get(scene))
-            .with_state(Arc::new(desk));
+            .with_state(Arc::new(state));
         let site = Site {
             hint: "open the address that `reactsim view` printed",
             policy: format!("{}; frame-ancestors 'none'", document.policy),
@@ -43,26 +44,26 @@ impl Gallery {
     }
 }
 
-async fn page(State(desk): State<Arc<Desk>>) -> Response {
-    ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], desk.page.clone()).into_response()
+async fn page(State(state): State<Arc<PageState>>) -> Response {
+    ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], state.page.clone()).into_response()
 }
 
-async fn scene(State(desk): State<Arc<Desk>>, Path((_, index)): Path<(String, usize)>) -> Response {
-    match desk.scene(index) {
+async fn scene(State(state): State<Arc<PageState>>, Path((_, index)): Path<(String, usize)>) -> Response {
+    match state.scene(index) {
         Ok(Some(json)) => ([(header::CONTENT_TYPE, "application/json")], json).into_response(),
         Ok(None) => (StatusCode::NOT_FOUND, "there is no such scene\n").into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
     }
 }
 
-impl Desk {
+impl PageState {
     fn scene(&self, index: usize) -> Result<Option<String>, PageError> {
         let mut scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(json) = scenes.get(&index) {
             return Ok(Some(json.clone()));
         }
         let Some(json) = self.gallery.scene(index)? else { return Ok(None) };
-        if scenes.len() >= KEPT {
+        if scenes.len() >= MAX_CACHED_SCENES {
             scenes.clear();
         }
         scenes.insert(index, json.clone());

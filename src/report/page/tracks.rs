@@ -1,11 +1,12 @@
-//! Realised tracks as few characters.
+//! Compact encoding of realised tracks.
 
 use crate::geometry::wrap;
 use crate::scene::{CURRENT, Frame};
 
-/// The steps 1 to 80 of a track (91 frames) as spans without gaps: the step of the first state, then `x y heading` of every state in
-/// millimetres and milliradians. Of each number stands what two equal steps before it do not tell: the first whole, the second as the
-/// difference to the first, then the differences of differences, most of which are small.
+/// Encodes steps 1 to 80 of a track (91 frames) as spans without gaps: the step of the first state, then
+/// `x y heading` of every state in millimetres and milliradians. Each number is stored as its deviation
+/// from linear extrapolation: the first whole, the second as the difference from the first, then second
+/// differences, most of which are small.
 pub(super) fn spans(track: &[Frame]) -> Vec<Vec<i64>> {
     let mut spans: Vec<Vec<i64>> = Vec::new();
     let mut open: Option<Prediction> = None;
@@ -18,38 +19,41 @@ pub(super) fn spans(track: &[Frame]) -> Vec<Vec<i64>> {
             spans.push(vec![step as i64]);
         }
         let before = open.get_or_insert_default();
-        // Headings are unrolled, so that differences stay small.
+        // Headings are unwrapped, so that differences stay small.
         let heading = before.heading.map_or(wrap(state.heading), |h| h + wrap(state.heading - h));
         before.heading = Some(heading);
         let now = [thousandths(state.x), thousandths(state.y), thousandths(heading)];
         if let Some(span) = spans.last_mut() {
-            span.extend(before.surprises(now));
+            span.extend(before.residuals(now));
         }
     }
     spans
 }
 
-/// Nobody is as far away as where this ends; differences must not overflow.
+/// Rounds to thousandths. Clamped far beyond any real value, so that differences cannot overflow.
 fn thousandths(value: f64) -> i64 {
     (value * 1000.0).round().clamp(-1e15, 1e15) as i64
 }
 
-/// What the states before say of the next one.
+/// Linear extrapolation from the previous states.
 #[derive(Default)]
 struct Prediction {
+    /// Last unwrapped heading, radians.
     heading: Option<f64>,
     last: Option<[i64; 3]>,
+    /// Last difference.
     step: [i64; 3],
 }
 
 impl Prediction {
-    fn surprises(&mut self, now: [i64; 3]) -> [i64; 3] {
+    /// Returns the residuals of the next state, and updates the prediction.
+    fn residuals(&mut self, now: [i64; 3]) -> [i64; 3] {
         let Some(last) = self.last.replace(now) else { return now };
         std::array::from_fn(|i| {
             let step = now[i] - last[i];
-            let surprise = step - self.step[i];
+            let residual = step - self.step[i];
             self.step[i] = step;
-            surprise
+            residual
         })
     }
 }
@@ -60,7 +64,7 @@ mod tests {
     use crate::scene::{AgentState, FRAMES};
 
     #[test]
-    fn steady_motion_is_nearly_nothing() {
+    fn steady_motion_has_zero_residuals() {
         let mut track: Vec<Frame> = (0..FRAMES)
             .map(|f| Some(AgentState { x: 0.5 * f as f64, y: -1.0, heading: 0.0, vx: 5.0, vy: 0.0 }))
             .collect();

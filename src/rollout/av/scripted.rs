@@ -1,53 +1,57 @@
-//! Scripted AVs, with which any log can be run.
+//! Scripted AVs, which work with any log.
 //!
-//! A script is planned once, from the log: a smooth path of bounded curvature that starts at the AV's current pose
-//! ([`LoggedDrive::path`]), and a speed for every step ([`speeds`]). Both obey the kinematic limits of the metrics at every transition,
-//! the first one included. An AV that stands does so exactly: the same numbers, frame after frame.
+//! A script is planned once, from the log: a smooth path of bounded curvature that starts at the AV's
+//! current pose ([`LoggedDrive::path`]), and a speed for every step ([`speeds`]). Both obey the
+//! kinematic limits of the metrics at every transition, including the first one. A stationary AV repeats
+//! exactly the same state in every frame.
 
 use std::fmt;
 use std::str::FromStr;
 
-use super::logged_drive::{LoggedDrive, STANDING, velocity_now};
+use super::logged_drive::{LoggedDrive, STANDSTILL_SPEED, velocity_now};
 use super::{AvError, AvPolicy};
 use crate::dynamics::{follow, speeds};
 use crate::geometry::{direction, smooth_step};
 use crate::rollout::Observation;
 use crate::scene::{AgentState, DT, FUTURE, Scenario};
 
-/// What a scripted AV does.
+/// Behaviour of a scripted AV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Script {
     /// Keeps its current speed, straight along its heading. Needs no logged future.
     ConstantVelocity,
     /// Brakes to a halt along the logged path, at this mean deceleration (m/s², more than 0, at most 6).
     Brake(f64),
-    /// Drives the logged path at another speed (factor, more than 0, at most 3). The factor is reached by a smooth ramp, since
-    /// the speed can not jump; beyond the end of the path the AV follows its lane, or goes straight on where it is on none.
+    /// Drives the logged path at another speed (factor, more than 0, at most 3). The factor is reached
+    /// by a smooth ramp, since the speed cannot jump; beyond the end of the path the AV follows its
+    /// lane, or goes straight on if it is on none.
     Retime(f64),
-    /// Moves the logged path sideways (metres, left positive, at most 5) over 3 s, at the logged speeds. A slow AV needs the
-    /// way that its steering allows: about 6 m for 1 m, 14 m for 5 m. One that stands does not shift.
+    /// Shifts the logged path sideways (metres, left positive, at most 5) over 3 s, at the logged
+    /// speeds. A slow AV needs the distance that its steering allows: about 6 m for 1 m, 14 m for 5 m. A
+    /// stationary AV does not shift.
     Shift(f64),
 }
 
-/// Why a text is no script.
+/// Error for a text that is not a script.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParseScriptError {
-    /// Not one of the names.
+    /// Unknown script name.
     #[error(
-        "`{0}` is no scripted AV: expected `constant-velocity`, `brake:<m/s²>`, `retime:<factor>` or `shift:<m>`, such as `brake:4`"
+        "`{0}` is not a scripted AV: expected `constant-velocity`, `brake:<m/s²>`, `retime:<factor>` \
+         or `shift:<m>`, such as `brake:4`"
     )]
     Unknown(String),
-    /// The value is missing, no number, or out of range.
-    #[error("`{text}` is no scripted AV: expected `{name}:` and {range}, such as `{name}:{example}`")]
+    /// The value is missing, not a number, or out of range.
+    #[error("`{text}` is not a scripted AV: expected `{name}:` and {range}, such as `{name}:{example}`")]
     Value {
-        /// What was typed.
+        /// The text as typed.
         text: String,
         /// The script.
         name: &'static str,
-        /// What values it takes.
+        /// The accepted values.
         range: &'static str,
-        /// One of them.
+        /// An accepted value.
         example: &'static str,
     },
 }
@@ -63,7 +67,7 @@ impl FromStr for Script {
         match name {
             "constant-velocity" if value.is_empty() => Ok(Self::ConstantVelocity),
             "brake" => number
-                .filter(|v| 0.0 < *v && *v <= HARDEST_BRAKE)
+                .filter(|v| 0.0 < *v && *v <= MAX_BRAKE_DECELERATION)
                 .map(Self::Brake)
                 .ok_or_else(|| refuse("brake", "a deceleration above 0 and at most 6 m/s²", "4")),
             "retime" => number
@@ -90,12 +94,12 @@ impl fmt::Display for Script {
     }
 }
 
-/// Time of a sideways shift, s.
-const SHIFT_TIME: f64 = 3.0;
-/// The hardest braking that is taken, m/s²: the bound of the acceleration metric.
-const HARDEST_BRAKE: f64 = 6.0;
+/// Duration of a sideways shift, s.
+const SHIFT_DURATION: f64 = 3.0;
+/// Largest accepted deceleration, m/s²: the bound of the acceleration metric.
+const MAX_BRAKE_DECELERATION: f64 = 6.0;
 
-/// An AV that follows a script.
+/// AV that follows a script.
 #[derive(Clone, Debug)]
 pub struct ScriptedAv {
     track: Vec<AgentState>,
@@ -119,18 +123,18 @@ impl ScriptedAv {
             };
             let travel = desired.iter().sum::<f64>() * DT;
             let offset = if let Script::Shift(offset) = script { offset } else { 0.0 };
-            // Quick enough to be done after 3 s, but not quicker than the steering allows: the fifth-order ramp of length d and
-            // height h has a curvature of up to 5.8 h / d².
-            let early: f64 = log.speeds().iter().take((SHIFT_TIME / DT) as usize).sum();
-            let way = (early * DT).max((5.8 * offset.abs() / 0.15).sqrt());
-            let aside = |s: f64| offset * smooth_step(s / way);
+            // Short enough to be complete after 3 s, but no shorter than the steering allows: a
+            // fifth-order ramp of length d and height h has a curvature of up to 5.8 h / d².
+            let early: f64 = log.speeds().iter().take((SHIFT_DURATION / DT) as usize).sum();
+            let length = (early * DT).max((5.8 * offset.abs() / 0.15).sqrt());
+            let aside = |s: f64| offset * smooth_step(s / length);
             let path = log.path(scenario, (offset != 0.0).then_some(&aside), None, travel);
             follow(now, log.speeds()[0], &path, &desired)
         };
         Ok(Self { track })
     }
 
-    /// The planned states at the steps 1 to 80.
+    /// Returns the planned states at steps 1 to 80.
     pub fn track(&self) -> &[AgentState] {
         &self.track
     }
@@ -142,9 +146,9 @@ impl AvPolicy for ScriptedAv {
     }
 }
 
-/// The current speed, straight along the heading.
+/// Returns a trajectory at the current speed, straight along the heading.
 fn straight_on(now: AgentState, speed: f64) -> Vec<AgentState> {
-    let speed = if speed.abs() < STANDING { 0.0 } else { speed };
+    let speed = if speed.abs() < STANDSTILL_SPEED { 0.0 } else { speed };
     let velocity = direction(now.heading) * speed;
     let state = |step: usize| {
         let p = now.position() + velocity * (step as f64 * DT);

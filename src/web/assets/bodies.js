@@ -1,11 +1,11 @@
-// Those who are in a scene, from above. World coordinates are metres with y up; widths of lines are pixels.
+// Agents of a scene from above. World coordinates are metres with y up; line widths are pixels.
 
 import { colour } from "./palette.js";
 
-/** Red, yellow, green by the code of a light (0 to 8, `-` where not observed). */
+/** Colours by the code of a light (0 to 8, `-` if not observed). */
 const LIGHTS = { 1: "light-stop", 4: "light-stop", 7: "light-stop", 2: "light-caution", 5: "light-caution", 8: "light-caution", 3: "light-go", 6: "light-go" };
 
-/** The lights of a map at a frame; a pixel is `px` metres. */
+/** Draws the lights of a map at a frame; a pixel is `px` metres. */
 export function lights(c, map, f, px) {
   for (const light of map?.lights ?? []) {
     c.beginPath();
@@ -19,16 +19,16 @@ export function lights(c, map, f, px) {
 }
 
 /**
- * An agent as a box with its heading. A ghost is an outline. Where `label` is given, `[text, x, y]` in pixels goes into `labels`: names lie
- * on top of all boxes.
+ * Draws an agent as a box with its heading; a ghost is an outline. If `label` is given, adds
+ * `[text, x, y]` in pixels to `labels`, which are drawn on top of all boxes.
  */
 export function box(c, camera, agent, state, px, { fill = null, line = null, width = 1, dash = [], ghost = false, alpha = 1, ring = null, label = null, below = false } = {}, labels = []) {
   if (!state) return;
-  // What is out of sight need not be drawn.
+  // Skip agents out of view.
   const [sx, sy] = camera.toScreen(state.x, state.y);
   const reach = Math.hypot(agent.length, agent.width) * camera.scale;
   if (sx < -reach || sy < -reach || sx > camera.width + reach || sy > camera.height + reach) return;
-  // People and cycles are kept large enough to be seen.
+  // Small agents are enlarged to stay visible.
   const long = Math.max(agent.length, 5 * px), wide = Math.max(agent.width, 4 * px);
   const ink = ghost ? colour("ghost") : line ?? colour("outline");
   c.save();
@@ -46,7 +46,7 @@ export function box(c, camera, agent, state, px, { fill = null, line = null, wid
   c.setLineDash((ghost ? [3, 3] : dash).map((d) => d * px));
   c.stroke();
   c.setLineDash([]);
-  // The nose: where it is heading.
+  // A wedge in the direction of the heading.
   c.beginPath();
   c.moveTo(long * 0.46, 0);
   c.lineTo(long * 0.2, wide * 0.3);
@@ -71,7 +71,7 @@ export function box(c, camera, agent, state, px, { fill = null, line = null, wid
   if (label) labels.push([label, sx, below ? sy + high + 13 : sy - high - 4]);
 }
 
-/** Names, in pixels. */
+/** Draws labels at pixel positions. */
 export function names(c, labels) {
   c.font = "600 11px system-ui, sans-serif";
   c.textAlign = "center";
@@ -84,7 +84,7 @@ export function names(c, labels) {
   }
 }
 
-/** A bar of a round length, in pixels. */
+/** Draws a scale bar of a round length. */
 export function ruler(c, camera) {
   const length = [5, 10, 20, 50, 100].find((m) => m * camera.scale >= 60) ?? 100;
   const x = camera.width - 14, y = camera.height - 14;

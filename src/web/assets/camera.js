@@ -1,7 +1,7 @@
-// What part of the plane is seen.
+// The visible part of the plane.
 
 export class Camera {
-  /** Middle of the view, metres; pixels per metre. */
+  /** Centre of the view, metres; scale in pixels per metre. */
   x = 0;
   y = 0;
   scale = 6;
@@ -17,7 +17,7 @@ export class Camera {
     return [(px - this.width / 2) / this.scale + this.x, (this.height / 2 - py) / this.scale + this.y];
   }
 
-  /** Zooms so that the place under the pointer stays there. */
+  /** Zooms around the position of the pointer. */
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toWorld(px, py);
     this.scale = Math.min(80, Math.max(0.8, this.scale * factor));
@@ -31,7 +31,7 @@ export class Camera {
     this.y += dy / this.scale;
   }
 
-  /** Shows all points, with a margin, but no closer than is of use. */
+  /** Fits the view to all points, with a margin and a maximum scale. */
   fit(points) {
     let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
     for (const { x, y } of points) {

@@ -1,11 +1,11 @@
-// Curves over time. All share one axis: frame 10 (now, 0 s) to frame 90 (8 s).
+// Curves over time. All share one axis: frame 10 (current frame, 0 s) to frame 90 (8 s).
 
 import { FRAMES, NOW } from "./decode.js";
 import { colour } from "./palette.js";
 
 const LEFT = 34, RIGHT = 12, TOP = 18, BOTTOM = 6;
 
-/** A canvas that is as sharp as the screen; the context is in CSS pixels. */
+/** Clears a canvas and matches its resolution to the screen; the context is in CSS pixels. */
 export function sharp(canvas) {
   const ratio = devicePixelRatio || 1;
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -19,7 +19,7 @@ export function sharp(canvas) {
   return { c, width, height };
 }
 
-/** Calls back with the frame under the pointer while it is dragged. */
+/** Calls `seek` with the frame under the pointer while it is dragged. */
 export function seekable(canvas, frameAt, seek) {
   const at = (event) => seek(frameAt(event.offsetX, canvas.clientWidth));
   canvas.addEventListener("pointerdown", (event) => {
@@ -99,7 +99,7 @@ export class Chart {
     this.caption(c, curves, Math.round(f), x, y);
   }
 
-  /** The title, and what the curves are worth now. */
+  /** Draws the title and the current values of the curves. */
   caption(c, curves, f, x, y) {
     c.textBaseline = "alphabetic";
     c.textAlign = "left";

@@ -1,14 +1,14 @@
-// From sketches of scenarios to what is drawn. Lengths come as centimetres, angles as milliradians; here all is metres and radians.
+// Decoding of sketches of scenarios: centimetres and milliradians to metres and radians.
 
 export const FRAMES = 91;
-/** The form of sketches that is understood here. */
+/** Supported version of the sketch format. */
 export const FORM = 1;
-/** The frame that is now: step 0. */
+/** The current frame, step 0. */
 export const NOW = 10;
 export const KINDS = ["vehicle", "pedestrian", "cyclist", "other"];
 export const CATEGORIES = ["longitudinal", "lateral", "directional"];
 
-/** Flat centimetres, the first point whole and the others as differences, to flat metres. */
+/** Converts flat centimetres (first point, then differences) to flat metres. */
 function metres(flat) {
   const out = new Float64Array(flat.length);
   let x = 0, y = 0;
@@ -21,7 +21,7 @@ function metres(flat) {
   return out;
 }
 
-/** Lines as a path to draw, in metres; `d` keeps it as SVG writes it. */
+/** Lines as a path in metres; `d` holds its SVG path data. */
 function path(lines, closed = false) {
   let d = "";
   for (const points of lines) {
@@ -49,7 +49,7 @@ export function agent(raw) {
   return { id: raw.id, kind: KINDS[raw.k] ?? "other", length: raw.l / 100, width: raw.w / 100, track };
 }
 
-/** The lines of one kind together, as [kind, path]. */
+/** Groups lines by kind: a list of [kind, path]. */
 function byKind(raw) {
   const groups = new Map();
   for (const [kind, points] of raw) {
@@ -86,7 +86,7 @@ function stripes(raw) {
   });
 }
 
-/** Marks of direction along centre lines, metres: one in the middle of every stretch of so many metres. */
+/** Distance between two arrows along a centre line, metres. */
 const STRETCH = 20;
 
 function arrows(lines) {
@@ -108,7 +108,7 @@ function arrows(lines) {
   return out;
 }
 
-/** What does not move. */
+/** Decodes the map. */
 export function map(raw) {
   const lanes = new Map();
   const centers = [];
@@ -116,7 +116,7 @@ export function map(raw) {
     const line = metres(points);
     centers.push(line);
     if (!half) continue;
-    // Lanes of bicycles are recorded with the width of a car's.
+    // Bicycle lanes are recorded with the width of car lanes.
     const bike = kind === 3;
     const key = `${bike ? 1 : 0} ${half}`;
     if (!lanes.has(key)) lanes.set(key, { bike, width: (2 * half * (bike ? 0.5 : 1)) / 100, lines: [] });

@@ -1,20 +1,20 @@
-// Boxes and times to collision, as the metrics take them (ReactSim-Bench, "Metric Computation Details"): what is drawn red here is
-// what they count.
+// Box distances and times to collision as defined by the metrics (ReactSim-Bench, "Metric Computation
+// Details"), so that pages highlight what the metrics count.
 
 import { FRAMES, NOW } from "./decode.js";
 
-/** Corner rounding of the benchmark. */
+/** Corner rounding of the benchmark, as a fraction of the smaller half side. */
 const ROUNDING = 0.7;
-/** Time to collision where nothing is closing, seconds. */
+/** Time to collision without approach, seconds. */
 export const NO_RISK = 5;
-/** Below this an approach is risky, seconds. */
+/** Time to collision below which an approach is risky, seconds. */
 export const RISKY = 0.5;
 
 const box = (s, agent) => ({
   x: s.x, y: s.y, c: Math.cos(s.h), s: Math.sin(s.h), l: agent.length / 2, w: agent.width / 2,
 });
 
-/** Distance from a point to a box that stands at the origin, along the axes. */
+/** Distance from a point to a box. */
 function toPoint(b, px, py) {
   const dx = px - b.x, dy = py - b.y;
   const x = Math.max(0, Math.abs(dx * b.c + dy * b.s) - b.l);
@@ -28,7 +28,7 @@ function* corners(b) {
   }
 }
 
-/** Signed distance of two boxes with rounded corners, metres; negative where they overlap. */
+/** Signed distance of two boxes with rounded corners, metres; negative if they overlap. */
 export function distance(first, second) {
   const round = (b) => ROUNDING * Math.min(b.l, b.w);
   const [ra, rb] = [round(first), round(second)];
@@ -51,7 +51,7 @@ export function distance(first, second) {
   return best - ra - rb;
 }
 
-/** Seconds until a vehicle runs into the AV that it follows; NO_RISK where it does not. */
+/** Seconds until a vehicle runs into the AV that it follows; NO_RISK if it does not. */
 function timeToCollision(me, mine, speed, av, avSpeed) {
   const closing = speed - avSpeed;
   if (!(closing > 0)) return NO_RISK;
@@ -66,14 +66,15 @@ function timeToCollision(me, mine, speed, av, avSpeed) {
   return isFront ? Math.min(gap / closing, NO_RISK) : NO_RISK;
 }
 
-/** Seconds until an agent runs into the AV that it follows; NO_RISK where it does not. */
+/** Seconds until an agent runs into the AV that it follows; NO_RISK if it does not. */
 export function approach(agent, state, av, avState) {
   return timeToCollision(box(state, agent), agent, state.v, box(avState, av), avState.v);
 }
 
 /**
- * What happens between the AV on `frames` and the agents, whose tracks `trackOf(i)` gives: per frame the smallest time to collision of a
- * vehicle, the distance to the nearest agent, who touches and who is about to. Frames before now are left out.
+ * Analyses the AV on `frames` and the agents with tracks `trackOf(i)`: per frame the smallest time to
+ * collision of a vehicle, the distance to the nearest agent, the agents that touch the AV and those at
+ * risk. Frames before the current one are left out.
  */
 export function analyse(agents, frames, trackOf) {
   const fill = (value) => new Array(FRAMES).fill(value);
@@ -89,7 +90,7 @@ export function analyse(agents, frames, trackOf) {
       const s = trackOf(i)[f];
       if (!s) continue;
       const b = box(s, agents[i]);
-      // Far ones need no exact distance; everybody who might touch does.
+      // Distant agents need no exact distance.
       if (Math.hypot(b.x - av.x, b.y - av.y) - reach - Math.hypot(b.l, b.w) < Math.max(gap, 0)) {
         const d = distance(av, b);
         gap = Math.min(gap, d);
@@ -101,10 +102,10 @@ export function analyse(agents, frames, trackOf) {
       if (agents[i].kind !== "vehicle") continue;
       const t = touching.has(i) ? 0 : timeToCollision(b, agents[i], s.v, av, state.v);
       ttc = Math.min(ttc, t);
-      // Steps are judged from 1 on.
+      // The metrics start at step 1.
       if (t < RISKY && f > NOW) risky.add(i);
     }
-    // Where nobody is known, nothing is.
+    // Without other agents there is no value.
     out.ttc[f] = agents.length > 1 ? ttc : null;
     out.gap[f] = Number.isFinite(gap) ? Math.max(gap, 0) : null;
     [out.touching[f], out.risky[f]] = [touching, risky];
@@ -112,7 +113,7 @@ export function analyse(agents, frames, trackOf) {
   return out;
 }
 
-/** The state between two frames. */
+/** Interpolates the state between two frames. */
 export function between(frames, t) {
   const f = Math.min(Math.floor(t), FRAMES - 1), u = t - f;
   const a = frames[f], b = frames[Math.min(f + 1, FRAMES - 1)];

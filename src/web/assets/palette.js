@@ -1,13 +1,13 @@
-// The colours of palette.css, for canvases. They change with the system's light or dark, or with the page's own choice.
+// The colours of palette.css for canvases. They change with the theme of the system or of the page.
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 let known = new Map();
 let probe = null;
 
-/** The colour of this name in palette.css, as it is now. */
+/** The current colour of this name in palette.css. */
 export function colour(name) {
   if (!known.has(name)) {
-    // The variable itself holds both the light colour and the dark one; an element that has it knows which.
+    // The variable holds both the light and the dark colour; the computed style of an element resolves it.
     probe ??= document.documentElement.appendChild(document.createElement("i"));
     probe.hidden = true;
     probe.style.color = `var(--${name})`;
@@ -16,7 +16,7 @@ export function colour(name) {
   return known.get(name);
 }
 
-/** Calls when the colours have changed. */
+/** Registers a callback for changes of the colours. */
 export function onChange(call) {
   const changed = () => {
     known = new Map();
@@ -26,7 +26,7 @@ export function onChange(call) {
   document.addEventListener("theme", changed);
 }
 
-/** Chooses light or dark, or leaves it to the system. */
+/** Sets the theme to light or dark, or leaves it to the system. */
 export function choose(theme) {
   if (theme) document.documentElement.dataset.theme = theme;
   else delete document.documentElement.dataset.theme;

@@ -1,17 +1,17 @@
-// What does not move, seen from above. It is kept as a picture: drawing all lanes for every frame would be slow.
+// The map from above, cached as a picture: drawing all lanes for every frame would be slow.
 
 import { colour } from "./palette.js";
 
-/** The codes of painted lines: broken, solid, double; yellow or white. */
+/** Codes of painted lines: broken (otherwise solid), yellow (otherwise white), double. */
 const BROKEN = new Set([1, 4, 5]);
 const YELLOW = new Set([4, 5, 6, 7, 8]);
 const DOUBLE = new Set([3, 7, 8]);
-/** Reach of the pale margin around centre lines where the map has no drivable area, metres. */
+/** Half width of the pale margin around centre lines of maps without drivable area, metres. */
 const SHOULDER = 2.9;
-/** The picture of the road is this much larger than the view, so that it need not be drawn anew for every step of the camera. */
+/** Size of the cached picture relative to the view: above 1, so that small camera moves need no redraw. */
 const SPARE = 1.6;
 
-/** Keeps the road as a picture. */
+/** Cached picture of the road. */
 export class Road {
   canvas = document.createElement("canvas");
   context = this.canvas.getContext("2d");

@@ -1,20 +1,21 @@
-//! Lines with fewer points, cut to the surroundings.
+//! Simplification of lines and clipping to the surroundings.
 
 use super::cm;
 use super::near::Near;
 use crate::geometry::{Vec2, point_segment};
 
-/// How far a simplified line may be from the recorded one, metres: less than can be seen.
+/// Largest distance of a simplified line from the recorded one, metres: too small to see.
 const TOLERANCE: f64 = 0.05;
-/// Longest distance between two points of a line while it is cut, metres: a segment must not jump over the surroundings.
+/// Sampling distance of a line while it is clipped, metres, so that a segment cannot skip the
+/// surroundings.
 const STRIDE: f64 = 10.0;
 
-/// The parts of a line that are near, each simplified.
+/// Returns the parts of a line in the surroundings, each simplified.
 pub(super) fn runs<'a>(line: &'a [Vec2], near: &'a Near) -> impl Iterator<Item = Vec<Vec2>> + 'a {
     let mut runs: Vec<Vec<Vec2>> = Vec::new();
     let mut is_open = false;
     for (i, &point) in line.iter().enumerate() {
-        // Between two far points of a coarse line there may be near ones.
+        // A coarse line may pass through the surroundings between two distant points.
         let start = if i > 0 { line[i - 1] } else { point };
         let pieces = ((point - start).norm() / STRIDE).ceil().clamp(1.0, 1000.0) as usize;
         for k in 1..=pieces {
@@ -35,7 +36,7 @@ pub(super) fn runs<'a>(line: &'a [Vec2], near: &'a Near) -> impl Iterator<Item =
     runs.into_iter().filter(|run| run.len() > 1).map(|run| simplified(&run))
 }
 
-/// The line with fewer points (Douglas and Peucker, 1973). The ends stay.
+/// Simplifies a line (Douglas and Peucker, 1973); its ends are kept.
 pub(super) fn simplified(line: &[Vec2]) -> Vec<Vec2> {
     let mut keeps = vec![false; line.len()];
     if let [first, .., last] = keeps.as_mut_slice() {
@@ -60,7 +61,7 @@ pub(super) fn simplified(line: &[Vec2]) -> Vec<Vec2> {
     line.iter().zip(&keeps).filter(|(_, keep)| **keep).map(|(p, _)| *p).collect()
 }
 
-/// A line as flat centimetres: the first point, then differences.
+/// Returns a line as flat centimetres: the first point, then differences.
 pub(super) fn points(line: &[Vec2]) -> impl Iterator<Item = i64> + '_ {
     let mut before = (0, 0);
     line.iter().flat_map(move |p| {
@@ -76,12 +77,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_can_not_be_seen_is_left_out() {
+    fn invisible_points_are_left_out() {
         let line: Vec<Vec2> = (0..=100).map(|i| Vec2::new(f64::from(i), 0.01 * f64::from(i % 3))).collect();
         assert_eq!(simplified(&line).len(), 2);
         let bend = [Vec2::new(0.0, 0.0), Vec2::new(5.0, 0.06), Vec2::new(10.0, 0.0)];
         assert_eq!(simplified(&bend), bend);
-        // A closed outline has its ends at one place.
+        // The ends of a closed outline coincide.
         let ring = [[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].map(|[x, y]| Vec2::new(x, y));
         assert_eq!(simplified(&ring), [ring[0], ring[2], ring[3], ring[4]]);
         assert_eq!(points(&ring[1..4]).collect::<Vec<_>>(), [200, 0, 200, 0, 0, 300]);

@@ -1,4 +1,4 @@
-//! The surroundings of what happens: the part of the map that is worth drawing.
+//! The surroundings of the agents: the part of the map to draw.
 
 use std::collections::BTreeSet;
 
@@ -7,12 +7,12 @@ use crate::scene::Scenario;
 
 /// Side of a cell, metres.
 const CELL: f64 = 10.0;
-/// The map is drawn this far from the logged path of the AV, metres.
-const AROUND_AV: f64 = 150.0;
-/// And this far from the other agents, metres.
-const AROUND_AGENTS: f64 = 20.0;
+/// Radius of the drawn map around the logged path of the AV, metres.
+const AV_RADIUS: f64 = 150.0;
+/// Radius of the drawn map around the logged paths of the other agents, metres.
+const AGENT_RADIUS: f64 = 20.0;
 
-/// The cells of the plane that are near.
+/// Grid cells in the surroundings.
 pub(super) struct Near {
     cells: BTreeSet<(i32, i32)>,
 }
@@ -23,16 +23,16 @@ impl Near {
             scenario.logged(agent).iter().flatten().map(|s| cell(s.position())).collect()
         };
         let mut near = Self { cells: BTreeSet::new() };
-        near.add(&cells_of(0), AROUND_AV);
+        near.add(&cells_of(0), AV_RADIUS);
         for i in 1..scenario.start.agents.len() {
-            near.add(&cells_of(i), AROUND_AGENTS);
+            near.add(&cells_of(i), AGENT_RADIUS);
         }
         near
     }
 
     fn add(&mut self, around: &BTreeSet<(i32, i32)>, reach: f64) {
         let radius = (reach / CELL).ceil() as i32;
-        // Half a cell more: distances are taken between the middles of cells.
+        // Half a cell more: distances are between the centres of cells.
         let farthest = f64::from(radius) + 0.5;
         for &(x, y) in around {
             for dx in -radius..=radius {
@@ -43,12 +43,12 @@ impl Near {
         }
     }
 
-    /// Whether a point is near.
+    /// Returns whether a point is in the surroundings.
     pub(super) fn holds(&self, point: Vec2) -> bool {
         self.cells.contains(&cell(point))
     }
 
-    /// Whether any of the points is near.
+    /// Returns whether any of the points is in the surroundings.
     pub(super) fn meets(&self, points: &[Vec2]) -> bool {
         points.iter().any(|&p| self.holds(p))
     }

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use reactsim::curation::apply::{Applied, Decided, Refused, apply};
+use reactsim::curation::apply::{ApplyReport, FinalDecision, RefusedPick, apply};
 use reactsim::curation::{Application, Decision, InputFile, ReviewMark, ScenarioRecord, store};
 
 use super::hand::{scenario, write};
 
-fn decided(decision: Decision, candidate: Option<u32>) -> Decided {
+fn decided(decision: Decision, candidate: Option<u32>) -> FinalDecision {
     let mark = ReviewMark { reviewer: "ben".into(), at: "2026-02-02T08:00:00.000Z".into(), decision };
-    Decided { mark, candidate, fits: true }
+    FinalDecision { mark, candidate, fits: true }
 }
 
 fn application(allow_rejected: bool) -> Application {
@@ -25,12 +25,12 @@ fn application(allow_rejected: bool) -> Application {
 /// Applies decisions to scenarios of five candidates, of which the second is chosen.
 fn applied(
     allow_rejected: bool,
-    decisions: &[(&str, Decided)],
-) -> (Applied, Vec<ScenarioRecord>, store::Reader) {
+    decisions: &[(&str, FinalDecision)],
+) -> (ApplyReport, Vec<ScenarioRecord>, store::Reader) {
     let folder = tempfile::tempdir().unwrap();
     let (from, out) = (folder.path().join("a.parquet"), folder.path().join("b.parquet"));
     write(&from, &["a", "b", "c"].map(|id| scenario(id, 5)));
-    let decisions: BTreeMap<&str, Decided> = decisions.iter().cloned().collect();
+    let decisions: BTreeMap<&str, FinalDecision> = decisions.iter().cloned().collect();
     let done =
         apply(&from, &out, application(allow_rejected), |r| decisions.get(r.scenario_id.as_str()).cloned())
             .unwrap();
@@ -60,7 +60,7 @@ fn picks_rejections_and_flags() {
         [(Some(3), vec![3]), (None, vec![1]), (Some(1), vec![1]),]
     );
     assert_eq!(records[0].candidates[1].review, None, "the mark of an earlier decision gives way");
-    assert_eq!(done, Applied { picked: 1, dropped: 1, marked: 1, chosen: 2, ..Applied::default() });
+    assert_eq!(done, ApplyReport { picked: 1, dropped: 1, marked: 1, chosen: 2, ..ApplyReport::default() });
     assert_eq!(file.provenance().funnel.chosen, 2);
     assert_eq!(file.provenance().version, "0.1.0", "of the curation itself");
     assert_eq!(file.provenance().applied, [application(false)]);
@@ -84,7 +84,7 @@ fn a_rejected_candidate_that_is_not_chosen_changes_nothing_else() {
 
 #[test]
 fn what_was_decided_about_something_else_is_not_applied() {
-    let elsewhere = Decided { fits: false, ..decided(Decision::Reject, Some(1)) };
+    let elsewhere = FinalDecision { fits: false, ..decided(Decision::Reject, Some(1)) };
     let (done, records, _) = applied(
         true,
         &[("a", decided(Decision::Pick, Some(9))), ("b", elsewhere), ("c", decided(Decision::Pick, None))],
@@ -104,14 +104,14 @@ fn what_a_filter_rejected_is_not_picked_unless_that_is_wanted() {
         ("c", decided(Decision::Clear, None)),
     ];
     let (done, records, _) = applied(false, &picks);
-    let refused = Refused { scenario_id: "a".into(), candidate: 2, rejected_by: "pressure".into() };
-    assert_eq!(done, Applied { picked: 1, refused: vec![refused], chosen: 3, ..Applied::default() });
+    let refused = RefusedPick { scenario_id: "a".into(), candidate: 2, rejected_by: "pressure".into() };
+    assert_eq!(done, ApplyReport { picked: 1, refused: vec![refused], chosen: 3, ..ApplyReport::default() });
     assert_eq!(state(&records[0]), (Some(1), vec![]), "what was chosen stays, and its mark");
     assert_eq!(records[0].candidates[1].review.as_ref().unwrap().reviewer, "ana");
     assert_eq!(state(&records[1]), (Some(3), vec![3]));
     assert_eq!(state(&records[2]), (Some(1), vec![]));
     let (done, records, file) = applied(true, &picks);
-    assert_eq!(done, Applied { picked: 2, picked_rejected: 1, chosen: 3, ..Applied::default() });
+    assert_eq!(done, ApplyReport { picked: 2, picked_rejected: 1, chosen: 3, ..ApplyReport::default() });
     assert_eq!(state(&records[0]), (Some(2), vec![2]));
     assert!(file.provenance().applied[0].allow_rejected);
 }

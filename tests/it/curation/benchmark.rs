@@ -25,7 +25,7 @@ fn groups() -> Vec<String> {
 fn scenario(number: u64) -> Result<Scenario, GenerationError> {
     let id = format!("bench-0-{number:06}");
     if number % 7 == 6 {
-        return Err(GenerationError::Fruitless { id, attempts: 40 });
+        return Err(GenerationError::AttemptsExhausted { id, attempts: 40 });
     }
     let mut lanes = vec![
         lane("right", line((-150.0, 0.0), (300.0, 0.0)), Some(13.4)),
@@ -153,7 +153,7 @@ fn what_can_not_be_filled_is_named() {
     assert!(error.starts_with("3 of 4 scenarios were found among "), "{error}");
     assert!(error.contains("any of `generated/absent`; try another seed"), "{error}");
     let error = make(2, &groups, 2, usize::MAX).1.unwrap_err().to_string();
-    assert!(error.starts_with("2 scenarios can not hold all of 3 map types"), "{error}");
+    assert!(error.starts_with("2 scenarios cannot hold all of 3 map types"), "{error}");
 }
 
 #[test]

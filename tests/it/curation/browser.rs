@@ -39,7 +39,7 @@ fn reviewing(file: &Path) -> Served {
 
 /// What the journal says, by number of the scenario.
 fn decided(file: &Path) -> Vec<Option<(Decision, Option<u32>)>> {
-    let (decisions, warnings) = Journal::read_all(&[Journal::beside(file)]).unwrap();
+    let (decisions, warnings) = Journal::read_all(&[Journal::path_for(file)]).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     let verdict = |id: &str, digest: &str| {
         decisions.get(id)?.verdict(digest).map(|line| (line.decision, line.candidate))

@@ -175,7 +175,7 @@ fn decisions_go_into_a_new_file() {
         let output = reactsim(&[&["curate", "apply", text(&file), "--out", text(&out)], more].concat());
         (output.status.code(), stderr(&output).replace(text(home.path()), "HOME"))
     };
-    insta::assert_snapshot!(apply(&[]).1, @"error: nothing was decided: HOME/c.parquet.reviews.jsonl is not there; run `reactsim curate review HOME/c.parquet`, or give --reviews");
+    insta::assert_snapshot!(apply(&[]).1, @"error: no decisions to apply: HOME/c.parquet.reviews.jsonl does not exist; run `reactsim curate review HOME/c.parquet`, or give --reviews");
     assert!(!out.exists());
     let line = |id: &str, digest: &str, candidate: &str, decision: &str, reviewer: &str, minute: u32| {
         format!(
@@ -198,9 +198,9 @@ fn decisions_go_into_a_new_file() {
     assert_eq!(code, Some(0), "{said}");
     insta::assert_snapshot!(said, @r"
     0 picked, 1 dropped, 0 only marked
-    warning: 1 pick not applied: rejected by a filter, such as candidate 2 of scenario `a` by `pressure`; give --allow-rejected to take them all the same
+    warning: 1 pick not applied: rejected by a filter, such as candidate 2 of scenario `a` by `pressure`; give --allow-rejected to accept them
     warning: reviewers disagree about 1 scenario; the latest decision holds
-    warning: 2 decisions not applied: the file does not have the scenario, or another content of it
+    warning: 2 decisions not applied: the scenario is not in the file, or its content differs
     HOME/d.parquet: 3 of 4 scenarios chosen
     ");
     assert_eq!(store::Store::open(&out).unwrap().scenarios()[0].chosen().map(|c| c.number), Some(1));
@@ -208,9 +208,9 @@ fn decisions_go_into_a_new_file() {
     assert_eq!(code, Some(0), "{said}");
     insta::assert_snapshot!(said, @r"
     1 picked, 1 dropped, 0 only marked
-    warning: 1 candidate picked that a filter had rejected
+    warning: 1 candidate picked despite rejection by a filter
     warning: reviewers disagree about 1 scenario; the latest decision holds
-    warning: 2 decisions not applied: the file does not have the scenario, or another content of it
+    warning: 2 decisions not applied: the scenario is not in the file, or its content differs
     HOME/d.parquet: 3 of 4 scenarios chosen
     ");
     let opened = store::Store::open(&out).unwrap();
@@ -261,7 +261,7 @@ fn interrupted_it_keeps_what_is_finished() {
         return crate::skipped("it was done before it was interrupted");
     }
     assert_eq!(status.code(), Some(130), "{said}");
-    assert!(said.contains("interrupted: writing what is finished; once more ends at once"), "{said}");
+    assert!(said.contains("interrupted: writing what is finished; interrupt again to end at once"), "{said}");
     assert!(said.contains("interrupted: the file holds the first "), "{said}");
     let kept = store::read(&out).unwrap();
     assert!(kept.provenance().interrupted);

@@ -1,6 +1,6 @@
 //! Every filter with a candidate that passes and one that does not.
 
-use reactsim::curation::{Bench, Candidate, FILTERS, FilterSettings, Trial, Verdict};
+use reactsim::curation::{Candidate, FILTERS, FilterContext, FilterSettings, Trial, Verdict};
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, LightState, LoggedAgent, Scenario};
 
 use super::road::{braked, candidate, map, on_road};
@@ -8,8 +8,8 @@ use crate::scenes::{agent, car, lane, light, line, parts, scene, state};
 
 /// What a filter says.
 fn verdict(filter: &str, scenario: &Scenario, candidate: &Candidate, settings: &FilterSettings) -> Verdict {
-    let bench = Bench::new(scenario).unwrap();
-    let trial = Trial::new(&bench, candidate, settings);
+    let context = FilterContext::new(scenario).unwrap();
+    let trial = Trial::new(&context, candidate, settings);
     FILTERS.iter().find(|f| f.id() == filter).unwrap().judge(&trial)
 }
 
@@ -51,11 +51,11 @@ fn standing(scenario: &Scenario) -> Candidate {
 }
 
 #[test]
-fn ids_are_unique_and_only_avoidability_is_dear() {
+fn ids_are_unique_and_only_avoidability_is_expensive() {
     let ids: std::collections::BTreeSet<_> = FILTERS.iter().map(|f| f.id()).collect();
     assert_eq!(ids.len(), FILTERS.len());
-    let dear: Vec<_> = FILTERS.iter().filter(|f| f.is_dear()).map(|f| f.id()).collect();
-    assert_eq!(dear, ["avoidable"]);
+    let expensive: Vec<_> = FILTERS.iter().filter(|f| f.is_expensive()).map(|f| f.id()).collect();
+    assert_eq!(expensive, ["avoidable"]);
     for filter in FILTERS {
         assert!(!filter.rule(&FilterSettings::default()).is_empty());
     }
@@ -216,7 +216,7 @@ fn avoidable() {
 fn an_absent_log_is_refused() {
     let mut gone = av();
     gone.track[FRAMES - 1] = None;
-    assert!(Bench::new(&scene("gone", vec![gone], map())).is_err());
+    assert!(FilterContext::new(&scene("gone", vec![gone], map())).is_err());
 }
 
 #[test]

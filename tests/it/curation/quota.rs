@@ -69,7 +69,7 @@ fn a_benchmark_is_filled_exactly() {
             groups[i % 3] += 1;
         }
     }
-    assert_eq!((quota.lacking(), categories), (String::new(), [11, 10, 9]));
+    assert_eq!((quota.missing(), categories), (String::new(), [11, 10, 9]));
     assert_eq!(difficulties, [10, 10, 10]);
     assert!(groups.iter().all(|n| (1..=20).contains(n)), "{groups:?}");
     assert!(!quota.take("x", &mut record(&Deviation::ALL)), "it is full");
@@ -88,9 +88,9 @@ fn places_are_kept_for_groups_that_are_not_there_yet() {
     let offer = |quota: &mut Quota, group| quota.take(group, &mut record(&Deviation::ALL));
     assert!(offer(&mut quota, "x") && offer(&mut quota, "x"));
     assert!(!offer(&mut quota, "x"));
-    assert!(quota.lacking().ends_with("any of `y`, any of `z`"), "{}", quota.lacking());
+    assert!(quota.missing().ends_with("any of `y`, any of `z`"), "{}", quota.missing());
     assert!(offer(&mut quota, "z") && !offer(&mut quota, "z") && offer(&mut quota, "y"));
-    assert_eq!((quota.left(), quota.lacking()), (0, String::new()));
+    assert_eq!((quota.left(), quota.missing()), (0, String::new()));
 }
 
 #[test]

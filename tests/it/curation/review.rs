@@ -194,7 +194,7 @@ fn decisions_are_written_and_taken_back() {
     let flag = json!({"index": 1, "candidate": 0, "decision": "flag", "note": "too late?"});
     assert_eq!(server.post("api/decide", &flag).0, 200);
     // What is on the disk while the server runs.
-    let journal = Journal::beside(&path);
+    let journal = Journal::path_for(&path);
     let (decisions, _) = Journal::read_all(&[&journal]).unwrap();
     let line = decisions[&all[1].scenario_id].verdict(&all[1].scenario_digest).unwrap();
     assert_eq!(
@@ -227,7 +227,7 @@ fn a_pick_of_another_trajectory_is_stale() {
     hand::write(&path, &all);
     let server = Serving::new(&path, Some("anna"));
     assert_eq!(server.get("api/scenario/0").1["stale"], true);
-    let (decisions, _) = Journal::read_all(&[Journal::beside(&path)]).unwrap();
+    let (decisions, _) = Journal::read_all(&[Journal::path_for(&path)]).unwrap();
     let opinions = &decisions[&all[0].scenario_id];
     assert!(matches!(opinions.verdict_for(&all[0]), Some((_, false))));
     assert!(matches!(opinions.verdict_for(&records(1)[0]), Some((_, true))));

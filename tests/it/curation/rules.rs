@@ -1,6 +1,8 @@
 //! What every candidate by rules must be, on hand-made scenes, shipped scenarios and real logs.
 
-use reactsim::curation::{CandidateSource, Curated, CurationSettings, Rules, SOURCES, curate_scenario};
+use reactsim::curation::{
+    CandidateSource, CurationOutcome, CurationSettings, Rules, SOURCES, curate_scenario,
+};
 use reactsim::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use reactsim::geometry::wrap;
 use reactsim::rollout::{Purpose, Stream, stream};
@@ -125,7 +127,7 @@ fn a_logged_change_of_lanes_is_merged_sooner_and_later() {
 fn no_two_candidates_are_the_same() {
     // An AV that is to stand at a red light leaves little to vary.
     for scenario in mini().iter().chain(&real(6)) {
-        let Curated::Kept(record, unproposed) =
+        let CurationOutcome::Retained(record, unproposed) =
             curate_scenario(scenario, SOURCES[0], &CurationSettings::default())
         else {
             continue;
@@ -158,7 +160,7 @@ fn odd_scenes_are_no_trouble() {
             ..CurationSettings::default()
         };
         for settings in [CurationSettings::default(), loose] {
-            if let Curated::Kept(record, _) = curate_scenario(&scenario, SOURCES[0], &settings) {
+            if let CurationOutcome::Retained(record, _) = curate_scenario(&scenario, SOURCES[0], &settings) {
                 assert!(record.candidates.iter().all(|c| c.rejected_by.is_none() || !c.reason.is_empty()));
             }
         }
@@ -172,7 +174,7 @@ fn an_av_that_vanishes_falls_in_step_one() {
     agents[0].track[60] = None;
     let scenario = on_road("vanishing", agents);
     let curated = curate_scenario(&scenario, SOURCES[0], &CurationSettings::default());
-    assert_eq!(curated, Curated::Dropped { rule: reactsim::curation::AV_ABSENT.to_owned() });
+    assert_eq!(curated, CurationOutcome::Rejected { rule: reactsim::curation::AV_ABSENT.to_owned() });
 }
 
 #[test]
@@ -184,13 +186,13 @@ fn step_one_counts_vehicles_and_approaches() {
         }
         on_road("step one", agents)
     };
-    let falls = |s: &Scenario| CurationSettings::default().preselection.falls(s);
+    let failed_rule = |s: &Scenario| CurationSettings::default().preselection.failed_rule(s);
     let two = with(&[(-20.0, 0.0, 15.0), (20.0, 3.5, 10.0)]);
-    assert_eq!(falls(&two), Some(reactsim::curation::FEW_VEHICLES));
+    assert_eq!(failed_rule(&two), Some(reactsim::curation::FEW_VEHICLES));
     let calm = with(&[(-20.0, 0.0, 10.0), (20.0, 3.5, 10.0), (30.0, 0.0, 10.0)]);
-    assert_eq!(falls(&calm), Some(reactsim::curation::NO_APPROACH));
+    assert_eq!(failed_rule(&calm), Some(reactsim::curation::NO_APPROACH));
     let close = with(&[(-30.0, 0.0, 13.0), (20.0, 3.5, 10.0), (30.0, 0.0, 10.0)]);
-    assert_eq!(falls(&close), None);
+    assert_eq!(failed_rule(&close), None);
 }
 
 /// The figures that the set is for: every chosen candidate presses somebody, obeys the limits and has a certificate.
@@ -203,7 +205,7 @@ fn what_is_chosen_on_real_logs_holds_what_it_promises() {
     let mut chooser = reactsim::curation::Chooser::new();
     let mut chosen = 0;
     for scenario in &scenarios {
-        let Curated::Kept(mut record, _) =
+        let CurationOutcome::Retained(mut record, _) =
             curate_scenario(scenario, SOURCES[0], &CurationSettings::default())
         else {
             continue;

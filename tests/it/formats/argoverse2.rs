@@ -200,7 +200,7 @@ fn runs_and_pages_remember_the_current_frame() {
     let shown =
         call(&["report", "OUT", "--format", "html", "--scenarios", "PATH", "--out", page.to_str().unwrap()]);
     assert_eq!(shown.0, 0, "{}", shown.1);
-    assert!(!shown.1.contains("nothing of them can be drawn"), "{}", shown.1);
+    assert!(!shown.1.contains("scenes cannot be drawn"), "{}", shown.1);
     let told = call(&["inspect", "PATH", "--current-frame", "29"]);
     assert!(told.0 == 0 && told.1.contains("made-1"), "{}", told.1);
     let native = folder.path().join("made.parquet");
@@ -210,7 +210,7 @@ fn runs_and_pages_remember_the_current_frame() {
     // Others say themselves which frame it is.
     let fixed = call(&["inspect", native, "--current-frame", "29"]);
     assert_eq!(fixed.0, 2, "{}", fixed.1);
-    assert!(fixed.1.contains("the current frame is 29, expected left out: scenarios of the format native"));
+    assert!(fixed.1.contains("the current frame is 29, expected none: the format native fixes"));
 }
 
 #[test]
@@ -326,7 +326,7 @@ fn bad_maps_are_refused_by_key() {
     assert!(error.contains("the number of `lane_segments` is 10004, expected at most 10000"), "{error}");
     let s = read(&rows(110), &json!({"drivable_areas": {}, "lane_segments": {}, "pedestrian_crossings": {}}))
         .unwrap();
-    assert!(s.start.map.drivable_area.is_none() && !s.start.road().knows_drivable());
+    assert!(s.start.map.drivable_area.is_none() && !s.start.road().has_drivable_area());
 }
 
 #[test]
@@ -351,10 +351,10 @@ fn the_map_lies_beside_the_scenario() {
     );
     fs::remove_file(at("log_map_archive_other.json")).unwrap();
     assert!(
-        refusal(&path).contains("log_map_archive_third.json: can not be decoded: as a map: missing field")
+        refusal(&path).contains("log_map_archive_third.json: cannot be decoded: as a map: missing field")
     );
     fs::write(at("log_map_archive_third.json"), "").unwrap();
-    assert!(refusal(&path).contains("log_map_archive_third.json: can not be decoded"));
+    assert!(refusal(&path).contains("log_map_archive_third.json: cannot be decoded"));
     fs::remove_file(at("log_map_archive_third.json")).unwrap();
     assert!(refusal(&path).contains("`log_map_archive_made-1.json` is missing"), "{}", refusal(&path));
     // No id leads out of the folder.

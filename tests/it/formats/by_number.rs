@@ -57,7 +57,7 @@ fn a_file_that_is_changed_meanwhile_is_refused() {
         }
     });
     for text in told.into_inner().unwrap() {
-        assert!(text.contains("it was changed meanwhile"), "{text}");
+        assert!(text.contains("the file has changed since"), "{text}");
     }
     std::fs::write(&path, b"PAR1").unwrap();
     let error = ByNumber::open(&path).err().unwrap().to_string();

@@ -224,9 +224,9 @@ fn damaged_files() {
     damage::cut_or_changed(&path);
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replacen("1020.0", "NaN", 1)).unwrap();
-    assert!(refusal(&path).contains("can not be decoded"));
+    assert!(refusal(&path).contains("cannot be decoded"));
     fs::write(&path, format!("{{\"objects\": [{{\"position\": {}", "[".repeat(1_000_000))).unwrap();
-    assert!(refusal(&path).contains("can not be decoded"));
+    assert!(refusal(&path).contains("cannot be decoded"));
 }
 
 #[test]

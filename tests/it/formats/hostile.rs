@@ -119,9 +119,9 @@ fn deep_json() {
     for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
         let deep = format!("{}1{}", open.repeat(1_000_000), close.repeat(1_000_000));
         let hand = HAND_WRITTEN.replacen("\"agents\": [", &format!("\"agents\": {deep}, \"x\": ["), 1);
-        assert!(told("f.json", hand.as_bytes()).contains("can not be decoded"));
+        assert!(told("f.json", hand.as_bytes()).contains("cannot be decoded"));
         let cut = &hand.as_bytes()[..hand.len() / 2];
-        assert!(told("f.json", cut).contains("can not be decoded"));
+        assert!(told("f.json", cut).contains("cannot be decoded"));
         // A key that nobody reads, and one that is read.
         for key in ["other", "tl_states", "metadata"] {
             let text = format!("{{\"{key}\": {deep}, \"objects\": [], \"roads\": [{{\"geometry\": []}}]}}");
@@ -129,7 +129,7 @@ fn deep_json() {
             assert!(told("f.json", text.as_bytes()).contains("f.json: "), "{key}");
         }
         let selection = format!("{{\"format\": \"reactsim-nuplan-v1\", \"logs\": {deep}}}");
-        assert!(told("f.json", selection.as_bytes()).contains("can not be decoded"));
+        assert!(told("f.json", selection.as_bytes()).contains("cannot be decoded"));
     }
 }
 
@@ -150,8 +150,7 @@ fn few_words_that_mean_much() {
             .unwrap();
     }
     let said = told("f.json", with_lanes(&lanes).as_bytes());
-    let expected =
-        "map.lanes[10].path.pieces[0].length is 99999, beside those before it, expected paths of 1000 km";
+    let expected = "map.lanes[10].path.pieces[0].length is 99999, in addition to those before it, expected";
     assert!(said.contains(expected), "{said}");
     let agent = r#"{"id": "b", "length": 4, "width": 2, "motion": {"at": [0, 0]}},"#;
     let many = HAND_WRITTEN.replacen("\"agents\": [", &format!("\"agents\": [{}", agent.repeat(10_001)), 1);
@@ -191,7 +190,9 @@ fn a_table_of_many_tracks() {
     writer.close().unwrap();
     let said = told("f.parquet", &file);
     assert!(
-        said.contains("`track_id` in row 10000 is `10000`, one more, expected one of at most 10000 tracks"),
+        said.contains(
+            "`track_id` in row 10000 is `10000`, one too many, expected one of at most 10000 tracks"
+        ),
         "{said}"
     );
 }

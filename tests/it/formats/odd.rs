@@ -128,7 +128,7 @@ fn a_bad_record_does_not_end_a_file() {
     let all: Vec<_> = reactsim::formats::open(&path).unwrap().collect();
     assert_eq!(all.len(), 3);
     let error = all[1].as_ref().unwrap_err();
-    assert!(error.to_string().contains("f.tfrecord: record 1: can not be decoded: "), "{error}");
+    assert!(error.to_string().contains("f.tfrecord: record 1: cannot be decoded: "), "{error}");
     assert_eq!(all[2].as_ref().unwrap().id, "third");
 }
 

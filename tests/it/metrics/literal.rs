@@ -258,7 +258,7 @@ fn the_slow_reading_agrees_on_random_scenes() {
                     continue;
                 }
                 let scores = case.agent_scores(i);
-                let spells: Vec<usize> = scores.direction.spells.iter().map(|s| s.first).collect();
+                let spells: Vec<usize> = scores.direction.intervals.iter().map(|s| s.first).collect();
                 let (candidate, expected) = direction(&scene, i, &options);
                 let name = format!("seed {seed}, agent {i}, {tracking:?} {connector:?}");
                 assert_eq!((scores.direction.candidate, &spells), (candidate, &expected), "{name}");
@@ -275,7 +275,7 @@ fn the_slow_reading_agrees_on_random_scenes() {
                         .fold((0, 0), |(h, v), o| (h + u64::from(o), v + 1)),
                     _ => (0, 0),
                 };
-                assert_eq!((scores.ground.hits, scores.ground.valid), expected, "{name}");
+                assert_eq!((scores.off_road.hits, scores.off_road.valid), expected, "{name}");
                 off += expected.0;
             }
         }

@@ -339,7 +339,7 @@ fn state_dicts_are_loaded() {
 
     let counted = SmartConfig { n_params: network.num_params() + 1, ..config.clone() };
     let error = Smart::load(&counted, &state_dict(&network, "", |_| {}), &device).unwrap_err();
-    assert!(error.to_string().contains("it is of another network"), "{error}");
+    assert!(error.to_string().contains("it belongs to another network"), "{error}");
     let wider = SmartConfig { hidden_dim: 32, ..config.clone() };
     let error = Smart::load(&wider, &state_dict(&network, "", |_| {}), &device).unwrap_err();
     assert!(error.to_string().contains("expected [32]"), "{error}");

@@ -117,5 +117,5 @@ fn a_configuration_must_fit() {
     assert!(tensors.config::<Vec<u8>>().is_err());
     let bytes = changed(|_| {});
     let error = Tensors::read(&bytes).unwrap().config::<serde_json::Value>().unwrap_err();
-    assert!(error.to_string().contains("not there"), "{error}");
+    assert!(error.to_string().contains("it is missing"), "{error}");
 }

@@ -132,7 +132,7 @@ fn classes_without_data_are_named_or_filled() {
         segments.add_motion(Class::Vehicle, straight(0.25 * f64::from(i)));
     }
     let error = KDisks::default().build_from(&segments, false).unwrap_err();
-    insta::assert_snapshot!(error, @"class `pedestrian`: 0 different motions are too few for `k-disks`, which needs at least one that no fault of the recording made; give more scenarios, or take kinematic tokens for it with --fill");
+    insta::assert_snapshot!(error, @"class `pedestrian`: 0 different motions are too few for `k-disks`, which needs at least one without recording faults; give more scenarios, or take kinematic tokens for it with --fill");
     let filled = KDisks::default().build_from(&segments, true).unwrap();
     let kinematic = Kinematic::default().build().unwrap();
     assert_eq!(filled.tokens(Class::Cyclist), kinematic.tokens(Class::Cyclist));

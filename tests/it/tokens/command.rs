@@ -65,10 +65,10 @@ fn wrong_calls_are_refused_and_write_nothing() {
     let flag = error(&["--method", "kinematic", "--tokens", "9", "--out", &out]);
     assert_eq!(flag, "error: --tokens is for --method k-disks only\n");
     let map = error(&["--method", "kinematic", "--map-out", &path("m"), "--out", &out]);
-    assert_eq!(map, "error: a vocabulary of the map (--map-out) is made of scenarios: name some\n");
+    assert_eq!(map, "error: a map vocabulary (--map-out) is built from scenarios: give some\n");
     let folder = error(&["--method", "kinematic", "--out", &empty]);
     assert!(
-        folder.starts_with("error: could not write HOME/empty: it is there and no regular file"),
+        folder.starts_with("error: could not write HOME/empty: it exists and is not a regular file"),
         "{folder}"
     );
     let nowhere = error(&["--method", "kinematic", "--out", &path("no/such/v")]);

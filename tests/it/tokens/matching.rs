@@ -3,7 +3,7 @@
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::models::ntp::tokens::{
-    Class, Noise, ORIGIN, PreparedTrack, TOKEN_STEPS, fill_gaps, token_of_motion,
+    Class, ORIGIN, PreparedTrack, TOKEN_STEPS, TokenNoise, fill_gaps, token_of_motion,
 };
 use reactsim::rollout::{Purpose, stream};
 use reactsim::scene::{AgentState, FRAMES, Frame};
@@ -104,7 +104,7 @@ fn headings_that_flip_are_turned_back() {
 fn noise_takes_near_tokens_and_tracks_steer_back() {
     let vocabulary = kinematic();
     let track = track(driving);
-    for noise in [Noise::Uniform { k: 5 }, Noise::Weighted { k: 5, temperature: 1.0 }] {
+    for noise in [TokenNoise::Uniform { k: 5 }, TokenNoise::Weighted { k: 5, temperature: 1.0 }] {
         let mut rng = stream(3, "noise", 0, Purpose::Begin);
         let noisy = track.noisy_tokens(&vocabulary, Class::Vehicle, noise, &mut rng);
         let nearest = track.nearest_tokens(&vocabulary, Class::Vehicle);
@@ -118,7 +118,7 @@ fn noise_takes_near_tokens_and_tracks_steer_back() {
         let mut again = stream(3, "noise", 0, Purpose::Begin);
         assert_eq!(noisy, track.noisy_tokens(&vocabulary, Class::Vehicle, noise, &mut again));
     }
-    let only = Noise::Uniform { k: 1 };
+    let only = TokenNoise::Uniform { k: 1 };
     let mut rng = stream(3, "noise", 0, Purpose::Begin);
     assert_eq!(
         track.noisy_tokens(&vocabulary, Class::Vehicle, only, &mut rng),

@@ -46,11 +46,11 @@ fn a_training_that_gets_no_better_ends() {
         Settings { learning_rate: 1e-12, patience: 2, validate_every: 3, epochs: 100.0, ..settings() };
     let trial = Trial { settings, ..Trial::default() };
     let outcome = trial.learn(folder.path(), false).unwrap();
-    assert_eq!(outcome.ending, Ending::NoBetter);
+    assert_eq!(outcome.ending, Ending::NoImprovement);
     assert!(outcome.steps < 60, "{}", outcome.steps);
     // It stays ended.
     let again = trial.learn(folder.path(), true).unwrap();
-    assert_eq!((again.ending, again.steps), (Ending::NoBetter, outcome.steps));
+    assert_eq!((again.ending, again.steps), (Ending::NoImprovement, outcome.steps));
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn data_without_anything_to_learn_are_refused() {
     };
     assert_eq!(
         refusal(Curve::of(0)),
-        "there is nothing to learn from: no scenario is left beside 0 held out"
+        "there is nothing to learn from: no scenario is left to train on (0 held out)"
     );
     let wrong = Trial { settings: Settings { batch: 0, ..settings() }, ..Trial::default() };
     let folder = tempfile::tempdir().unwrap();

@@ -118,7 +118,7 @@ fn other_settings_and_data_are_refused_by_name() {
     let other = refusal(Trial { source: Curve::of(63), ..Trial::default() });
     assert!(other.contains("`data.digest` is \"curve-64\" there and \"curve-63\" now"), "{other}");
     let text = Trial::default().learn(folder.path(), false).unwrap_err().to_string();
-    assert!(text.contains("holds a training already; give --resume"), "{text}");
+    assert!(text.contains("already holds a training; give --resume"), "{text}");
 }
 
 #[test]
@@ -131,16 +131,16 @@ fn a_checkpoint_that_is_cut_short_is_refused_and_the_one_before_is_named() {
     let mut flipped = whole.clone();
     *flipped.last_mut().unwrap() ^= 1;
     let damages: [(&[u8], &str); 4] = [
-        (&whole[..whole.len() - 1], "it is cut short"),
-        (&whole[..100], "it is cut short"),
-        (&[], "it is cut short"),
+        (&whole[..whole.len() - 1], "it is truncated"),
+        (&whole[..100], "it is truncated"),
+        (&[], "it is truncated"),
         (&flipped, "it is damaged"),
     ];
     for (content, expected) in damages {
         fs::write(last, content).unwrap();
         let text = Trial::default().learn(folder.path(), true).unwrap_err().to_string();
         assert!(text.contains(expected) && text.contains(&format!("{}", last.display())), "{text}");
-        assert!(text.ends_with(&format!("delete it to go on from {}", first.display())), "{text}");
+        assert!(text.ends_with(&format!("delete it to continue from {}", first.display())), "{text}");
     }
     fs::remove_file(last).unwrap();
     Trial::default().learn(folder.path(), true).unwrap();
@@ -158,7 +158,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     };
     let good = NamedTensors::read(&last).unwrap();
     let weights = NamedTensors::read(&folder.path().join(WEIGHTS)).unwrap();
-    assert!(refusal(&weights).contains("it is no checkpoint of a training"));
+    assert!(refusal(&weights).contains("it is not a checkpoint of a training"));
     let mut other = good.clone();
     other.about["training"]["settings"]["clip"] = 7.0.into();
     assert!(refusal(&other).contains("it is of another training: `settings.clip` is 7.0 there and 1.0 now"));
@@ -174,7 +174,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     );
     fs::write(&last, foreign.unwrap()).unwrap();
     let text = Trial::default().learn(folder.path(), true).unwrap_err().to_string();
-    assert!(text.contains("its metadata have no `reactsim`: another program wrote it"), "{text}");
+    assert!(text.contains("its metadata has no `reactsim`: another program wrote it"), "{text}");
 }
 
 /// From some step on, checkpoints go to a disk that is full.

@@ -16,7 +16,7 @@ struct Line {
     args: SessionArgs,
 }
 
-/// Learns how far vehicles get in 8 s from how fast they are.
+/// Predicts the displacement of agents after 8 s from their current speed.
 struct Speeds;
 
 #[derive(Module, Debug)]
@@ -60,7 +60,7 @@ fn run(scenarios: &[&str], out: &Path, more: &[&str]) -> anyhow::Result<ExitStat
     train_until(&Line::try_parse_from(line)?.args, &Speeds, None, &AtomicBool::new(more == INTERRUPTED))
 }
 
-/// Arguments of a training that is interrupted at once.
+/// Arguments of a training that is interrupted immediately.
 const INTERRUPTED: &[&str] = &["--validate-every", "5"];
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
@@ -81,7 +81,7 @@ fn scenarios_of_any_format_are_learned_from() {
     };
     let first = losses(&out);
     assert!(first[first.len() - 1].unwrap() < 0.5 * first[0].unwrap(), "{first:?}");
-    // Native files by themselves are the same data, and no cache is made for them.
+    // Native files given directly are the same data, and need no cache.
     let natives: Vec<String> =
         fs::read_dir(out.join("cache")).unwrap().map(|e| e.unwrap().path().display().to_string()).collect();
     let mut natives: Vec<&str> = natives.iter().map(String::as_str).collect();
@@ -90,7 +90,7 @@ fn scenarios_of_any_format_are_learned_from() {
     run(&natives, &other, &["--jobs", "1"]).unwrap();
     assert!(!other.join("cache").exists());
     assert_eq!(losses(&other).len(), first.len());
-    // Twice as often is twice as long.
+    // Seeing scenarios twice as often doubles the number of steps.
     let twice = folder.path().join("c");
     run(&[&format!("{MINI}=2")], &twice, &["--cache", &out.join("cache").display().to_string()]).unwrap();
     assert!(!twice.join("cache").exists() && losses(&twice).len() > first.len());
@@ -108,7 +108,7 @@ fn an_interrupted_training_leaves_a_checkpoint_and_goes_on() {
 }
 
 #[test]
-fn what_can_not_be_is_refused_with_its_mend() {
+fn wrong_input_is_refused_with_its_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let refusal = |scenarios: &[&str], out: &Path, more: &[&str]| {
         format!("{:#}", run(scenarios, out, more).unwrap_err())
@@ -117,11 +117,11 @@ fn what_can_not_be_is_refused_with_its_mend() {
     let empty = folder.path().display().to_string();
     assert!(refusal(&[&empty], &out, &[]).contains("holds no scenario file"));
     assert!(refusal(&["nowhere"], &out, &[]).contains("nowhere"));
-    assert!(refusal(&[&format!("{MINI}=x")], &out, &[]).contains("x is no weight"));
+    assert!(refusal(&[&format!("{MINI}=x")], &out, &[]).contains("x is not a weight"));
     assert!(refusal(&[MINI], &out, &["--checkpoint-every", "3"]).contains("90s, 3m or 1h"));
     assert!(refusal(&[MINI], Path::new("/proc/out"), &[]).contains("could not write /proc/out"));
     run(&[MINI], &out, &[]).unwrap();
-    assert!(refusal(&[MINI], &out, &[]).contains("holds a training already"));
+    assert!(refusal(&[MINI], &out, &[]).contains("already holds a training"));
     assert!(
         refusal(&[MINI], &out, &["--resume", "--seed", "3"]).contains("`settings.seed` is 0 there and 3 now")
     );

@@ -1,7 +1,9 @@
-// Talks to the server. Addresses are relative: the page's own address holds the token.
+// Requests to the server. Addresses are relative: the page's own address contains the token.
 
 async function answer(response) {
-  if (!response.ok) throw new Error((await response.text()).trim() || `the server answered ${response.status}`);
+  if (!response.ok) {
+    throw new Error((await response.text()).trim() || `the server answered ${response.status}`);
+  }
   return response.json();
 }
 
@@ -17,5 +19,5 @@ const post = async (path, body) =>
 export const session = () => get("api/session");
 export const scenario = (index) => get(`api/scenario/${index}`);
 export const setReviewer = (name) => post("api/reviewer", { name });
-export const decide = (wish) => post("api/decide", wish);
+export const decide = (request) => post("api/decide", request);
 export const undo = () => post("api/undo");

@@ -1,15 +1,16 @@
-// The charts of the panel, and the bar of time, which has the history too.
+// The charts of the panel, and the time bar, which also covers the history.
 
 import { Chart, seekable, sharp } from "./curves.js";
 import { FRAMES, NOW } from "./decode.js";
 import { NO_RISK, RISKY } from "./geometry.js";
 import { colour } from "./palette.js";
 
-/** The bar under the view: time, with marks where somebody touches the AV or comes close. */
+/** The time bar under the view, with marks where an agent touches the AV or comes close. */
 export class Scrub {
   constructor(canvas, seek) {
     this.canvas = canvas;
-    seekable(canvas, (x, width) => Math.min(FRAMES - 1, Math.max(0, ((x - 8) / (width - 16)) * (FRAMES - 1))), seek);
+    const frame = (x, width) => Math.min(FRAMES - 1, Math.max(0, ((x - 8) / (width - 16)) * (FRAMES - 1)));
+    seekable(canvas, frame, seek);
   }
 
   draw(analysis, t) {
@@ -41,11 +42,15 @@ export class Scrub {
   }
 }
 
-/** The charts of the panel. */
+/** Creates the charts of the panel. */
 export function charts(elements, seek) {
   return {
     speed: new Chart(elements.speed, { title: "AV speed", unit: "m/s", floor: 5 }, seek),
-    ttc: new Chart(elements.ttc, { title: "Time to collision", unit: "s", top: NO_RISK, line: RISKY, cap: NO_RISK }, seek),
+    ttc: new Chart(
+      elements.ttc,
+      { title: "Time to collision", unit: "s", top: NO_RISK, line: RISKY, cap: NO_RISK },
+      seek,
+    ),
     gap: new Chart(elements.gap, { title: "Nearest agent", unit: "m", top: 15 }, seek),
   };
 }

@@ -1,4 +1,5 @@
-// The scenario from above. World coordinates are metres with y up; line widths are metres where the road is drawn, pixels elsewhere.
+// The scenario from above. World coordinates are metres with y up; line widths are metres for the road,
+// pixels elsewhere.
 
 import { box, lights, names, ruler } from "./bodies.js";
 import { FRAMES, NOW } from "./decode.js";
@@ -16,7 +17,7 @@ export class View {
     this.camera = camera;
   }
 
-  /** Takes the size of the element; true where it changed. */
+  /** Adopts the size of the element; returns whether it changed. */
   resize() {
     const ratio = devicePixelRatio || 1;
     const { clientWidth: width, clientHeight: height } = this.canvas;
@@ -28,15 +29,16 @@ export class View {
   }
 
   /**
-   * Draws `scenario` at frame `t`. `show` says what: the selected candidate, whose responses replace the logs (`certificate`), whether
-   * the log's AV (`ghost`) and the other candidates (`others`) are seen.
+   * Draws `scenario` at frame `t`. Flags of `show`: responses of the selected candidate's certificate replace
+   * the logs (`certificate`); the logged AV (`ghost`) and the other candidates (`others`) are visible.
    */
   draw(scenario, selected, analysis, t, show) {
     const c = this.context, { camera, ratio } = this;
     this.labels = [];
     this.road.draw(c, scenario.map, camera, ratio);
     const s = camera.scale * ratio;
-    c.setTransform(s, 0, 0, -s, (camera.width / 2) * ratio - camera.x * s, (camera.height / 2) * ratio + camera.y * s);
+    const [dx, dy] = [(camera.width / 2) * ratio - camera.x * s, (camera.height / 2) * ratio + camera.y * s];
+    c.setTransform(s, 0, 0, -s, dx, dy);
     c.lineJoin = "round";
     const px = 1 / camera.scale;
     const f = Math.min(Math.round(t), FRAMES - 1);
@@ -44,14 +46,15 @@ export class View {
     this.trajectories(scenario, selected, show, px);
     for (const agent of scenario.context) this.agent(agent, between(agent.track, t), px, { alpha: 0.5 });
     const touching = analysis?.touching[f] ?? new Set(), risky = analysis?.risky[f] ?? new Set();
-    // Those who matter lie on top.
+    // Agents in contact or at risk are drawn on top.
     const order = scenario.agents.map((_, i) => i).slice(1);
     order.sort((a, b) => touching.has(a) - touching.has(b) || risky.has(a) - risky.has(b));
     for (const i of order) {
       const agent = scenario.agents[i];
       const response = show.certificate ? selected?.responses.get(i) : null;
       if (response) this.agent(agent, between(agent.track, t), px, { ghost: true });
-      const fill = touching.has(i) ? colour("contact") : risky.has(i) ? colour("risky") : response ? colour("response") : null;
+      const mark = touching.has(i) ? "contact" : risky.has(i) ? "risky" : response ? "response" : null;
+      const fill = mark && colour(mark);
       const state = between(response ? response.frames : agent.track, t);
       const strong = risky.has(i) || touching.has(i) ? colour("contact") : null;
       this.agent(agent, state, px, { fill, strong, label: fill ? agent.id : null });
@@ -60,17 +63,20 @@ export class View {
     if (show.ghost) this.agent(av, between(av.track, t), px, { ghost: true });
     if (selected) {
       const isHit = touching.size > 0;
-      this.agent(av, between(selected.frames, t), px, { fill: colour(selected.category), strong: isHit ? colour("contact") : colour("text"), label: "AV" });
+      const strong = isHit ? colour("contact") : colour("text");
+      const style = { fill: colour(selected.category), strong, label: "AV" };
+      this.agent(av, between(selected.frames, t), px, style);
       for (const at of analysis?.first.values() ?? []) this.contact(selected.frames[at], px);
     } else {
-      this.agent(av, between(av.track, t), px, { fill: colour("accent"), strong: colour("text"), label: "AV" });
+      const style = { fill: colour("accent"), strong: colour("text"), label: "AV" };
+      this.agent(av, between(av.track, t), px, style);
     }
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     names(c, this.labels);
     ruler(c, camera);
   }
 
-  /** All candidates as lines: survivors solid, rejected ones thin and dashed; the selected one wide, with a dot every second. */
+  /** Draws all candidates: survivors solid, rejected dashed, the selected one wide with a dot per second. */
   trajectories(scenario, selected, show, px) {
     const c = this.context;
     const line = (frames, from) => {
@@ -128,12 +134,13 @@ export class View {
     }
   }
 
-  /** A box with its heading. What is `strong` has a thick outline. */
+  /** Draws a box with its heading; `strong` is the colour of a thick outline. */
   agent(agent, state, px, { fill = null, ghost = false, strong = null, alpha = 1, label = null } = {}) {
-    box(this.context, this.camera, agent, state, px, { fill, ghost, line: strong, width: strong ? 2.2 : 1, alpha, label }, this.labels);
+    const style = { fill, ghost, line: strong, width: strong ? 2.2 : 1, alpha, label };
+    box(this.context, this.camera, agent, state, px, style, this.labels);
   }
 
-  /** Where the AV is when somebody first touches it. */
+  /** Marks the AV's position at the first contact with an agent. */
   contact(state, px) {
     const c = this.context, r = 5 * px;
     c.strokeStyle = colour("contact");

@@ -1,4 +1,4 @@
-// The page: what is shown, and what is done with it.
+// The page: its state and its actions.
 
 import * as api from "./api.js";
 import { Camera } from "./camera.js";
@@ -15,10 +15,10 @@ import { decode } from "./scenario.js";
 
 const $ = (id) => document.getElementById(id);
 
-/** How long the last frame stands before the replay begins again, in frames. */
-const HOLD = 8;
-/** Scenarios that are kept, shown ones and the next. */
-const KEPT = 8;
+/** Time for which the last frame is held before the replay restarts, frames. */
+const HOLD_FRAMES = 8;
+/** Largest number of cached scenarios, shown and prefetched. */
+const MAX_CACHED = 8;
 
 const show = { certificate: false, ghost: true, others: true, follow: false };
 const camera = new Camera();
@@ -27,24 +27,24 @@ const scrub = new Scrub($("scrub"), seek);
 const chart = charts({ speed: $("chart-speed"), ttc: $("chart-ttc"), gap: $("chart-gap") }, seek);
 
 let queue, scenario, selected;
-/** Frame that is shown, with fractions. */
+/** Frame shown, fractional. */
 let time = NOW;
 let isPlaying = false, speed = 1, isWriting = false, isDirty = true;
 let reviewer = null, suggestion = "";
-/** Number of the scenario that is wanted; answers for others come too late. */
+/** Index of the requested scenario; responses for others are outdated. */
 let wanted = -1;
 const cache = new Map();
 
 // ---- scenarios
 
-/** A scenario from the cache or the server. */
+/** Returns a scenario from the cache or the server. */
 function load(index) {
   if (!cache.has(index)) {
     const promise = api.scenario(index).then(decode);
     promise.catch(() => cache.delete(index));
     cache.set(index, promise);
-    // The oldest goes.
-    if (cache.size > KEPT) cache.delete(cache.keys().next().value);
+    // Evict the oldest.
+    if (cache.size > MAX_CACHED) cache.delete(cache.keys().next().value);
   }
   return cache.get(index);
 }
@@ -56,7 +56,7 @@ async function open(index) {
   try {
     loaded = await load(index);
   } catch (error) {
-    return alarm(`scenario ${index + 1} can not be shown: ${error.message}`);
+    return alarm(`scenario ${index + 1} cannot be shown: ${error.message}`);
   }
   if (wanted !== index) return;
   scenario = loaded;
@@ -74,17 +74,19 @@ async function open(index) {
   refresh();
   document.body.dataset.scenario = index;
   document.body.dataset.took = (performance.now() - begin).toFixed(1);
-  // The next one is fetched while this one is looked at.
+  // Prefetch the neighbours while this one is shown.
   for (const direction of [1, -1]) {
     const next = queue.step(index, direction);
     if (next !== null) load(next).catch(() => {});
   }
 }
 
-/** Shows where the AV is and was, and all whom it meets. */
+/** Fits the view to the AV's trajectories and to all agents that it touches. */
 function fit() {
   const points = [...scenario.agents[0].track, ...(selected?.frames ?? [])];
-  for (const [i, f] of selected?.analysis.first ?? []) points.push(scenario.agents[i].track[Math.max(f - 20, NOW)]);
+  for (const [i, f] of selected?.analysis.first ?? []) {
+    points.push(scenario.agents[i].track[Math.max(f - 20, NOW)]);
+  }
   camera.fit(points.filter(Boolean));
   isDirty = true;
 }
@@ -95,15 +97,16 @@ function select(candidate, redraw = true) {
   selected = candidate;
   if (selected && !selected.analysis) {
     selected.analysis = analyse(scenario.agents, selected.frames, (i) => scenario.agents[i].track);
+    const responseTrack = (i) => selected.responses.get(i)?.frames ?? scenario.agents[i].track;
     selected.certified = selected.certificate
-      ? analyse(scenario.agents, selected.frames, (i) => selected.responses.get(i)?.frames ?? scenario.agents[i].track)
+      ? analyse(scenario.agents, selected.frames, responseTrack)
       : null;
   }
   isDirty = true;
   if (redraw) refreshPanel();
 }
 
-/** What happens between the AV and the others as they are shown. */
+/** Returns the interactions of the AV with the others as shown. */
 const analysis = () => (show.certificate && selected?.certified) || selected?.analysis || null;
 
 // ---- time
@@ -126,7 +129,7 @@ function tick(now) {
   before = now;
   if (isPlaying) {
     time += passed * 10 * speed;
-    if (time > FRAMES - 1 + HOLD) time = NOW;
+    if (time > FRAMES - 1 + HOLD_FRAMES) time = NOW;
     isDirty = true;
   }
   if (view.resize()) {
@@ -152,13 +155,21 @@ function draw() {
   const log = scenario.agents[0].track.map((s) => s?.v ?? NaN);
   const own = selected ? colour(selected.category) : colour("accent");
   const speeds = [{ name: "log", values: log, colour: colour("dim"), dashed: true }];
-  if (selected) speeds.unshift({ name: "candidate", values: selected.frames.map((s) => s?.v ?? NaN), colour: own });
+  if (selected) {
+    speeds.unshift({ name: "candidate", values: selected.frames.map((s) => s?.v ?? NaN), colour: own });
+  }
   chart.speed.draw(speeds, t);
   const both = (key) => {
     const number = (values) => values.map((v) => v ?? NaN);
     const curves = [];
-    if (selected) curves.push({ name: "log replay", values: number(selected.analysis[key]), colour: own, dashed: show.certificate && !!selected.certified });
-    if (show.certificate && selected?.certified) curves.push({ name: "responses", values: number(selected.certified[key]), colour: colour("response") });
+    const hasResponses = show.certificate && !!selected?.certified;
+    if (selected) {
+      const values = number(selected.analysis[key]);
+      curves.push({ name: "log replay", values, colour: own, dashed: hasResponses });
+    }
+    if (hasResponses) {
+      curves.push({ name: "responses", values: number(selected.certified[key]), colour: colour("response") });
+    }
     return curves;
   };
   chart.ttc.draw(both("ttc"), t);
@@ -174,11 +185,14 @@ function refreshPanel() {
   panel.details($("details"), selected);
   const modes = [];
   if (scenario.bare) modes.push(scenario.bare);
-  if (show.certificate) modes.push(selected?.certificate ? "certificate’s responses" : "no certificate: log replay");
+  if (show.certificate) {
+    modes.push(selected?.certificate ? "certificate’s responses" : "no certificate: log replay");
+  }
   if (!show.ghost) modes.push("log hidden");
   if (!show.others) modes.push("others hidden");
   if (show.follow) modes.push("following the AV");
-  $("modes").replaceChildren(...modes.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
+  const label = (text) => Object.assign(document.createElement("span"), { textContent: text });
+  $("modes").replaceChildren(...modes.map(label));
   isDirty = true;
 }
 
@@ -204,7 +218,7 @@ function refresh() {
 // ---- decisions
 
 async function name() {
-  const given = await ask("Your name, as it will stand beside your decisions", reviewer ?? suggestion);
+  const given = await ask("Your name, as shown next to your decisions", reviewer ?? suggestion);
   if (!given) return;
   try {
     reviewer = await api.setReviewer(given);
@@ -216,7 +230,7 @@ async function name() {
   }
 }
 
-/** Sends one thing at a time; null where it failed. Nothing counts before the server says that it is on the disk. */
+/** Sends one request at a time; null on failure. A decision counts once the server confirms it is on disk. */
 async function write(send) {
   if (isWriting || !scenario) return null;
   if (!reviewer) await name();
@@ -228,7 +242,10 @@ async function write(send) {
     return { standing };
   } catch (error) {
     const isGone = error instanceof TypeError;
-    alarm(isGone ? "NOT written: the server is gone. Start `reactsim curate review` again; what was written before is kept." : `NOT written: ${error.message}`);
+    const reason = isGone
+      ? "the server is gone. Start `reactsim curate review` again; earlier decisions are kept."
+      : error.message;
+    alarm(`NOT written: ${reason}`);
     return null;
   } finally {
     isWriting = false;
@@ -243,8 +260,9 @@ async function decide(decision, candidate, note) {
   queue.set(done.standing);
   if (scenario.index === index) scenario.stale = false;
   const against = decision === "pick" && decided?.rejected_by;
-  toast(`${panel.words({ decision, candidate })}${against ? `, against ${against}: only apply --allow-rejected takes it` : ""} · u undoes`);
-  // The candidate alone was rejected, or nothing holds any more: the scenario is still to be decided.
+  const warning = against ? `, rejected by ${against}: only applied with --allow-rejected` : "";
+  toast(`${panel.words({ decision, candidate })}${warning} · u: undo`);
+  // After a rejected candidate or a dropped decision the scenario is still undecided.
   const stays = decision === "clear" || (decision === "reject" && candidate !== null);
   const next = stays ? null : queue.step(index, 1);
   if (next === null) refresh();
@@ -265,16 +283,17 @@ async function undo() {
 
 function step(direction) {
   const next = queue.step(wanted, direction);
-  if (next === null) toast(direction > 0 ? "this was the last one" : "this was the first one");
+  if (next === null) toast(direction > 0 ? "this is the last one" : "this is the first one");
   else open(next);
 }
 
 async function goTo() {
-  const text = await ask("Scenario: its number, or (the beginning of) its id");
+  const text = await ask("Scenario: number, id, or beginning of the id");
   if (!text) return;
   const ids = queue.entries.map((e) => e.id);
   let index = ids.indexOf(text);
-  if (index < 0 && /^\d+$/.test(text) && Number(text) >= 1 && Number(text) <= ids.length) index = Number(text) - 1;
+  const number = /^\d+$/.test(text) ? Number(text) : 0;
+  if (index < 0 && number >= 1 && number <= ids.length) index = number - 1;
   if (index < 0) index = ids.findIndex((id) => id.startsWith(text));
   if (index < 0) toast(`no scenario ${text}`);
   else open(index);
@@ -296,14 +315,15 @@ const act = {
   rejectCandidate: () => selected && decide("reject", selected.number),
   flag: () => decide("flag", selected?.number ?? null),
   async flagWithNote() {
-    const note = await ask("What is to be looked at?");
+    const note = await ask("Note: what should be checked?");
     if (note) decide("flag", selected?.number ?? null, note);
   },
   clear: () => decide("clear", null),
   undo,
   step,
   nextToDo() {
-    const isOpen = (i) => queue.states.find(([key]) => key === "todo")[2](queue.entries[i], queue.standings.get(i));
+    const todo = queue.states.find(([key]) => key === "todo")[2];
+    const isOpen = (i) => todo(queue.entries[i], queue.standings.get(i));
     const all = queue.entries.map((_, i) => (wanted + 1 + i) % queue.entries.length);
     const next = all.find(isOpen);
     if (next === undefined) toast("everything is decided");
@@ -378,10 +398,11 @@ async function begin() {
   document.title = `${session.file} · review`;
   $("file").textContent = session.file;
   $("file").title = `decisions: ${session.journal}`;
-  $("reviewer").textContent = reviewer ?? "who are you?";
+  $("reviewer").textContent = reviewer ?? "set your name";
   document.body.dataset.reviewer = reviewer ?? "";
   options($("state"), queue.states, (value) => (queue.state = value));
-  options($("category"), [["all", "all"], ["longitudinal", "longitudinal"], ["lateral", "lateral"], ["directional", "directional"]], (value) => (queue.category = value));
+  const categories = ["all", "longitudinal", "lateral", "directional"].map((name) => [name, name]);
+  options($("category"), categories, (value) => (queue.category = value));
   const keys = table(act);
   listen(keys);
   fill($("help-keys"), keys);
@@ -401,7 +422,7 @@ async function begin() {
   });
   view.resize();
   if (session.warnings.length) alarm(session.warnings.join(" · "));
-  // Where the page was before it was loaded anew, else the first that is to be decided.
+  // The scenario shown before a reload, else the first undecided one.
   const asked = Number(location.hash.slice(1)) - 1;
   const undecided = queue.entries.findIndex((_, i) => !queue.standings.get(i)?.verdict);
   await open(Number.isInteger(asked) && queue.entries[asked] ? asked : Math.max(undecided, 0));
@@ -409,4 +430,4 @@ async function begin() {
   if (!reviewer) name();
 }
 
-begin().catch((error) => alarm(`the review can not begin: ${error.message}`));
+begin().catch((error) => alarm(`the review cannot begin: ${error.message}`));

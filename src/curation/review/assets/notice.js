@@ -1,10 +1,10 @@
-// What the page says and asks.
+// Messages and prompts.
 
 const $ = (id) => document.getElementById(id);
 
 let timer;
 
-/** Says something that need not be remembered. */
+/** Shows a short message for a moment. */
 export function toast(text) {
   $("toast").textContent = text;
   $("toast").classList.add("on");
@@ -12,18 +12,18 @@ export function toast(text) {
   timer = setTimeout(() => $("toast").classList.remove("on"), 1800);
 }
 
-/** What must not be overlooked stays until the next success. */
+/** Shows an error until the next success. */
 export function alarm(text) {
   $("alarm").textContent = text;
   $("alarm").hidden = false;
 }
 
-/** All is well again. */
+/** Hides the error. */
 export function calm() {
   $("alarm").hidden = true;
 }
 
-/** Asks for a line of text; null where the user does not want to. */
+/** Asks for a line of text; null if the user cancels. */
 export function ask(label, value = "") {
   const dialog = $("ask");
   $("ask-label").textContent = label;

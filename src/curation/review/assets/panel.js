@@ -1,8 +1,9 @@
-// The panel beside the view: what was decided, the candidates, and the figures of the selected one. Texts are put in as texts only.
+// The panel next to the view: the decision, the candidates, and the figures of the selected one. Text is
+// inserted as text nodes only.
 
 import { colour } from "./palette.js";
 
-/** An element with classes, text and children. */
+/** Creates an element with classes, text and children. */
 function make(tag, classes = "", ...content) {
   const element = document.createElement(tag);
   if (classes) element.className = classes;
@@ -10,26 +11,29 @@ function make(tag, classes = "", ...content) {
   return element;
 }
 
-/** A number with so many decimals; a dash where there is none. */
-const number = (value, decimals = 1) => (Number.isFinite(value) ? value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1") : "–");
-const signed = (value, decimals = 1) => (Number.isFinite(value) && value > 0 ? "+" : "") + number(value, decimals);
+/** Formats a number with fixed decimals; a dash if there is none. */
+const number = (value, decimals = 1) =>
+  (Number.isFinite(value) ? value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1") : "–");
+const signed = (value, decimals = 1) =>
+  (Number.isFinite(value) && value > 0 ? "+" : "") + number(value, decimals);
 
-/** A figure in as many digits as are of use. */
-const figure = (value) => (Number.isFinite(value) ? number(value, Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2) : "–");
+/** Formats a figure with two to three significant digits. */
+const figure = (value) => number(value, Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2);
 
-/** The value of the filter that decided. */
-const decisive = (candidate) => candidate.figures.find((f) => f.filter === candidate.rejected_by)?.value ?? null;
+/** Returns the figure of the filter that rejected a candidate. */
+const decisive = (candidate) =>
+  candidate.figures.find((f) => f.filter === candidate.rejected_by)?.value ?? null;
 
 const WORDS = { pick: "picked", reject: "rejected", flag: "flagged", clear: "decision dropped" };
 
-/** A decision in words, such as `picked #3`. */
+/** Describes a decision in words, such as `picked #3`. */
 export function words(line) {
   const what = WORDS[line.decision] ?? line.decision;
   if (line.candidate !== null) return `${what} #${line.candidate}`;
   return line.decision === "reject" ? "rejected the scenario" : what;
 }
 
-/** What was decided about the scenario, and by whom. */
+/** Shows the decision about the scenario, and its reviewer. */
 export function verdict(element, standing, isStale) {
   element.replaceChildren();
   const line = standing?.verdict;
@@ -38,16 +42,21 @@ export function verdict(element, standing, isStale) {
     return;
   }
   const time = line.at.replace("T", " ").slice(0, 16);
-  element.append(make("div", "", make("span", `mark ${line.decision}`, words(line)), make("span", "dim", `${line.reviewer} · ${time} UTC`)));
+  const mark = make("span", `mark ${line.decision}`, words(line));
+  element.append(make("div", "", mark, make("span", "dim", `${line.reviewer} · ${time} UTC`)));
   if (line.note) element.append(make("div", "", `“${line.note}”`));
-  if (isStale) element.append(make("div", "stale", "about another trajectory of that number: the file was made anew since; decide again"));
+  if (isStale) {
+    const text = "made for another trajectory of that number: the file has since changed; decide again";
+    element.append(make("div", "stale", text));
+  }
   if (standing.opinions.length > 1) {
     const others = standing.opinions.map((o) => `${o.reviewer} ${words(o)}`).join(" · ");
-    element.append(make("div", standing.disagree ? "reject" : "", `${standing.disagree ? "disagree: " : ""}${others}`));
+    const prefix = standing.disagree ? "disagree: " : "";
+    element.append(make("div", standing.disagree ? "reject" : "", `${prefix}${others}`));
   }
 }
 
-/** The list of candidates; `choose` is called with the one that is clicked. */
+/** Lists the candidates; `choose` is called with the clicked one. */
 export function candidates(element, scenario, selected, line, choose) {
   element.replaceChildren();
   for (const candidate of scenario.candidates) {
@@ -61,10 +70,21 @@ export function candidates(element, scenario, selected, line, choose) {
     stripe.style.background = colour(candidate.category);
     const badges = make("span");
     if (candidate.chosen) badges.append(make("span", "badge dim", "chosen"));
-    if (line && line.candidate === candidate.number) badges.append(make("span", `badge ${line.decision}`, WORDS[line.decision] ?? ""));
+    if (line && line.candidate === candidate.number) {
+      badges.append(make("span", `badge ${line.decision}`, WORDS[line.decision] ?? ""));
+    }
     const value = decisive(candidate);
-    const why = candidate.rejected_by ? `${candidate.rejected_by}${value === null ? "" : ` ${figure(value)}`}` : candidate.category;
-    row.append(stripe, make("span", "order", `#${candidate.number}`), make("span", "what", candidate.maneuver), badges, make("span", "why", why), make("span", "score", candidate.rejected_by ? "✗" : number(candidate.score, 2)));
+    const why = candidate.rejected_by
+      ? `${candidate.rejected_by}${value === null ? "" : ` ${figure(value)}`}`
+      : candidate.category;
+    row.append(
+      stripe,
+      make("span", "order", `#${candidate.number}`),
+      make("span", "what", candidate.maneuver),
+      badges,
+      make("span", "why", why),
+      make("span", "score", candidate.rejected_by ? "✗" : number(candidate.score, 2)),
+    );
     row.title = candidate.reason || candidate.maneuver;
     row.addEventListener("click", () => choose(candidate));
     element.append(row);
@@ -72,7 +92,7 @@ export function candidates(element, scenario, selected, line, choose) {
   }
 }
 
-/** Label and value. */
+/** Creates a label with a value. */
 const fact = (label, value) => make("span", "", `${label} `, make("b", "", value));
 
 function cues(c) {
@@ -83,20 +103,25 @@ function cues(c) {
     fact("along", `${signed(c.longitudinal_offset)} m`),
     fact("heading", `${number(c.heading_change, 0)}°`),
   ];
-  if (c.other_branch) rows.push(fact("way", "another branch"));
+  if (c.other_branch) rows.push(fact("route", "another branch"));
   if (c.conflict_step !== null) rows.push(fact("first conflict", `${number(c.conflict_step / 10)} s`));
   if (c.difficulty) {
-    rows.push(fact("difficulty", c.difficulty), fact("braking needed", `${number(c.required_deceleration)} m/s²`));
+    rows.push(fact("difficulty", c.difficulty));
+    rows.push(fact("required braking", `${number(c.required_deceleration)} m/s²`));
     if (c.time_to_react !== null) rows.push(fact("time to react", `${number(c.time_to_react)} s`));
-    if (c.needs_swerve) rows.push(fact("swerve", "needed"));
+    if (c.needs_swerve) rows.push(fact("swerve", "required"));
   }
   rows.push(fact("ADE", `${number(c.ade)} m`), fact("Δ mean speed", `${signed(c.speed_difference)} m/s`));
-  rows.push(fact("at fault", String(c.at_fault)), fact("overlaps", String(c.overlaps)), fact("risky", String(c.risky)));
+  rows.push(
+    fact("at fault", String(c.at_fault)),
+    fact("overlaps", String(c.overlaps)),
+    fact("risky", String(c.risky)),
+  );
   rows.push(fact("source", c.source));
   return rows;
 }
 
-/** The figures of all filters, and the certificate. */
+/** Shows the figures of all filters, and the certificate. */
 export function details(element, c) {
   element.replaceChildren();
   if (!c) return;
@@ -104,19 +129,26 @@ export function details(element, c) {
   if (c.rejected_by) element.append(make("p", "reason", `${c.rejected_by}: ${c.reason}`));
   element.append(make("div", "facts", ...cues(c)));
   const half = Math.ceil(c.figures.length / 2);
-  const columns = [c.figures.slice(0, half), c.figures.slice(half)].filter((part) => part.length).map((part) => {
+  const parts = [c.figures.slice(0, half), c.figures.slice(half)].filter((part) => part.length);
+  const columns = parts.map((part) => {
     const body = make("tbody");
     for (const { filter, value, passed } of part) {
       const row = make("tr", passed === false ? "failed" : passed === null ? "unasked" : "");
-      row.append(make("td", "mark", passed === null ? "·" : passed ? "✓" : "✗"), make("td", "", filter), make("td", "value", value === null ? "–" : figure(value)));
-      if (passed === null) row.title = "not asked: rejected before";
+      row.append(
+        make("td", "mark", passed === null ? "·" : passed ? "✓" : "✗"),
+        make("td", "", filter),
+        make("td", "value", value === null ? "–" : figure(value)),
+      );
+      if (passed === null) row.title = "skipped: already rejected";
       body.append(row);
     }
     return make("table", "", body);
   });
   element.append(make("div", "figures", ...columns));
   if (!c.certificate) return;
-  const text = c.certificate.length ? "certificate: how the conflict is avoided" : "certificate: nobody has to react";
+  const text = c.certificate.length
+    ? "certificate: how the conflict can be avoided"
+    : "certificate: no agent has to react";
   element.append(make("h3", "", text));
   for (const r of c.certificate) {
     const how = [`from ${number(r.reaction_step / 10)} s`, `braking ${number(r.peak_deceleration)} m/s²`];
@@ -126,7 +158,7 @@ export function details(element, c) {
   }
 }
 
-/** What the colours mean. */
+/** Fills the legend of colours. */
 export function legend(element) {
   element.replaceChildren();
   const entry = (name, label, box = false) => {

@@ -1,14 +1,19 @@
-// Which scenarios are gone through, and how many are decided.
+// The queue of scenarios: which ones are shown, and how many are decided.
 
 import { CATEGORIES } from "./decode.js";
 
-/** The list of the session, candidates unpacked. */
+/** Unpacks the scenario list of the session. */
 export function entries(overview) {
   return overview.scenarios.map((scenario) => {
     const candidates = [];
     for (let i = 0; i + 3 < scenario.candidates.length; i += 4) {
       const [number, category, filter, chosen] = scenario.candidates.slice(i, i + 4);
-      candidates.push({ number, category: CATEGORIES[category], filter: filter < 0 ? null : overview.filters[filter], chosen: chosen === 1 });
+      candidates.push({
+        number,
+        category: CATEGORIES[category],
+        filter: filter < 0 ? null : overview.filters[filter],
+        chosen: chosen === 1,
+      });
     }
     return { id: scenario.id, candidates };
   });
@@ -17,25 +22,28 @@ export function entries(overview) {
 const decision = (standing) => standing?.verdict?.decision ?? null;
 const survives = (entry) => entry.candidates.some((c) => !c.filter);
 
-/** What can be shown: name, and whether a scenario belongs to it. `who` says who reviews. */
-function states(filters, who) {
+/** Returns the filters of the queue: key, label, predicate. `reviewer` returns the current reviewer. */
+function states(filters, reviewer) {
   const is = (what) => (entry, standing) => decision(standing) === what;
   return [
     ["all", "all", () => true],
-    ["todo", "to decide", (entry, standing) => survives(entry) && !["pick", "reject"].includes(decision(standing))],
+    ["todo", "to decide",
+      (entry, standing) => survives(entry) && !["pick", "reject"].includes(decision(standing))],
     ["undecided", "undecided", (entry, standing) => !decision(standing)],
-    ["mine", "undecided by you", (entry, standing) => !standing?.opinions.some((line) => line.reviewer === who())],
+    ["mine", "undecided by you",
+      (entry, standing) => !standing?.opinions.some((line) => line.reviewer === reviewer())],
     ["pick", "picked", is("pick")],
     ["reject", "rejected", is("reject")],
     ["flag", "flagged", is("flag")],
     ["disagree", "reviewers disagree", (entry, standing) => !!standing?.disagree],
-    ["chosen", "with a chosen one", (entry) => entry.candidates.some((c) => c.chosen)],
-    ["none", "nothing survived", (entry) => !survives(entry)],
-    ...filters.map((name) => [`filter:${name}`, `rejected by ${name}`, (entry) => entry.candidates.some((c) => c.filter === name)]),
+    ["chosen", "with a chosen candidate", (entry) => entry.candidates.some((c) => c.chosen)],
+    ["none", "without survivors", (entry) => !survives(entry)],
+    ...filters.map((name) =>
+      [`filter:${name}`, `rejected by ${name}`, (entry) => entry.candidates.some((c) => c.filter === name)]),
   ];
 }
 
-/** The category of a scenario: that of the picked candidate, else of the chosen one; else all of its survivors'. */
+/** Returns the categories of a scenario: of the picked candidate, else the chosen one, else all survivors. */
 function categories(entry, standing) {
   const picked = decision(standing) === "pick" ? standing.verdict.candidate : null;
   const one = entry.candidates.find((c) => c.number === picked) ?? entry.candidates.find((c) => c.chosen);
@@ -53,20 +61,23 @@ export class Queue {
     this.standings = new Map(standings.map((s) => [s.index, s]));
   }
 
-  /** Whether a scenario is among those that are shown. */
+  /** Returns whether a scenario is shown. */
   shows(index) {
     const [entry, standing] = [this.entries[index], this.standings.get(index)];
     const test = this.states.find(([key]) => key === this.state)[2];
-    return test(entry, standing) && (this.category === "all" || categories(entry, standing).includes(this.category));
+    return test(entry, standing) &&
+      (this.category === "all" || categories(entry, standing).includes(this.category));
   }
 
-  /** The next scenario that is shown, or the one before; null where there is none. */
+  /** Returns the next or previous shown scenario; null if there is none. */
   step(index, direction) {
-    for (let i = index + direction; i >= 0 && i < this.entries.length; i += direction) if (this.shows(i)) return i;
+    for (let i = index + direction; i >= 0 && i < this.entries.length; i += direction) {
+      if (this.shows(i)) return i;
+    }
     return null;
   }
 
-  /** How many are shown, and how many of these lie before one or are it. */
+  /** Returns the number of shown scenarios, in total and up to an index. */
   count(index) {
     let [shown, upTo] = [0, 0];
     for (let i = 0; i < this.entries.length; i++) {
@@ -77,7 +88,7 @@ export class Queue {
     return { shown, upTo };
   }
 
-  /** Decisions by kind, over all scenarios. */
+  /** Counts the decisions of all scenarios by kind. */
   tally() {
     const tally = { pick: 0, reject: 0, flag: 0, disagree: 0, all: this.entries.length };
     for (const standing of this.standings.values()) {

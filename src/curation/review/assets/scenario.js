@@ -1,8 +1,8 @@
-// A scenario with its candidates, as the server sends it.
+// Decoding of scenarios with their candidates.
 
 import { FORM, FRAMES, NOW, agent, map } from "./decode.js";
 
-/** 91 frames of a trajectory that begins at the current frame; the log of the AV comes before it. */
+/** Returns the 91 frames of a trajectory that begins at the current frame, after the frames of the log. */
 function onFrames(track, before) {
   const out = new Array(FRAMES).fill(null);
   for (let f = 0; f < NOW; f++) out[f] = before?.[f] ?? null;
@@ -12,13 +12,16 @@ function onFrames(track, before) {
   return out;
 }
 
-/** A scenario as the server sends it, ready to be drawn. */
+/** Decodes a scenario from the server for drawing. */
 export function decode(raw) {
-  // Another form would be drawn, and be wrong.
+  // A scene of another form would be drawn wrongly.
   const scene = raw.scene?.v === FORM ? raw.scene : null;
   const agents = scene ? scene.agents.map(agent) : [];
   // Without a scene there is still the AV.
-  if (!agents.length) agents.push({ id: "AV", kind: "vehicle", length: 4.8, width: 2, track: new Array(FRAMES).fill(null) });
+  if (!agents.length) {
+    const track = new Array(FRAMES).fill(null);
+    agents.push({ id: "AV", kind: "vehicle", length: 4.8, width: 2, track });
+  }
   const places = new Map(agents.map((a, i) => [a.id, i]));
   const candidates = raw.candidates.map((c) => ({
     ...c,
@@ -27,20 +30,21 @@ export function decode(raw) {
       const at = places.get(r.agent);
       return [at, { ...r, frames: onFrames(r.track, agents[at].track) }];
     })),
-    // Analysed when it is first looked at.
+    // Computed when first selected.
     analysis: null,
     certified: null,
   }));
-  // The best first; what was rejected comes after what survived.
-  const worth = (c) => c.score ?? -1e9;
-  candidates.sort((a, b) => !!a.rejected_by - !!b.rejected_by || worth(b) - worth(a) || a.number - b.number);
+  // Best first; rejected candidates after survivors.
+  const score = (c) => c.score ?? -1e9;
+  candidates.sort((a, b) => !!a.rejected_by - !!b.rejected_by || score(b) - score(a) || a.number - b.number);
   return {
     index: raw.index,
     id: raw.id,
     stale: raw.stale,
-    /** Why there is no scene; null where there is one. */
+    /** Reason why there is no scene; null if there is one. */
     bare: scene ? null : raw.scene
-      ? `the scene has form ${raw.scene.v ?? "?"}, this page draws form ${FORM}: only the AV is drawn; make the file anew, or review it with the program that made it`
+      ? `the scene has form ${raw.scene.v ?? "?"}, this page draws form ${FORM}: only the AV is drawn; ` +
+        "make the file again, or review it with the program version that made it"
       : "this file holds no scenes (--without-scenes): only the AV is drawn",
     candidates,
     agents,

@@ -1,4 +1,4 @@
-//! What holds after all lines of all journals.
+//! The decisions that are valid after all lines of all journals.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -11,41 +11,44 @@ use crate::curation::{Decision, ScenarioRecord};
 /// Decisions by scenario id.
 pub type Decisions = BTreeMap<String, Opinions>;
 
-/// What each reviewer decided last about one scenario, by name of the reviewer; cleared decisions among them.
+/// The last decision of each reviewer about one scenario, by name of the reviewer; includes cleared
+/// decisions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Opinions(pub BTreeMap<String, ReviewLine>);
 
 impl Opinions {
-    /// The decisions about a scenario of this digest that were not cleared, by name of the reviewer.
+    /// Returns the decisions about a scenario of this digest that were not cleared, by name of the
+    /// reviewer.
     pub fn standing<'a>(&'a self, digest: &'a str) -> impl Iterator<Item = &'a ReviewLine> {
         self.0.values().filter(move |l| l.decision != Decision::Clear && l.scenario_digest == digest)
     }
 
-    /// What counts for a scenario of this digest: the latest decision. Of two at the same instant that of the reviewer whose name
-    /// sorts last.
+    /// Returns the decision that counts for a scenario of this digest: the latest. Of two at the same
+    /// instant, that of the reviewer whose name sorts last.
     pub fn verdict<'a>(&'a self, digest: &'a str) -> Option<&'a ReviewLine> {
         self.standing(digest).max_by(|a, b| a.at.cmp(&b.at).then_with(|| a.reviewer.cmp(&b.reviewer)))
     }
 
-    /// Whether reviewers decided differently. A flag is no decision here: it disagrees with nobody.
+    /// Returns whether reviewers decided differently. A flag is never a disagreement.
     pub fn disagree(&self, digest: &str) -> bool {
         let decided = |l: &&ReviewLine| l.decision != Decision::Flag;
         let mut views = self.standing(digest).filter(decided).map(|l| (l.decision, l.candidate));
         views.next().is_some_and(|first| views.any(|view| view != first))
     }
 
-    /// [`Self::verdict`] for a record, and whether it is about the very trajectory that the record has under that number. A verdict
-    /// that is not must not be applied: the file was made anew, with other settings.
+    /// Returns [`Self::verdict`] for a record, and whether it refers to the trajectory that the record
+    /// has under that number. If it does not, the file was made again with other settings, and the
+    /// verdict must not be applied.
     pub fn verdict_for<'a>(&'a self, record: &'a ScenarioRecord) -> Option<(&'a ReviewLine, bool)> {
         self.verdict(&record.scenario_digest).map(|line| (line, fits(line, record)))
     }
 
-    /// Takes a line of the same journal, or one that came later.
+    /// Adds a line of the same journal, or a later one.
     pub(super) fn take(&mut self, line: ReviewLine) {
         self.0.insert(line.reviewer.clone(), line);
     }
 
-    /// Takes what another journal says at its end: of the same reviewer's lines the later one holds.
+    /// Merges the final decisions of another journal: of the same reviewer's lines the later one counts.
     fn merge(&mut self, other: &Self) {
         for (reviewer, line) in &other.0 {
             match self.0.entry(reviewer.clone()) {
@@ -61,7 +64,7 @@ impl Opinions {
     }
 }
 
-/// Whether a line is about a trajectory that the record has.
+/// Returns whether a line refers to a trajectory that the record has.
 fn fits(line: &ReviewLine, record: &ScenarioRecord) -> bool {
     let Some(number) = line.candidate else {
         return true;
@@ -72,17 +75,18 @@ fn fits(line: &ReviewLine, record: &ScenarioRecord) -> bool {
     })
 }
 
-/// Adds the decisions of one journal to those of others.
+/// Merges the decisions of one journal into those of others.
 pub(super) fn merge(all: &mut Decisions, other: &Decisions) {
     for (scenario, opinions) in other {
         all.entry(scenario.clone()).or_default().merge(opinions);
     }
 }
 
-/// The decisions of finished journals together; nothing is locked or changed. Second: what a user should be told.
+/// Reads the decisions of several journals, together with warnings for the user; nothing is locked or
+/// changed.
 ///
 /// # Errors
-/// When one can not be read or holds a line that is no decision.
+/// When one cannot be read or has a line that is not a decision.
 pub(super) fn of_files<P: AsRef<Path>>(paths: &[P]) -> Result<(Decisions, Vec<String>), ReviewError> {
     let (mut all, mut warnings) = (Decisions::new(), Vec::new());
     for path in paths {

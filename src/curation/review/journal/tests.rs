@@ -34,7 +34,7 @@ fn verdict(journal: &Journal, scenario: &str) -> Option<(Decision, Option<u32>, 
 
 fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
-    let path = Journal::beside(&folder.path().join("set.parquet"));
+    let path = Journal::path_for(&folder.path().join("set.parquet"));
     assert!(path.ends_with("set.parquet.reviews.jsonl"));
     (folder, path)
 }
@@ -94,7 +94,7 @@ fn a_corrupt_line_in_the_middle_is_an_error_that_names_it() {
     drop(journal);
     let text = fs::read_to_string(&path).unwrap();
     for (bad, what) in [
-        ("{\"scenario_id\":", "no decision"),
+        ("{\"scenario_id\":", "not a decision"),
         ("{}", "scenario_id"),
         (
             r#"{"scenario_id":"a","scenario_digest":"d","candidate":null,"decision":"pick","reviewer":"x","at":"2026-03-01T12:00:01.000Z"}"#,
@@ -158,7 +158,7 @@ fn two_reviewers_merge_and_may_disagree() {
     journal.append(line("b", Decision::Reject, None, "anna", 2)).unwrap();
     journal.append(line("c", Decision::Pick, Some(1), "anna", 2)).unwrap();
     journal.append(line("d", Decision::Pick, Some(1), "anna", 2)).unwrap();
-    // The other journal is being written to: it is only read.
+    // The other journal is still open for writing: it is only read.
     journal.merge(&[&other]).unwrap();
     assert_eq!(verdict(&journal, "a"), Some((Decision::Pick, Some(1), "ben".into())));
     assert_eq!(verdict(&journal, "b"), Some((Decision::Reject, None, "anna".into())));
@@ -170,7 +170,7 @@ fn two_reviewers_merge_and_may_disagree() {
     let (both, warnings) = Journal::read_all(&[&path, &other]).unwrap();
     assert_eq!(both, journal.decisions());
     assert!(warnings.is_empty());
-    // A flag disagrees with nobody.
+    // A flag is never a disagreement.
     journal.append(line("b", Decision::Flag, None, "anna", 6)).unwrap();
     assert!(!journal.opinions("b").disagree("d"));
 }

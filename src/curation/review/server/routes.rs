@@ -1,4 +1,4 @@
-//! What is served: the page, its files, and a few answers in JSON.
+//! The routes: the page, its files, and a few JSON endpoints.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -9,18 +9,18 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 
-use super::desk::{Desk, Wish};
+use super::state::{DecisionRequest, ReviewState};
 use crate::curation::review::ReviewError;
 use crate::curation::review::assets::{ASSETS, PAGE};
 use crate::web::{Asset, PALETTE, SHARED};
 
-type Shared = Arc<Mutex<Desk>>;
+type Shared = Arc<Mutex<ReviewState>>;
 
-/// Longest body of a request, bytes.
-const LONGEST_BODY: usize = 64 * 1024;
+/// Largest size of a request body, bytes.
+const MAX_BODY_BYTES: usize = 64 * 1024;
 
-/// The routes below the token.
-pub(super) fn router(desk: Shared) -> Router {
+/// Returns the routes below the token.
+pub(super) fn router(review: Shared) -> Router {
     Router::new()
         .route("/{token}/", get(async || asset(&PAGE)))
         .route("/{token}/{file}", get(file))
@@ -29,8 +29,8 @@ pub(super) fn router(desk: Shared) -> Router {
         .route("/{token}/api/reviewer", post(reviewer))
         .route("/{token}/api/decide", post(decide))
         .route("/{token}/api/undo", post(undo))
-        .with_state(desk)
-        .layer(DefaultBodyLimit::max(LONGEST_BODY))
+        .with_state(review)
+        .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
 }
 
 fn asset(asset: &'static Asset) -> Response {
@@ -44,17 +44,17 @@ async fn file(Path((_, name)): Path<(String, String)>) -> Response {
     }
 }
 
-/// Nobody else holds the desk: requests are answered one after another.
-fn open(desk: &Shared) -> MutexGuard<'_, Desk> {
-    desk.lock().unwrap_or_else(PoisonError::into_inner)
+/// Locks the state: requests are answered one after another.
+fn open(review: &Shared) -> MutexGuard<'_, ReviewState> {
+    review.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-async fn session(State(desk): State<Shared>) -> Response {
-    answer(open(&desk).session())
+async fn session(State(review): State<Shared>) -> Response {
+    answer(open(&review).session())
 }
 
-async fn scenario(State(desk): State<Shared>, Path((_, index)): Path<(String, usize)>) -> Response {
-    match open(&desk).scenario(index) {
+async fn scenario(State(review): State<Shared>, Path((_, index)): Path<(String, usize)>) -> Response {
+    match open(&review).scenario(index) {
         Some(result) => answer(result),
         None => (StatusCode::NOT_FOUND, "no such scenario\n").into_response(),
     }
@@ -65,19 +65,19 @@ struct Name {
     name: String,
 }
 
-async fn reviewer(State(desk): State<Shared>, Json(name): Json<Name>) -> Response {
-    answer(open(&desk).set_reviewer(&name.name))
+async fn reviewer(State(review): State<Shared>, Json(name): Json<Name>) -> Response {
+    answer(open(&review).set_reviewer(&name.name))
 }
 
-async fn decide(State(desk): State<Shared>, Json(wish): Json<Wish>) -> Response {
-    answer(open(&desk).decide(wish))
+async fn decide(State(review): State<Shared>, Json(request): Json<DecisionRequest>) -> Response {
+    answer(open(&review).decide(request))
 }
 
-async fn undo(State(desk): State<Shared>) -> Response {
-    answer(open(&desk).undo())
+async fn undo(State(review): State<Shared>) -> Response {
+    answer(open(&review).undo())
 }
 
-/// JSON, or why there is none, in words for the page.
+/// Returns the response: JSON, or an error message for the page.
 fn answer(result: Result<String, ReviewError>) -> Response {
     match result {
         Ok(json) => ([(header::CONTENT_TYPE, "application/json")], json).into_response(),

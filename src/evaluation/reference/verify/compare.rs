@@ -1,21 +1,21 @@
-//! Results of a run against those of a reference.
+//! Comparison of the results of a run with those of a reference.
 
 use std::collections::BTreeMap;
 
-use super::{Difference, Largest, SimulatorCheck, Subject, Verification, is_exact};
+use super::{Difference, LargestDifference, SimulatorCheck, Subject, Verification, is_exact};
 use crate::evaluation::folder::tally_of;
 use crate::evaluation::provenance::{differences, leaves};
 use crate::evaluation::reference::{Reference, SimulatorClass};
 use crate::evaluation::{Place, Row, Summary, Tally};
 use crate::metrics::Score;
 
-/// Where a row belongs within a simulator's rows.
+/// The key of a row within a simulator's rows.
 type Key = (Place, Option<u32>);
 
-/// Fields of a row that may differ between machines. All others are those of the scenario.
-const OF_ROLLOUT: [&str; 3] = ["metrics.", "outcomes.", "direction_tracking"];
+/// Prefixes of the fields of a row that may differ between machines. All other fields describe the scenario.
+const ROLLOUT_FIELDS: [&str; 3] = ["metrics.", "outcomes.", "direction_tracking"];
 
-/// Compares rows. Of networks only those of every `every`th scenario count.
+/// Compares rows. Rows of networks count only for every `every`th scenario.
 pub(super) fn rows(
     reference: &Reference,
     expected: &[Row],
@@ -23,12 +23,12 @@ pub(super) fn rows(
     every: usize,
     same_machine: bool,
 ) -> Verification {
-    let mut done =
+    let mut verification =
         Verification { subject: Subject::Rows, simulators: Vec::new(), differences: Vec::new(), left_out: 0 };
     for simulator in &reference.provenance.simulators {
         let step = if simulator.is_network() { every } else { 1 };
         let all = expected.iter().filter(|r| r.simulator == simulator.id);
-        let (wanted, left): (Vec<&Row>, Vec<&Row>) = all.partition(|r| r.record.is_multiple_of(step));
+        let (expected, left_out): (Vec<&Row>, Vec<&Row>) = all.partition(|r| r.record.is_multiple_of(step));
         let found: Vec<&Row> = found.iter().filter(|r| r.simulator == simulator.id).collect();
         let class = &reference.record.simulators[&simulator.id];
         let exact = is_exact(class, same_machine);
@@ -36,29 +36,30 @@ pub(super) fn rows(
             id: simulator.id.clone(),
             class: class.name(),
             bit_for_bit: exact,
-            compared: wanted.len(),
+            compared: expected.len(),
             differing: 0,
-            left_out: left.len(),
+            left_out: left_out.len(),
             largest: None,
             passed: true,
         };
-        let differing = differing_rows(&wanted, &found, &mut check);
-        let mut counting = differing;
+        let mut differences = differing_rows(&expected, &found, &mut check);
         if !exact {
-            // Rows must be there, and the scenarios the same; what was rolled out may differ within bounds.
-            counting.retain(|d| !OF_ROLLOUT.iter().any(|field| d.field.starts_with(field)));
-            counting.extend(beyond_bounds(reference, class, (&wanted, &left), &found, &mut check));
+            // All rows must exist and the scenarios must be equal; results of rollouts may differ within
+            // bounds.
+            differences.retain(|d| !ROLLOUT_FIELDS.iter().any(|field| d.field.starts_with(field)));
+            differences.extend(beyond_bounds(reference, class, (&expected, &left_out), &found, &mut check));
         }
-        check.passed = counting.is_empty();
-        done.differences.extend(counting);
-        done.left_out += check.left_out;
-        done.simulators.push(check);
+        check.passed = differences.is_empty();
+        verification.differences.extend(differences);
+        verification.left_out += check.left_out;
+        verification.simulators.push(check);
     }
-    done
+    verification
 }
 
-/// The fields in which rows differ. Counts rows that do, and finds the largest difference of a metric.
-fn differing_rows(wanted: &[&Row], found: &[&Row], check: &mut SimulatorCheck) -> Vec<Difference> {
+/// Returns the fields in which rows differ. Counts the differing rows, and finds the largest difference of a
+/// metric.
+fn differing_rows(expected: &[&Row], found: &[&Row], check: &mut SimulatorCheck) -> Vec<Difference> {
     let key = |row: &&Row| -> Key { (row.place(), row.rollout) };
     let mut rest: BTreeMap<Key, &Row> = found.iter().map(|row| (key(row), *row)).collect();
     let mut differing = Vec::new();
@@ -70,7 +71,7 @@ fn differing_rows(wanted: &[&Row], found: &[&Row], check: &mut SimulatorCheck) -
         reference,
         found,
     };
-    for row in wanted {
+    for row in expected {
         let Some(other) = rest.remove(&key(row)) else {
             check.differing += 1;
             differing.push(difference(row, "row".to_owned(), "present".to_owned(), "absent".to_owned()));
@@ -90,13 +91,13 @@ fn differing_rows(wanted: &[&Row], found: &[&Row], check: &mut SimulatorCheck) -
     differing
 }
 
-/// The fields in which two rows differ, metrics as whole values.
+/// Returns the fields in which two rows differ, with whole metrics as fields.
 fn fields(a: &Row, b: &Row) -> Vec<(String, String, String)> {
     let text = |row: &Row| {
         let without = Row { metrics: BTreeMap::new(), ..row.clone() };
         let mut fields = leaves(&without);
         for (metric, value) in &row.metrics {
-            let text = value.map_or_else(|| "none".to_owned(), |v| told(v.into()));
+            let text = value.map_or_else(|| "none".to_owned(), |v| score_text(v.into()));
             fields.insert(format!("metrics.{metric}"), text);
         }
         fields
@@ -107,8 +108,8 @@ fn fields(a: &Row, b: &Row) -> Vec<(String, String, String)> {
         .collect()
 }
 
-/// A score with what it is made of, to the last bit.
-fn told(score: Score) -> String {
+/// Returns a score with its components, to the last bit.
+fn score_text(score: Score) -> String {
     match score {
         Score::Rate { hits, valid } => format!("{hits} of {valid}"),
         Score::Count(n) => n.to_string(),
@@ -123,24 +124,24 @@ fn note_largest(a: &Row, b: &Row, check: &mut SimulatorCheck) {
         let Some((a, b)) = value(a, metric).zip(value(b, metric)) else { continue };
         let difference = (b - a).abs();
         if difference > 0.0 && check.largest.as_ref().is_none_or(|l| difference > l.difference) {
-            check.largest = Some(Largest { metric: metric.clone(), difference, bound: None });
+            check.largest = Some(LargestDifference { metric: metric.clone(), difference, bound: None });
         }
     }
 }
 
-/// The metrics whose mean paired difference is beyond its bound. On a part of the scenarios bounds are wider by the square root of its
-/// share, as the spread of a mean is.
+/// Returns the metrics whose mean paired difference is beyond its bound. If only a share of the scenarios is
+/// compared, bounds are divided by the square root of the share, in proportion to the spread of a mean.
 fn beyond_bounds(
     reference: &Reference,
     class: &SimulatorClass,
-    (wanted, left): (&[&Row], &[&Row]),
+    (expected, left_out): (&[&Row], &[&Row]),
     found: &[&Row],
     check: &mut SimulatorCheck,
 ) -> Vec<Difference> {
     let SimulatorClass::Tolerance { bounds } = class else { return Vec::new() };
-    let wider = (1.0 + left.len() as f64 / wanted.len().max(1) as f64).sqrt();
+    let widening = (1.0 + left_out.len() as f64 / expected.len().max(1) as f64).sqrt();
     let owned = |rows: &[&Row]| -> Vec<Row> { rows.iter().map(|row| (*row).clone()).collect() };
-    let (stated, _) = tally_of(&reference.provenance, &owned(wanted));
+    let (stated, _) = tally_of(&reference.provenance, &owned(expected));
     let (again, _) = tally_of(&reference.provenance, &owned(found));
     check.largest = None;
     let mut beyond = Vec::new();
@@ -156,17 +157,17 @@ fn beyond_bounds(
             found,
         };
         if pairs.is_empty() {
-            // A metric that judged something must judge something again.
+            // A metric with values in the reference must have values again.
             if !self::pairs(&stated, &stated, &check.id, metric).is_empty() {
                 beyond.push(beyond_bound("present".to_owned(), "none".to_owned()));
             }
             continue;
         }
-        let bound = bound * wider;
+        let bound = bound * widening;
         let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
         let difference = mean(|(a, b)| b - a).abs();
-        let part = |l: &Largest| l.difference / l.bound.unwrap_or(1.0).max(f64::MIN_POSITIVE);
-        let one = Largest { metric: metric.clone(), difference, bound: Some(bound) };
+        let part = |l: &LargestDifference| l.difference / l.bound.unwrap_or(1.0).max(f64::MIN_POSITIVE);
+        let one = LargestDifference { metric: metric.clone(), difference, bound: Some(bound) };
         if difference > bound {
             let found = format!("{} (bound {bound})", mean(|(_, b)| *b));
             beyond.push(beyond_bound(mean(|(a, _)| *a).to_string(), found));
@@ -178,7 +179,7 @@ fn beyond_bounds(
     beyond
 }
 
-/// The values of a metric in the scenarios in which both have one.
+/// Returns the values of a metric in the scenarios in which both tallies have one.
 fn pairs(first: &Tally, second: &Tally, simulator: &str, metric: &str) -> Vec<(f64, f64)> {
     let at = |tally: &Tally| {
         let simulator = tally.simulators.iter().position(|s| s == simulator)?;
@@ -189,14 +190,14 @@ fn pairs(first: &Tally, second: &Tally, simulator: &str, metric: &str) -> Vec<(f
     first.entries.keys().filter_map(|place| value(first, place).zip(value(second, place))).collect()
 }
 
-/// Compares the values of summaries, where a reference has no rows. Simulators that are `left_out` are not compared.
+/// Compares the values of summaries, for references without rows. Simulators in `left_out` are not compared.
 pub(super) fn summaries(
     reference: &Reference,
     found: Option<&Summary>,
     left_out: Option<&[&str]>,
     same_machine: bool,
 ) -> Verification {
-    let mut done = Verification {
+    let mut verification = Verification {
         subject: Subject::Summary,
         simulators: Vec::new(),
         differences: Vec::new(),
@@ -221,8 +222,8 @@ pub(super) fn summaries(
         let values = leaves(expected).len();
         if left_out.is_some_and(|ids| ids.contains(&id.as_str())) {
             check.left_out = values;
-            done.left_out += values;
-            done.simulators.push(check);
+            verification.left_out += values;
+            verification.simulators.push(check);
             continue;
         }
         check.compared = values;
@@ -250,7 +251,7 @@ pub(super) fn summaries(
                     };
                     let difference = (b - a).abs();
                     if difference > 0.0 && check.largest.as_ref().is_none_or(|l| difference > l.difference) {
-                        check.largest = Some(Largest { metric: metric.clone(), difference, bound });
+                        check.largest = Some(LargestDifference { metric: metric.clone(), difference, bound });
                     }
                     if !exact && bound.is_some_and(|bound| difference > bound) {
                         let bound = bound.unwrap_or_default();
@@ -270,7 +271,7 @@ pub(super) fn summaries(
             }
         }
         check.passed = differing.is_empty();
-        done.differences.extend(differing.into_iter().map(|(field, reference, found)| Difference {
+        verification.differences.extend(differing.into_iter().map(|(field, reference, found)| Difference {
             simulator: id.clone(),
             scenario: None,
             rollout: None,
@@ -278,7 +279,7 @@ pub(super) fn summaries(
             reference,
             found,
         }));
-        done.simulators.push(check);
+        verification.simulators.push(check);
     }
-    done
+    verification
 }

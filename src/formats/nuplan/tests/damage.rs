@@ -1,9 +1,9 @@
-//! What small logs give, and what damaged ones are refused with.
+//! Scenarios of small logs, and errors of damaged ones.
 
 use std::fs;
 use std::path::Path;
 
-use super::made::Made;
+use super::fixture::Fixture;
 use super::{all, refusal};
 use crate::formats;
 use crate::scene::{AgentKind, LaneKind, Scenario, StopKind};
@@ -14,8 +14,8 @@ fn good(path: &Path) -> Vec<Scenario> {
 
 #[test]
 fn a_small_log_gives_a_scenario() {
-    let made = Made::new();
-    let scenarios = good(&made.log);
+    let fixture = Fixture::new();
+    let scenarios = good(&fixture.log);
     assert_eq!(scenarios.len(), 1, "one in ten seconds");
     let s = &scenarios[0];
     assert_eq!((s.id.as_str(), s.source.as_str()), ("7000000000000014", "nuplan"));
@@ -48,8 +48,8 @@ fn a_small_log_gives_a_scenario() {
 
 #[test]
 fn windows_are_chosen_by_tag_time_and_token() {
-    let made = Made::new();
-    let pick = made.list.with_file_name("pick.json");
+    let fixture = Fixture::new();
+    let pick = fixture.list.with_file_name("pick.json");
     let ids = |keys: &str| -> Vec<String> {
         let text =
             format!(r#"{{"format": "reactsim-nuplan-v1", "logs": ["../nuplan-v1.1/splits/mini"] {keys}}}"#);
@@ -58,22 +58,28 @@ fn windows_are_chosen_by_tag_time_and_token() {
     };
     assert_eq!(ids(""), ["14"]);
     assert_eq!(ids(r#", "every_seconds": 1"#), ["14", "28", "3c"]);
-    assert_eq!(ids(r#", "tags": ["inner"]"#), ["1e", "1f"], "the last has nothing after it");
+    assert_eq!(ids(r#", "tags": ["inner"]"#), ["1e", "1f"], "the last one has too few frames after it");
     assert_eq!(ids(r#", "tags": ["inner", "edge"], "every_seconds": 0.5, "maps": ".""#), ["14", "1e"]);
     assert_eq!(ids(r#", "tokens": ["700000000000001F", "7000000000000014"]"#), ["14", "1f"]);
-    let said = |keys: &str, expected: &str| {
+    let refuses = |keys: &str, expected: &str| {
         let found = ids(keys);
         assert!(found.len() == 1 && found[0].contains(expected), "{keys}: {found:?}");
     };
-    said(r#", "tokens": ["00000000000000aa"]"#, "tokens is `00000000000000aa`, expected the token of a row");
-    said(r#", "tokens": ["7000000000000013"]"#, "is 19 rows before and 201 after it, expected at least 20");
-    said(r#", "tokens": ["14"]"#, "tokens is `14`, expected 16 hexadecimal digits");
-    said(r#", "tokens": ["7000000000000013"], "tags": ["inner"]"#, "one of the two");
-    said(r#", "tokens": []"#, "tokens is empty");
-    said(r#", "tags": ["none"]"#, "tags is `none`, expected one of those in the logs: `");
-    said(r#", "every_seconds": -1"#, "every_seconds is -1");
-    said(r#", "evry": 1"#, "unknown field `evry`");
-    said(r#", "maps": "nowhere""#, "maps is `nowhere`, expected a folder with `nuplan-maps-v1.0.json`");
+    refuses(
+        r#", "tokens": ["00000000000000aa"]"#,
+        "tokens is `00000000000000aa`, expected the token of a row",
+    );
+    refuses(
+        r#", "tokens": ["7000000000000013"]"#,
+        "is 19 rows before and 201 after it, expected at least 20",
+    );
+    refuses(r#", "tokens": ["14"]"#, "tokens is `14`, expected 16 hexadecimal digits");
+    refuses(r#", "tokens": ["7000000000000013"], "tags": ["inner"]"#, "one of the two");
+    refuses(r#", "tokens": []"#, "tokens is empty");
+    refuses(r#", "tags": ["none"]"#, "tags is `none`, expected one of those in the logs: `");
+    refuses(r#", "every_seconds": -1"#, "every_seconds is -1");
+    refuses(r#", "evry": 1"#, "unknown field `evry`");
+    refuses(r#", "maps": "nowhere""#, "maps is `nowhere`, expected a folder with `nuplan-maps-v1.0.json`");
     fs::write(&pick, r#"{"format": "reactsim-nuplan-v1", "logs": []}"#).unwrap();
     assert!(refusal(&pick).contains("logs is without any log"));
     fs::write(&pick, r#"{"format": "reactsim-nuplan-v1", "logs": ["nowhere.db"]}"#).unwrap();
@@ -120,19 +126,19 @@ fn damaged_logs_are_refused() {
         ("UPDATE ego_pose SET epsg = 32632", "is 32632, expected 32631"),
         ("UPDATE lidar_pc SET timestamp = timestamp + 9000000 WHERE rowid > 100", "rows are missing here"),
     ] {
-        let made = Made::new().log(sql);
-        let said = refusal(&made.log);
-        assert!(said.contains(expected), "{sql}: {said}");
+        let fixture = Fixture::new().log(sql);
+        let error = refusal(&fixture.log);
+        assert!(error.contains(expected), "{sql}: {error}");
     }
 }
 
 #[test]
 fn odd_logs_are_read() {
-    // Lights of connectors that the map does not have, and links to lanes that it does not have, are dropped and counted.
-    let made = Made::new().log("UPDATE traffic_light_status SET lane_connector_id = 99");
-    let made = made
+    // Lights of unknown connectors and links to unknown lanes are dropped and counted.
+    let fixture = Fixture::new().log("UPDATE traffic_light_status SET lane_connector_id = 99");
+    let fixture = fixture
         .map("UPDATE lane_connectors SET entry_lane_fid = 98.0; DELETE FROM baseline_paths WHERE fid = 4");
-    let repairs = &good(&made.log)[0].repairs;
+    let repairs = &good(&fixture.log)[0].repairs;
     let counted: Vec<(&str, u32)> = repairs.iter().map(|(what, n)| (what.as_str(), *n)).collect();
     assert_eq!(
         counted,
@@ -143,9 +149,9 @@ fn odd_logs_are_read() {
             ("stop lines on missing lanes", 1)
         ]
     );
-    // Velocities that are not there are unknown.
-    let made = Made::new().log("UPDATE lidar_box SET vx = NULL; UPDATE ego_pose SET vy = NULL");
-    assert!(good(&made.log)[0].start.now(1).velocity().is_none());
+    // Missing velocities are unknown.
+    let fixture = Fixture::new().log("UPDATE lidar_box SET vx = NULL; UPDATE ego_pose SET vy = NULL");
+    assert!(good(&fixture.log)[0].start.now(1).velocity().is_none());
 }
 
 #[test]
@@ -180,102 +186,102 @@ fn damaged_maps_are_refused() {
         ("UPDATE lane_connectors SET exit_lane_fid = 1.5", "is 1.5, expected a whole number"),
         (
             "UPDATE lane_connectors SET traffic_light_stop_line_fids = '7; 8'",
-            "expected fids with commas between",
+            "expected fids separated by commas",
         ),
         ("UPDATE lane_connectors SET fid = 1", "a fid that no other lane or connector has"),
     ] {
-        let made = Made::new().map(sql);
-        let said = refusal(&made.log);
-        assert!(said.contains("map.gpkg: ") && said.contains(expected), "{sql}: {said}");
+        let fixture = Fixture::new().map(sql);
+        let error = refusal(&fixture.log);
+        assert!(error.contains("map.gpkg: ") && error.contains(expected), "{sql}: {error}");
     }
 }
 
 #[test]
-fn maps_that_are_not_there() {
-    let made = Made::new();
-    fs::remove_file(&made.map).unwrap();
-    assert!(refusal(&made.log).contains("map.gpkg: could not read"));
-    fs::write(&made.list, r#"{"town": {"version": "../1.0"}}"#).unwrap();
-    assert!(refusal(&made.log).contains("is `../1.0`, expected the name of a folder"));
-    fs::write(&made.list, r#"{"town": {}}"#).unwrap();
-    assert!(refusal(&made.log).contains("missing field `version`"));
-    fs::remove_file(&made.list).unwrap();
+fn missing_maps() {
+    let fixture = Fixture::new();
+    fs::remove_file(&fixture.map).unwrap();
+    assert!(refusal(&fixture.log).contains("map.gpkg: could not read"));
+    fs::write(&fixture.list, r#"{"town": {"version": "../1.0"}}"#).unwrap();
+    assert!(refusal(&fixture.log).contains("is `../1.0`, expected the name of a folder"));
+    fs::write(&fixture.list, r#"{"town": {}}"#).unwrap();
+    assert!(refusal(&fixture.log).contains("missing field `version`"));
+    fs::remove_file(&fixture.list).unwrap();
     assert!(
-        refusal(&made.log).contains("the folder of the maps is missing, expected `nuplan-maps-v1.0.json`")
+        refusal(&fixture.log).contains("the folder of the maps is missing, expected `nuplan-maps-v1.0.json`")
     );
 }
 
 #[test]
-fn files_that_are_no_database_or_a_part_of_one() {
-    let made = Made::new();
-    let whole = fs::read(&made.log).unwrap();
-    fs::write(&made.log, []).unwrap();
-    assert!(refusal(&made.log).contains("is truncated: the header of the database has 0 of 100 bytes"));
-    fs::write(&made.log, &whole[..60]).unwrap();
-    assert!(refusal(&made.log).contains("has 60 of 100 bytes"));
-    fs::write(&made.log, &whole[..whole.len() / 2]).unwrap();
-    assert!(refusal(&made.log).contains("is truncated: the database has"));
-    // As an encrypted file looks: no byte of it can be told.
+fn files_that_are_not_a_whole_database() {
+    let fixture = Fixture::new();
+    let whole = fs::read(&fixture.log).unwrap();
+    fs::write(&fixture.log, []).unwrap();
+    assert!(refusal(&fixture.log).contains("is truncated: the header of the database has 0 of 100 bytes"));
+    fs::write(&fixture.log, &whole[..60]).unwrap();
+    assert!(refusal(&fixture.log).contains("has 60 of 100 bytes"));
+    fs::write(&fixture.log, &whole[..whole.len() / 2]).unwrap();
+    assert!(refusal(&fixture.log).contains("is truncated: the database has"));
+    // Like an encrypted file.
     let scrambled: Vec<u8> = whole.iter().enumerate().map(|(i, b)| b ^ (i * 31 + 7) as u8).collect();
-    fs::write(&made.log, scrambled).unwrap();
-    let said = refusal(&made.log);
-    assert!(said.contains("`SQLite format 3`; decrypt the file or fetch it again"), "{said}");
-    // Half of the pages overwritten.
+    fs::write(&fixture.log, scrambled).unwrap();
+    let error = refusal(&fixture.log);
+    assert!(error.contains("`SQLite format 3`; decrypt the file or fetch it again"), "{error}");
+    // Half of the pages are overwritten.
     let mut damaged = whole.clone();
     damaged[4096..whole.len() / 2].fill(0xa5);
-    fs::write(&made.log, damaged).unwrap();
-    let said = refusal(&made.log);
-    assert!(said.contains("damaged") || said.contains("missing") || said.contains("expected"), "{said}");
-    // Left by a program that is still writing.
-    fs::write(&made.log, &whole).unwrap();
-    fs::write(made.log.with_file_name("made.db-wal"), b"frames").unwrap();
-    assert!(refusal(&made.log).contains("locked or left with unfinished changes"));
+    fs::write(&fixture.log, damaged).unwrap();
+    let error = refusal(&fixture.log);
+    assert!(error.contains("damaged") || error.contains("missing") || error.contains("expected"), "{error}");
+    // As left by a program that is still writing.
+    fs::write(&fixture.log, &whole).unwrap();
+    fs::write(fixture.log.with_file_name("made.db-wal"), b"frames").unwrap();
+    assert!(refusal(&fixture.log).contains("locked or left with unfinished changes"));
 }
 
 #[test]
-fn locks_of_others_do_not_matter() {
-    let made = Made::new();
-    let holder = rusqlite::Connection::open(&made.log).unwrap();
+fn locks_of_other_programs_are_ignored() {
+    let fixture = Fixture::new();
+    let holder = rusqlite::Connection::open(&fixture.log).unwrap();
     holder.execute_batch("BEGIN EXCLUSIVE").unwrap();
-    assert_eq!(good(&made.log).len(), 1);
+    assert_eq!(good(&fixture.log).len(), 1);
 }
 
 #[test]
 fn a_flipped_byte_is_refused_or_read_but_never_worse() {
-    let made = Made::new();
-    let whole = fs::read(&made.log).unwrap();
+    let fixture = Fixture::new();
+    let whole = fs::read(&fixture.log).unwrap();
     for i in 0..60 {
         let mut damaged = whole.clone();
         let at = (i * 7919 + 100) % whole.len();
         damaged[at] ^= 1 << (i % 8);
-        // The head of the root page and of others: where the tree is told.
+        // The headers of the root page and other pages, which describe the tree.
         damaged[(i * 4096) % whole.len() + 5] ^= 0x11;
-        fs::write(&made.log, damaged).unwrap();
-        all(&made.log).into_iter().for_each(drop);
+        fs::write(&fixture.log, damaged).unwrap();
+        all(&fixture.log).into_iter().for_each(drop);
     }
 }
 
 #[test]
 fn detection_is_by_content() {
-    let made = Made::new();
-    let other = made.log.with_file_name("renamed");
-    fs::rename(&made.log, &other).unwrap();
+    let fixture = Fixture::new();
+    let other = fixture.log.with_file_name("renamed");
+    fs::rename(&fixture.log, &other).unwrap();
     assert_eq!(formats::find_inputs(&other).unwrap()[0].format.id(), "nuplan");
-    assert!(formats::find_inputs(&made.map).is_err(), "a map alone is no log");
-    assert_eq!(formats::find_inputs(made.list.parent().unwrap().parent().unwrap()).unwrap().len(), 1);
+    assert!(formats::find_inputs(&fixture.map).is_err(), "a map alone is no log");
+    assert_eq!(formats::find_inputs(fixture.list.parent().unwrap().parent().unwrap()).unwrap().len(), 1);
 }
 
 #[test]
-fn what_else_is_read_is_told() {
-    let made = Made::new();
+fn companions_are_listed() {
+    let fixture = Fixture::new();
     let companions = |path: &Path| formats::find_inputs(path).unwrap()[0].format.companions(path);
-    assert_eq!(companions(&made.log), [made.map.canonicalize().unwrap()]);
-    let selection = made.log.with_file_name("selection.json");
+    assert_eq!(companions(&fixture.log), [fixture.map.canonicalize().unwrap()]);
+    let selection = fixture.log.with_file_name("selection.json");
     let content = r#"{"format": "reactsim-nuplan-v1", "logs": ["made.db"]}"#;
     fs::write(&selection, content).unwrap();
     let found: Vec<_> = companions(&selection).iter().map(|p| p.canonicalize().unwrap()).collect();
-    assert_eq!(found, [made.log.canonicalize().unwrap(), made.map.canonicalize().unwrap()]);
-    // What lacks is told when the log is read.
-    fs::remove_file(&made.list).unwrap();
-    assert_eq!(companions(&made.log), Vec::<std::path::PathBuf>::new());
+    assert_eq!(found, [fixture.log.canonicalize().unwrap(), fixture.map.canonicalize().unwrap()]);
+    // Missing files are reported when the log is read.
+    fs::remove_file(&fixture.list).unwrap();
+    assert_eq!(companions(&fixture.log), Vec::<std::path::PathBuf>::new());
 }

@@ -1,4 +1,4 @@
-//! Everything that is known of the sample logs and maps from another program.
+//! Comparison of the sample logs and maps with the output of another program.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -87,8 +87,8 @@ fn windows_and_ego() {
             let ego = &s.log.frames[row].ego;
             near(Vec2::new(ego.x, ego.y), &frame["ego"]["rear_axle"], 1e-6, "rear axle");
             near(state.position(), &frame["ego"]["center"], 1e-6, "centre");
-            near(Vec2::new(ego.ahead, ego.aside), &frame["ego"]["velocity_body"], 1e-6, "velocity");
-            assert!((state.speed() - math::hypot(ego.ahead, ego.aside)).abs() < 1e-12);
+            near(Vec2::new(ego.longitudinal, ego.lateral), &frame["ego"]["velocity_body"], 1e-6, "velocity");
+            assert!((state.speed() - math::hypot(ego.longitudinal, ego.lateral)).abs() < 1e-12);
         }
     });
 }
@@ -153,7 +153,7 @@ fn line(points: &[Vec2], expected: &Value, what: &str) {
     close(length, &expected["length"], 1e-4, what);
 }
 
-/// Twice the area of a ring, signed, and its centroid times six.
+/// Returns twice the area of a ring and six times its first moment, with the sign of a positive area.
 fn moments(ring: &[Vec2], origin: Vec2) -> (f64, Vec2) {
     let mut sums = (0.0, Vec2::zeros());
     for w in ring.windows(2) {
@@ -208,28 +208,28 @@ fn maps() {
         let by_id = |value: &Value| &s.map.lanes[&value["id"].as_str().unwrap().parse().unwrap()];
         for expected in expected["lanes"].as_array().unwrap() {
             let found = by_id(expected);
-            assert!(!found.connector);
+            assert!(!found.is_connector);
             lane(&s.map, found, expected);
             assert_eq!(json!(found.index), expected["index"]);
-            for (beside, key) in found.beside.iter().zip(["left", "right"]) {
-                assert_eq!(json!(beside.map(|fid| fid.to_string())), expected[key]);
+            for (neighbor, key) in found.neighbors.iter().zip(["left", "right"]) {
+                assert_eq!(json!(neighbor.map(|fid| fid.to_string())), expected[key]);
             }
         }
         for expected in expected["lane_connectors"].as_array().unwrap() {
             let found = by_id(expected);
-            assert!(found.connector);
+            assert!(found.is_connector);
             lane(&s.map, found, expected);
             assert_eq!(json!(!found.stop_fids.is_empty()), expected["has_traffic_lights"]);
             let mut stops = s.map.stop_lines(found);
             stops.sort();
-            let mut asked: Vec<i64> = expected["stop_lines"]
+            let mut selected: Vec<i64> = expected["stop_lines"]
                 .as_array()
                 .unwrap()
                 .iter()
                 .map(|id| id.as_str().unwrap().parse().unwrap())
                 .collect();
-            asked.sort();
-            assert_eq!(stops, asked, "{}", expected["id"]);
+            selected.sort();
+            assert_eq!(stops, selected, "{}", expected["id"]);
         }
         for expected in expected["stop_lines"].as_array().unwrap() {
             let stop = &s.map.stops[&expected["id"].as_str().unwrap().parse().unwrap()];
@@ -243,7 +243,7 @@ fn maps() {
     });
 }
 
-/// The same questions of the whole map and of the scenario that was cut from it.
+/// Compares probes of the whole map and of the clipped map of the scenario.
 #[test]
 fn probes() {
     each_sample(|s| {
@@ -258,15 +258,14 @@ fn probes() {
             assert_eq!(json!(inside(&s.map.intersections)), probe["intersection"], "{probe}");
             assert_eq!(json!(inside(&s.map.crosswalks)), probe["crosswalk"], "{probe}");
             let holding = |connector: bool| -> BTreeSet<String> {
-                let all = s.map.lanes.iter().filter(|(_, l)| l.connector == connector);
+                let all = s.map.lanes.iter().filter(|(_, l)| l.is_connector == connector);
                 all.filter(|(_, l)| l.outline.contains(p)).map(|(fid, _)| fid.to_string()).collect()
             };
-            let asked =
-                |key: &str| -> BTreeSet<String> { serde_json::from_value(probe[key].clone()).unwrap() };
-            assert_eq!(holding(false), asked("lanes"), "{probe}");
-            assert_eq!(holding(true), asked("lane_connectors"), "{probe}");
+            let ids = |key: &str| -> BTreeSet<String> { serde_json::from_value(probe[key].clone()).unwrap() };
+            assert_eq!(holding(false), ids("lanes"), "{probe}");
+            assert_eq!(holding(true), ids("lane_connectors"), "{probe}");
             assert_eq!(json!(!holding(false).is_empty()), probe["lane"], "{probe}");
-            // Nothing that holds the point may be cut off where the scenario plays.
+            // The clipped map must keep the areas that contain the point, near the scenario.
             let area = cut.drivable_area.as_ref().unwrap();
             if json!(area.iter().any(|a| a.contains(q))) != probe["drivable"] {
                 cut_off += 1;
@@ -310,7 +309,7 @@ fn scenarios_by_token() {
     std::fs::write(&path, tagged.to_string()).unwrap();
     let found: Vec<String> = formats::open(&path).unwrap().map(|s| s.unwrap().id).collect();
     assert_eq!(found, tokens);
-    // A folder of logs gives one each: they are 11 s long.
+    // A folder of logs gives one scenario per log: they are 11 s long.
     assert_eq!(formats::open(&logs).unwrap().filter(Result::is_ok).count(), 4);
 }
 

@@ -1,25 +1,25 @@
-//! Databases made to run something, or to take time or memory.
+//! Malicious databases that try to run code or exhaust time or memory.
 
 use std::fs;
 use std::time::{Duration, Instant};
 
 use rusqlite::Connection;
 
-use super::made::Made;
+use super::fixture::Fixture;
 use super::{all, refusal};
 
-/// What such files may take in a build for tests, on a machine with other work.
-const SOON: Duration = Duration::from_secs(20);
+/// Maximum time to refuse such a file, for a test build on a busy machine.
+const TIME_LIMIT: Duration = Duration::from_secs(20);
 
-fn soon(made: &Made) -> String {
+fn quick_refusal(fixture: &Fixture) -> String {
     let begin = Instant::now();
-    let said = refusal(&made.log);
-    assert!(begin.elapsed() < SOON, "{:?}", begin.elapsed());
-    said
+    let error = refusal(&fixture.log);
+    assert!(begin.elapsed() < TIME_LIMIT, "{:?}", begin.elapsed());
+    error
 }
 
 #[test]
-fn what_would_compute_is_no_table() {
+fn computed_tables_are_ignored() {
     let endless = "WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c) SELECT n";
     for (sql, expected) in [
         (
@@ -38,7 +38,7 @@ fn what_would_compute_is_no_table() {
             "DROP TABLE track; CREATE VIRTUAL TABLE track USING fts5 (token, category_token)".into(),
             "table `track` is missing",
         ),
-        // As no SQLite writes it.
+        // In a form that SQLite never writes.
         (
             "DROP TABLE track; CREATE VIRTUAL TABLE track USING fts5 (token, category_token); PRAGMA writable_schema = ON; \
              UPDATE sqlite_master SET sql = 'CREATE /**/' || substr(sql, 8), rootpage = 2 WHERE name = 'track'"
@@ -46,53 +46,53 @@ fn what_would_compute_is_no_table() {
             "table `track`",
         ),
     ] {
-        let said = soon(&Made::new().log(&sql));
-        assert!(said.contains(expected), "{sql}: {said}");
+        let error = quick_refusal(&Fixture::new().log(&sql));
+        assert!(error.contains(expected), "{sql}: {error}");
     }
-    // Who reads sets off no trigger.
-    let made = Made::new().log(
+    // Reading activates no triggers.
+    let fixture = Fixture::new().log(
         "CREATE TRIGGER t AFTER INSERT ON track BEGIN DELETE FROM track; END; CREATE TABLE more (a); \
          CREATE TRIGGER u AFTER UPDATE ON more BEGIN SELECT load_extension('x'); END",
     );
-    assert!(all(&made.log).iter().all(Result::is_ok));
+    assert!(all(&fixture.log).iter().all(Result::is_ok));
 }
 
 #[test]
-fn a_cell_that_is_longer_than_any_outline() {
-    let made = Made::new().map("UPDATE crosswalks SET geom = zeroblob(70000000)");
-    let said = soon(&made);
-    assert!(said.contains("longer than 64 MiB in one cell"), "{said}");
+fn long_cells_are_refused() {
+    let fixture = Fixture::new().map("UPDATE crosswalks SET geom = zeroblob(70000000)");
+    let error = quick_refusal(&fixture);
+    assert!(error.contains("longer than 64 MiB in one cell"), "{error}");
 }
 
 #[test]
-fn lists_and_windows_of_many() {
-    let made = Made::new()
+fn long_lists_and_crowded_windows_are_refused() {
+    let fixture = Fixture::new()
         .map("UPDATE stop_polygons SET lane_connector_fids = replace(hex(zeroblob(20000)), '00', '3,')");
-    let said = soon(&made);
+    let error = quick_refusal(&fixture);
     assert!(
-        said.contains("`stop_polygons.lane_connector_fids` of row 7") && said.contains("at most 1000 fids"),
-        "{said}"
+        error.contains("`stop_polygons.lane_connector_fids` of row 7") && error.contains("at most 1000 fids"),
+        "{error}"
     );
-    let made = Made::new().log(
+    let fixture = Fixture::new().log(
         "WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < 10000) \
          INSERT INTO track SELECT CAST(printf('u%07d', i) AS BLOB), (SELECT min(token) FROM category) FROM n; \
          INSERT INTO lidar_box SELECT token, x'7000000000000014', token, 1, 1, 1, 1, 0, 0, 0 FROM track WHERE token > x'75'",
     );
-    let said = soon(&made);
-    assert!(said.contains("a box of one of at most 10000 objects in 91 frames"), "{said}");
+    let error = quick_refusal(&fixture);
+    assert!(error.contains("a box of one of at most 10000 objects in 91 frames"), "{error}");
 }
 
 #[test]
-fn noise_behind_a_sound_header() {
-    let made = Made::new();
-    let mut file = fs::read(&made.log).unwrap();
+fn noise_after_a_valid_header() {
+    let fixture = Fixture::new();
+    let mut file = fs::read(&fixture.log).unwrap();
     file[100..].iter_mut().enumerate().for_each(|(i, b)| *b = (i.wrapping_mul(2_654_435_761) >> 13) as u8);
-    fs::write(&made.log, file).unwrap();
-    let said = soon(&made);
-    assert!(said.contains("damaged") && said.contains("fetch the file again"), "{said}");
+    fs::write(&fixture.log, file).unwrap();
+    let error = quick_refusal(&fixture);
+    assert!(error.contains("damaged") && error.contains("fetch the file again"), "{error}");
 }
 
-/// The head of an inner page of a table, at `at`, all of whose children are one page.
+/// Writes the header of an interior page of a table at `at`, all of whose children are the page `child`.
 fn inner(page: &mut [u8], at: usize, first: u32, child: u32) {
     let fits = (page.len() - at - 12) / 7;
     let head = [5, 0, 0, (fits >> 8) as u8, fits as u8, 0, 0, 0];
@@ -110,16 +110,17 @@ fn inner(page: &mut [u8], at: usize, first: u32, child: u32) {
 }
 
 #[test]
-fn pages_that_lead_to_one_another() {
-    let made = Made::new();
-    // The list of tables is a tree of a few pages with billions of ways through it, each of which ends at the index of the one table.
+fn endless_page_references_are_refused() {
+    let fixture = Fixture::new();
+    // The list of tables is a tree of a few pages with billions of paths, each of which ends at the index of
+    // the only table.
     let connection = Connection::open_in_memory().unwrap();
     connection.execute_batch("PRAGMA page_size = 512; CREATE TABLE t (a UNIQUE)").unwrap();
-    connection.execute("VACUUM INTO ?1", [made.log.with_file_name("t.db").to_str().unwrap()]).unwrap();
-    let mut file = fs::read(made.log.with_file_name("t.db")).unwrap();
+    connection.execute("VACUUM INTO ?1", [fixture.log.with_file_name("t.db").to_str().unwrap()]).unwrap();
+    let mut file = fs::read(fixture.log.with_file_name("t.db")).unwrap();
     assert_eq!(file.len(), 3 * 512);
     let (table, index) = (file.len() as u32 / 512 + 1, file.len() as u32 / 512 + 2);
-    // Both entries are copied to leaves of their own; that of the table stands there once.
+    // Both entries are copied to leaves of their own; that of the table occurs once.
     let leaf = |keep: usize| {
         let mut page = vec![0; 512];
         page[512 - 412..].copy_from_slice(&file[100..512]);
@@ -135,7 +136,7 @@ fn pages_that_lead_to_one_another() {
     for level in 0..levels {
         let mut page = vec![0; 512];
         let below = if level == 0 { index } else { index + level };
-        // Down the first way there is the table before its index.
+        // The first path leads to the table before its index.
         inner(&mut page, 0, if level == 0 { index } else { below }, below);
         file.extend(page);
     }
@@ -143,7 +144,7 @@ fn pages_that_lead_to_one_another() {
     inner(&mut file[..512], 100, table, index + levels);
     let pages = (file.len() / 512) as u32;
     file[28..32].copy_from_slice(&pages.to_be_bytes());
-    fs::write(&made.log, file).unwrap();
-    let said = soon(&made);
-    assert!(said.contains("pages lead to one another without end"), "{said}");
+    fs::write(&fixture.log, file).unwrap();
+    let error = quick_refusal(&fixture);
+    assert!(error.contains("pages refer to one another without end"), "{error}");
 }

@@ -21,8 +21,8 @@ fn projection_agrees_with_another_program_to_a_micrometre() {
     }
 }
 
-/// The meridian arc from the equator to 45 degrees and a point off the meridian, from textbooks (Snyder, USGS 1395, p. 269: the
-/// Clarke ellipsoid there; here WGS 84: 4 984 944.378 m times 0.9996).
+/// Checks the meridian arc from the equator to 45 degrees and a point off the meridian, from textbooks
+/// (Snyder, USGS 1395, p. 269, for the Clarke ellipsoid; here for WGS 84: 4 984 944.378 m times 0.9996).
 #[test]
 fn projection_of_known_points() {
     let utm = Utm::of_epsg(32_631).unwrap();
@@ -59,14 +59,14 @@ fn blobs_of_all_kinds() {
     assert_eq!(read(&blob(&plain)).unwrap(), line);
     let multi = [b"\x01\x05\0\0\0\x01\0\0\0".as_slice(), &plain].concat();
     assert_eq!(read(&blob(&multi)).unwrap(), line);
-    // With height, after either custom.
+    // With z coordinate, in both encodings.
     let high = points(&[(1.0, 2.0), (9.0, 3.0), (4.0, 9.0)]);
     for code in [1002_u32, 0x8000_0002] {
         let code = code.to_le_bytes();
         let wkb = [b"\x01".as_slice(), &code, b"\x02\0\0\0", &high].concat();
         assert_eq!(read(&blob(&wkb)).unwrap(), line);
     }
-    // Highest byte first, with an envelope.
+    // Big-endian, with an envelope.
     let big: Vec<u8> = [1.0_f64, 2.0].iter().flat_map(|v| v.to_be_bytes()).collect();
     let wkb = [b"\x00\0\0\0\x01".as_slice(), &big].concat();
     let with_envelope = [b"GP\0\x03\xe6\x10\0\0".as_slice(), &[0; 32], &wkb].concat();

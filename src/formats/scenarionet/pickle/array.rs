@@ -1,30 +1,30 @@
-//! Arrays of numbers.
+//! numpy arrays of numbers.
 
 use std::ops::Range;
 
-/// The type of an array's numbers.
+/// Number type of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Dtype {
     pub(super) kind: Kind,
-    /// Bytes of one number.
+    /// Size of one number in bytes.
     pub(super) size: usize,
     pub(super) big_endian: bool,
 }
 
-/// What the bytes of a number mean.
+/// Interpretation of the bytes of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Bool,
     Signed,
     Unsigned,
     Float,
-    /// Any Python value: such an array holds a list.
+    /// Any Python value: such an array contains a list.
     Object,
 }
 
 impl Dtype {
-    /// By numpy's short name, such as `f4`; it may begin with the order of bytes.
-    pub(super) fn named(name: &str) -> Option<Self> {
+    /// Parses numpy's short name, such as `f4`, with an optional prefix for the byte order.
+    pub(super) fn from_name(name: &str) -> Option<Self> {
         let (big_endian, code) = match name.strip_prefix(['<', '=', '|']) {
             Some(code) => (false, code),
             None => name.strip_prefix('>').map_or((false, name), |code| (true, code)),
@@ -47,7 +47,7 @@ impl Dtype {
         Some(Self { kind, size, big_endian })
     }
 
-    /// The number that these bytes are, of which there must be [`Dtype::size`].
+    /// Decodes a number from [`Dtype::size`] bytes.
     pub(super) fn number(self, bytes: &[u8]) -> f64 {
         let mut little = [0_u8; 8];
         let n = self.size.min(bytes.len()).min(8);
@@ -70,14 +70,14 @@ impl Dtype {
     }
 }
 
-/// Where an array's content lies.
+/// Location of an array's content.
 #[derive(Clone, Debug)]
 pub(super) enum Content {
-    /// Not yet said.
+    /// Not yet known.
     Missing,
-    /// In the file.
+    /// Byte range of the file.
     File(Range<u32>),
-    /// In a value of the pickle: bytes that are spelled otherwise, or the list of an array of objects.
+    /// Value of the pickle: encoded bytes, or the list of an array of objects.
     Value(super::Id),
 }
 
@@ -87,13 +87,13 @@ pub(super) struct Array {
     pub(super) dtype: Dtype,
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// The numbers of a column lie together, not those of a row.
+    /// Whether the numbers are stored column by column (Fortran order).
     pub(super) by_column: bool,
     pub(super) content: Content,
 }
 
 impl Array {
-    /// An array that is filled later.
+    /// Creates an array that is filled later.
     pub(super) fn empty() -> Self {
         let dtype = Dtype { kind: Kind::Unsigned, size: 1, big_endian: false };
         Self { dtype, rows: 0, columns: 1, by_column: false, content: Content::Missing }
@@ -107,14 +107,14 @@ pub(in crate::formats::scenarionet) struct Grid<'a> {
     pub(super) numbers: Numbers<'a>,
 }
 
-/// The numbers of a grid.
+/// Numbers of a grid.
 pub(super) enum Numbers<'a> {
     Raw { bytes: &'a [u8], dtype: Dtype, by_column: bool },
     Listed(Vec<f64>),
 }
 
 impl Grid<'_> {
-    /// The number in a row and a column that exist; NaN where they do not.
+    /// Returns the number in a row and a column; NaN if they do not exist.
     pub(in crate::formats::scenarionet) fn at(&self, row: usize, column: usize) -> f64 {
         if row >= self.rows || column >= self.columns {
             return f64::NAN;

@@ -1,36 +1,36 @@
-//! The names that pickles may use, and what is made of them.
+//! Names that pickles may refer to, with their meaning here.
 
-/// A name that is known.
+/// Known name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Global {
-    /// Makes an empty array, which is filled later.
+    /// Creates an empty array, which is filled later.
     Reconstruct,
-    /// Makes an array of bytes.
+    /// Creates an array from bytes.
     FromBuffer,
-    /// Makes a number of a type and bytes.
+    /// Creates a number from a type and bytes.
     Scalar,
     /// The type of arrays.
     NdArray,
-    /// Makes a type of numbers.
+    /// Creates a number type.
     Dtype,
-    /// A dictionary of another name.
+    /// A subclass of dictionary.
     Dict,
-    /// A dictionary whose argument says what new entries hold.
+    /// A dictionary with a default value for new entries.
     DefaultDict,
     /// A set.
     Set,
-    /// A type that is only named, by a [`Global::DefaultDict`].
+    /// A type that occurs only as the argument of [`Global::DefaultDict`].
     Plain,
-    /// How protocol 2 spells bytes.
+    /// Encodes a text as bytes; protocol 2 represents bytes this way.
     Encode,
 }
 
-/// What to do about a file that names anything else.
-const MEND: &str = "a scenario holds numpy arrays of numbers, lists, dictionaries, texts and numbers, and names nothing else: if the file is \
-                    to be trusted, save it again with these only";
+/// Advice for files that refer to other names.
+const ADVICE: &str = "a scenario contains only numpy arrays of numbers, lists, dictionaries, texts and \
+                      numbers: if you trust the file, save it again with these types only";
 
 impl Global {
-    /// What a name means.
+    /// Looks up a name.
     pub(super) fn find(module: &str, name: &str) -> Result<Self, String> {
         // NumPy 2 moved its `core` to `_core`.
         let part = module.strip_prefix("numpy.core.").or_else(|| module.strip_prefix("numpy._core."));
@@ -54,10 +54,7 @@ impl Global {
             _ => {
                 let shown = format!("{module}.{name}");
                 let shown: String = shown.chars().take(80).collect();
-                return Err(format!(
-                    "it names `{}`, which is not run nor looked up: {MEND}",
-                    shown.escape_debug()
-                ));
+                return Err(format!("it names `{}`, which is not run: {ADVICE}", shown.escape_debug()));
             }
         })
     }

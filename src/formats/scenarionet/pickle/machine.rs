@@ -1,4 +1,4 @@
-//! The stack machine.
+//! Stack machine of pickles.
 
 mod calls;
 
@@ -7,18 +7,18 @@ use std::ops::Range;
 use super::globals::Global;
 use super::{Id, Node};
 
-/// Most values of a pickle: those of the largest scenarios are some hundred thousand.
-const MOST_NODES: usize = 2_000_000;
-/// Most values that wait on the stack: a list of so many items may be put together there.
-const MOST_STACKED: usize = 1_000_000;
-/// Most containers that are open at a time: those of a scenario are about ten.
-const DEEPEST: usize = 200;
-/// Longest name of a module or of what is in it.
-const LONGEST_NAME: usize = 1000;
-/// No value: an entry of the memo that nothing was put into.
-const NOTHING: Id = Id::MAX;
+/// Maximum number of values of a pickle; the largest scenarios have some hundred thousand.
+const MAX_NODES: usize = 2_000_000;
+/// Maximum height of the stack, on which lists are assembled.
+const MAX_STACK_HEIGHT: usize = 1_000_000;
+/// Maximum number of open containers; a scenario has about ten.
+const MAX_DEPTH: usize = 200;
+/// Maximum length in bytes of the name of a module or of its content.
+const MAX_NAME_LENGTH: usize = 1000;
+/// Marker of empty entries of the memo.
+const EMPTY: Id = Id::MAX;
 
-/// Runs a pickle: its values, and which of them is the outermost.
+/// Runs a pickle; returns its values and the outermost one.
 pub(super) fn run(file: &[u8]) -> Result<(Vec<Node>, Id), String> {
     let mut machine = Machine {
         file,
@@ -48,19 +48,23 @@ pub(super) fn run(file: &[u8]) -> Result<(Vec<Node>, Id), String> {
 
 struct Machine<'a> {
     file: &'a [u8],
+    /// Offset of the next byte.
     at: usize,
     nodes: Vec<Node>,
     stack: Vec<Id>,
     /// Heights of the stack at which containers were opened.
     marks: Vec<usize>,
     memo: Vec<Id>,
+    /// Number of entries of the memo.
     memoized: usize,
+    /// Number of entries copied between containers.
     copied: usize,
+    /// Number of bytes decoded from texts.
     encoded: usize,
 }
 
 impl<'a> Machine<'a> {
-    /// One instruction; the outermost value after the last one.
+    /// Runs one instruction; returns the outermost value after the last one.
     fn step(&mut self) -> Result<Option<Id>, String> {
         let opcode = self.take(1)?[0];
         match opcode {
@@ -82,8 +86,8 @@ impl<'a> Machine<'a> {
                 self.remains(length)?;
             }
             b'(' => {
-                if self.marks.len() >= DEEPEST {
-                    return Err(format!("more than {DEEPEST} containers lie in one another"));
+                if self.marks.len() >= MAX_DEPTH {
+                    return Err(format!("more than {MAX_DEPTH} nested containers"));
                 }
                 self.marks.push(self.stack.len());
             }
@@ -205,7 +209,7 @@ impl<'a> Machine<'a> {
                 let (_, class) = (self.pop()?, self.pop()?);
                 match self.node(class) {
                     Node::Global(Global::Dict) => self.make(Node::Dict(Vec::new()))?,
-                    _ => return Err("it makes an object of a class that can not be made so".into()),
+                    _ => return Err("it creates an object of a class that cannot be created this way".into()),
                 }
             }
             b'b' => {
@@ -214,17 +218,17 @@ impl<'a> Machine<'a> {
                 self.build(object, state)?;
             }
             b'i' => {
-                // Old classes; the name is said where it is none of those that are known.
+                // Old-style classes; an unknown name is reported first.
                 let (module, name) = (self.line()?, self.line()?);
                 Global::find(&module, &name)?;
-                return Err("it makes an object of an old class; save it with protocol 4".into());
+                return Err("it creates an object of an old-style class; save it with protocol 4".into());
             }
-            b'P' | b'Q' => return Err("it refers to values outside the file; save it whole".into()),
-            0x97 | 0x98 => return Err("its arrays lie outside the file; save it whole".into()),
-            0x82..=0x84 => return Err("it names things by a registry that only Python has".into()),
+            b'P' | b'Q' => return Err("it refers to values outside the file; save it as one file".into()),
+            0x97 | 0x98 => return Err("its arrays are outside the file; save it as one file".into()),
+            0x82..=0x84 => return Err("it uses the extension registry of Python".into()),
             _ => {
                 return Err(format!(
-                    "the opcode {opcode:#04x} is not one of those of plain data; save it with protocol 4"
+                    "the opcode {opcode:#04x} is not used for plain data; save it with protocol 4"
                 ));
             }
         }
@@ -234,9 +238,7 @@ impl<'a> Machine<'a> {
     fn remains(&self, length: usize) -> Result<(), String> {
         let left = self.file.len() - self.at;
         if length > left {
-            return Err(format!(
-                "{length} bytes should follow and {left} do: the file is cut; fetch it again"
-            ));
+            return Err(format!("{length} bytes expected, {left} left: the file is cut; fetch it again"));
         }
         Ok(())
     }
@@ -248,26 +250,26 @@ impl<'a> Machine<'a> {
         Ok(taken)
     }
 
-    /// An unsigned number of so many bytes.
+    /// Reads an unsigned number of `bytes` bytes.
     fn length(&mut self, bytes: usize) -> Result<usize, String> {
         let mut all = [0_u8; 8];
         all[..bytes].copy_from_slice(self.take(bytes)?);
-        usize::try_from(u64::from_le_bytes(all)).map_err(|_| "a length beyond all memory".into())
+        usize::try_from(u64::from_le_bytes(all)).map_err(|_| "a length that exceeds the memory".into())
     }
 
-    /// The place of what follows its length.
+    /// Reads a length of `bytes` bytes and returns the range of the content after it.
     fn range(&mut self, bytes: usize) -> Result<Range<u32>, String> {
         let length = self.length(bytes)?;
         let start = self.at;
         self.take(length)?;
-        let place = |v: usize| u32::try_from(v).map_err(|_| "the file is too long".to_owned());
-        Ok(place(start)?..place(self.at)?)
+        let offset = |v: usize| u32::try_from(v).map_err(|_| "the file is too long".to_owned());
+        Ok(offset(start)?..offset(self.at)?)
     }
 
     fn text(&mut self, bytes: usize) -> Result<(), String> {
         let range = self.range(bytes)?;
         let text = &self.file[range.start as usize..range.end as usize];
-        std::str::from_utf8(text).map_err(|_| "a text is no UTF-8")?;
+        std::str::from_utf8(text).map_err(|_| "a text is not UTF-8")?;
         self.make(Node::Text(range))
     }
 
@@ -278,30 +280,30 @@ impl<'a> Machine<'a> {
 
     fn line(&mut self) -> Result<String, String> {
         let rest = &self.file[self.at..];
-        let end = rest.iter().take(LONGEST_NAME).position(|b| *b == b'\n');
+        let end = rest.iter().take(MAX_NAME_LENGTH).position(|b| *b == b'\n');
         let end = end.ok_or("a name has no end")?;
         let line = self.take(end + 1)?;
         Ok(String::from_utf8_lossy(&line[..end]).into_owned())
     }
 
     fn push(&mut self, id: Id) -> Result<(), String> {
-        if self.stack.len() >= MOST_STACKED {
-            return Err(format!("more than {MOST_STACKED} values wait on the stack"));
+        if self.stack.len() >= MAX_STACK_HEIGHT {
+            return Err(format!("more than {MAX_STACK_HEIGHT} values on the stack"));
         }
         self.stack.push(id);
         Ok(())
     }
 
     fn make(&mut self, node: Node) -> Result<(), String> {
-        if self.nodes.len() >= MOST_NODES {
-            return Err(format!("it holds more than {MOST_NODES} values, expected one scenario"));
+        if self.nodes.len() >= MAX_NODES {
+            return Err(format!("it holds more than {MAX_NODES} values, expected one scenario"));
         }
         let id = self.nodes.len() as Id;
         self.nodes.push(node);
         self.push(id)
     }
 
-    /// The uppermost value; those of outer containers are out of reach.
+    /// Returns the top of the stack; values of outer containers are not accessible.
     fn top(&self) -> Result<Id, String> {
         let floor = self.marks.last().copied().unwrap_or(0);
         if self.stack.len() <= floor {
@@ -316,7 +318,7 @@ impl<'a> Machine<'a> {
         Ok(top)
     }
 
-    /// All values since the last mark, which is taken away.
+    /// Removes and returns all values since the last mark, and the mark.
     fn marked(&mut self) -> Result<Vec<Id>, String> {
         let mark = self.marks.pop().ok_or("a mark is missing on the stack")?;
         Ok(self.stack.split_off(mark))
@@ -324,13 +326,13 @@ impl<'a> Machine<'a> {
 
     fn put(&mut self, index: usize) -> Result<(), String> {
         let top = self.top()?;
-        if index >= MOST_NODES {
-            return Err(format!("the memo has an entry {index}, expected at most {MOST_NODES}"));
+        if index >= MAX_NODES {
+            return Err(format!("the memo has an entry {index}, expected at most {MAX_NODES}"));
         }
         if index >= self.memo.len() {
-            self.memo.resize(index + 1, NOTHING);
+            self.memo.resize(index + 1, EMPTY);
         }
-        if self.memo[index] == NOTHING {
+        if self.memo[index] == EMPTY {
             self.memoized += 1;
         }
         self.memo[index] = top;
@@ -338,7 +340,7 @@ impl<'a> Machine<'a> {
     }
 
     fn get(&mut self, index: usize) -> Result<(), String> {
-        let found = self.memo.get(index).copied().filter(|id| *id != NOTHING);
+        let found = self.memo.get(index).copied().filter(|id| *id != EMPTY);
         self.push(found.ok_or_else(|| format!("the memo has no entry {index}"))?)
     }
 
@@ -350,7 +352,7 @@ impl<'a> Machine<'a> {
         let list = self.top()?;
         match &mut self.nodes[list as usize] {
             Node::List(all) => all.extend(items),
-            _ => return Err("items are added to what is no list".into()),
+            _ => return Err("items are added to a value that is not a list".into()),
         }
         Ok(())
     }
@@ -362,31 +364,31 @@ impl<'a> Machine<'a> {
         }
         match &mut self.nodes[dict as usize] {
             Node::Dict(all) => all.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1]))),
-            _ => return Err("keys are set in what is no dictionary".into()),
+            _ => return Err("keys are set in a value that is not a dictionary".into()),
         }
         Ok(())
     }
 
-    /// A text, also where it is spelled as bytes.
+    /// Returns a text, which may be stored as bytes.
     fn name(&self, id: Id) -> Result<&'a str, String> {
         match self.node(id) {
             Node::Text(r) | Node::Bytes(r) => {
                 let text = &self.file[r.start as usize..r.end as usize];
-                std::str::from_utf8(text).map_err(|_| "a name is no UTF-8".into())
+                std::str::from_utf8(text).map_err(|_| "a name is not UTF-8".into())
             }
-            _ => Err("a name is no text".into()),
+            _ => Err("a name is not a text".into()),
         }
     }
 
     fn tuple(&self, id: Id) -> Result<&[Id], String> {
         match self.node(id) {
             Node::Tuple(items) => Ok(items),
-            _ => Err("arguments are no tuple".into()),
+            _ => Err("arguments are not a tuple".into()),
         }
     }
 }
 
-/// A signed number, little end first.
+/// Decodes a signed little-endian number.
 fn integer(bytes: &[u8]) -> Result<i64, String> {
     if bytes.len() > 8 {
         return Err("a whole number of more than 64 bits".into());

@@ -70,7 +70,7 @@ fn arrays() {
 
 #[test]
 fn arrays_of_protocols_2_and_5() {
-    // Protocol 2 spells bytes as a text of latin1; protocol 5 hands a buffer over.
+    // Protocol 2 stores bytes as latin1 text; protocol 5 uses a buffer.
     let mut two = b"\x80\x02}(X\x01\0\0\0acnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85c_codecs\nencode\nq\0X\x01\0\0\0bX\x06\0\0\0latin1\x86R\x87R(K\x01K\x02K\x02\x86cnumpy\ndtype\nX\x02\0\0\0u1\x89\x88\x87R(K\x03X\x01\0\0\0|NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tb\x89h\0X\x05\0\0\0".to_vec();
     two.extend("\u{1}\u{2}\u{3}\u{ff}".as_bytes());
     two.extend(b"X\x06\0\0\0latin1\x86Rtbu.");
@@ -106,7 +106,7 @@ fn plain_values() {
     body.extend(b"\x85R");
     body.extend(text("none"));
     body.extend(b"N");
-    // Of equal keys the last one holds.
+    // Of equal keys the last one applies.
     body.extend([text("twice"), b"K\x01".to_vec(), text("twice"), b"K\x02".to_vec()].concat());
     body.extend(b"u");
     let file = pickle(&body);
@@ -151,12 +151,12 @@ fn nothing_is_run() {
     ] {
         assert!(refusal(&pickle(&global(module, name))).contains(&format!("`{module}.{name}`")));
     }
-    // What is known is not for everything.
+    // Known names are restricted in use.
     let known = |tail: &[u8]| refusal(&pickle(&[global("numpy", "ndarray"), tail.to_vec()].concat()));
     assert!(known(b"K\x05\x85R").contains("NdArray is called with 1 arguments"));
     assert!(known(b")\x81").contains("class"));
     assert!(known(b"}b").contains("a state"));
-    assert!(refusal(&pickle(b"K\x05)R")).contains("calls what is no name"));
+    assert!(refusal(&pickle(b"K\x05)R")).contains("calls a value that is not a name"));
     let factory =
         [global("collections", "defaultdict"), global("builtins", "int"), b"K\x05\x85R".to_vec()].concat();
     assert!(refusal(&pickle(&factory)).contains("Plain is called"));
@@ -177,10 +177,10 @@ fn lengths_and_depths_are_bounded() {
     assert!(refusal(&pickle(b"\x8b\xff\xff\xff\x7f")).contains("the file is cut"));
     assert!(refusal(&pickle(b"\x8a\x09123456789")).contains("more than 64 bits"));
     assert!(refusal(&pickle(b"Nr\xff\xff\xff\xff")).contains("the memo has an entry"));
-    assert!(refusal(&pickle(&b"(".repeat(1_000_000))).contains("lie in one another"));
+    assert!(refusal(&pickle(&b"(".repeat(1_000_000))).contains("nested containers"));
     assert!(refusal(&pickle(&b"N".repeat(3_000_000))).contains("on the stack"));
     assert!(refusal(&pickle(&b"N0".repeat(3_000_000))).contains("more than 2000000 values"));
-    // A million lists in one another, then joined: deep, and yet only long.
+    // A million lists, each appended to the previous one: deep nesting without recursion.
     let mut deep = b"]".repeat(900_000);
     deep.extend(b"a".repeat(899_999));
     Pickle::read(&pickle(&deep)).unwrap();
@@ -199,8 +199,8 @@ fn lengths_and_depths_are_bounded() {
         [&file[..at], sides, b"\x86", &file[at + 5..]].concat()
     };
     let side = b"\x8a\x08\xff\xff\xff\xff\xff\xff\xff\x7f";
-    assert!(refusal(&shape(&[side.as_slice(), side].concat())).contains("beyond all memory"));
-    assert!(refusal(&shape(&[side.as_slice(), b"K\x01"].concat())).contains("beyond all memory"));
+    assert!(refusal(&shape(&[side.as_slice(), side].concat())).contains("exceeds the memory"));
+    assert!(refusal(&shape(&[side.as_slice(), b"K\x01"].concat())).contains("exceeds the memory"));
     assert!(refusal(&shape(b"J\xff\xff\xff\xffK\x02")).contains("a side of -1"));
 }
 
@@ -219,7 +219,7 @@ fn loops_end() {
     assert!(pickle_of_dict.root().need("a").unwrap().need("a").unwrap().is_dict());
     assert!(pickle_of_dict.root().points().is_err());
     assert!(refusal(&pickle(b"h\x00")).contains("the memo has no entry 0"));
-    // One list named by many: what is taken out of it is counted.
+    // Many references to one list: extracted items are counted.
     let mut many = b"](".to_vec();
     many.extend(b"K\x01".repeat(50_000));
     many.extend(b"e\x940](");
@@ -229,7 +229,7 @@ fn loops_end() {
     let pickle_of_many = Pickle::read(&file).unwrap();
     let error = pickle_of_many.root().grid().err().unwrap().to_string();
     assert!(error.contains("at most four million points and entries"), "{error}");
-    // One long name of many: each becomes a text of its own.
+    // Many references to one long name: each becomes a separate string.
     let mut names = [b"X\0\x01\0\0".as_slice(), &b"n".repeat(256), b"\x940]("].concat();
     names.extend(b"h\x00".repeat(50_000));
     names.push(b'e');
@@ -244,19 +244,19 @@ fn loops_end() {
 
 #[test]
 fn damage_is_an_error() {
-    let sound = with_array("numpy.core", "f4", "<", false, &[0; 16]);
-    numbers(&sound);
-    for length in 0..sound.len() {
-        refusal(&sound[..length]);
+    let valid = with_array("numpy.core", "f4", "<", false, &[0; 16]);
+    numbers(&valid);
+    for length in 0..valid.len() {
+        refusal(&valid[..length]);
     }
-    for (at, change) in (0..sound.len()).flat_map(|at| [0x01, 0x20, 0x80, 0xff].map(|c| (at, c))) {
-        let mut bad = sound.clone();
+    for (at, change) in (0..valid.len()).flat_map(|at| [0x01, 0x20, 0x80, 0xff].map(|c| (at, c))) {
+        let mut bad = valid.clone();
         bad[at] ^= change;
         if let Ok(pickle) = Pickle::read(&bad) {
             let _ = pickle.root().need("a").and_then(|a| a.points());
         }
     }
-    let no_stop = refusal(&sound[..sound.len() - 1]);
+    let no_stop = refusal(&valid[..valid.len() - 1]);
     assert!(no_stop.contains("the file is cut"), "{no_stop}");
     assert!(refusal(b"\x80\x03").contains("the file is cut"));
     assert!(refusal(b"\x80\x00N.").contains("protocol 0, expected 2 to 5"));

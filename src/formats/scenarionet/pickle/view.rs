@@ -1,16 +1,16 @@
-//! A value of a pickle with its path, which messages name.
+//! Values of a pickle with their paths, for error messages.
 
 use super::array::{Array, Content, Grid, Kind, Numbers};
 use super::{Id, Node, Pickle};
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 
-/// Most keys of a dictionary in which one is looked up: what is so long is no record.
-const MOST_KEYS: usize = 4096;
-/// Most items of a list: numbers of many rows lie in arrays.
-const MOST_ITEMS: usize = 100_000;
-/// Longest id, in bytes.
-const LONGEST_NAME: usize = 256;
+/// Maximum number of keys of a dictionary for lookups by key; larger ones are not records.
+const MAX_KEYS: usize = 4096;
+/// Maximum number of items of a list; larger tables are arrays.
+const MAX_ITEMS: usize = 100_000;
+/// Maximum length of an id in bytes.
+const MAX_ID_LENGTH: usize = 256;
 
 /// A value and its path.
 #[derive(Clone)]
@@ -25,14 +25,14 @@ impl<'a> View<'a> {
         Self { pickle, id, path }
     }
 
-    /// The path from the outermost value.
+    /// Returns the path from the outermost value.
     pub(in crate::formats::scenarionet) fn path(&self) -> &str {
         &self.path
     }
 
-    /// What is wrong with this value.
+    /// Returns the error of this value.
     pub(in crate::formats::scenarionet) fn wrong(&self, expected: impl Into<String>) -> Cause {
-        Cause::value(self.field(), self.shown(), expected)
+        Cause::value(self.field(), self.describe(), expected)
     }
 
     fn field(&self) -> String {
@@ -43,8 +43,8 @@ impl<'a> View<'a> {
         self.pickle.node(self.id)
     }
 
-    /// A few words on what the value is.
-    fn shown(&self) -> String {
+    /// Describes the value in a few words.
+    fn describe(&self) -> String {
         match self.node() {
             Node::None => "None".into(),
             Node::Bool(b) => b.to_string(),
@@ -55,7 +55,7 @@ impl<'a> View<'a> {
                 let begin: String = text.chars().take(60).collect();
                 format!("`{}`", begin.escape_debug())
             }
-            Node::Bytes(_) | Node::Own(_) => "bytes".into(),
+            Node::Bytes(_) | Node::OwnedBytes(_) => "bytes".into(),
             Node::List(all) => format!("a list of {}", all.len()),
             Node::Tuple(all) => format!("a tuple of {}", all.len()),
             Node::Dict(all) => format!("a dictionary of {}", all.len()),
@@ -69,11 +69,12 @@ impl<'a> View<'a> {
         Self { pickle: self.pickle, id, path }
     }
 
-    fn taken(&self, count: usize) -> Result<(), Cause> {
+    /// Subtracts `count` from the budget of the pickle.
+    fn spend(&self, count: usize) -> Result<(), Cause> {
         let left = self.pickle.budget.get().checked_sub(count);
         self.pickle.budget.set(left.unwrap_or(0));
         left.map(|_| ()).ok_or_else(|| {
-            let found = "the one with which points and entries become too many";
+            let found = "one entry too many";
             Cause::value(
                 self.field(),
                 found,
@@ -89,11 +90,11 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The entry of a dictionary; none also where it holds None.
+    /// Returns an entry of a dictionary; `None` if it is missing or is Python's None.
     pub(in crate::formats::scenarionet) fn get(&self, key: &str) -> Result<Option<Self>, Cause> {
         let all = self.dict()?;
-        if all.len() > MOST_KEYS {
-            return Err(self.wrong(format!("a dictionary with the key `{key}` and at most {MOST_KEYS} keys")));
+        if all.len() > MAX_KEYS {
+            return Err(self.wrong(format!("a dictionary with the key `{key}` and at most {MAX_KEYS} keys")));
         }
         let found = all.iter().rev().find(|(k, _)| match self.pickle.node(*k) {
             Node::Text(range) | Node::Bytes(range) => self.pickle.bytes(range) == key.as_bytes(),
@@ -103,7 +104,7 @@ impl<'a> View<'a> {
         Ok(found.filter(|v| !matches!(v.node(), Node::None)))
     }
 
-    /// The entry of a dictionary that must be there.
+    /// Returns a required entry of a dictionary.
     pub(in crate::formats::scenarionet) fn need(&self, key: &str) -> Result<Self, Cause> {
         let missing = || {
             let what =
@@ -113,13 +114,16 @@ impl<'a> View<'a> {
         self.get(key)?.ok_or_else(missing)
     }
 
-    /// The entries of a dictionary, by ids, in the order of the file. At most `most` of them.
-    pub(in crate::formats::scenarionet) fn entries(&self, most: usize) -> Result<Vec<(String, Self)>, Cause> {
+    /// Returns the entries of a dictionary with their ids, in file order; at most `limit` of them.
+    pub(in crate::formats::scenarionet) fn entries(
+        &self,
+        limit: usize,
+    ) -> Result<Vec<(String, Self)>, Cause> {
         let all = self.dict()?;
-        if all.len() > most {
-            return Err(self.wrong(format!("at most {most} entries: those of one scenario")));
+        if all.len() > limit {
+            return Err(self.wrong(format!("at most {limit} entries: those of one scenario")));
         }
-        self.taken(all.len())?;
+        self.spend(all.len())?;
         all.iter()
             .map(|(key, value)| {
                 let name = Self::new(self.pickle, *key, format!("a key of {}", self.field())).name()?;
@@ -129,13 +133,13 @@ impl<'a> View<'a> {
             .collect()
     }
 
-    /// The items of a list, a tuple or an array of Python values.
+    /// Returns the items of a list, a tuple or an array of Python values.
     pub(in crate::formats::scenarionet) fn items(&self) -> Result<Vec<Self>, Cause> {
         let all = self.list().ok_or_else(|| self.wrong("a list"))?;
-        if all.len() > MOST_ITEMS {
-            return Err(self.wrong(format!("a list of at most {MOST_ITEMS} items")));
+        if all.len() > MAX_ITEMS {
+            return Err(self.wrong(format!("a list of at most {MAX_ITEMS} items")));
         }
-        self.taken(all.len())?;
+        self.spend(all.len())?;
         let item = |(i, id): (usize, &Id)| Self::new(self.pickle, *id, format!("{}[{i}]", self.path));
         Ok(all.iter().enumerate().map(item).collect())
     }
@@ -154,22 +158,22 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Whether this is a dictionary.
+    /// Returns whether this is a dictionary.
     pub(in crate::formats::scenarionet) fn is_dict(&self) -> bool {
         matches!(self.node(), Node::Dict(_))
     }
 
-    /// Whether this is None.
+    /// Returns whether this is Python's None.
     pub(in crate::formats::scenarionet) fn is_none(&self) -> bool {
         matches!(self.node(), Node::None)
     }
 
-    /// Whether this is a list, a tuple or an array of Python values.
+    /// Returns whether this is a list, a tuple or an array of Python values.
     pub(in crate::formats::scenarionet) fn is_list(&self) -> bool {
         self.list().is_some()
     }
 
-    /// A text; none where the value is something else.
+    /// Returns the text; `None` if the value is not a text.
     pub(in crate::formats::scenarionet) fn as_text(&self) -> Option<&'a str> {
         match self.node() {
             Node::Text(range) | Node::Bytes(range) => std::str::from_utf8(self.pickle.bytes(range)).ok(),
@@ -177,27 +181,27 @@ impl<'a> View<'a> {
         }
     }
 
-    /// A text.
+    /// Returns the text, or an error if the value is not a text.
     pub(in crate::formats::scenarionet) fn text(&self) -> Result<&'a str, Cause> {
         self.as_text().ok_or_else(|| self.wrong("a text"))
     }
 
-    /// An id: a text, or a whole number.
+    /// Returns an id, which is a text or a whole number.
     pub(in crate::formats::scenarionet) fn name(&self) -> Result<String, Cause> {
         if let Node::Int(i) = self.node() {
-            self.taken(1)?;
+            self.spend(1)?;
             return Ok(i.to_string());
         }
-        let short = |t: &&str| t.len() <= LONGEST_NAME;
+        let short = |t: &&str| t.len() <= MAX_ID_LENGTH;
         let found = self.as_text().filter(short).ok_or_else(|| {
-            self.wrong(format!("an id: a text of at most {LONGEST_NAME} bytes or a whole number"))
+            self.wrong(format!("an id: a text of at most {MAX_ID_LENGTH} bytes or a whole number"))
         })?;
-        // Many entries may be one value of the file, and each becomes a text of its own.
-        self.taken(1 + found.len() / 16)?;
+        // Many entries may refer to one value of the file, and each becomes a separate string.
+        self.spend(1 + found.len() / 16)?;
         Ok(found.to_owned())
     }
 
-    /// A number.
+    /// Returns the number.
     pub(in crate::formats::scenarionet) fn number(&self) -> Result<f64, Cause> {
         match self.node() {
             Node::Int(i) => Ok(*i as f64),
@@ -207,7 +211,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// A whole number, also where it is spelled as a text.
+    /// Returns the whole number, which may be written as a text.
     pub(in crate::formats::scenarionet) fn whole(&self) -> Result<i64, Cause> {
         let found = match self.node() {
             Node::Int(i) => Some(*i),
@@ -216,19 +220,19 @@ impl<'a> View<'a> {
         found.ok_or_else(|| self.wrong("a whole number"))
     }
 
-    /// Numbers in rows: an array, a list of numbers (one column), or a list of rows.
+    /// Returns numbers in rows, from an array, a list of numbers (one column), or a list of rows.
     pub(in crate::formats::scenarionet) fn grid(&self) -> Result<Grid<'a>, Cause> {
         match self.node() {
-            Node::Array(array) if array.dtype.kind != Kind::Object => self.of_array(array),
-            _ => self.of_list(),
+            Node::Array(array) if array.dtype.kind != Kind::Object => self.array_grid(array),
+            _ => self.list_grid(),
         }
     }
 
-    fn of_array(&self, array: &'a Array) -> Result<Grid<'a>, Cause> {
+    fn array_grid(&self, array: &'a Array) -> Result<Grid<'a>, Cause> {
         let bytes = match &array.content {
             Content::File(range) => self.pickle.bytes(range),
             Content::Value(id) => match self.pickle.node(*id) {
-                Node::Own(bytes) => bytes,
+                Node::OwnedBytes(bytes) => bytes,
                 _ => return Err(self.wrong("an array with content")),
             },
             Content::Missing => return Err(self.wrong("an array with content")),
@@ -237,7 +241,7 @@ impl<'a> View<'a> {
         Ok(Grid { rows: array.rows, columns: array.columns, numbers })
     }
 
-    fn of_list(&self) -> Result<Grid<'a>, Cause> {
+    fn list_grid(&self) -> Result<Grid<'a>, Cause> {
         let expected = "an array or a list of numbers, or of rows of numbers";
         let items = self.list().ok_or_else(|| self.wrong(expected)).and_then(|_| self.items())?;
         let (mut numbers, mut columns) = (Vec::new(), 1);
@@ -245,9 +249,9 @@ impl<'a> View<'a> {
             let row = match item.node() {
                 Node::Int(_) | Node::Float(_) | Node::Bool(_) => vec![item.number()?],
                 Node::Array(array) if array.dtype.kind != Kind::Object => {
-                    let row = item.of_array(array)?;
+                    let row = item.array_grid(array)?;
                     let length = row.rows.saturating_mul(row.columns);
-                    item.taken(length)?;
+                    item.spend(length)?;
                     (0..row.rows)
                         .flat_map(|r| (0..row.columns).map(move |c| (r, c)))
                         .map(|(r, c)| row.at(r, c))
@@ -264,7 +268,7 @@ impl<'a> View<'a> {
         Ok(Grid { rows: items.len(), columns, numbers: Numbers::Listed(numbers) })
     }
 
-    /// Points of the plane: rows of x, y and perhaps a height, which is not read.
+    /// Returns points from rows of x, y and an optional z, which is not read.
     pub(in crate::formats::scenarionet) fn points(&self) -> Result<Vec<Vec2>, Cause> {
         let grid = self.grid()?;
         if grid.rows == 0 {
@@ -273,7 +277,7 @@ impl<'a> View<'a> {
         if grid.columns < 2 {
             return Err(self.wrong("points of two or three coordinates"));
         }
-        self.taken(grid.rows)?;
+        self.spend(grid.rows)?;
         (0..grid.rows)
             .map(|row| {
                 let (x, y) = (grid.at(row, 0), grid.at(row, 1));
@@ -285,7 +289,7 @@ impl<'a> View<'a> {
             .collect()
     }
 
-    /// One point: three or two numbers.
+    /// Returns one point from two or three numbers.
     pub(in crate::formats::scenarionet) fn point(&self) -> Result<Vec2, Cause> {
         let grid = self.grid()?;
         let (x, y) = match (grid.rows, grid.columns) {

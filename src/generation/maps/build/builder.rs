@@ -1,10 +1,10 @@
-//! The map that is being drawn, and its end as a layout.
+//! The map under construction, and its conversion to a layout.
 
 use super::connector::{Pose, connector};
 use super::ground::{edges, on_grid, union};
 use super::lanes::{Draft, LaneRef, Spec};
 use super::ring::ribbon;
-use super::{MARGIN, Profile, Station, Way};
+use super::{Direction, MARGIN, Profile, Station};
 use crate::generation::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
 use crate::geometry::{Polyline, Vec2};
 use crate::scene::{
@@ -12,7 +12,7 @@ use crate::scene::{
     Surface,
 };
 
-/// Collects what a map consists of.
+/// Builder that collects the parts of a map.
 #[derive(Clone, Debug, Default)]
 pub struct MapBuilder {
     lanes: Vec<Draft>,
@@ -31,7 +31,7 @@ pub struct MapBuilder {
     footways: Vec<Walk>,
 }
 
-/// A footway while the map is drawn.
+/// A footway under construction.
 #[derive(Clone, Debug)]
 struct Walk {
     points: Vec<Vec2>,
@@ -42,32 +42,32 @@ struct Walk {
 }
 
 impl MapBuilder {
-    /// An empty map.
+    /// Creates an empty map.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A lane along stations of a path, its centre and half its width given over the arc length. Lanes on the same stations have
-    /// points beside each other.
+    /// Adds a lane along stations of a path, with its centre and half its width given over the arc length.
+    /// Lanes on the same stations have corresponding points.
     pub fn strip(
         &mut self,
         spec: Spec,
         stations: &[Station],
         centre: &Profile,
         half: &Profile,
-        way: Way,
+        direction: Direction,
     ) -> LaneRef {
-        self.push(Draft::along(spec, stations, centre, half, way))
+        self.push(Draft::along(spec, stations, centre, half, direction))
     }
 
-    /// A lane along any points (at least two, none repeated) whose directions at the ends are given.
+    /// Adds a lane along arbitrary points (at least two, none repeated) with given directions at the ends.
     pub fn lane(&mut self, spec: Spec, points: Vec<Vec2>, half: f64, start: f64, end: f64) -> LaneRef {
         let (first, last) = (points[0], points[points.len() - 1]);
         self.push(Draft::free(spec, points, half, Pose::new(first, start), Pose::new(last, end)))
     }
 
-    /// A connector from the end of one lane to the start of another, linked with both, with ground under it; also the smallest
-    /// radius on it. Its half width is that of the narrower lane.
+    /// Adds a connector from the end of one lane to the start of another, linked with both, with ground
+    /// under it. Also returns its smallest radius. Its half width is that of the narrower lane.
     pub fn connect(&mut self, spec: Spec, from: LaneRef, to: LaneRef) -> (LaneRef, f64) {
         let (start, end) = (self.lanes[from.0].end, self.lanes[to.0].start);
         let half = self.lanes[from.0].half.min(self.lanes[to.0].half);
@@ -84,7 +84,7 @@ impl MapBuilder {
         LaneRef(self.lanes.len() - 1)
     }
 
-    /// Says that `to` begins where `from` ends.
+    /// Declares that `to` begins where `from` ends.
     pub fn link(&mut self, from: LaneRef, to: LaneRef) {
         if !self.lanes[from.0].successors.contains(&to.0) {
             self.lanes[from.0].successors.push(to.0);
@@ -92,14 +92,16 @@ impl MapBuilder {
         }
     }
 
-    /// Says that vehicles may change between two lanes of the same direction along all of them; they have as many points.
+    /// Declares that vehicles may change between two lanes of the same direction along their whole length;
+    /// both have the same number of points.
     pub fn beside(&mut self, left: LaneRef, right: LaneRef) {
         let last = |l: LaneRef| self.lanes[l.0].points.len() as u32 - 1;
         let (a, b) = (last(left), last(right));
         self.beside_between(left, (0, a), right, (0, b));
     }
 
-    /// Says that vehicles may change between two lanes of the same direction between these points (first and last) of each.
+    /// Declares that vehicles may change between two lanes of the same direction between these points
+    /// (first and last) of each.
     pub fn beside_between(&mut self, left: LaneRef, l: (u32, u32), right: LaneRef, r: (u32, u32)) {
         let parts = |me: (u32, u32), other: (u32, u32)| NeighborParts {
             lane: String::new(),
@@ -112,74 +114,75 @@ impl MapBuilder {
         self.lanes[right.0].left.push((left.0, parts(r, l)));
     }
 
-    /// Drivable ground: a ring, any orientation, not crossing itself.
+    /// Adds drivable ground: a ring of any orientation that does not cross itself.
     pub fn ground(&mut self, ring: Vec<Vec2>) {
         if ring.len() > 2 {
             self.surfaces.push(ring);
         }
     }
 
-    /// What is taken out of the ground: an island.
+    /// Removes an island from the ground.
     pub fn island(&mut self, ring: Vec<Vec2>) {
         self.islands.push(ring);
     }
 
-    /// The end of a road at the border of the map: no edge there.
+    /// Marks the end of a road at the border of the map, where there is no edge.
     pub fn gate(&mut self, a: Vec2, b: Vec2) {
         self.gates.push((a, b));
     }
 
-    /// A painted line (codes of [`RoadLine`]).
+    /// Adds a painted line (codes of [`RoadLine`]).
     pub fn paint(&mut self, paint: u8, points: Vec<Vec2>) {
         self.lines.push(RoadLine { paint, points });
     }
 
-    /// The outline of a junction.
+    /// Adds the outline of a junction.
     pub fn intersection(&mut self, ring: Vec<Vec2>) {
         self.intersections.push(ring);
     }
 
-    /// The outline of a driveway.
+    /// Adds the outline of a driveway.
     pub fn driveway(&mut self, ring: Vec<Vec2>) {
         self.driveways.push(Surface { outline: ring });
     }
 
-    /// A stop line at the beginning of a lane.
+    /// Adds a stop line at the beginning of a lane.
     pub fn stop(&mut self, kind: StopKind, lane: LaneRef) {
         self.stops.push((kind, lane.0, self.lanes[lane.0].points[0]));
     }
 
-    /// The light of a lane, which begins at the stop line.
+    /// Adds the light of a lane, which begins at the stop line.
     pub fn signal(&mut self, lane: LaneRef, phases: Vec<(LightState, f64)>) {
         self.signals.push((lane.0, phases));
     }
 
-    /// Says that vehicles on `lane` give way to those on the others.
+    /// Declares that vehicles on `lane` yield to those on the other lanes.
     pub fn priority(&mut self, lane: LaneRef, to: &[LaneRef], rule: RightOfWay) {
         self.priorities.push((lane.0, to.iter().map(|l| l.0).collect(), rule));
     }
 
-    /// Vehicles come into the map on this lane, so many an hour at density 1.
+    /// Adds an entry on this lane, with `flow` vehicles per hour at density 1.
     pub fn entry(&mut self, lane: LaneRef, flow: f64) {
         self.entries.push((lane.0, flow));
     }
 
-    /// A place for a parked vehicle.
+    /// Adds a place for a parked vehicle.
     pub fn park(&mut self, spot: ParkingSpot) {
         self.parking.push(spot);
     }
 
-    /// Takes away the parking spots that do not satisfy `keep`.
+    /// Removes the parking spots that do not satisfy `keep`.
     pub fn retain_parking(&mut self, keep: impl FnMut(&ParkingSpot) -> bool) {
         self.parking.retain(keep);
     }
 
-    /// A pavement.
+    /// Adds a pavement.
     pub fn footway(&mut self, points: Vec<Vec2>, width: f64) {
         self.walk(points, width, false, &[], &[]);
     }
 
-    /// Where people cross these lanes, and the controlled lanes for which they wait; its outline becomes a crosswalk of the map.
+    /// Adds a crossing of these lanes, with the controlled lanes for which people wait; its outline becomes
+    /// a crosswalk of the map.
     pub fn crossing(&mut self, points: Vec<Vec2>, width: f64, crosses: &[LaneRef], waits_for: &[LaneRef]) {
         self.crosswalks.push(Crosswalk { outline: ribbon(&points, 0.5 * width) });
         self.walk(points, width, true, crosses, waits_for);
@@ -197,32 +200,33 @@ impl MapBuilder {
         self.footways.push(Walk { points, width, crossing, crosses: ids(crosses), waits_for: ids(waits) });
     }
 
-    /// Where a lane begins.
+    /// Returns the start pose of a lane.
     pub fn start(&self, lane: LaneRef) -> Pose {
         self.lanes[lane.0].start
     }
 
-    /// Where a lane ends.
+    /// Returns the end pose of a lane.
     pub fn end(&self, lane: LaneRef) -> Pose {
         self.lanes[lane.0].end
     }
 
-    /// The points of a lane.
+    /// Returns the points of a lane.
     pub fn points(&self, lane: LaneRef) -> &[Vec2] {
         &self.lanes[lane.0].points
     }
 
-    /// Half the width of a lane at its narrower end, metres.
+    /// Returns half the width of a lane at its narrower end, metres.
     pub fn half_width(&self, lane: LaneRef) -> f64 {
         self.lanes[lane.0].half
     }
 
-    /// All lanes.
+    /// Returns all lanes.
     pub fn lanes(&self) -> impl Iterator<Item = LaneRef> + use<> {
         (0..self.lanes.len()).map(LaneRef)
     }
 
-    /// The lanes whose centre lines cross a line, or have points within `reach` metres of it: those that a crossing crosses.
+    /// Returns the lanes whose centre lines cross a line, or have points within `reach` metres of it: the
+    /// lanes that a crossing crosses.
     pub fn lanes_across(&self, line: &[Vec2], reach: f64) -> Vec<LaneRef> {
         let near = |p: Vec2| {
             line.windows(2).any(|w| crate::geometry::point_segment(p, w[0], w[1]).0 < reach * reach)
@@ -233,7 +237,8 @@ impl MapBuilder {
         self.lanes().filter(|l| hit(&self.lanes[l.0])).collect()
     }
 
-    /// The map as a layout: surfaces united, edges cut at the border, points on the grid, links by name.
+    /// Converts the map to a layout: unites surfaces, cuts edges at the border, moves points to the grid,
+    /// and links lanes by name.
     pub fn finish(mut self, kind: &str) -> Layout {
         let grid = |points: &[Vec2]| -> Vec<Vec2> { points.iter().copied().map(on_grid).collect() };
         let ground = union(&self.surfaces, &self.islands);
@@ -314,7 +319,8 @@ impl MapBuilder {
         }
     }
 
-    /// Linked lanes share their end points to the bit: values that differ in the last digits may have been rounded apart.
+    /// Makes linked lanes share their end points to the bit: values that differ in the last digits may have
+    /// been rounded apart.
     fn join_ends(&mut self) {
         loop {
             let mut changed = false;
@@ -327,7 +333,8 @@ impl MapBuilder {
                     if p == q || !near {
                         continue;
                     }
-                    // The smaller of the two in a fixed order, so that joints of several lanes agree in the end.
+                    // Take the smaller of the two in a fixed order, so that joints of several lanes agree
+                    // in the end.
                     let low = if (p.x, p.y) < (q.x, q.y) { p } else { q };
                     self.lanes[a].points[last] = low;
                     self.lanes[b].points[0] = low;
@@ -341,7 +348,7 @@ impl MapBuilder {
     }
 }
 
-/// The line, longer by 0.3 m at both ends: so the surfaces of successive lanes overlap.
+/// Returns the line extended by 0.3 m at both ends, so that the surfaces of successive lanes overlap.
 fn extended(points: &[Vec2]) -> Vec<Vec2> {
     let n = points.len();
     let mut out = points.to_vec();

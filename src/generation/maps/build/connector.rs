@@ -1,33 +1,34 @@
-//! Curves between two poses: the way of a vehicle through a junction or a driveway.
+//! Curves between two poses: paths of vehicles through junctions and driveways.
 
 use super::path::{Station, sampling_step};
 use crate::geometry::{Vec2, direction};
 
-/// The tightest turn that a connector may make, metres: about what a car does at full lock (outer kerb-to-kerb radius of 5.5 to 6 m).
-pub const TIGHTEST: f64 = 5.5;
+/// Minimum radius of a connector, metres: about that of a car at full lock (outer kerb-to-kerb radius of
+/// 5.5 to 6 m).
+pub const MIN_TURN_RADIUS: f64 = 5.5;
 
-/// A place with a direction.
+/// A position with a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Where, metres.
+    /// Position, metres.
     pub position: Vec2,
     /// Direction, radians.
     pub heading: f64,
 }
 
 impl Pose {
-    /// A pose.
+    /// Creates a pose.
     pub const fn new(position: Vec2, heading: f64) -> Self {
         Self { position, heading }
     }
 
-    /// The pose that looks the other way.
+    /// Returns the pose facing the opposite direction.
     #[must_use]
     pub fn reversed(self) -> Self {
         Self { heading: self.heading + std::f64::consts::PI, ..self }
     }
 
-    /// The pose so many metres ahead and so many metres to the left.
+    /// Returns the pose moved ahead and to the left by these distances, metres.
     #[must_use]
     pub fn moved(self, ahead: f64, left: f64) -> Self {
         let axis = direction(self.heading);
@@ -41,10 +42,12 @@ impl From<Station> for Pose {
     }
 }
 
-/// A curve from one pose to the other, along their directions and with no curvature at the ends, and the smallest radius on it, metres.
+/// Returns a curve from one pose to the other, tangent to both and with zero curvature at the ends, and its
+/// smallest radius, metres.
 ///
-/// It is the quintic Hermite curve whose sharpest bend is the mildest over a choice of tangent lengths. Points are at most 1 m
-/// apart where it is tighter than 25 m, otherwise as on other curves; the first and the last one are exactly those of the poses.
+/// It is the quintic Hermite curve with the smallest maximum curvature over a choice of tangent lengths.
+/// Points are at most 1 m apart where the curve is tighter than 25 m, otherwise as on other curves; the
+/// first and the last point are exactly those of the poses.
 pub fn connector(from: Pose, to: Pose) -> (Vec<Vec2>, f64) {
     let chord = (to.position - from.position).norm();
     let mut best = (f64::INFINITY, [Vec2::zeros(); 6]);
@@ -53,7 +56,7 @@ pub fn connector(from: Pose, to: Pose) -> (Vec<Vec2>, f64) {
             let curve =
                 hermite(from, to, chord * (0.7 + 0.15 * f64::from(i)), chord * (0.7 + 0.15 * f64::from(j)));
             let sharpest = (1..24).map(|n| curvature(&curve, f64::from(n) / 24.0)).fold(0.0, f64::max);
-            // Ties (straight connectors) go to the most even one.
+            // Ties (straight connectors) go to the most even tangent lengths.
             let uneven = f64::from((i - 2i32).abs() + (j - 2i32).abs());
             let cost = sharpest + 1e-6 * uneven;
             if cost < best.0 {
@@ -66,7 +69,7 @@ pub fn connector(from: Pose, to: Pose) -> (Vec<Vec2>, f64) {
     let length: f64 =
         (0..64).map(|n| (at(&curve, f64::from(n + 1) / 64.0) - at(&curve, f64::from(n) / 64.0)).norm()).sum();
     let step = if sharpest > 1.0 / 25.0 { 1.0 } else { sampling_step(sharpest) };
-    // Even in the parameter is not quite even in length.
+    // Even spacing in the parameter is not quite even in length.
     let count = (length / step * 1.3).ceil().max(2.0);
     let mut points = vec![from.position];
     points.extend((1..count as usize).map(|n| at(&curve, n as f64 / count)));
@@ -74,7 +77,8 @@ pub fn connector(from: Pose, to: Pose) -> (Vec<Vec2>, f64) {
     (points, if sharpest > 0.0 { 1.0 / sharpest } else { f64::INFINITY })
 }
 
-/// Coefficients of the quintic with tangents of these lengths and second derivatives of zero at the ends.
+/// Returns the coefficients of the quintic with tangents of these lengths and zero second derivatives at
+/// the ends.
 fn hermite(from: Pose, to: Pose, start: f64, end: f64) -> [Vec2; 6] {
     let (p, q) = (from.position, to.position);
     let (v, w) = (direction(from.heading) * start, direction(to.heading) * end);

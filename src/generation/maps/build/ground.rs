@@ -1,11 +1,11 @@
 //! The drivable ground: the union of surfaces, and the road edges around it.
 
-pub use crate::geometry::{GRID, on_grid, ring_area as area, union};
+pub use crate::geometry::{GRID_SPACING, on_grid, ring_area as area, union};
 use crate::geometry::{Polygon, Vec2, point_segment};
 use crate::scene::{RoadEdge, RoadEdgeKind};
 
-/// The rings of polygons as road edges: the drivable side lies on the left. Where a stretch of a ring lies on a gate, an end of a road
-/// at the border of the map, there is no edge.
+/// Converts the rings of polygons to road edges with the drivable side on the left. There is no edge where
+/// a stretch of a ring is on a gate, an end of a road at the border of the map.
 pub fn edges(polygons: &[Polygon], gates: &[(Vec2, Vec2)]) -> Vec<RoadEdge> {
     let mut out = Vec::new();
     for polygon in polygons {

@@ -1,41 +1,41 @@
-//! Lanes while a map is drawn.
+//! Lanes of a map under construction.
 
 use super::connector::Pose;
 use super::ring::ribbon;
-use super::{Profile, Station, Way};
+use super::{Direction, Profile, Station};
 use crate::geometry::Vec2;
 use crate::scene::{LaneClass, LaneKind, NeighborParts};
 
-/// A lane of a map that is being drawn.
+/// Reference to a lane of a map under construction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LaneRef(pub(super) usize);
 
-/// What a lane is, beside its form.
+/// Properties of a lane other than its geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spec {
-    /// Name, unique in the map.
+    /// Id, unique in the map.
     pub id: String,
     /// Lane proper or connector.
     pub kind: LaneKind,
-    /// What it is for.
+    /// Lane class.
     pub class: LaneClass,
     /// Speed limit, m/s.
     pub speed: f64,
 }
 
 impl Spec {
-    /// A lane proper.
+    /// Describes a lane proper.
     pub fn lane(id: impl Into<String>, class: LaneClass, speed: f64) -> Self {
         Self { id: id.into(), kind: LaneKind::Lane, class, speed }
     }
 
-    /// A lane that may overlap others: a way through a junction, a taper.
+    /// Describes a lane that may overlap others: a path through a junction, a taper.
     pub fn connector(id: impl Into<String>, class: LaneClass, speed: f64) -> Self {
         Self { kind: LaneKind::Connector, ..Self::lane(id, class, speed) }
     }
 }
 
-/// A lane with its form and links.
+/// A lane with its geometry and links.
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
     pub(super) spec: Spec,
@@ -51,13 +51,14 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// Along stations of a path, its centre and half its width given over the arc length.
+    /// Creates a lane along stations of a path, with its centre and half its width given over the arc
+    /// length.
     pub(super) fn along(
         spec: Spec,
         stations: &[Station],
         centre: &Profile,
         half: &Profile,
-        way: Way,
+        direction: Direction,
     ) -> Self {
         let mut points: Vec<Vec2> = stations.iter().map(|p| p.aside(centre.at(p.s))).collect();
         let mut ring: Vec<Vec2> = stations.iter().map(|p| p.aside(centre.at(p.s) - half.at(p.s))).collect();
@@ -65,14 +66,14 @@ impl Draft {
         let (first, last) = (stations[0], stations[stations.len() - 1]);
         let mut start = Pose::new(points[0], first.heading);
         let mut end = Pose::new(points[points.len() - 1], last.heading);
-        if way == Way::Backward {
+        if direction == Direction::Backward {
             points.reverse();
             (start, end) = (end.reversed(), start.reversed());
         }
         Self::new(spec, points, ring, half.at(first.s).min(half.at(last.s)), start, end)
     }
 
-    /// Along any points; the poses of its ends are given.
+    /// Creates a lane along arbitrary points, with given poses at its ends.
     pub(super) fn free(spec: Spec, points: Vec<Vec2>, half: f64, start: Pose, end: Pose) -> Self {
         let ring = ribbon(&points, half);
         Self::new(spec, points, ring, half, start, end)

@@ -1,9 +1,12 @@
-//! What maps are made of: reference lines, lanes along them, roads with a cross-section, connectors, drivable ground.
+//! Building blocks of maps: reference lines, lanes along them, roads with a cross-section, connectors,
+//! drivable ground.
 //!
-//! A map type draws its parameters, lays [`Road`]s and connectors into a [`MapBuilder`], says who goes first, and calls
-//! [`MapBuilder::finish`], which unites the surfaces, cuts edges at the border, and moves every point to a grid.
+//! A map type draws its parameters, lays [`Road`]s and connectors into a [`MapBuilder`], declares
+//! priorities, and calls [`MapBuilder::finish`], which unites the surfaces, cuts edges at the border, and
+//! moves every point to a grid.
 //!
-//! Angles are radians, lengths metres, speeds m/s. Offsets from a reference line are positive to its left; traffic keeps right.
+//! Angles are radians, lengths metres, speeds m/s. Offsets from a reference line are positive to its left;
+//! traffic keeps right.
 
 mod builder;
 mod connector;
@@ -17,20 +20,21 @@ mod road;
 mod tests;
 
 pub use builder::MapBuilder;
-pub use connector::{Pose, TIGHTEST, connector};
-pub use ground::{GRID, area, edges, on_grid, union};
+pub use connector::{MIN_TURN_RADIUS, Pose, connector};
+pub use ground::{GRID_SPACING, area, edges, on_grid, union};
 pub use lanes::{LaneRef, Spec};
 pub use path::{Path, Piece, Station, sampling_step};
 pub use profile::Profile;
 pub use ring::{fillet, ribbon};
-pub use road::{Median, Pavement, Road, RoadLanes, Section, Side, Way};
+pub use road::{Direction, Median, Pavement, Road, RoadLanes, Section, Side};
 
-/// Ground beside every lane at least, metres: gutters and shoulders, so that wheels beside the line are still on the road.
+/// Minimum width of ground on either side of every lane, metres: gutters and shoulders, so that wheels on
+/// the line are still on the road.
 pub const MARGIN: f64 = 0.5;
-/// How far the ground goes on beyond the ends of lanes at the border of the map, metres.
+/// Length of ground beyond the ends of lanes at the border of the map, metres.
 pub const OVERHANG: f64 = 8.0;
 
-/// Metres per second of miles per hour.
+/// Converts miles per hour to metres per second.
 pub fn mph(value: f64) -> f64 {
     value * 0.44704
 }

@@ -1,13 +1,13 @@
-//! Reference lines: straights, arcs and clothoids in a row.
+//! Reference lines: sequences of straights, arcs and clothoids.
 
 use crate::geometry::{Vec2, direction, left};
 
-/// A place on a curve.
+/// A point on a curve, with its direction and curvature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Station {
     /// Arc length from the start of the path, metres.
     pub s: f64,
-    /// Where it is, metres.
+    /// Position, metres.
     pub position: Vec2,
     /// Direction of the curve, radians.
     pub heading: f64,
@@ -16,13 +16,13 @@ pub struct Station {
 }
 
 impl Station {
-    /// The point `offset` metres to the left of the curve.
+    /// Returns the point `offset` metres to the left of the curve.
     pub fn aside(&self, offset: f64) -> Vec2 {
         self.position + left(direction(self.heading)) * offset
     }
 }
 
-/// A piece of a path: its curvature changes linearly, so it is a straight, an arc or a clothoid.
+/// A piece of a path whose curvature changes linearly: a straight, an arc or a clothoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// Length, metres, above 0.
@@ -34,18 +34,18 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// A straight.
+    /// Creates a straight.
     pub const fn straight(length: f64) -> Self {
         Self { length, from: 0.0, to: 0.0 }
     }
 
-    /// An arc.
+    /// Creates an arc.
     pub const fn arc(length: f64, curvature: f64) -> Self {
         Self { length, from: curvature, to: curvature }
     }
 
-    /// A bend by `angle` radians (left positive) of this radius at its middle: clothoid, arc, clothoid. A share of `easing` (above 0, up
-    /// to 1) of the angle is turned on the clothoids.
+    /// Creates a bend by `angle` radians (left positive) with this radius in its middle: clothoid, arc,
+    /// clothoid. The clothoids turn a share of `easing` (above 0, up to 1) of the angle.
     pub fn bend(angle: f64, radius: f64, easing: f64) -> [Self; 3] {
         let k = angle.signum() / radius;
         // A clothoid of length l turns by l k / 2.
@@ -59,17 +59,18 @@ impl Piece {
     }
 }
 
-/// Below this curvature a line counts as straight, 1/m.
-const STRAIGHT: f64 = 1e-4;
-/// Above this curvature points are 1 m apart: lanes beside the reference line are bent up to a radius of 25 m, 1/m.
-const TIGHT: f64 = 1.0 / 45.0;
+/// Curvature, 1/m, below which a line counts as straight.
+const STRAIGHT_CURVATURE: f64 = 1e-4;
+/// Curvature, 1/m, above which points are 1 m apart: lanes next to the reference line have radii down to 25
+/// m.
+const TIGHT_CURVATURE: f64 = 1.0 / 45.0;
 
-/// Distance of the points that represent a curve, metres.
+/// Returns the distance between the points that represent a curve, metres.
 pub fn sampling_step(curvature: f64) -> f64 {
     let k = curvature.abs();
-    if k < STRAIGHT {
+    if k < STRAIGHT_CURVATURE {
         5.0
-    } else if k < TIGHT {
+    } else if k < TIGHT_CURVATURE {
         2.0
     } else {
         1.0
@@ -80,12 +81,12 @@ pub fn sampling_step(curvature: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Path {
     stations: Vec<Station>,
-    /// Per interval between stations: curvature at its start and change of curvature per metre.
+    /// Per interval between stations: curvature at its start, and change of curvature per metre.
     bends: Vec<(f64, f64)>,
 }
 
 impl Path {
-    /// The pieces one after the other, from (0, 0) along the x axis. At least one piece.
+    /// Joins the pieces, from (0, 0) along the x axis. At least one piece.
     pub fn new(pieces: &[Piece]) -> Self {
         let first = pieces.first().map_or(0.0, |p| p.from);
         let mut last = Station { s: 0.0, position: Vec2::zeros(), heading: 0.0, curvature: first };
@@ -104,12 +105,12 @@ impl Path {
         Self { stations, bends }
     }
 
-    /// A straight of this length.
+    /// Creates a straight of this length.
     pub fn straight(length: f64) -> Self {
         Self::new(&[Piece::straight(length)])
     }
 
-    /// The path turned and moved so that it passes `position` with `heading` at arc length `s`.
+    /// Rotates and moves the path so that it passes `position` with `heading` at arc length `s`.
     pub fn placed(mut self, s: f64, position: Vec2, heading: f64) -> Self {
         let at = self.at(s);
         let turn = heading - at.heading;
@@ -122,12 +123,12 @@ impl Path {
         self
     }
 
-    /// Length, metres.
+    /// Returns the length, metres.
     pub fn length(&self) -> f64 {
         self.stations[self.stations.len() - 1].s
     }
 
-    /// The place at arc length `s`; beyond the ends the path goes on straight.
+    /// Returns the station at arc length `s`; the path is extended straight beyond its ends.
     pub fn at(&self, s: f64) -> Station {
         let last = self.stations.len() - 1;
         if s <= 0.0 || s >= self.length() {
@@ -141,7 +142,8 @@ impl Path {
         if s == a.s { *a } else { advanced(a, s - a.s, curvature, rate) }
     }
 
-    /// The places that represent the path from `from` to `to`, both included, at most `longest` metres apart.
+    /// Returns the stations that represent the path from `from` to `to`, both included, at most `longest`
+    /// metres apart.
     pub fn stations(&self, from: f64, to: f64, longest: f64) -> Vec<Station> {
         let inner = self.stations.iter().filter(|p| p.s > from + 0.3 && p.s < to - 0.3);
         let mut out: Vec<Station> = vec![self.at(from)];
@@ -156,7 +158,7 @@ impl Path {
         out
     }
 
-    /// Arc length of the place nearest to a point, metres, within the path.
+    /// Returns the arc length of the point on the path nearest to `p`, metres.
     pub fn nearest(&self, p: Vec2) -> f64 {
         let mut best = (f64::INFINITY, 0.0);
         for pair in self.stations.windows(2) {
@@ -169,8 +171,9 @@ impl Path {
     }
 }
 
-/// The place `ds` metres on, while the curvature, at first the one given, changes by `rate` per metre: three Gauss points, whose error over
-/// the steps of a path is far below the grid of maps.
+/// Returns the station `ds` metres further, where the curvature starts at the given value and changes by
+/// `rate` per metre: integration with three Gauss points, whose error over the steps of a path is far below
+/// the grid of maps.
 fn advanced(from: &Station, ds: f64, curvature: f64, rate: f64) -> Station {
     const NODE: f64 = 0.774_596_669_241_483_4;
     let heading = |u: f64| from.heading + u * (curvature + 0.5 * rate * u);

@@ -1,8 +1,9 @@
-//! Values that change smoothly along a road: offsets and widths.
+//! Offsets and widths that change smoothly along a road.
 
 use crate::geometry::smooth_step;
 
-/// A value along a path: constant but for smooth transitions, which have neither a kink nor a jump of curvature.
+/// A value along a path: constant except for smooth transitions, which have neither a kink nor a jump of
+/// curvature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     start: f64,
@@ -10,19 +11,20 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// The same value everywhere.
+    /// Creates a constant profile.
     pub const fn flat(value: f64) -> Self {
         Self { start: value, changes: Vec::new() }
     }
 
-    /// Then, from `from` to `to` metres along the path, to another value. Transitions follow one another.
+    /// Adds a transition to another value from `from` to `to` metres along the path. Transitions must
+    /// follow one another.
     #[must_use]
     pub fn then(mut self, from: f64, to: f64, value: f64) -> Self {
         self.changes.push((from, to, value));
         self
     }
 
-    /// The value at `s`.
+    /// Returns the value at `s`.
     pub fn at(&self, s: f64) -> f64 {
         let mut value = self.start;
         for &(from, to, next) in &self.changes {
@@ -31,14 +33,14 @@ impl Profile {
         value
     }
 
-    /// The profile moved by a constant.
+    /// Returns the profile shifted by a constant.
     #[must_use]
     pub fn plus(&self, by: f64) -> Self {
         let changes = self.changes.iter().map(|&(a, b, v)| (a, b, v + by)).collect();
         Self { start: self.start + by, changes }
     }
 
-    /// Whether it changes somewhere between the two places.
+    /// Whether the value changes somewhere between the two arc lengths.
     pub fn changes_within(&self, from: f64, to: f64) -> bool {
         self.changes.iter().any(|&(a, b, _)| a < to && b > from)
     }

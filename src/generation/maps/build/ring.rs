@@ -1,8 +1,8 @@
-//! Outlines around lines and in corners.
+//! Outlines of lines and corners.
 
 use crate::geometry::{Vec2, left};
 
-/// The directions of a polyline at its points: those of the ends are those of the end segments.
+/// Returns the directions of a polyline at its points; at the ends, those of the end segments.
 fn tangents(points: &[Vec2]) -> Vec<Vec2> {
     let last = points.len() - 1;
     (0..points.len())
@@ -13,12 +13,13 @@ fn tangents(points: &[Vec2]) -> Vec<Vec2> {
         .collect()
 }
 
-/// The line moved to the left by `offset` metres.
+/// Returns the line shifted to the left by `offset` metres.
 pub(super) fn beside(points: &[Vec2], offset: f64) -> Vec<Vec2> {
     points.iter().zip(tangents(points)).map(|(&p, t)| p + left(t) * offset).collect()
 }
 
-/// The ring around a line at this distance, with flat ends; counter-clockwise. At least two points, no repeated ones.
+/// Returns the ring at distance `half` around a line, with flat ends, counter-clockwise. At least two
+/// points, none repeated.
 pub fn ribbon(points: &[Vec2], half: f64) -> Vec<Vec2> {
     let mut ring = beside(points, -half);
     let mut back = beside(points, half);
@@ -27,16 +28,17 @@ pub fn ribbon(points: &[Vec2], half: f64) -> Vec<Vec2> {
     ring
 }
 
-/// The surface between two edges that meet at `corner` and an arc of this radius that touches both: a kerb return.
+/// Returns the surface between two edges that meet at `corner` and an arc of this radius tangent to both: a
+/// kerb return.
 ///
-/// `along` and `other` are unit vectors from the corner along the edges. Empty where they are nearly parallel.
+/// `along` and `other` are unit vectors from the corner along the edges. Empty if they are nearly parallel.
 pub fn fillet(corner: Vec2, along: Vec2, other: Vec2, radius: f64) -> Vec<Vec2> {
     let cos = along.dot(&other).clamp(-1.0, 1.0);
     let middle = along + other;
     if cos.abs() > 0.98 || middle.norm() < 1e-6 {
         return Vec::new();
     }
-    // Half of the angle at the corner: its tangent from the cosine of the whole.
+    // Tangent of half the angle at the corner, from the cosine of the angle.
     let tan_half = ((1.0 - cos) / (1.0 + cos)).sqrt();
     let sin_half = ((1.0 - cos) / 2.0).sqrt();
     let reach = radius / tan_half;
@@ -45,7 +47,7 @@ pub fn fillet(corner: Vec2, along: Vec2, other: Vec2, radius: f64) -> Vec<Vec2> 
     let mut ring = vec![corner, corner + along * reach];
     const PARTS: usize = 8;
     for i in 1..PARTS {
-        // Points between the ends of the arc, even enough: normalised mixtures of its two radii.
+        // Points on the arc, spaced evenly enough: normalised blends of its two radii.
         let u = i as f64 / PARTS as f64;
         let d = a * (1.0 - u) + b * u;
         ring.push(centre + d / d.norm() * radius);

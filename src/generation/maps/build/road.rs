@@ -8,17 +8,17 @@ use crate::geometry::Vec2;
 use crate::rollout::Stream;
 use crate::scene::LaneClass;
 
-/// A direction along a path.
+/// A direction of travel along a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
-    /// With it: on the right of its middle.
+pub enum Direction {
+    /// With the path, on the right of its middle.
     Forward,
-    /// Against it: on the left.
+    /// Against the path, on the left of its middle.
     Backward,
 }
 
-impl Way {
-    /// The sign of offsets on this side: negative to the right.
+impl Direction {
+    /// Returns the sign of offsets on this side: negative to the right.
     fn sign(self) -> f64 {
         match self {
             Self::Forward => -1.0,
@@ -30,77 +30,81 @@ impl Way {
 /// A pavement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pavement {
-    /// From the kerb to it, metres.
+    /// Distance from the kerb, metres.
     pub verge: f64,
-    /// Its width, metres.
+    /// Width, metres.
     pub width: f64,
 }
 
-/// One direction of a road, from the middle outwards: lanes, bicycle lane, parking strip, shoulder, pavement.
+/// One direction of a road, from the middle outwards: lanes, bicycle lane, parking strip, shoulder,
+/// pavement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
     /// Number of lanes.
     pub lanes: usize,
-    /// Width of each, metres.
+    /// Width of each lane, metres.
     pub lane_width: f64,
     /// Width of a bicycle lane, metres.
     pub bike: Option<f64>,
     /// Width of a parking strip, metres.
     pub parking: Option<f64>,
-    /// From the outermost of these to the edge of the ground, metres; at least [`super::MARGIN`].
+    /// Distance from the outermost of these to the edge of the ground, metres; at least [`super::MARGIN`].
     pub shoulder: f64,
     /// A pavement.
     pub pavement: Option<Pavement>,
 }
 
 impl Side {
-    /// Lanes and a gutter, nothing else.
+    /// Creates a side with lanes and a gutter only.
     pub const fn plain(lanes: usize, lane_width: f64) -> Self {
         Self { lanes, lane_width, bike: None, parking: None, shoulder: 0.6, pavement: None }
     }
 }
 
-/// What lies between the directions.
+/// Space between the directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Median {
-    /// From lane to lane, metres: of raised medians more than two shoulders. Of no meaning for one-way roads.
+    /// Distance between the innermost lanes of both directions, metres; for raised medians more than two
+    /// shoulders. Ignored for one-way roads.
     pub width: f64,
-    /// Ground beside the innermost lanes of roads with a raised median and of one-way roads, metres, at least [`super::MARGIN`].
+    /// Width of the ground next to the innermost lanes of roads with a raised median and of one-way roads,
+    /// metres, at least [`super::MARGIN`].
     pub shoulder: f64,
-    /// Whether it is an island, not paint.
+    /// Whether the median is an island rather than paint.
     pub raised: bool,
 }
 
 /// A cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// What its lanes are for (bicycle lanes apart).
+    /// Class of the lanes (other than bicycle lanes).
     pub class: LaneClass,
     /// Speed limit, m/s.
     pub speed: f64,
     /// Lanes along the path.
     pub forward: Side,
-    /// Lanes against it, of two-way roads.
+    /// Lanes against the path, on two-way roads.
     pub backward: Option<Side>,
-    /// Between the directions; of one-way roads on the left of the lanes, which begin at the reference line.
+    /// Space between the directions; for one-way roads, on the left of the lanes, which begin at the
+    /// reference line.
     pub median: Median,
 }
 
 /// The lanes of a stretch of road, from the middle outwards.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RoadLanes {
-    /// Along the path.
+    /// Lanes along the path.
     pub forward: Vec<LaneRef>,
-    /// Against it.
+    /// Lanes against the path.
     pub backward: Vec<LaneRef>,
     /// The bicycle lane along the path.
     pub forward_bike: Option<LaneRef>,
-    /// The bicycle lane against it.
+    /// The bicycle lane against the path.
     pub backward_bike: Option<LaneRef>,
 }
 
 impl RoadLanes {
-    /// Links the lanes of successive stretches, by number from the middle outwards, where both have them.
+    /// Links the lanes of successive stretches, by index from the middle outwards, where both exist.
     pub fn link(&self, b: &mut MapBuilder, next: &Self) {
         for (&here, &there) in self.forward.iter().zip(&next.forward) {
             b.link(here, there);
@@ -116,35 +120,39 @@ impl RoadLanes {
         }
     }
 
-    /// The lanes of a direction, from the middle outwards.
-    pub fn of(&self, way: Way) -> &[LaneRef] {
-        match way {
-            Way::Forward => &self.forward,
-            Way::Backward => &self.backward,
+    /// Returns the lanes of a direction, from the middle outwards.
+    pub fn of(&self, direction: Direction) -> &[LaneRef] {
+        match direction {
+            Direction::Forward => &self.forward,
+            Direction::Backward => &self.backward,
         }
     }
 
-    /// The bicycle lane of a direction.
-    pub fn bike_of(&self, way: Way) -> Option<LaneRef> {
-        match way {
-            Way::Forward => self.forward_bike,
-            Way::Backward => self.backward_bike,
+    /// Returns the bicycle lane of a direction.
+    pub fn bike_of(&self, direction: Direction) -> Option<LaneRef> {
+        match direction {
+            Direction::Forward => self.forward_bike,
+            Direction::Backward => self.backward_bike,
         }
     }
 }
 
-/// Codes of paint.
+/// Paint code of a broken white line.
 const BROKEN_WHITE: u8 = 1;
+/// Paint code of a solid white line.
 const SOLID_WHITE: u8 = 2;
+/// Paint code of a solid yellow line.
 const SOLID_YELLOW: u8 = 6;
+/// Paint code of a double yellow line.
 const DOUBLE_YELLOW: u8 = 7;
-/// Longest distance of points on lanes, metres, and where offsets change.
-const LONGEST: f64 = 5.0;
-const TAPER: f64 = 2.0;
-/// Cyclists are not held to more than this, m/s.
-const BIKE_SPEED: f64 = 8.0;
-/// How far parked vehicles stand from the lane and from the kerb, metres.
-const PARKED_CLEAR: f64 = 0.3;
+/// Maximum distance between points on lanes, metres.
+const MAX_POINT_SPACING: f64 = 5.0;
+/// Maximum distance between points where offsets change, metres.
+const TAPER_POINT_SPACING: f64 = 2.0;
+/// Upper bound of the speed limit of bicycle lanes, m/s.
+const BIKE_SPEED_LIMIT: f64 = 8.0;
+/// Distance of parked vehicles from the lane and from the kerb, metres.
+const PARKED_CLEARANCE: f64 = 0.3;
 
 /// A reference line with a cross-section.
 #[derive(Clone, Debug)]
@@ -156,146 +164,153 @@ pub struct Road {
 }
 
 impl Road {
-    /// A road.
+    /// Creates a road.
     pub const fn new(path: Path, section: Section) -> Self {
         Self { path, section }
     }
 
-    fn side(&self, way: Way) -> Option<&Side> {
-        match way {
-            Way::Forward => Some(&self.section.forward),
-            Way::Backward => self.section.backward.as_ref(),
+    fn side(&self, direction: Direction) -> Option<&Side> {
+        match direction {
+            Direction::Forward => Some(&self.section.forward),
+            Direction::Backward => self.section.backward.as_ref(),
         }
     }
 
-    /// The two directions, where there are lanes.
-    pub fn ways(&self) -> impl Iterator<Item = Way> + use<> {
+    /// Returns the directions that have lanes.
+    pub fn directions(&self) -> impl Iterator<Item = Direction> + use<> {
         let two = self.section.backward.is_some();
-        [Way::Forward, Way::Backward].into_iter().filter(move |&w| two || w == Way::Forward)
+        [Direction::Forward, Direction::Backward].into_iter().filter(move |&w| two || w == Direction::Forward)
     }
 
-    /// Offset of the inner border of a direction's lanes.
-    fn inner(&self, way: Way) -> f64 {
-        if self.section.backward.is_some() { way.sign() * 0.5 * self.section.median.width } else { 0.0 }
+    /// Returns the offset of the inner border of a direction's lanes.
+    fn inner(&self, direction: Direction) -> f64 {
+        if self.section.backward.is_some() { direction.sign() * 0.5 * self.section.median.width } else { 0.0 }
     }
 
-    /// Offset of the middle of lane `i` (0 is the innermost).
-    pub fn lane_offset(&self, way: Way, i: usize) -> f64 {
-        let width = self.side(way).map_or(0.0, |s| s.lane_width);
-        self.inner(way) + way.sign() * width * (i as f64 + 0.5)
+    /// Returns the offset of the centre of lane `i` (0 is the innermost).
+    pub fn lane_offset(&self, direction: Direction, i: usize) -> f64 {
+        let width = self.side(direction).map_or(0.0, |s| s.lane_width);
+        self.inner(direction) + direction.sign() * width * (i as f64 + 0.5)
     }
 
-    /// Offset of the outer border of the lanes, without bicycle lane and parking strip.
-    pub fn lanes_edge(&self, way: Way) -> f64 {
-        let width = self.side(way).map_or(0.0, |s| s.lane_width * s.lanes as f64);
-        self.inner(way) + way.sign() * width
+    /// Returns the offset of the outer border of the lanes, without bicycle lane and parking strip.
+    pub fn lanes_edge(&self, direction: Direction) -> f64 {
+        let width = self.side(direction).map_or(0.0, |s| s.lane_width * s.lanes as f64);
+        self.inner(direction) + direction.sign() * width
     }
 
-    /// Offset of the middle of the bicycle lane, as if there were one.
-    pub fn bike_offset(&self, way: Way) -> f64 {
-        self.lanes_edge(way) + way.sign() * 0.5 * self.side(way).and_then(|s| s.bike).unwrap_or(0.0)
+    /// Returns the offset of the centre of the bicycle lane; of a lane without width if there is none.
+    pub fn bike_offset(&self, direction: Direction) -> f64 {
+        self.lanes_edge(direction)
+            + direction.sign() * 0.5 * self.side(direction).and_then(|s| s.bike).unwrap_or(0.0)
     }
 
-    /// Offset of the inner border of the parking strip, as if there were one.
-    pub fn parking_edge(&self, way: Way) -> f64 {
-        self.lanes_edge(way) + way.sign() * self.side(way).and_then(|s| s.bike).unwrap_or(0.0)
+    /// Returns the offset of the inner border of the parking strip; of a strip without width if there is
+    /// none.
+    pub fn parking_edge(&self, direction: Direction) -> f64 {
+        self.lanes_edge(direction)
+            + direction.sign() * self.side(direction).and_then(|s| s.bike).unwrap_or(0.0)
     }
 
-    /// Offset of the edge of the ground.
-    pub fn kerb(&self, way: Way) -> f64 {
-        match self.side(way) {
-            Some(side) => self.parking_edge(way) + way.sign() * (side.parking.unwrap_or(0.0) + side.shoulder),
+    /// Returns the offset of the edge of the ground.
+    pub fn kerb(&self, direction: Direction) -> f64 {
+        match self.side(direction) {
+            Some(side) => {
+                self.parking_edge(direction)
+                    + direction.sign() * (side.parking.unwrap_or(0.0) + side.shoulder)
+            }
             None => self.section.median.shoulder,
         }
     }
 
-    /// Offset of the middle of the pavement, as if there were one.
-    pub fn pavement_offset(&self, way: Way) -> f64 {
-        let beyond = self.side(way).and_then(|s| s.pavement).map_or(0.0, |p| p.verge + 0.5 * p.width);
-        self.kerb(way) + way.sign() * beyond
+    /// Returns the offset of the centre of the pavement; that of the kerb if there is none.
+    pub fn pavement_offset(&self, direction: Direction) -> f64 {
+        let beyond = self.side(direction).and_then(|s| s.pavement).map_or(0.0, |p| p.verge + 0.5 * p.width);
+        self.kerb(direction) + direction.sign() * beyond
     }
 
-    /// Half the width of the lanes of a direction, metres.
-    pub fn lane_half(&self, way: Way) -> f64 {
-        self.side(way).map_or(0.0, |s| 0.5 * s.lane_width)
+    /// Returns half the width of the lanes of a direction, metres.
+    pub fn lane_half(&self, direction: Direction) -> f64 {
+        self.side(direction).map_or(0.0, |s| 0.5 * s.lane_width)
     }
 
-    /// The places of the path that the lanes from `from` to `to` have points at.
+    /// Returns the stations at which the lanes from `from` to `to` have points.
     pub fn stations(&self, from: f64, to: f64) -> Vec<Station> {
-        self.path.stations(from, to, LONGEST)
+        self.path.stations(from, to, MAX_POINT_SPACING)
     }
 
-    /// The same, dense enough for offsets that change.
+    /// Returns the same stations, dense enough for changing offsets.
     pub fn taper_stations(&self, from: f64, to: f64) -> Vec<Station> {
-        self.path.stations(from, to, TAPER)
+        self.path.stations(from, to, TAPER_POINT_SPACING)
     }
 
-    /// A line beside the path, in driving direction of `way`.
-    pub fn line(&self, way: Way, offset: impl Into<Profile>, from: f64, to: f64) -> Vec<Vec2> {
+    /// Returns a line at an offset from the path, in the driving direction.
+    pub fn line(&self, direction: Direction, offset: impl Into<Profile>, from: f64, to: f64) -> Vec<Vec2> {
         let offset = offset.into();
-        let longest = if offset.changes_within(from, to) { TAPER } else { LONGEST };
+        let longest = if offset.changes_within(from, to) { TAPER_POINT_SPACING } else { MAX_POINT_SPACING };
         let stations = self.path.stations(from, to, longest);
         let mut points: Vec<Vec2> = stations.iter().map(|p| p.aside(offset.at(p.s))).collect();
-        if way == Way::Backward {
+        if direction == Direction::Backward {
             points.reverse();
         }
         points
     }
 
-    /// Lanes, ground, paint and pavements from `from` to `to` metres along the path, where the road is open to the border of the map at
-    /// its start or end. Lane ids begin with `name`.
+    /// Lays lanes, ground, paint and pavements from `from` to `to` metres along the path. `border` tells
+    /// whether the start and the end are at the border of the map. Lane ids begin with `name`.
     pub fn lay(&self, b: &mut MapBuilder, name: &str, from: f64, to: f64, border: (bool, bool)) -> RoadLanes {
         let lanes = self.lanes(b, name, from, to);
         self.surface(b, from, to, border);
         self.lines(b, from, to);
-        for way in self.ways() {
-            self.pavement(b, way, from, to);
+        for direction in self.directions() {
+            self.pavement(b, direction, from, to);
         }
         lanes
     }
 
-    /// The lanes from `from` to `to`, neighbours of one another in each direction. Their ids are `name`, `-f` or `-b` for the
-    /// direction, and a number from the middle outwards or `bike`.
+    /// Lays the lanes from `from` to `to`, as neighbours of one another within each direction. Their ids
+    /// are `name`, `-f` or `-b` for the direction, and an index from the middle outwards or `bike`.
     pub fn lanes(&self, b: &mut MapBuilder, name: &str, from: f64, to: f64) -> RoadLanes {
         let stations = self.stations(from, to);
         let mut out = RoadLanes::default();
-        for way in self.ways() {
-            let Some(side) = self.side(way) else { continue };
-            let letter = if way == Way::Forward { "f" } else { "b" };
+        for direction in self.directions() {
+            let Some(side) = self.side(direction) else { continue };
+            let letter = if direction == Direction::Forward { "f" } else { "b" };
             let half = Profile::flat(0.5 * side.lane_width);
             let lanes: Vec<LaneRef> = (0..side.lanes)
                 .map(|i| {
                     let spec =
                         Spec::lane(format!("{name}-{letter}{i}"), self.section.class, self.section.speed);
-                    b.strip(spec, &stations, &Profile::flat(self.lane_offset(way, i)), &half, way)
+                    b.strip(spec, &stations, &Profile::flat(self.lane_offset(direction, i)), &half, direction)
                 })
                 .collect();
             for pair in lanes.windows(2) {
                 b.beside(pair[0], pair[1]);
             }
             let bike = side.bike.map(|width| {
-                let speed = BIKE_SPEED.min(self.section.speed);
+                let speed = BIKE_SPEED_LIMIT.min(self.section.speed);
                 let spec = Spec::lane(format!("{name}-{letter}bike"), LaneClass::Bike, speed);
                 b.strip(
                     spec,
                     &stations,
-                    &Profile::flat(self.bike_offset(way)),
+                    &Profile::flat(self.bike_offset(direction)),
                     &Profile::flat(0.5 * width),
-                    way,
+                    direction,
                 )
             });
-            match way {
-                Way::Forward => (out.forward, out.forward_bike) = (lanes, bike),
-                Way::Backward => (out.backward, out.backward_bike) = (lanes, bike),
+            match direction {
+                Direction::Forward => (out.forward, out.forward_bike) = (lanes, bike),
+                Direction::Backward => (out.backward, out.backward_bike) = (lanes, bike),
             }
         }
         out
     }
 
-    /// The ground from `from` to `to`; at the border it goes on for [`OVERHANG`], and the edge is open there. Elsewhere it goes on for
-    /// 0.3 m, so that the surfaces of successive stretches overlap.
+    /// Lays the ground from `from` to `to`. At the border of the map it continues for [`OVERHANG`] without
+    /// an edge at its end; elsewhere it continues for 0.3 m, so that the surfaces of successive stretches
+    /// overlap.
     pub fn surface(&self, b: &mut MapBuilder, from: f64, to: f64, border: (bool, bool)) {
-        let (right, left) = (self.kerb(Way::Forward), self.kerb(Way::Backward));
+        let (right, left) = (self.kerb(Direction::Forward), self.kerb(Direction::Backward));
         let median = self.section.median;
         if self.section.backward.is_some() && median.raised {
             let half = 0.5 * median.width - median.shoulder;
@@ -306,12 +321,13 @@ impl Road {
         }
     }
 
-    /// Ground between two offsets (right, left), as in [`Self::surface`].
+    /// Lays ground between two offsets (right, left), as in [`Self::surface`].
     pub fn slab(&self, b: &mut MapBuilder, offsets: (f64, f64), from: f64, to: f64, border: (bool, bool)) {
         self.band(b, &offsets.0.into(), &offsets.1.into(), from, to, border);
     }
 
-    /// Ground between two edges (right, left) whose offsets change along the road, as in [`Self::surface`].
+    /// Lays ground between two edges (right, left) whose offsets change along the road, as in
+    /// [`Self::surface`].
     pub fn band(
         &self,
         b: &mut MapBuilder,
@@ -336,60 +352,62 @@ impl Road {
         }
     }
 
-    /// Lane lines, the line in the middle, and edge lines where there is a bicycle lane, a parking strip or a motorway.
+    /// Paints lane lines, the centre line, and edge lines along bicycle lanes, parking strips and on
+    /// motorways.
     pub fn lines(&self, b: &mut MapBuilder, from: f64, to: f64) {
         self.inner_lines(b, from, to);
-        if let Some(edge) = self.edge_paint(Way::Forward) {
-            b.paint(edge, self.line(Way::Forward, self.lanes_edge(Way::Forward), from, to));
+        if let Some(edge) = self.edge_paint(Direction::Forward) {
+            b.paint(edge, self.line(Direction::Forward, self.lanes_edge(Direction::Forward), from, to));
         }
     }
 
-    /// The paint at the outer border of a direction's lanes.
-    fn edge_paint(&self, way: Way) -> Option<u8> {
-        let side = self.side(way)?;
+    /// Returns the paint at the outer border of a direction's lanes.
+    fn edge_paint(&self, direction: Direction) -> Option<u8> {
+        let side = self.side(direction)?;
         let freeway = self.section.class == LaneClass::Freeway;
         (side.bike.is_some() || side.parking.is_some() || freeway).then_some(SOLID_WHITE)
     }
 
-    /// As [`Self::lines`], but without the edge line on the right of the lanes along the path, for roads whose edge changes.
+    /// As [`Self::lines`], but without the edge line on the right of the lanes along the path, for roads
+    /// whose edge changes.
     pub fn inner_lines(&self, b: &mut MapBuilder, from: f64, to: f64) {
         let two_way = self.section.backward.is_some();
         let wide = self.section.median.width > 0.8;
         if two_way && !wide {
-            b.paint(DOUBLE_YELLOW, self.line(Way::Forward, 0.0, from, to));
+            b.paint(DOUBLE_YELLOW, self.line(Direction::Forward, 0.0, from, to));
         }
-        for way in self.ways() {
-            let Some(side) = self.side(way) else { continue };
+        for direction in self.directions() {
+            let Some(side) = self.side(direction) else { continue };
             if !two_way || wide {
-                b.paint(SOLID_YELLOW, self.line(way, self.inner(way), from, to));
+                b.paint(SOLID_YELLOW, self.line(direction, self.inner(direction), from, to));
             }
             for i in 1..side.lanes {
-                let between = 0.5 * (self.lane_offset(way, i - 1) + self.lane_offset(way, i));
-                b.paint(BROKEN_WHITE, self.line(way, between, from, to));
+                let between = 0.5 * (self.lane_offset(direction, i - 1) + self.lane_offset(direction, i));
+                b.paint(BROKEN_WHITE, self.line(direction, between, from, to));
             }
-            if way == Way::Backward
-                && let Some(edge) = self.edge_paint(way)
+            if direction == Direction::Backward
+                && let Some(edge) = self.edge_paint(direction)
             {
-                b.paint(edge, self.line(way, self.lanes_edge(way), from, to));
+                b.paint(edge, self.line(direction, self.lanes_edge(direction), from, to));
             }
             if side.bike.is_some() && side.parking.is_some() {
-                b.paint(SOLID_WHITE, self.line(way, self.parking_edge(way), from, to));
+                b.paint(SOLID_WHITE, self.line(direction, self.parking_edge(direction), from, to));
             }
         }
     }
 
-    /// The pavement of a side from `from` to `to`, where there is one.
-    pub fn pavement(&self, b: &mut MapBuilder, way: Way, from: f64, to: f64) {
-        if let Some(pavement) = self.side(way).and_then(|s| s.pavement) {
-            b.footway(self.line(way, self.pavement_offset(way), from, to), pavement.width);
+    /// Adds the pavement of a side from `from` to `to`, if there is one.
+    pub fn pavement(&self, b: &mut MapBuilder, direction: Direction, from: f64, to: f64) {
+        if let Some(pavement) = self.side(direction).and_then(|s| s.pavement) {
+            b.footway(self.line(direction, self.pavement_offset(direction), from, to), pavement.width);
         }
     }
 
-    /// Places for parked vehicles on the parking strip of a side from `from` to `to`, one behind the other.
-    pub fn parking(&self, b: &mut MapBuilder, rng: &mut Stream, way: Way, from: f64, to: f64) {
-        let Some(strip) = self.side(way).and_then(|s| s.parking) else { return };
-        let width = strip - 2.0 * PARKED_CLEAR;
-        let offset = self.parking_edge(way) + way.sign() * 0.5 * strip;
+    /// Adds parking spots on the parking strip of a side from `from` to `to`, one behind the other.
+    pub fn parking(&self, b: &mut MapBuilder, rng: &mut Stream, direction: Direction, from: f64, to: f64) {
+        let Some(strip) = self.side(direction).and_then(|s| s.parking) else { return };
+        let width = strip - 2.0 * PARKED_CLEARANCE;
+        let offset = self.parking_edge(direction) + direction.sign() * 0.5 * strip;
         let mut s = from;
         loop {
             let length = rng.uniform(6.0, 7.0);
@@ -397,7 +415,8 @@ impl Road {
                 return;
             }
             let at = self.path.at(s + 0.5 * length);
-            let heading = if way == Way::Forward { at.heading } else { at.heading + std::f64::consts::PI };
+            let heading =
+                if direction == Direction::Forward { at.heading } else { at.heading + std::f64::consts::PI };
             b.park(ParkingSpot { position: at.aside(offset), heading, length: length - 0.7, width });
             s += length;
         }

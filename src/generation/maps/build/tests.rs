@@ -1,4 +1,4 @@
-//! A two-way road with everything, as a layout.
+//! Test of a two-way road with all features, as a layout.
 
 use super::*;
 use crate::geometry::Vec2;
@@ -36,13 +36,13 @@ fn a_road_becomes_a_layout() {
     let second = road.lay(&mut b, "b", 80.0, end, (false, true));
     first.link(&mut b, &second);
     let mut rng = stream(0, "road", 0, Purpose::Map);
-    road.parking(&mut b, &mut rng, Way::Forward, 0.0, end);
+    road.parking(&mut b, &mut rng, Direction::Forward, 0.0, end);
     let layout = b.finish("test");
     let map = &layout.map;
     assert_eq!(map.lanes.len(), 10);
     let ground = map.drivable_area.as_ref().unwrap();
     assert_eq!((ground.len(), ground[0].holes.len()), (1, 0));
-    // Two sides, open at both ends.
+    // One edge per side, open at both ends.
     assert_eq!(map.road_edges.len(), 2);
     assert!(map.road_edges.iter().all(|e| e.kind == RoadEdgeKind::Boundary));
     for lane in &map.lanes {
@@ -81,7 +81,7 @@ fn a_connector_joins_lanes() {
     let up = std::f64::consts::FRAC_PI_2;
     let to = b.lane(spec("out"), vec![Vec2::new(12.0, 12.0), Vec2::new(12.0, 40.0)], 1.8, up, up);
     let (lane, radius) = b.connect(Spec::connector("turn", LaneClass::SurfaceStreet, 7.0), from, to);
-    assert!(radius > TIGHTEST && b.half_width(lane) == 1.6);
+    assert!(radius > MIN_TURN_RADIUS && b.half_width(lane) == 1.6);
     assert_eq!(b.lanes_across(&[Vec2::new(4.0, 5.0), Vec2::new(4.0, -5.0)], 0.1), [lane]);
     let map = b.finish("test").map;
     let turn = &map.lanes[2];

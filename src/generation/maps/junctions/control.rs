@@ -1,20 +1,22 @@
-//! Who goes first at a junction: lights, signs.
+//! Right of way at a junction: lights and signs.
 
 use super::interior::{Movement, Turn, conflicts};
 use crate::generation::RightOfWay;
 use crate::generation::maps::build::{LaneRef, MapBuilder};
 use crate::scene::{LightState, StopKind};
 
-/// A part of a cycle in which one road has green.
+/// A part of the cycle in which one road has green.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Phase {
     /// The road: 0 for arms 0 and 2, 1 for arms 1 and 3.
     pub(super) axis: usize,
-    /// Whether it is that of the left turns.
+    /// Whether it is a phase for left turns.
     pub(super) left: bool,
-    /// Seconds.
+    /// Duration of green, seconds.
     pub(super) green: f64,
+    /// Duration of yellow, seconds.
     pub(super) yellow: f64,
+    /// Duration of the all-red clearance, seconds.
     pub(super) all_red: f64,
 }
 
@@ -24,11 +26,11 @@ impl Phase {
     }
 }
 
-/// A fixed-time plan.
+/// A fixed-time signal plan.
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) phases: Vec<Phase>,
-    /// Seconds of the cycle that have passed at time 0.
+    /// Time within the cycle at time 0, seconds.
     pub(super) offset: f64,
 }
 
@@ -37,18 +39,18 @@ impl Plan {
         self.phases.iter().map(Phase::seconds).sum()
     }
 
-    /// Whether left turns of a road have a phase of their own.
+    /// Whether left turns of a road have their own phase.
     fn protects(&self, axis: usize) -> bool {
         self.phases.iter().any(|p| p.axis == axis && p.left)
     }
 
-    /// The road, and whether it is the phase of its left turns, in which a way is green.
+    /// Returns the signal group of a movement: its road, and whether it is a protected left turn.
     fn group(&self, m: &Movement) -> (usize, bool) {
         let axis = m.from % 2;
         (axis, m.turn == Turn::Left && self.protects(axis))
     }
 
-    /// What a group is shown from time 0 on.
+    /// Returns the light states of a signal group from time 0 on.
     fn states(&self, (axis, left): (usize, bool)) -> Vec<(LightState, f64)> {
         use LightState::{ArrowCaution, ArrowGo, ArrowStop, Caution, Go, Stop};
         let [go, caution, stop] = if left { [ArrowGo, ArrowCaution, ArrowStop] } else { [Go, Caution, Stop] };
@@ -60,7 +62,7 @@ impl Plan {
                 all.push((stop, phase.seconds()));
             }
         }
-        // From the offset on, then what came before it.
+        // From the offset on, followed by the part before it.
         let (mut first, mut last, mut at) = (Vec::new(), Vec::new(), 0.0);
         for (state, seconds) in all {
             let cut = (self.offset - at).clamp(0.0, seconds);
@@ -78,13 +80,13 @@ impl Plan {
         merged
     }
 
-    /// Sets lights, and says who gives way among those who have green at once.
+    /// Adds the lights, and the priorities between movements that have green at the same time.
     pub(super) fn apply(&self, b: &mut MapBuilder, movements: &[Movement]) {
         for m in movements {
             b.signal(m.lane, self.states(self.group(m)));
             b.stop(StopKind::Light, m.lane);
         }
-        let mut yields = Yields::new(movements);
+        let mut yields = YieldRelations::new(movements);
         for (i, j) in conflicts(b, movements) {
             let (p, q) = (&movements[i], &movements[j]);
             if self.group(p) == self.group(q) {
@@ -95,8 +97,8 @@ impl Plan {
         yields.apply(b, movements, |_| RightOfWay::Yield);
     }
 
-    /// The lanes whose green means that people do not cross an arm: those that come from it, those that go straight into it, and
-    /// protected turns into it.
+    /// Returns the lanes whose green means that people must not cross an arm: those from it, those straight
+    /// into it, and protected turns into it.
     pub(super) fn waits(&self, movements: &[Movement], slot: usize) -> Vec<LaneRef> {
         let held =
             |m: &&Movement| m.from == slot || m.to == slot && (m.turn == Turn::Through || self.group(m).1);
@@ -104,7 +106,8 @@ impl Plan {
     }
 }
 
-/// Sets signs on the minor road: `stop` or give way; the major road is that of this axis.
+/// Adds signs on the minor road: stop signs if `stop`, otherwise give-way signs. `major` is the axis of the
+/// major road.
 pub(super) fn signs(b: &mut MapBuilder, movements: &[Movement], major: usize, stop: bool) {
     let (kind, rule) =
         if stop { (StopKind::Sign, RightOfWay::Stop) } else { (StopKind::Yield, RightOfWay::Yield) };
@@ -112,7 +115,7 @@ pub(super) fn signs(b: &mut MapBuilder, movements: &[Movement], major: usize, st
     for m in movements.iter().filter(|m| minor(m)) {
         b.stop(kind, m.lane);
     }
-    // The ranks of the Highway Capacity Manual, told apart where they are equal.
+    // The ranks of the Highway Capacity Manual, with distinct values for equal ranks.
     let rank = |m: &Movement| match (minor(m), m.turn) {
         (false, Turn::Through) => 0,
         (false, Turn::Right) => 1,
@@ -121,19 +124,19 @@ pub(super) fn signs(b: &mut MapBuilder, movements: &[Movement], major: usize, st
         (true, Turn::Through) => 4,
         (true, Turn::Left) => 5,
     };
-    let mut yields = Yields::new(movements);
+    let mut yields = YieldRelations::new(movements);
     for (i, j) in conflicts(b, movements) {
         let (p, q) = (&movements[i], &movements[j]);
-        // Who turns right crosses the bicycle lane beside.
+        // Right-turning vehicles cross the bicycle lane next to them.
         let first = if p.from == q.from && p.bike != q.bike { p.bike } else { rank(p) <= rank(q) };
         yields.decide(i, j, first);
     }
     yields.apply(b, movements, |m| if minor(m) { rule } else { RightOfWay::Yield });
 }
 
-/// Sets stop signs on all arms.
+/// Adds stop signs on all arms.
 pub(super) fn all_way(b: &mut MapBuilder, movements: &[Movement]) {
-    let mut yields = Yields::new(movements);
+    let mut yields = YieldRelations::new(movements);
     for (i, j) in conflicts(b, movements) {
         yields.to[i].push(movements[j].lane);
         yields.to[j].push(movements[i].lane);
@@ -144,13 +147,13 @@ pub(super) fn all_way(b: &mut MapBuilder, movements: &[Movement]) {
     }
 }
 
-/// Who gives way to whom.
-struct Yields {
+/// Yielding relations between movements.
+struct YieldRelations {
     to: Vec<Vec<LaneRef>>,
     pairs: Vec<(usize, usize)>,
 }
 
-impl Yields {
+impl YieldRelations {
     fn new(movements: &[Movement]) -> Self {
         Self { to: vec![Vec::new(); movements.len()], pairs: Vec::new() }
     }
@@ -160,8 +163,8 @@ impl Yields {
     }
 
     fn apply(mut self, b: &mut MapBuilder, movements: &[Movement], rule: impl Fn(&Movement) -> RightOfWay) {
-        for (who, to) in self.pairs {
-            self.to[who].push(movements[to].lane);
+        for (yielding, to) in self.pairs {
+            self.to[yielding].push(movements[to].lane);
         }
         for (m, to) in movements.iter().zip(&self.to) {
             let rule = rule(m);

@@ -1,4 +1,4 @@
-//! What the types of junctions draw alike: streets, their cross-sections, the junction where they meet.
+//! Common drawing functions of junction types: streets, their cross-sections, the junction where they meet.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -11,13 +11,13 @@ use crate::geometry::Vec2;
 use crate::rollout::Stream;
 use crate::scene::LaneClass;
 
-/// What a road through a junction is like; both arms alike.
+/// Properties of a road through a junction, the same for both arms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kind {
     pub(super) lanes: usize,
     /// Speed limit, mph.
     pub(super) limit: f64,
-    /// Room between the directions: for a pocket, or none.
+    /// Width of the median for a turn pocket, metres, if there is one.
     pub(super) median: Option<f64>,
     pub(super) raised: bool,
     pub(super) bike: bool,
@@ -26,7 +26,7 @@ pub(super) struct Kind {
     pub(super) flow: f64,
 }
 
-/// The pavement of all streets of a map, where there is one.
+/// Draws the pavement of all streets of a map; `None` for a map without pavements.
 pub(super) fn pavement(rng: &mut Stream, chance: f64) -> Option<Pavement> {
     let drawn = Pavement { verge: rng.uniform(0.4, 2.2), width: rng.uniform(1.6, 2.6) };
     rng.chance(chance).then_some(drawn)
@@ -51,7 +51,7 @@ pub(super) fn section(rng: &mut Stream, kind: &Kind, pavement: Option<Pavement>)
     }
 }
 
-/// A path from the middle of the junction outwards: straight near it, then perhaps with a bend.
+/// Draws a path from the middle of the junction outwards: straight near it, then perhaps with a bend.
 pub(super) fn arm_path(rng: &mut Stream, centre: Vec2, heading: f64, bends: bool) -> Path {
     let length = rng.uniform(200.0, 270.0);
     let (angle, radius) = (rng.uniform(0.12, 0.5), rng.uniform(110.0, 260.0));
@@ -68,13 +68,13 @@ pub(super) fn arm_path(rng: &mut Stream, centre: Vec2, heading: f64, bends: bool
     path.placed(0.0, centre, heading)
 }
 
-/// An arm before it is laid: a street that begins at the junction and ends at the border.
+/// Creates an arm before it is laid: a street that begins at the junction and ends at the border.
 pub(super) fn arm(name: String, path: Path, section: Section, end: End, flow: f64) -> Street {
     let to = path.length();
     Street { name, road: Road::new(path, section), from: 0.0, to, ends: [end, End::Border], flow }
 }
 
-/// Directions of the arms: the roads cross at up to 20 degrees from a right angle.
+/// Draws the directions of the arms: the roads cross at up to 20 degrees from a right angle.
 pub(super) fn headings(rng: &mut Stream) -> [f64; 4] {
     let first = rng.uniform(-PI, PI);
     let skew = rng.uniform(-20.0, 20.0).to_radians() * if rng.chance(0.5) { 1.0 } else { 0.3 };
@@ -82,7 +82,7 @@ pub(super) fn headings(rng: &mut Stream) -> [f64; 4] {
     [first, second, first + PI, second + PI]
 }
 
-/// The corners between arms, and how far back the lanes of each must end.
+/// Draws the corners between arms, and the setbacks of the lanes of each arm.
 pub(super) fn corners(
     rng: &mut Stream,
     centre: Vec2,
@@ -103,7 +103,7 @@ pub(super) fn corners(
     (corners, setbacks)
 }
 
-/// Lays arms that end at the border and the inside of their junction.
+/// Lays arms that end at the border, and the interior of their junction.
 pub(super) fn lay(
     b: &mut MapBuilder,
     rng: &mut Stream,

@@ -1,24 +1,25 @@
-//! The inside of a junction: ways through it, ground, corners, pavements and crosswalks.
+//! Interior of a junction: movements, ground, corners, pavements and crosswalks.
 
-use super::corner::{CROSSWALK, Corner, STOP_GAP};
+use super::corner::{CROSSWALK_WIDTH, Corner, STOP_LINE_GAP};
 use super::street::Port;
 use crate::generation::maps::build::{LaneRef, MARGIN, MapBuilder, Pose, Spec, Station, ribbon};
 use crate::generation::maps::validate::crossing::cross;
 use crate::geometry::{Bounds, Vec2, direction, left};
 use crate::scene::LaneClass;
 
-/// A junction of up to four streets. Arms are numbered counter-clockwise; opposite ones differ by two, and some may be missing.
+/// A junction of up to four streets. Arms are numbered counter-clockwise; opposite arms differ by two, and
+/// some may be missing.
 pub(super) struct Junction {
     pub(super) name: String,
     pub(super) centre: Vec2,
     pub(super) ports: [Option<Port>; 4],
     /// The corner between an arm and the next one.
     pub(super) corners: [Option<Corner>; 4],
-    /// The arms that people cross.
+    /// Arms with a crosswalk.
     pub(super) crosswalks: [bool; 4],
 }
 
-/// Where a way through a junction leads.
+/// Turn of a movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Turn {
     Through,
@@ -26,22 +27,24 @@ pub(super) enum Turn {
     Left,
 }
 
-/// A way through a junction.
+/// A lane through a junction.
 #[derive(Clone, Debug)]
 pub(super) struct Movement {
     pub(super) lane: LaneRef,
-    /// Arms.
+    /// Index of the arm from which it comes.
     pub(super) from: usize,
+    /// Index of the arm to which it leads.
     pub(super) to: usize,
     pub(super) turn: Turn,
     pub(super) bike: bool,
-    /// Lanes before and behind it.
+    /// The preceding lane.
     pub(super) before: LaneRef,
-    pub(super) behind: LaneRef,
+    /// The following lane.
+    pub(super) after: LaneRef,
 }
 
 impl Junction {
-    /// Lays ways and ground.
+    /// Lays movements and ground.
     pub(super) fn lay(&self, b: &mut MapBuilder) -> Vec<Movement> {
         let mut movements = Vec::new();
         for slot in 0..4 {
@@ -59,12 +62,12 @@ impl Junction {
         movements
     }
 
-    /// How far from the middle of the junction the lanes of an arm end.
+    /// Returns the distance from the middle of the junction at which the lanes of an arm end, metres.
     fn setback(&self, port: &Port) -> f64 {
         (port.pose.position - self.centre).dot(&direction(port.shape.heading))
     }
 
-    /// A point so far along an arm, so far to the left of its middle.
+    /// Returns the point `s` metres along an arm and `offset` metres to the left of its middle.
     fn at(&self, port: &Port, s: f64, offset: f64) -> Vec2 {
         let u = direction(port.shape.heading);
         self.centre + u * s + left(u) * offset
@@ -79,14 +82,14 @@ impl Junction {
         ]
     }
 
-    /// The ways of those who arrive on an arm.
+    /// Lays the movements of vehicles that arrive on an arm.
     fn approach(&self, b: &mut MapBuilder, slot: usize, movements: &mut Vec<Movement>) {
         let Some(port) = &self.ports[slot] else { return };
         let arm = |turn: usize| (slot + turn) % 4;
         let [right, through, left] = [1, 2, 3].map(|turn| self.ports[arm(turn)].as_ref());
         let lanes = &port.approach;
         let n = lanes.len();
-        let mut add = |b: &mut MapBuilder, k: usize, turn: Turn, to: usize, behind: LaneRef| {
+        let mut add = |b: &mut MapBuilder, k: usize, turn: Turn, to: usize, after: LaneRef| {
             let letter = match turn {
                 Turn::Through => "s",
                 Turn::Right => "r",
@@ -96,19 +99,19 @@ impl Junction {
             let spec = Spec::connector(id, LaneClass::SurfaceStreet, port.speed);
             let lane = match (turn, &self.corners[slot]) {
                 (Turn::Right, Some(corner)) => {
-                    self.right_turn(b, spec, corner, (lanes[k], behind), (slot, to))
+                    self.right_turn(b, spec, corner, (lanes[k], after), (slot, to))
                 }
-                (Turn::Through, _) => straight(b, spec, lanes[k], behind),
-                _ => b.connect(spec, lanes[k], behind).0,
+                (Turn::Through, _) => straight(b, spec, lanes[k], after),
+                _ => b.connect(spec, lanes[k], after).0,
             };
-            movements.push(Movement { lane, from: slot, to, turn, bike: false, before: lanes[k], behind });
+            movements.push(Movement { lane, from: slot, to, turn, bike: false, before: lanes[k], after });
         };
         let straight_on: Vec<usize> = (0..n)
             .filter(|&k| !(k == 0 && left.is_some() && port.left_pocket && n > 1))
             .filter(|&k| !(k + 1 == n && right.is_some() && port.right_pocket && n > 1))
             .collect();
         if let Some(opposite) = through {
-            // Where fewer lanes go on, the inner ones end here.
+            // If fewer lanes continue, the inner ones end here.
             let kept = straight_on.len().min(opposite.exits.len());
             let ending = straight_on.len() - kept;
             for (&k, &exit) in straight_on[ending..].iter().zip(&opposite.exits) {
@@ -122,11 +125,11 @@ impl Junction {
             add(b, n - 1, Turn::Right, arm(1), port.exits[port.exits.len() - 1]);
         }
         let bike_out = through.and_then(|p| p.bike_out);
-        if let (Some(before), Some(behind)) = (port.bike_in, bike_out) {
+        if let (Some(before), Some(after)) = (port.bike_in, bike_out) {
             let spec = Spec::connector(format!("{}-{slot}bike", self.name), LaneClass::Bike, 7.0);
-            let lane = straight(b, spec, before, behind);
+            let lane = straight(b, spec, before, after);
             let turn = Turn::Through;
-            movements.push(Movement { lane, from: slot, to: arm(2), turn, bike: true, before, behind });
+            movements.push(Movement { lane, from: slot, to: arm(2), turn, bike: true, before, after });
         }
     }
 
@@ -135,10 +138,10 @@ impl Junction {
         b: &mut MapBuilder,
         spec: Spec,
         corner: &Corner,
-        (before, behind): (LaneRef, LaneRef),
+        (before, after): (LaneRef, LaneRef),
         (from, to): (usize, usize),
     ) -> LaneRef {
-        let (start, end) = (b.end(before), b.start(behind));
+        let (start, end) = (b.end(before), b.start(after));
         let s = |slot: usize| self.ports[slot].as_ref().map_or(0.0, |p| self.setback(p));
         let path = corner.right_turn(s(from), s(to));
         let length = path.length();
@@ -147,15 +150,15 @@ impl Junction {
             path.stations(0.0, length, 5.0).iter().map(|p: &Station| Pose::from(*p).position).collect();
         let last = points.len() - 1;
         (points[0], points[last]) = (start.position, end.position);
-        let half = b.half_width(before).min(b.half_width(behind));
+        let half = b.half_width(before).min(b.half_width(after));
         b.ground(ribbon(&points, half + MARGIN));
         let lane = b.lane(spec, points, half, start.heading, end.heading);
         b.link(before, lane);
-        b.link(lane, behind);
+        b.link(lane, after);
         lane
     }
 
-    /// The outline of the junction, between the stop lines.
+    /// Returns the outline of the junction, between the stop lines.
     fn outline(&self) -> Vec<Vec2> {
         let mut ring = Vec::new();
         for (slot, port) in self.arms() {
@@ -179,15 +182,16 @@ impl Junction {
         self.ports.iter().enumerate().filter_map(|(i, p)| Some((i, p.as_ref()?)))
     }
 
-    /// Pavements around the corners, and crosswalks. `waits` names the controlled lanes for which people wait before they cross an arm.
+    /// Lays pavements around the corners, and crosswalks. `waits` returns the controlled lanes for which
+    /// people wait before they cross an arm.
     pub(super) fn walks(&self, b: &mut MapBuilder, waits: impl Fn(usize) -> Vec<LaneRef>) {
-        // Per arm, where its crosswalk would end: beside arriving vehicles, beside leaving ones.
+        // Per arm, the ends of its crosswalk: next to arriving vehicles, next to leaving vehicles.
         let mut nodes: Vec<[Vec2; 2]> = Vec::new();
         let arms: Vec<(usize, &Port)> = self.arms().filter(|(_, p)| p.pavements.is_some()).collect();
         for &(slot, port) in &arms {
-            let s = self.setback(port) - STOP_GAP - 0.5 * CROSSWALK;
+            let s = self.setback(port) - STOP_LINE_GAP - 0.5 * CROSSWALK_WIDTH;
             let beyond = port.verge + 0.5 * port.pavement_width;
-            // The ends of the crosswalk are as wide as it is: where the kerb flares most decides.
+            // The ends of the crosswalk are as wide as it is: the widest flare decides.
             let near = s - 0.5 * port.pavement_width;
             let flare = |corner: &Option<Corner>, arm| corner.as_ref().map_or(0.0, |c| c.flare(arm, near));
             let on_left = port.shape.kerb_in + flare(&self.corners[slot], 0) + beyond;
@@ -207,31 +211,34 @@ impl Junction {
             if self.crosswalks[slot] {
                 let line = vec![nodes[k][1], nodes[k][0]];
                 let crossed = b.lanes_across(&line, 0.0);
-                b.crossing(line, CROSSWALK, &crossed, &waits(slot));
+                b.crossing(line, CROSSWALK_WIDTH, &crossed, &waits(slot));
             }
         }
     }
 }
 
-/// The way straight on, where it is straight.
-fn straight(b: &mut MapBuilder, spec: Spec, before: LaneRef, behind: LaneRef) -> LaneRef {
-    /// Distance of its points, metres.
-    const STEP: f64 = 5.0;
-    let (start, end) = (b.end(before), b.start(behind));
-    let way = end.position - start.position;
-    if direction(start.heading).perp(&way).abs() > 0.001 || direction(end.heading).perp(&way).abs() > 0.001 {
-        return b.connect(spec, before, behind).0;
+/// Lays the connector straight on: a straight line if possible.
+fn straight(b: &mut MapBuilder, spec: Spec, before: LaneRef, after: LaneRef) -> LaneRef {
+    /// Distance between its points, metres.
+    const POINT_SPACING: f64 = 5.0;
+    let (start, end) = (b.end(before), b.start(after));
+    let chord = end.position - start.position;
+    if direction(start.heading).perp(&chord).abs() > 0.001
+        || direction(end.heading).perp(&chord).abs() > 0.001
+    {
+        return b.connect(spec, before, after).0;
     }
-    let count = (way.norm() / STEP).ceil().max(1.0);
-    let points = (0..=count as usize).map(|i| start.position + way * (i as f64 / count)).collect();
-    let half = b.half_width(before).min(b.half_width(behind));
+    let count = (chord.norm() / POINT_SPACING).ceil().max(1.0);
+    let points = (0..=count as usize).map(|i| start.position + chord * (i as f64 / count)).collect();
+    let half = b.half_width(before).min(b.half_width(after));
     let lane = b.lane(spec, points, half, start.heading, end.heading);
     b.link(before, lane);
-    b.link(lane, behind);
+    b.link(lane, after);
     lane
 }
 
-/// Pairs of ways that cross or join, the lower index first; not those that part.
+/// Returns the pairs of movements that cross or join, the lower index first; diverging movements do not
+/// count.
 pub(super) fn conflicts(b: &MapBuilder, movements: &[Movement]) -> Vec<(usize, usize)> {
     let bounds: Vec<Bounds> =
         movements.iter().map(|m| Bounds::of(b.points(m.lane).iter().copied())).collect();
@@ -241,7 +248,7 @@ pub(super) fn conflicts(b: &MapBuilder, movements: &[Movement]) -> Vec<(usize, u
             if p.before == q.before {
                 continue;
             }
-            let meet = p.behind == q.behind
+            let meet = p.after == q.after
                 || bounds[i].intersects(&bounds[j]) && lines_cross(b.points(p.lane), b.points(q.lane));
             if meet {
                 found.push((i, j));

@@ -12,7 +12,7 @@ use crate::generation::{Draw, Layout};
 use crate::geometry::direction;
 use crate::rollout::Stream;
 
-/// Two junctions with lights whose greens follow one another along the road.
+/// Draws two signalised junctions with a green wave along the road.
 pub(crate) fn signalised_pair(rng: &mut Stream) -> Layout {
     let mut b = MapBuilder::new();
     let pocket = rng.chance(0.5);
@@ -42,7 +42,7 @@ pub(crate) fn signalised_pair(rng: &mut Stream) -> Layout {
     b.finish("signalised-pair")
 }
 
-/// A junction with lights, and near it one of three arms whose minor road stops.
+/// Draws a signalised junction, and near it a three-arm junction whose minor road stops.
 pub(crate) fn signalised_and_t(rng: &mut Stream) -> Layout {
     let mut b = MapBuilder::new();
     let pocket = rng.chance(0.4);
@@ -55,15 +55,15 @@ pub(crate) fn signalised_and_t(rng: &mut Stream) -> Layout {
     phases.push(phase(rng, 0, false, pair.main.limit, (20.0, 34.0)));
     phases.push(phase(rng, 1, false, pair.cross[0].limit, (14.0, 26.0)));
     let plan = plan(rng, phases);
-    let [(first, ways), (second, others)] = &pair.junctions;
-    plan.apply(&mut b, ways);
-    first.walks(&mut b, |slot| plan.waits(ways, slot));
+    let [(first, controlled), (second, others)] = &pair.junctions;
+    plan.apply(&mut b, controlled);
+    first.walks(&mut b, |slot| plan.waits(controlled, slot));
     signs(&mut b, others, 0, true);
     second.walks(&mut b, |_| Vec::new());
     b.finish("signalised-and-t")
 }
 
-/// Two junctions along a main road, which is that of the arms 0 and 2 of both.
+/// Two junctions along a main road, which consists of arms 0 and 2 of both.
 struct Pair {
     main: Kind,
     cross: [Kind; 2],
@@ -72,7 +72,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Lays both; `arms` are those of the second one.
+    /// Lays both junctions; `arms` are those of the second one.
     fn lay(rng: &mut Stream, b: &mut MapBuilder, pocket: bool, arms: [bool; 4]) -> Self {
         let drawn = kind(rng, pocket);
         let main = Kind { lanes: drawn.lanes.min(2), ..drawn };
@@ -95,7 +95,7 @@ impl Pair {
             End::Junction { left, .. } => End::Junction { left: left.map(|l| l.min(45.0)), right: None },
             End::Border => End::Border,
         };
-        // At the second junction those who come along turn left only into arm 1 (their left is arm 1's side).
+        // At the second junction, vehicles on the main road turn left only into arm 1, if it exists.
         let turns_left = [true, arms[1]];
         let ends = [0, 1].map(|i| match short(end(rng, &main, false)) {
             End::Junction { left, right } => End::Junction { left: left.filter(|_| turns_left[i]), right },

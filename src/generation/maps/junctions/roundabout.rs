@@ -1,8 +1,8 @@
-//! Roundabouts. Traffic goes round counter-clockwise; who enters gives way to the circle.
+//! Roundabouts. Traffic circulates counter-clockwise; entering vehicles yield to the circle.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use super::corner::CROSSWALK;
+use super::corner::CROSSWALK_WIDTH;
 use super::draw::{Kind, arm, arm_path, pavement, section};
 use super::interior::lines_cross;
 use super::street::{End, Port};
@@ -12,55 +12,58 @@ use crate::geometry::{Vec2, direction, left, signed_angle_between, wrap};
 use crate::rollout::Stream;
 use crate::scene::{LaneClass, StopKind};
 
-/// Ground beside the circle's lanes, metres.
-const RIM: f64 = 0.6;
-/// From the give-way line to the circle, metres.
-const LINE: f64 = 0.8;
-/// Points on the circle are no farther apart, metres.
-const STEP: f64 = 0.6;
-/// Share of the angle between two arms at which vehicles enter behind the one and leave before the other.
-const SPREAD: f64 = 0.42;
+/// Width of the ground next to the circulating lanes, metres.
+const RIM_WIDTH: f64 = 0.6;
+/// Distance from the give-way line to the circle, metres.
+const LINE_SETBACK: f64 = 0.8;
+/// Maximum distance between points on the circle, metres.
+const POINT_SPACING: f64 = 0.6;
+/// Angle from an arm to the entry behind it and to the exit before it, as a share of the angle between two
+/// arms.
+const SPREAD_SHARE: f64 = 0.42;
 
-/// One lane around, four arms (sometimes three).
+/// Draws a roundabout with one circulating lane and four arms (sometimes three).
 pub(crate) fn roundabout_one_lane(rng: &mut Stream) -> Layout {
     let diameter = rng.uniform(38.0, 46.0);
     draw(rng, &[1], diameter, "roundabout-1")
 }
 
-/// Two lanes around; the arms of the major road have two lanes, those of the other one two or one.
+/// Draws a roundabout with two circulating lanes; the arms of the major road have two lanes, those of the
+/// minor road two or one.
 pub(crate) fn roundabout_two_lanes(rng: &mut Stream) -> Layout {
     let diameter = rng.uniform(48.0, 58.0);
     let lanes: &[usize] = if rng.chance(0.5) { &[2, 2] } else { &[2, 1] };
     draw(rng, lanes, diameter, "roundabout-2")
 }
 
-/// A lane of the circle at a place.
+/// A stretch of a circulating lane.
 #[derive(Clone, Copy)]
 struct Arc {
     lane: LaneRef,
-    /// The arm where vehicles enter behind it, and whether it lies before that arm's entry (between its exit and its entry).
+    /// The arm at which it begins.
     arm: usize,
+    /// Whether it is between the exit and the entry of that arm, rather than behind the entry.
     inside: bool,
 }
 
-/// What meets what: lanes of the circle go first, then those who leave, then those who enter.
-struct Way {
+/// A lane of a roundabout with its rank: circulating lanes go first, then exits, then entries.
+struct RankedLane {
     lane: LaneRef,
     rank: u8,
     before: LaneRef,
-    behind: LaneRef,
+    after: LaneRef,
 }
 
-/// The plan of a roundabout.
+/// Geometry of a roundabout.
 struct Circle {
-    /// Radii of the lanes' middles, from the outside.
+    /// Radii of the lane centres, from the outside, metres.
     radii: Vec<f64>,
-    /// Width of the lanes around.
+    /// Width of the circulating lanes, metres.
     width: f64,
-    /// Radius of the outer edge of the ground.
+    /// Radius of the outer edge of the ground, metres.
     rim: f64,
     speed: f64,
-    /// Angle from an arm to where vehicles enter and leave.
+    /// Angle from an arm to its entry and exit, radians.
     spread: f64,
 }
 
@@ -79,7 +82,7 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
     let narrowest = (0..n).map(gap).fold(PI, f64::min);
     let width = if around == 1 { rng.uniform(4.8, 5.5) } else { rng.uniform(4.3, 4.8) };
     let rim = 0.5 * diameter;
-    let outer = rim - RIM - 0.5 * width;
+    let outer = rim - RIM_WIDTH - 0.5 * width;
     let limit = *rng.pick(&[25.0, 30.0, 35.0]);
     let paved = pavement(rng, 0.8);
     let circle = Circle {
@@ -87,9 +90,9 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
         width,
         rim,
         speed: 9.0,
-        spread: SPREAD * narrowest.min(FRAC_PI_2),
+        spread: SPREAD_SHARE * narrowest.min(FRAC_PI_2),
     };
-    let setback = rim + LINE + 7.0;
+    let setback = rim + LINE_SETBACK + 7.0;
     let flow = if around == 1 { rng.uniform(300.0, 450.0) } else { rng.uniform(250.0, 350.0) };
     let sections = [0, 1].map(|axis| {
         let lanes = lanes[axis % lanes.len()];
@@ -113,7 +116,7 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
     b.finish(name)
 }
 
-/// The island between the directions of an arm, from `s` metres on; it tapers off.
+/// Adds the splitter island of an arm, from `s` metres on; it tapers off.
 fn splitter(b: &mut MapBuilder, heading: f64, half: f64, s: f64, length: f64) {
     let (u, side) = (direction(heading), left(direction(heading)));
     let at = |s: f64, offset: f64| u * s + side * offset;
@@ -126,7 +129,7 @@ impl Circle {
     }
 
     fn lay(&self, b: &mut MapBuilder, headings: &[f64], ports: &[Port]) {
-        let mut ways: Vec<Way> = Vec::new();
+        let mut ranked_lanes: Vec<RankedLane> = Vec::new();
         for ring in 0..self.radii.len() {
             // Arms whose lanes reach this ring.
             let arms: Vec<usize> = (0..ports.len()).filter(|&i| ports[i].approach.len() > ring).collect();
@@ -134,15 +137,15 @@ impl Circle {
             let find = |arm: usize, inside: bool| arcs.iter().find(|a| a.arm == arm && a.inside == inside);
             for (k, &arm) in arms.iter().enumerate() {
                 let previous = arms[(k + arms.len() - 1) % arms.len()];
-                let (Some(inside), Some(behind), Some(before)) =
+                let (Some(inside), Some(after), Some(before)) =
                     (find(arm, true), find(arm, false), find(previous, false))
                 else {
                     continue;
                 };
-                let (inside, behind, before) = (inside.lane, behind.lane, before.lane);
+                let (inside, after, before) = (inside.lane, after.lane, before.lane);
                 b.link(before, inside);
-                b.link(inside, behind);
-                ways.push(Way { lane: inside, rank: 0, before, behind });
+                b.link(inside, after);
+                ranked_lanes.push(RankedLane { lane: inside, rank: 0, before, after });
                 // The outer ring serves the outermost lane of an arm.
                 let lane = ports[arm].approach.len() - 1 - ring;
                 let exit = ports[arm].exits[lane];
@@ -150,27 +153,27 @@ impl Circle {
                     Spec::connector(format!("r-{arm}{what}{ring}"), LaneClass::SurfaceStreet, self.speed)
                 };
                 let (leaving, _) = b.connect(spec("x"), before, exit);
-                ways.push(Way { lane: leaving, rank: 1, before, behind: exit });
+                ranked_lanes.push(RankedLane { lane: leaving, rank: 1, before, after: exit });
                 let from = ports[arm].approach[lane];
-                let (entry, merge) = self.entry(b, from, behind, spec("e"), spec("m"));
-                ways.push(Way { lane: merge, rank: 2, before: entry, behind });
+                let (entry, merge) = self.entry(b, from, after, spec("e"), spec("m"));
+                ranked_lanes.push(RankedLane { lane: merge, rank: 2, before: entry, after });
             }
         }
         let circle = |radius: f64| (0..96).map(|i| direction(TAU / 96.0 * f64::from(i)) * radius).collect();
         b.ground(circle(self.rim));
-        let inner = self.radii[self.radii.len() - 1] - 0.5 * self.width - RIM;
+        let inner = self.radii[self.radii.len() - 1] - 0.5 * self.width - RIM_WIDTH;
         b.island(circle(inner));
         b.intersection(circle(self.rim));
-        decide(b, &ways);
+        decide(b, &ranked_lanes);
     }
 
-    /// The lanes of a ring, from split to split.
+    /// Lays the lanes of a ring, from one diverge or merge point to the next.
     fn arcs(&self, b: &mut MapBuilder, ring: usize, headings: &[f64], arms: &[usize]) -> Vec<Arc> {
         let mut arcs = Vec::new();
         for (k, &arm) in arms.iter().enumerate() {
             let next = arms[(k + 1) % arms.len()];
             let (out, enter) = (headings[arm] - self.spread, headings[arm] + self.spread);
-            // Of the arms of a ring with two, the next one may lie half a circle away.
+            // On a ring that only two arms reach, the next arm may be half a circle away.
             let ahead = (headings[next] - headings[arm]).rem_euclid(TAU);
             let leave = headings[arm] + ahead - self.spread;
             for (from, to, inside) in [(out, enter, true), (enter, leave, false)] {
@@ -180,7 +183,7 @@ impl Circle {
                 } else {
                     Spec::lane(id, LaneClass::SurfaceStreet, self.speed)
                 };
-                let count = ((to - from) * self.radii[ring] / STEP).ceil().max(2.0);
+                let count = ((to - from) * self.radii[ring] / POINT_SPACING).ceil().max(2.0);
                 let points = (0..=count as usize)
                     .map(|i| self.at(ring, from + (to - from) * (i as f64 / count)).position)
                     .collect();
@@ -192,19 +195,20 @@ impl Circle {
         arcs
     }
 
-    /// The way from an arm into the circle: to the give-way line, and from there.
+    /// Lays the entry from an arm into the circle: the lane to the give-way line, and the one from there.
     fn entry(
         &self,
         b: &mut MapBuilder,
         from: LaneRef,
-        behind: LaneRef,
+        after: LaneRef,
         entry: Spec,
         merge: Spec,
     ) -> (LaneRef, LaneRef) {
-        let (start, end) = (b.end(from), b.start(behind));
+        let (start, end) = (b.end(from), b.start(after));
         let points = refined(&connector(start, end).0);
         let last = points.len() - 1;
-        let line = points.iter().position(|p| p.norm() < self.rim + LINE).unwrap_or(1).clamp(2, last - 2);
+        let line =
+            points.iter().position(|p| p.norm() < self.rim + LINE_SETBACK).unwrap_or(1).clamp(2, last - 2);
         let half = b.half_width(from);
         b.ground(ribbon(&points, half + MARGIN + 0.1));
         let there = points[line + 1] - points[line - 1];
@@ -219,12 +223,12 @@ impl Circle {
         let merge = b.lane(merge, points[line..].to_vec(), half, heading, end.heading);
         b.link(from, entry);
         b.link(entry, merge);
-        b.link(merge, behind);
+        b.link(merge, after);
         (entry, merge)
     }
 }
 
-/// Twice as many points: between two of them the cubic through them and their neighbours.
+/// Doubles the number of points, on a cubic through each pair of points and their neighbours.
 fn refined(points: &[Vec2]) -> Vec<Vec2> {
     let last = points.len() - 1;
     let mut out = Vec::with_capacity(2 * points.len());
@@ -244,25 +248,28 @@ fn refined(points: &[Vec2]) -> Vec<Vec2> {
     out
 }
 
-/// Give-way lines, and who gives way to whom.
-fn decide(b: &mut MapBuilder, ways: &[Way]) {
-    for way in ways {
-        let meets = |other: &Way| {
-            way.before != other.before
-                && (way.behind == other.behind || lines_cross(b.points(way.lane), b.points(other.lane)))
+/// Adds give-way lines and priorities.
+fn decide(b: &mut MapBuilder, ranked_lanes: &[RankedLane]) {
+    for ranked in ranked_lanes {
+        let meets = |other: &RankedLane| {
+            ranked.before != other.before
+                && (ranked.after == other.after || lines_cross(b.points(ranked.lane), b.points(other.lane)))
         };
-        let to: Vec<LaneRef> =
-            ways.iter().filter(|other| other.rank < way.rank && meets(other)).map(|o| o.lane).collect();
-        if way.rank == 2 {
-            b.stop(StopKind::Yield, way.lane);
+        let to: Vec<LaneRef> = ranked_lanes
+            .iter()
+            .filter(|other| other.rank < ranked.rank && meets(other))
+            .map(|o| o.lane)
+            .collect();
+        if ranked.rank == 2 {
+            b.stop(StopKind::Yield, ranked.lane);
         }
         if !to.is_empty() {
-            b.priority(way.lane, &to, RightOfWay::Yield);
+            b.priority(ranked.lane, &to, RightOfWay::Yield);
         }
     }
 }
 
-/// Pavements around the circle, and crosswalks.
+/// Lays pavements around the circle, and crosswalks.
 fn walks(b: &mut MapBuilder, circle: &Circle, headings: &[f64], ports: &[Port], crossed: bool) {
     let n = ports.len();
     for (i, port) in ports.iter().enumerate() {
@@ -282,7 +289,7 @@ fn walks(b: &mut MapBuilder, circle: &Circle, headings: &[f64], ports: &[Port], 
             let u = direction(headings[i]) * 0.8;
             let line = vec![own[1] + u, own[0] + u];
             let lanes = b.lanes_across(&line, 0.0);
-            b.crossing(line, CROSSWALK, &lanes, &[]);
+            b.crossing(line, CROSSWALK_WIDTH, &lanes, &[]);
         }
     }
 }

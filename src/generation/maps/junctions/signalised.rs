@@ -1,4 +1,4 @@
-//! Junctions with lights.
+//! Signalised junctions.
 
 use super::control::{Phase, Plan};
 use super::draw::{Kind, arm, arm_path, headings, lay, pavement, section};
@@ -8,12 +8,13 @@ use crate::generation::{Draw, Layout};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;
 
-/// The yellow of a road with this limit (mph), seconds, to tenths: reaction and braking at 10 feet per second squared.
+/// Returns the yellow time of a road with this limit (mph), seconds, rounded to tenths: reaction and
+/// braking at 10 feet per second squared.
 pub(super) fn yellow(limit: f64) -> f64 {
     (10.0 * (1.0 + mph(limit) / (2.0 * 3.05))).round().clamp(30.0, 50.0) / 10.0
 }
 
-/// A phase of a road with this limit, green for about as long as said.
+/// Draws a phase of a road with this limit (mph), with a green time in the given range (seconds).
 pub(super) fn phase(rng: &mut Stream, axis: usize, left: bool, limit: f64, green: (f64, f64)) -> Phase {
     let tenths = |v: f64| (10.0 * v).round() / 10.0;
     Phase {
@@ -25,7 +26,7 @@ pub(super) fn phase(rng: &mut Stream, axis: usize, left: bool, limit: f64, green
     }
 }
 
-/// A plan from its phases, at some place of its cycle.
+/// Draws a plan from its phases, with a random offset in its cycle.
 pub(super) fn plan(rng: &mut Stream, phases: Vec<Phase>) -> Plan {
     let mut plan = Plan { phases, offset: 0.0 };
     let short = 50.0 - plan.cycle();
@@ -36,11 +37,11 @@ pub(super) fn plan(rng: &mut Stream, phases: Vec<Phase>) -> Plan {
     plan
 }
 
-/// A road that is likely to have lights.
+/// Draws a road that is likely to be signalised.
 pub(super) fn kind(rng: &mut Stream, pocket: bool) -> Kind {
     let lanes = 1 + rng.weighted(if pocket { &[1.0, 2.0, 1.0] } else { &[2.0, 1.5, 0.0] });
     let limit = *rng.pick(if lanes == 1 { &[25.0, 30.0, 35.0] } else { &[30.0, 35.0, 40.0, 45.0] });
-    // Beside a pocket a raised median is still an island.
+    // A raised median next to a pocket is still an island.
     let raised = pocket && lanes > 1 && rng.chance(0.5);
     let median = if raised { rng.uniform(5.0, 5.8) } else { rng.uniform(4.2, 5.2) };
     Kind {
@@ -54,20 +55,20 @@ pub(super) fn kind(rng: &mut Stream, pocket: bool) -> Kind {
     }
 }
 
-/// The end of an arm at the junction, with pockets.
+/// Draws the end of an arm at the junction, with pockets.
 pub(super) fn end(rng: &mut Stream, kind: &Kind, right_turns: bool) -> End {
     let (left, right) = (rng.uniform(35.0, 60.0), rng.uniform(30.0, 50.0));
     let pocket = rng.chance(0.3) && !kind.bike && right_turns;
     End::Junction { left: kind.median.map(|_| left), right: pocket.then_some(right) }
 }
 
-/// Four arms, left turns with a phase of their own on both roads or on the first one.
+/// Draws four arms whose left turns have their own phase, on both roads or on the first one.
 pub(crate) fn signalised_protected(rng: &mut Stream) -> Layout {
     let both = rng.chance(0.6);
     four_way(rng, [true, both], [true, both], "signalised-protected")
 }
 
-/// Four arms, left turns give way to those who come towards them.
+/// Draws four arms whose left turns yield to oncoming traffic.
 pub(crate) fn signalised_permissive(rng: &mut Stream) -> Layout {
     let pocket = rng.chance(0.4);
     four_way(rng, [pocket, false], [false; 2], "signalised-permissive")
@@ -99,7 +100,7 @@ fn four_way(rng: &mut Stream, pockets: [bool; 2], protected: [bool; 2], name: &s
     b.finish(name)
 }
 
-/// Three arms: a road that goes through (arms 0 and 2), and one that ends there.
+/// Draws three arms: a road that continues (arms 0 and 2), and one that ends there.
 pub(crate) fn signalised_t(rng: &mut Stream) -> Layout {
     let mut b = MapBuilder::new();
     let pocket = rng.chance(0.6);

@@ -1,4 +1,4 @@
-//! Every junction over many seeds.
+//! Tests of all junctions over many seeds.
 
 use super::super::tests::ROADS;
 use super::super::validate::validate;
@@ -17,14 +17,14 @@ fn draw(kind: &MapType, seed: u64) -> Layout {
 
 #[test]
 fn junctions_are_sound() {
-    let mut told = String::new();
+    let mut report = String::new();
     for kind in types() {
         for seed in 0..200 {
             let flaws = validate(&draw(kind, seed));
-            told.extend(flaws.iter().take(3).map(|flaw| format!("{} {seed}: {flaw}\n", kind.id)));
+            report.extend(flaws.iter().take(3).map(|flaw| format!("{} {seed}: {flaw}\n", kind.id)));
         }
     }
-    assert!(told.is_empty(), "{told}");
+    assert!(report.is_empty(), "{report}");
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn a_seed_is_a_map() {
     }
 }
 
-/// The smallest radius on a line, metres, over three points at a time.
+/// Returns the smallest radius on a line, metres, over three points at a time.
 fn tightest(points: &[crate::geometry::Vec2]) -> f64 {
     let bend = |w: &[crate::geometry::Vec2]| {
         let (a, b, c) = (w[1] - w[0], w[2] - w[1], w[2] - w[0]);
@@ -54,7 +54,7 @@ fn turns_have_the_radii_of_turns() {
             let layout = draw(kind, seed);
             for lane in layout.map.lanes.iter().filter(|l| l.kind == LaneKind::Connector) {
                 let radius = tightest(&lane.points);
-                // Left turns are wider than right turns, which go round the kerb.
+                // Left turns are wider than right turns, which follow the kerb.
                 let left = lane.id.starts_with(['j', 'k']) && lane.id.contains('l');
                 let least = if left { 8.0 } else { 6.0 };
                 assert!(radius > least, "{} {seed}: {} has a radius of {radius} m", kind.id, lane.id);
@@ -81,7 +81,7 @@ fn lights_have_plausible_times() {
                 let yellow = total(&[LightState::Caution, LightState::ArrowCaution]);
                 assert!((2.99..=5.01).contains(&yellow), "{what}: yellow for {yellow} s");
             }
-            // Everybody on foot gets across: at a metre a second and more.
+            // Pedestrians can cross: at one metre per second or more.
             for crossing in layout.footways.iter().filter(|f| !f.waits_for.is_empty()) {
                 let plans: Vec<_> =
                     layout.signals.iter().filter(|s| crossing.waits_for.contains(&s.lane)).collect();

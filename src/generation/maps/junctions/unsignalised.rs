@@ -8,7 +8,7 @@ use crate::generation::{Draw, Layout};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;
 
-/// A road that goes first.
+/// Draws a major road, which has the right of way.
 fn major(rng: &mut Stream) -> Kind {
     let lanes = 1 + rng.weighted(&[3.0, 1.0]);
     let limit = *rng.pick(if lanes == 1 { &[25.0, 30.0, 35.0, 40.0] } else { &[30.0, 35.0, 40.0] });
@@ -24,7 +24,7 @@ fn major(rng: &mut Stream) -> Kind {
     }
 }
 
-/// A road that gives way.
+/// Draws a minor road, which yields.
 fn minor(rng: &mut Stream) -> Kind {
     Kind {
         lanes: 1,
@@ -42,12 +42,12 @@ fn end(rng: &mut Stream, kind: &Kind, left_turns: bool) -> End {
     End::Junction { left: kind.median.filter(|_| left_turns).map(|_| length), right: None }
 }
 
-/// Three arms: the road that ends there stops or gives way.
+/// Draws a three-arm junction: the road that ends there stops or yields.
 pub(crate) fn priority_t(rng: &mut Stream) -> Layout {
     priority(rng, false, "priority-t")
 }
 
-/// Four arms: the minor road stops or gives way.
+/// Draws a four-arm junction: the minor road stops or yields.
 pub(crate) fn priority_four_way(rng: &mut Stream) -> Layout {
     priority(rng, true, "priority-four-way")
 }
@@ -63,7 +63,7 @@ fn priority(rng: &mut Stream, four: bool, name: &str) -> Layout {
         let end = end(rng, kind, four || i == 2);
         (four || i < 3).then(|| arm(format!("a{i}"), path, sections[i % 2], end, kind.flow))
     });
-    // Mostly over the minor road, which is marked more often than the major one.
+    // Mostly across the minor road, which has marked crosswalks more often than the major one.
     let crosswalks = [0, 1, 2, 3].map(|i| rng.chance(if i % 2 == 1 { 0.8 } else { 0.25 }) && paved.is_some());
     let (junction, movements) = lay(&mut b, rng, streets, (6.0, 9.0), crosswalks);
     let stop = rng.chance(if four { 0.9 } else { 0.75 });
@@ -72,7 +72,7 @@ fn priority(rng: &mut Stream, four: bool, name: &str) -> Layout {
     b.finish(name)
 }
 
-/// Four arms (sometimes three), everybody stops.
+/// Draws a junction of four arms (sometimes three) at which everybody stops.
 pub(crate) fn all_way_stop(rng: &mut Stream) -> Layout {
     let mut b = MapBuilder::new();
     let four = rng.chance(0.8);

@@ -1,16 +1,16 @@
-//! Lanes side by side: neighbours, and lanes that overlap although they are no connectors.
+//! Checks of adjacent lanes: neighbours, and overlaps of lanes that are not connectors.
 
-use super::survey::{Survey, Traced};
+use super::survey::{Survey, TracedLane};
 use super::{Flaws, Rule};
 use crate::geometry::Vec2;
 use crate::scene::NeighborParts;
 
-/// Depth to which lanes may reach into one another, metres: their borders are sampled.
-const TOUCH: f64 = 0.1;
-/// Around the ends of linked lanes they may overlap, metres.
-const NEAR_LINK: f64 = 0.5;
-/// Distance of the points of borders that are looked at, metres.
-const STEP: f64 = 3.0;
+/// Maximum overlap of lanes, metres, since their borders are sampled.
+const OVERLAP_TOLERANCE: f64 = 0.1;
+/// Additional distance from the ends of linked lanes, metres, within which they may overlap.
+const LINK_TOLERANCE: f64 = 0.5;
+/// Distance between tested border points, metres.
+const POINT_SPACING: f64 = 3.0;
 
 pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     for lane in &survey.lanes {
@@ -28,7 +28,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
                 continue;
             }
             if let Some(at) = overlap(a, b).or_else(|| overlap(b, a)) {
-                flaws.add(Rule::Overlap, a.id(), at, format!("lies over lane `{}`", b.id()));
+                flaws.add(Rule::Overlap, a.id(), at, format!("overlaps lane `{}`", b.id()));
             }
         }
     }
@@ -36,7 +36,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
 
 fn neighbour(
     survey: &Survey<'_>,
-    lane: &Traced<'_>,
+    lane: &TracedLane<'_>,
     n: &NeighborParts,
     on_left: bool,
 ) -> Result<(), (Vec2, String)> {
@@ -70,47 +70,46 @@ fn neighbour(
         let segment = i.min(lane.line.segments() - 1);
         let across = other.line.on_segment(hit.s, hit.segment) - own[i];
         if lane.unit(segment).dot(&other.unit(hit.segment)) < 0.9 {
-            return error(own[i], "goes another way".into());
+            return error(own[i], "has another direction".into());
         }
         if (lane.unit(segment).perp(&across) > 0.0) != on_left {
-            return error(own[i], "lies on the other side".into());
+            return error(own[i], "is on the other side".into());
         }
-        // Half of each width, as far as the outlines tell away from the ends.
+        // Half of each width, measured on the outlines away from the ends.
         let on = other.line.on_segment(hit.s, hit.segment);
-        let clear =
-            |l: &Traced<'_>, p: Vec2| (l.start() - p).norm().min((l.end() - p).norm()) > 0.75 * hit.distance;
+        let clear = |l: &TracedLane<'_>, p: Vec2| {
+            (l.start() - p).norm().min((l.end() - p).norm()) > 0.75 * hit.distance
+        };
         if i > from && i + step < to && clear(lane, own[i]) && clear(other, on) {
             let width = lane.area.border_distance(own[i]) + other.area.border_distance(on);
             if !(hit.distance > 0.75 * width && hit.distance < 1.3 * width + 0.3) {
-                return error(
-                    own[i],
-                    format!("lies {:.2} m away, expected about {width:.2} m", hit.distance),
-                );
+                return error(own[i], format!("is {:.2} m away, expected about {width:.2} m", hit.distance));
             }
         }
     }
     Ok(())
 }
 
-/// A point of the outline or the middle of `a` that lies in `b`, away from where they are linked.
-fn overlap(a: &Traced<'_>, b: &Traced<'_>) -> Option<Vec2> {
+/// Returns a point of the outline or the centre line of `a` that is inside `b`, away from where they are
+/// linked.
+fn overlap(a: &TracedLane<'_>, b: &TracedLane<'_>) -> Option<Vec2> {
     let linked = |p: Vec2| {
-        let touch = |x: &Traced<'_>, y: &Traced<'_>| {
-            x.part.successors.contains(&y.part.id) && (x.end() - p).norm() < half_width(x) + NEAR_LINK
+        let touch = |x: &TracedLane<'_>, y: &TracedLane<'_>| {
+            x.part.successors.contains(&y.part.id) && (x.end() - p).norm() < half_width(x) + LINK_TOLERANCE
         };
         touch(a, b) || touch(b, a)
     };
-    let inside = |p: &Vec2| b.area.bounds.contains(*p) && b.area.holds(*p, TOUCH) && !linked(*p);
+    let inside = |p: &Vec2| b.area.bounds.contains(*p) && b.area.holds(*p, OVERLAP_TOLERANCE) && !linked(*p);
     let corners = a.ring.iter().zip(a.ring.iter().skip(1).chain(a.ring.first()));
     let border = corners.flat_map(|(&p, &q)| {
-        let count = ((q - p).norm() / STEP).ceil().max(1.0);
+        let count = ((q - p).norm() / POINT_SPACING).ceil().max(1.0);
         (0..count as usize).map(move |k| p + (q - p) * (k as f64 / count))
     });
     a.line.points().iter().copied().chain(border).find(inside)
 }
 
-/// Half of the width of a lane at its end, metres.
-fn half_width(lane: &Traced<'_>) -> f64 {
+/// Returns half of the width of a lane at its end, metres.
+fn half_width(lane: &TracedLane<'_>) -> f64 {
     let near = lane.line.at((lane.line.length() - 4.0).max(0.5 * lane.line.length()));
     lane.area.border_distance(near)
 }

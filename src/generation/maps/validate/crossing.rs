@@ -1,8 +1,8 @@
-//! Where segments cross.
+//! Crossings of segments.
 
 use crate::geometry::Vec2;
 
-/// A segment of some line, with a number that tells which.
+/// A segment of a line, with the number of the line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub(super) a: Vec2,
@@ -10,7 +10,8 @@ pub(super) struct Piece {
     pub(super) id: usize,
 }
 
-/// Where two segments cross. A segment holds its left side's border, so that a line through a corner crosses once.
+/// Returns the intersection of two segments. A segment includes the border of its left side, so that a line
+/// through a corner crosses once.
 pub(in super::super) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2> {
     let (ab, cd) = (b - a, d - c);
     let (of_c, of_d) = (ab.perp(&(c - a)), ab.perp(&(d - a)));
@@ -21,7 +22,8 @@ pub(in super::super) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2
     Some(c + cd * (of_c / (of_c - of_d)))
 }
 
-/// The first crossing of two pieces that `apart` allows to be compared, found by a sweep along the longer side.
+/// Returns the first crossing of two pieces that `apart` allows to be compared, found by a sweep along the
+/// longer side.
 pub(super) fn first_crossing(pieces: &[Piece], apart: impl Fn(usize, usize) -> bool) -> Option<Vec2> {
     let bounds = crate::geometry::Bounds::of(pieces.iter().flat_map(|p| [p.a, p.b]));
     let extent = bounds.max - bounds.min;
@@ -48,7 +50,7 @@ pub(super) fn first_crossing(pieces: &[Piece], apart: impl Fn(usize, usize) -> b
     None
 }
 
-/// The ring without a closing point and without points that repeat.
+/// Returns the ring without a closing point and without repeated points.
 pub(super) fn open_ring(ring: &[Vec2]) -> Vec<Vec2> {
     let mut points: Vec<Vec2> = Vec::with_capacity(ring.len());
     for &p in ring {

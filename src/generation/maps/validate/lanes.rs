@@ -1,18 +1,19 @@
-//! Links, centre lines and outlines of lanes.
+//! Checks of links, centre lines and outlines of lanes.
 
 use super::crossing::{Piece, first_crossing};
-use super::survey::{Survey, Traced};
+use super::survey::{Survey, TracedLane};
 use super::{Flaws, Rule};
 use crate::geometry::Vec2;
 
-/// Ends of linked lanes are no farther apart than this, metres.
-const JOINED: f64 = 0.005;
-/// Chord of the unit circle over 4 degrees, by which linked lanes may differ in direction.
-const KINK: f64 = 0.0698;
-/// The sharpest bend of a centre line, 1/m: a turning circle of 5 m, somewhat tighter than that of the AASHTO passenger car.
-const SHARPEST: f64 = 0.2;
-/// By so much a corner may turn whatever the distance of its points, rad: lines are sampled.
-const SAMPLING: f64 = 0.01;
+/// Maximum distance between the ends of linked lanes, metres.
+const JOIN_TOLERANCE: f64 = 0.005;
+/// Maximum difference in direction of linked lanes, as a chord of the unit circle (4 degrees).
+const MAX_KINK: f64 = 0.0698;
+/// Maximum curvature of a centre line, 1/m: a turning circle of 5 m, somewhat tighter than that of the
+/// AASHTO passenger car.
+const MAX_CURVATURE: f64 = 0.2;
+/// Turn that a corner may have regardless of the distance between its points, rad, since lines are sampled.
+const TURN_TOLERANCE: f64 = 0.01;
 
 pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     for lane in &survey.lanes {
@@ -22,7 +23,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     }
 }
 
-fn links(survey: &Survey<'_>, lane: &Traced<'_>, flaws: &mut Flaws) {
+fn links(survey: &Survey<'_>, lane: &TracedLane<'_>, flaws: &mut Flaws) {
     for id in &lane.part.successors {
         let Some(next) = survey.find(id).map(|i| &survey.lanes[i]) else {
             flaws.add(Rule::Link, lane.id(), lane.end(), format!("successor `{id}` is no lane"));
@@ -32,12 +33,12 @@ fn links(survey: &Survey<'_>, lane: &Traced<'_>, flaws: &mut Flaws) {
             flaws.add(Rule::Link, lane.id(), lane.end(), format!("successor `{id}` does not link back"));
         }
         let gap = (next.start() - lane.end()).norm();
-        if !(gap <= JOINED) {
+        if !(gap <= JOIN_TOLERANCE) {
             let found = format!("successor `{id}` begins {gap:.3} m from its end, expected at most 0.005 m");
             flaws.add(Rule::Link, lane.id(), lane.end(), found);
         }
         let turn = (next.unit(0) - lane.unit(lane.line.segments() - 1)).norm();
-        if !(turn < KINK) {
+        if !(turn < MAX_KINK) {
             let found =
                 format!("turns by {:.1} degrees into `{id}`, expected less than 4", turn.to_degrees());
             flaws.add(Rule::Link, lane.id(), lane.end(), found);
@@ -57,12 +58,12 @@ fn links(survey: &Survey<'_>, lane: &Traced<'_>, flaws: &mut Flaws) {
     }
 }
 
-fn bends(lane: &Traced<'_>, flaws: &mut Flaws) {
+fn bends(lane: &TracedLane<'_>, flaws: &mut Flaws) {
     let arc = lane.line.arc();
     let bent = (1..lane.line.segments()).find_map(|i| {
         let turn = (lane.unit(i) - lane.unit(i - 1)).norm();
         let over = 0.5 * (arc[i + 1] - arc[i - 1]);
-        (turn > SHARPEST * over + SAMPLING).then_some((i, turn, over))
+        (turn > MAX_CURVATURE * over + TURN_TOLERANCE).then_some((i, turn, over))
     });
     if let Some((i, turn, over)) = bent {
         let found = format!("turns by {:.2} degrees within {over:.2} m", turn.to_degrees());
@@ -76,20 +77,20 @@ fn bends(lane: &Traced<'_>, flaws: &mut Flaws) {
     }
 }
 
-/// The segments of a line or ring, numbered from `first` on.
+/// Returns the segments of a line or ring, numbered from `first` on.
 fn pieces(points: &[Vec2], first: usize, closed: bool) -> Vec<Piece> {
     let closing = closed.then(|| points[0]);
     let next = points.iter().skip(1).copied().chain(closing);
     points.iter().zip(next).enumerate().map(|(i, (&a, b))| Piece { a, b, id: first + i }).collect()
 }
 
-/// Whether every piece leads on along the chord, so that the line can not cross itself.
+/// Whether every piece advances along the chord, so that the line cannot cross itself.
 fn monotone(pieces: &[Piece]) -> bool {
     let chord = pieces[pieces.len() - 1].b - pieces[0].a;
     pieces.iter().all(|p| (p.b - p.a).dot(&chord) > 0.0)
 }
 
-fn outline(lane: &Traced<'_>, flaws: &mut Flaws) {
+fn outline(lane: &TracedLane<'_>, flaws: &mut Flaws) {
     let middle = lane.line.at(0.5 * lane.line.length());
     if lane.ring.len() < 3 {
         flaws.add(Rule::Outline, lane.id(), middle, format!("{} corners", lane.ring.len()));
@@ -102,7 +103,7 @@ fn outline(lane: &Traced<'_>, flaws: &mut Flaws) {
         flaws.add(Rule::Outline, lane.id(), at, "the outline crosses itself");
         return;
     }
-    // The ends of the centre line lie on the outline.
+    // The ends of the centre line are on the outline.
     let mut within = pieces(lane.line.points(), around, false);
     let last = within.len() - 1;
     let (lead, tail) = (within[0].b - within[0].a, within[last].b - within[last].a);
@@ -112,6 +113,6 @@ fn outline(lane: &Traced<'_>, flaws: &mut Flaws) {
     if let Some(at) = first_crossing(&all, |a, b| (a < around) != (b < around)) {
         flaws.add(Rule::Outline, lane.id(), at, "the centre line leaves the outline");
     } else if !lane.area.contains(middle) {
-        flaws.add(Rule::Outline, lane.id(), middle, "the centre line lies outside the outline");
+        flaws.add(Rule::Outline, lane.id(), middle, "the centre line is outside the outline");
     }
 }

@@ -1,4 +1,4 @@
-//! Footways and crossings.
+//! Checks of footways and crossings.
 
 use std::collections::BTreeSet;
 
@@ -7,12 +7,12 @@ use super::survey::Survey;
 use super::{Flaws, Rule};
 use crate::geometry::{Polyline, Vec2, left, point_in_ring};
 
-/// Footways whose ends are so near are joined, metres.
-const JOINED: f64 = 3.0;
-/// By so much footways may touch the drivable ground, metres.
-const TOUCH: f64 = 0.05;
-/// Distance of the points that are looked at, metres.
-const STEP: f64 = 2.0;
+/// Distance, metres, within which ends of footways are joined.
+const JOIN_DISTANCE: f64 = 3.0;
+/// Maximum overlap of footways with the drivable ground, metres.
+const TOUCH_TOLERANCE: f64 = 0.05;
+/// Distance between tested points, metres.
+const POINT_SPACING: f64 = 2.0;
 
 pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     let footways = &survey.layout.footways;
@@ -25,15 +25,15 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
         }
         if !footway.crossing {
             let half = 0.5 * footway.width;
-            let points = (0..=(footway.line.length() / STEP) as usize).flat_map(|k| {
-                let s = k as f64 * STEP;
+            let points = (0..=(footway.line.length() / POINT_SPACING) as usize).flat_map(|k| {
+                let s = k as f64 * POINT_SPACING;
                 let (a, b) = footway.line.segment(footway.line.segment_at(s));
                 let aside = left((b - a).normalize()) * half;
                 let p = footway.line.at(s);
                 [p, p + aside, p - aside]
             });
-            if let Some(p) = points.into_iter().find(|&p| survey.well_drivable(p, TOUCH)) {
-                flaws.add(Rule::Footway, &name, p, "lies on drivable ground and is no crossing");
+            if let Some(p) = points.into_iter().find(|&p| survey.well_drivable(p, TOUCH_TOLERANCE)) {
+                flaws.add(Rule::Footway, &name, p, "is on drivable ground but is not a crossing");
             }
             if !(footway.crosses.is_empty() && footway.waits_for.is_empty()) {
                 flaws.add(Rule::Footway, &name, first, "names lanes although it is no crossing");
@@ -46,11 +46,11 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
                 .flat_map(|(_, f)| ends(&f.line))
                 .map(|p| (p - end).norm())
                 .fold(f64::INFINITY, f64::min);
-            if nearest > JOINED {
+            if nearest > JOIN_DISTANCE {
                 let found = format!("ends {nearest:.2} m from other footways, expected at most 3 m");
                 flaws.add(Rule::Footway, &name, end, found);
             }
-            if survey.well_drivable(end, TOUCH) {
+            if survey.well_drivable(end, TOUCH_TOLERANCE) {
                 flaws.add(Rule::Footway, &name, end, "the crossing ends on drivable ground");
             }
         }
@@ -88,11 +88,11 @@ fn crossed(survey: &Survey<'_>, i: usize, name: &str, flaws: &mut Flaws) {
     let painted =
         survey.layout.map.crosswalks.iter().any(|c| point_in_ring(middle, &c.outline) == Some(true));
     if !painted {
-        flaws.add(Rule::Footway, name, middle, "no crosswalk of the map lies under the crossing");
+        flaws.add(Rule::Footway, name, middle, "no crosswalk of the map is under the crossing");
     }
 }
 
-/// Where two lines cross.
+/// Returns an intersection of two lines.
 fn meets(a: &Polyline, b: &Polyline) -> Option<Vec2> {
     let of = |line: &Polyline| crate::geometry::Bounds::of(line.points().iter().copied());
     if !of(a).intersects(&of(b)) {

@@ -1,8 +1,8 @@
-//! Areas that are asked about many points.
+//! Regions that are queried with many points.
 
 use crate::geometry::{Bounds, Vec2, point_segment};
 
-/// The inside of some rings (even-odd rule), indexed in rows.
+/// The interior of some rings (even-odd rule), indexed in rows.
 pub(super) struct Region {
     edges: Vec<(Vec2, Vec2)>,
     pub(super) bounds: Bounds,
@@ -11,7 +11,7 @@ pub(super) struct Region {
     items: Vec<u32>,
 }
 
-/// No more rows than this are made.
+/// Maximum number of rows.
 const MAX_ROWS: usize = 256;
 
 impl Region {
@@ -63,7 +63,7 @@ impl Region {
         self.items[items].iter().map(|&i| &self.edges[i as usize])
     }
 
-    /// Whether a point lies inside.
+    /// Whether a point is inside.
     pub(super) fn contains(&self, p: Vec2) -> bool {
         if !self.bounds.contains(p) {
             return false;
@@ -84,13 +84,13 @@ impl Region {
         self.in_rows(first, last).any(|&(a, b)| point_segment(p, a, b).0 <= distance * distance)
     }
 
-    /// Distance to the border, metres.
+    /// Returns the distance to the border, metres.
     pub(super) fn border_distance(&self, p: Vec2) -> f64 {
         let nearest = self.edges.iter().map(|&(a, b)| point_segment(p, a, b).0).fold(f64::INFINITY, f64::min);
         nearest.sqrt()
     }
 
-    /// Whether a point lies inside and this far from the border.
+    /// Whether a point is inside and at least this far from the border.
     pub(super) fn holds(&self, p: Vec2, depth: f64) -> bool {
         self.contains(p) && !self.border_within(p, depth)
     }

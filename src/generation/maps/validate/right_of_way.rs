@@ -1,4 +1,4 @@
-//! Stop lines, lights, priorities and entries.
+//! Checks of stop lines, lights, priorities and entries.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,20 +8,21 @@ use super::{Flaws, Rule};
 use crate::geometry::Vec2;
 use crate::scene::{LightState, StopKind};
 
-/// Cycles and phases agree within so many seconds.
-const SAME_TIME: f64 = 1e-6;
-/// A light's stop point and a lane's stop line lie no farther than this from where the connector begins, metres.
-const AT_STOP: f64 = 6.0;
-/// Lanes that do not cross may still be too near to one another for two vehicles, metres.
-const TOO_NEAR: f64 = 2.5;
-/// So far before the lanes that are entered and behind those that are left the ground has ended, metres.
-const BEYOND: f64 = 10.0;
+/// Tolerance between cycles and phases, seconds.
+const TIME_TOLERANCE: f64 = 1e-6;
+/// Maximum distance of a light's stop point and of a lane's stop line from the beginning of the connector,
+/// metres.
+const STOP_DISTANCE: f64 = 6.0;
+/// Distance, metres, below which lanes that do not cross are still too close for two vehicles.
+const MIN_SPACING: f64 = 2.5;
+/// Distance before entry lanes and behind exit lanes at which there must be no ground, metres.
+const BORDER_DISTANCE: f64 = 10.0;
 
 pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     stop_lines(survey, flaws);
-    let deciders = Deciders::new(survey);
-    signals(survey, &deciders, flaws);
-    priorities(survey, &deciders, flaws);
+    let precedence = Precedence::new(survey);
+    signals(survey, &precedence, flaws);
+    priorities(survey, &precedence, flaws);
     entries(survey, flaws);
 }
 
@@ -32,21 +33,21 @@ fn stop_lines(survey: &Survey<'_>, flaws: &mut Flaws) {
             continue;
         };
         if !(lane.area.contains(line.at) || lane.area.border_within(line.at, 0.3)) {
-            flaws.add(Rule::StopLine, lane.id(), line.at, "the stop line lies beside the lane");
+            flaws.add(Rule::StopLine, lane.id(), line.at, "the stop line is not on the lane");
         }
     }
 }
 
-/// Who lets whom go first.
-struct Deciders {
-    /// Pairs (who gives way, to whom).
+/// Priorities between lanes.
+struct Precedence {
+    /// Pairs of a yielding lane and the lane that it yields to.
     gives_way: BTreeSet<(usize, usize)>,
     /// Connectors of all-way stops.
     all_way: BTreeSet<usize>,
     signalised: BTreeSet<usize>,
 }
 
-impl Deciders {
+impl Precedence {
     fn new(survey: &Survey<'_>) -> Self {
         let mut gives_way = BTreeSet::new();
         let mut all_way = BTreeSet::new();
@@ -61,8 +62,8 @@ impl Deciders {
         Self { gives_way, all_way, signalised }
     }
 
-    /// Whether one of the two gives way to the other.
-    fn decided(&self, a: usize, b: usize) -> bool {
+    /// Whether one of the two lanes yields to the other.
+    fn is_decided(&self, a: usize, b: usize) -> bool {
         self.gives_way.contains(&(a, b))
             || self.gives_way.contains(&(b, a))
             || self.all_way.contains(&a) && self.all_way.contains(&b)
@@ -75,7 +76,7 @@ fn lets_go(state: Option<LightState>) -> bool {
     matches!(state, Some(Go | ArrowGo | Caution | ArrowCaution))
 }
 
-fn signals(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
+fn signals(survey: &Survey<'_>, precedence: &Precedence, flaws: &mut Flaws) {
     let mut plans: BTreeMap<usize, &SignalPlan> = BTreeMap::new();
     let mut cycle: Option<f64> = None;
     for plan in &survey.layout.signals {
@@ -91,18 +92,18 @@ fn signals(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
             flaws.add(Rule::Signal, &plan.lane, plan.stop_point, "phases must last longer than 0 s");
         }
         let common = *cycle.get_or_insert(own);
-        if !((own - common).abs() < SAME_TIME) {
+        if !((own - common).abs() < TIME_TOLERANCE) {
             let found = format!("a cycle of {own} s, where others have {common} s");
             flaws.add(Rule::Signal, &plan.lane, plan.stop_point, found);
         }
         let traced = &survey.lanes[lane];
         let away = (traced.start() - plan.stop_point).norm();
-        if !(away <= AT_STOP) {
-            let found = format!("the stop point lies {away:.2} m from where the lane begins");
+        if !(away <= STOP_DISTANCE) {
+            let found = format!("the stop point is {away:.2} m from the beginning of the lane");
             flaws.add(Rule::Signal, &plan.lane, plan.stop_point, found);
         }
         if !has_line(survey, lane, StopKind::Light) {
-            flaws.add(Rule::Signal, &plan.lane, plan.stop_point, "no stop line where the lane begins");
+            flaws.add(Rule::Signal, &plan.lane, plan.stop_point, "no stop line at the beginning of the lane");
         }
     }
     let mut times: Vec<f64> = Vec::new();
@@ -115,10 +116,10 @@ fn signals(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
     }
     times.push(0.0);
     times.sort_by(f64::total_cmp);
-    times.dedup_by(|a, b| (*a - *b).abs() < SAME_TIME);
+    times.dedup_by(|a, b| (*a - *b).abs() < TIME_TOLERANCE);
     for (&(i, j), &at) in &survey.meetings {
         let (Some(a), Some(b)) = (plans.get(&i), plans.get(&j)) else { continue };
-        if deciders.decided(i, j) {
+        if precedence.is_decided(i, j) {
             continue;
         }
         let both =
@@ -130,17 +131,17 @@ fn signals(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
     }
 }
 
-/// Whether a stop line of this kind lies at the end of a lane before this one.
+/// Whether a stop line of this kind is at the end of a lane before this one.
 fn has_line(survey: &Survey<'_>, lane: usize, kind: StopKind) -> bool {
     let traced = &survey.lanes[lane];
     survey.layout.map.stop_lines.iter().any(|line| {
         line.kind == kind
             && (traced.part.predecessors.contains(&line.lane) || line.lane == traced.part.id)
-            && (line.at - traced.start()).norm() <= AT_STOP
+            && (line.at - traced.start()).norm() <= STOP_DISTANCE
     })
 }
 
-fn priorities(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
+fn priorities(survey: &Survey<'_>, precedence: &Precedence, flaws: &mut Flaws) {
     for priority in &survey.layout.priorities {
         let Some(lane) = survey.find(&priority.lane) else {
             flaws.add(Rule::Priority, &priority.lane, Vec2::zeros(), "gives way, but is no lane");
@@ -157,7 +158,7 @@ fn priorities(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
                 let found = format!("gives way to `{to}`, which it does not meet");
                 flaws.add(Rule::Priority, &priority.lane, start, found);
             }
-            if deciders.gives_way.contains(&(other, lane)) && !deciders.all_way.contains(&lane) {
+            if precedence.gives_way.contains(&(other, lane)) && !precedence.all_way.contains(&lane) {
                 let found = format!("gives way to `{to}`, which gives way to it");
                 flaws.add(Rule::Priority, &priority.lane, start, found);
             }
@@ -169,17 +170,17 @@ fn priorities(survey: &Survey<'_>, deciders: &Deciders, flaws: &mut Flaws) {
     }
     for (&(i, j), &at) in &survey.meetings {
         let (a, b) = (&survey.lanes[i], &survey.lanes[j]);
-        let by_light = deciders.signalised.contains(&i) && deciders.signalised.contains(&j);
-        if !by_light && !deciders.decided(i, j) {
+        let by_light = precedence.signalised.contains(&i) && precedence.signalised.contains(&j);
+        if !by_light && !precedence.is_decided(i, j) {
             flaws.add(Rule::Priority, a.id(), at, format!("neither it nor `{}` gives way", b.id()));
         }
     }
 }
 
-/// Whether the centre lines of two lanes come so near that vehicles can not pass each other.
+/// Whether the centre lines of two lanes come so close that vehicles cannot pass each other.
 fn too_near(survey: &Survey<'_>, a: usize, b: usize) -> bool {
     let (a, b) = (&survey.lanes[a].line, &survey.lanes[b].line);
-    a.points().iter().any(|&p| b.project(p).distance < TOO_NEAR)
+    a.points().iter().any(|&p| b.project(p).distance < MIN_SPACING)
 }
 
 fn entries(survey: &Survey<'_>, flaws: &mut Flaws) {
@@ -200,7 +201,7 @@ fn entries(survey: &Survey<'_>, flaws: &mut Flaws) {
         if !survey.lanes[i].part.predecessors.is_empty() {
             flaws.add(Rule::Entry, &entry.lane, start, "is entered although another lane leads into it");
         }
-        if !finds_way_out(survey, i) {
+        if !reaches_exit(survey, i) {
             flaws.add(Rule::Entry, &entry.lane, start, "no lane that leaves the map can be reached");
         }
     }
@@ -209,18 +210,19 @@ fn entries(survey: &Survey<'_>, flaws: &mut Flaws) {
             if !entered.contains(&i) {
                 flaws.add(Rule::Entry, lane.id(), lane.start(), "nobody can come in: it is no entry");
             }
-            if survey.drivable(lane.start() - lane.unit(0) * BEYOND, 0.0) {
+            if survey.drivable(lane.start() - lane.unit(0) * BORDER_DISTANCE, 0.0) {
                 flaws.add(Rule::Entry, lane.id(), lane.start(), "begins inside the drivable ground");
             }
         }
-        let ahead = lane.end() + lane.unit(lane.line.segments() - 1) * BEYOND;
+        let ahead = lane.end() + lane.unit(lane.line.segments() - 1) * BORDER_DISTANCE;
         if lane.part.successors.is_empty() && survey.drivable(ahead, 0.0) {
             flaws.add(Rule::Entry, lane.id(), lane.end(), "ends inside the drivable ground");
         }
     }
 }
 
-fn finds_way_out(survey: &Survey<'_>, from: usize) -> bool {
+/// Whether a lane that leaves the map can be reached.
+fn reaches_exit(survey: &Survey<'_>, from: usize) -> bool {
     let mut seen = BTreeSet::from([from]);
     let mut open = vec![from];
     while let Some(i) = open.pop() {

@@ -1,4 +1,4 @@
-//! What the checks share: lanes as lines and areas, where they meet, the ground.
+//! Data shared by the checks: lanes as lines and areas, the points where they meet, the ground.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,16 +8,16 @@ use super::{Flaws, Layout, Rule};
 use crate::geometry::{Bounds, Grid, Polyline, Vec2};
 use crate::scene::{LaneArea, LaneKind, LaneParts};
 
-/// A lane with its line and its area.
-pub(super) struct Traced<'a> {
+/// A lane with its centre line and its area.
+pub(super) struct TracedLane<'a> {
     pub(super) part: &'a LaneParts,
     pub(super) line: Polyline,
-    /// The outline, open.
+    /// The outline as an open ring.
     pub(super) ring: Vec<Vec2>,
     pub(super) area: Region,
 }
 
-impl Traced<'_> {
+impl TracedLane<'_> {
     pub(super) fn id(&self) -> &str {
         &self.part.id
     }
@@ -34,26 +34,27 @@ impl Traced<'_> {
         self.part.kind == LaneKind::Connector
     }
 
-    /// Unit direction of segment `i`.
+    /// Returns the unit direction of segment `i`.
     pub(super) fn unit(&self, i: usize) -> Vec2 {
         let (a, b) = self.line.segment(i);
         (b - a).normalize()
     }
 }
 
-/// A layout as the checks see it.
+/// A layout prepared for the checks.
 pub(super) struct Survey<'a> {
     pub(super) layout: &'a Layout,
-    pub(super) lanes: Vec<Traced<'a>>,
+    pub(super) lanes: Vec<TracedLane<'a>>,
     index: BTreeMap<&'a str, usize>,
-    /// Pairs of lanes (the lower index first) that meet: they cross, or end at the same place. Those that part are not among them.
+    /// Pairs of lanes (lower index first) that meet: they cross, or end at the same place. Diverging lanes
+    /// are not included.
     pub(super) meetings: BTreeMap<(usize, usize), Vec2>,
     ground: Vec<Region>,
 }
 
 impl<'a> Survey<'a> {
     pub(super) fn new(layout: &'a Layout, flaws: &mut Flaws) -> Self {
-        let mut lanes: Vec<Traced<'a>> = Vec::new();
+        let mut lanes: Vec<TracedLane<'a>> = Vec::new();
         let mut index = BTreeMap::new();
         for part in &layout.map.lanes {
             let first = part.points.first().copied().unwrap_or_default();
@@ -65,7 +66,7 @@ impl<'a> Survey<'a> {
                     let ring = outline(part, &line);
                     let area = Region::new([&ring[..]]);
                     index.insert(part.id.as_str(), lanes.len());
-                    lanes.push(Traced { part, line, ring, area });
+                    lanes.push(TracedLane { part, line, ring, area });
                 }
                 Ok(_) => flaws.add(Rule::Id, &part.id, first, "points of the centre line repeat"),
                 Err(error) => flaws.add(Rule::Id, &part.id, first, error.to_string()),
@@ -81,23 +82,23 @@ impl<'a> Survey<'a> {
         survey
     }
 
-    /// The lane of this id.
+    /// Returns the lane with this id.
     pub(super) fn find(&self, id: &str) -> Option<usize> {
         self.index.get(id).copied()
     }
 
-    /// Where two lanes meet.
+    /// Returns the point where two lanes meet.
     pub(super) fn meet(&self, a: usize, b: usize) -> Option<Vec2> {
         self.meetings.get(&(a.min(b), a.max(b))).copied()
     }
 
-    /// Whether a point lies on drivable ground, or outside but within `tolerance` of its border.
+    /// Whether a point is on drivable ground, or outside but within `tolerance` of its border.
     pub(super) fn drivable(&self, p: Vec2, tolerance: f64) -> bool {
         self.ground.iter().any(|g| g.contains(p))
             || tolerance > 0.0 && self.ground.iter().any(|g| g.border_within(p, tolerance))
     }
 
-    /// Whether a point lies on drivable ground and this far from its border.
+    /// Whether a point is on drivable ground and at least this far from its border.
     pub(super) fn well_drivable(&self, p: Vec2, depth: f64) -> bool {
         self.drivable(p, 0.0) && !self.ground.iter().any(|g| g.border_within(p, depth))
     }
@@ -147,7 +148,7 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// The outline of a lane as an open ring.
+/// Returns the outline of a lane as an open ring.
 fn outline(part: &LaneParts, line: &Polyline) -> Vec<Vec2> {
     match &part.area {
         LaneArea::Polygon(ring) => open_ring(ring),

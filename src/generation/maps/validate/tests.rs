@@ -1,4 +1,4 @@
-//! A sound map made by hand, and one way to break each rule at a time.
+//! A valid map built by hand, and one violation of each rule at a time.
 
 use super::super::super::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
 use super::{Flaw, Rule, validate};
@@ -16,7 +16,7 @@ fn rectangle(low: Vec2, high: Vec2) -> Vec<Vec2> {
     vec![low, v(high.x, low.y), high, v(low.x, high.y)]
 }
 
-/// A straight lane, 3.5 m wide, with 11 points.
+/// Returns a straight lane, 3.5 m wide, with 11 points.
 fn lane(id: &str, from: Vec2, to: Vec2) -> LaneParts {
     let half = crate::geometry::left((to - from).normalize()) * 1.75;
     LaneParts {
@@ -33,7 +33,8 @@ fn lane(id: &str, from: Vec2, to: Vec2) -> LaneParts {
     }
 }
 
-/// Two lanes to the east (`a0`, and `a1` on its left) cross one to the north (`b`); lights, a crosswalk over `b.in`, a parking spot.
+/// Returns a map of two lanes to the east (`a0`, and `a1` on its left) that cross one to the north (`b`),
+/// with lights, a crosswalk over `b.in` and a parking spot.
 fn sound() -> Layout {
     let mut lanes = Vec::new();
     for (name, ends) in [
@@ -136,7 +137,8 @@ fn text(flaws: &[Flaw]) -> String {
     flaws.iter().map(|f| format!("{f}\n")).collect()
 }
 
-/// Breaks the sound map and requires a flaw of this rule that says so; other rules may be broken along with it.
+/// Breaks the valid map and requires a flaw of this rule that contains `says`; other rules may be broken
+/// along with it.
 #[track_caller]
 fn breaks(rule: Rule, says: &str, how: impl FnOnce(&mut Layout)) {
     let mut layout = sound();
@@ -194,7 +196,7 @@ fn outlines() {
     breaks(Rule::Outline, "the centre line leaves", |l| {
         ring(l, "b.out", rectangle(v(-1.75, 8.0), v(1.75, 20.0)));
     });
-    breaks(Rule::Outline, "lies outside", |l| ring(l, "b.out", rectangle(v(0.5, 8.0), v(1.75, 40.0))));
+    breaks(Rule::Outline, "is outside", |l| ring(l, "b.out", rectangle(v(0.5, 8.0), v(1.75, 40.0))));
     breaks(Rule::Outline, "2 corners", |l| ring(l, "b.out", vec![v(0.5, 8.0), v(1.75, 40.0)]));
 }
 
@@ -224,9 +226,9 @@ fn neighbours_and_overlaps() {
             std::mem::swap(&mut lane.left, &mut lane.right);
         }
     });
-    breaks(Rule::Neighbour, "another way", |l| find(l, "a1.in").points.reverse());
+    breaks(Rule::Neighbour, "another direction", |l| find(l, "a1.in").points.reverse());
     breaks(Rule::Neighbour, "m away", |l| find(l, "a1.in").points.iter_mut().for_each(|p| p.y += 3.0));
-    breaks(Rule::Overlap, "lies over lane `a1.in`", |l| {
+    breaks(Rule::Overlap, "overlaps lane `a1.in`", |l| {
         find(l, "a0.in").area = LaneArea::Polygon(rectangle(v(-60.0, -3.5), v(-10.0, 0.4)));
     });
 }
@@ -234,12 +236,12 @@ fn neighbours_and_overlaps() {
 #[test]
 fn stop_lines_and_signals() {
     breaks(Rule::StopLine, "does not exist", |l| l.map.stop_lines[0].lane = "nowhere".into());
-    breaks(Rule::StopLine, "beside the lane", |l| l.map.stop_lines[0].at.y = -5.0);
+    breaks(Rule::StopLine, "not on the lane", |l| l.map.stop_lines[0].at.y = -5.0);
     breaks(Rule::Signal, "does not exist", |l| l.signals[0].lane = "nowhere".into());
     breaks(Rule::Signal, "second light", |l| l.signals[0].lane = "a1.x".into());
     breaks(Rule::Signal, "a cycle of 51 s", |l| l.signals[1].phases[2].1 = 28.0);
     breaks(Rule::Signal, "longer than 0 s", |l| l.signals[1].phases.push((LightState::Stop, 0.0)));
-    breaks(Rule::Signal, "stop point lies", |l| l.signals[1].stop_point.x = -20.0);
+    breaks(Rule::Signal, "stop point is", |l| l.signals[1].stop_point.x = -20.0);
     breaks(Rule::Signal, "no stop line", |l| l.map.stop_lines.truncate(2));
     breaks(Rule::Signal, "may go at", |l| {
         l.signals[0].phases =
@@ -259,7 +261,7 @@ fn stop_lines_and_signals() {
     assert!(flaws.is_empty(), "{}", text(&flaws));
 }
 
-/// The sound map with signs instead of lights.
+/// Replaces the lights of the valid map with signs.
 fn with_signs(layout: &mut Layout, rule: RightOfWay, both: bool) {
     layout.signals.clear();
     layout.footways[2].waits_for.clear();
@@ -336,7 +338,7 @@ fn parking() {
 fn footways() {
     let line =
         |l: &mut Layout, i: usize, points: [Vec2; 2]| l.footways[i].line = Polyline::new(&points).unwrap();
-    breaks(Rule::Footway, "lies on drivable ground", |l| line(l, 0, [v(-40.0, -3.9), v(-3.0, -5.0)]));
+    breaks(Rule::Footway, "is on drivable ground", |l| line(l, 0, [v(-40.0, -3.9), v(-3.0, -5.0)]));
     breaks(Rule::Footway, "from other footways", |l| line(l, 1, [v(6.0, -6.0), v(40.0, -6.0)]));
     breaks(Rule::Footway, "ends on drivable ground", |l| line(l, 2, [v(-2.5, -6.0), v(1.0, -6.0)]));
     breaks(Rule::Footway, "without naming it", |l| l.footways[2].crosses.clear());

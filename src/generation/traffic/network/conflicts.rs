@@ -1,39 +1,40 @@
-//! Where ways cross or join, and who goes first there.
+//! Conflicts where lanes cross or join, and the right of way there.
 
 use super::super::super::{Layout, RightOfWay};
-use super::{Network, Way};
+use super::{Network, TrafficLane};
 use crate::geometry::Bounds;
 
-/// Centre lines that come closer than this are in conflict, metres: two vehicles of usual width and some room.
-const VEHICLES: f64 = 2.3;
-/// The same where ways join and vehicles would be side by side for long.
-const SIDE_BY_SIDE: f64 = 2.8;
-/// The same where one of them is for bicycles.
-const BICYCLE: f64 = 1.8;
-/// Distance between the places that are tested, metres.
-const STEP: f64 = 1.0;
+/// Distance of centre lines, metres, below which crossing lanes conflict: two vehicles of usual width with
+/// clearance.
+const CROSSING_DISTANCE: f64 = 2.3;
+/// The same distance for joining lanes, on which vehicles would drive side by side for long, metres.
+const JOINING_DISTANCE: f64 = 2.8;
+/// The same distance if one of the lanes is for bicycles, metres.
+const BICYCLE_DISTANCE: f64 = 1.8;
+/// Distance between two tested points, metres.
+const TEST_SPACING: f64 = 1.0;
 
-/// What a driver on this way owes to those on the other.
+/// Duty of a driver on this lane towards drivers on the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Duty {
-    /// To let them go first.
+    /// To yield.
     GiveWay,
-    /// Nothing: they let this one go first.
+    /// To proceed: the others yield.
     GoFirst,
-    /// Who is there first goes first.
+    /// First come, first served.
     Equal,
 }
 
-/// A stretch where a way crosses or joins another.
+/// A stretch where a lane crosses or joins another.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Conflict {
-    /// The other way.
+    /// Index of the other lane.
     pub(crate) other: usize,
-    /// The stretch of this way, metres from its beginning.
+    /// Stretch of this lane, metres from its beginning.
     pub(crate) mine: [f64; 2],
-    /// The stretch of the other.
+    /// Stretch of the other lane, metres from its beginning.
     pub(crate) theirs: [f64; 2],
-    /// Whether both go on into the same way.
+    /// Whether both lanes lead into the same lane.
     pub(crate) joins: bool,
     pub(crate) duty: Duty,
 }
@@ -41,9 +42,9 @@ pub(crate) struct Conflict {
 /// Finds all conflicts of a network.
 pub(super) fn find(network: &mut Network, layout: &Layout) {
     let bounds: Vec<Bounds> = network
-        .ways
+        .lanes
         .iter()
-        .map(|w| Bounds::of(w.line.points().iter().copied()).inflated(0.5 * SIDE_BY_SIDE))
+        .map(|lane| Bounds::of(lane.line.points().iter().copied()).inflated(0.5 * JOINING_DISTANCE))
         .collect();
     let yields = |i: usize, j: usize| {
         let (a, b) = (&layout.map.lanes[i].id, &layout.map.lanes[j].id);
@@ -53,9 +54,9 @@ pub(super) fn find(network: &mut Network, layout: &Layout) {
             .filter(|p| p.lane == *a && p.rule != RightOfWay::AllWayStop)
             .any(|p| p.to.contains(b))
     };
-    for i in 0..network.ways.len() {
-        for j in i + 1..network.ways.len() {
-            let (a, b) = (&network.ways[i], &network.ways[j]);
+    for i in 0..network.lanes.len() {
+        for j in i + 1..network.lanes.len() {
+            let (a, b) = (&network.lanes[i], &network.lanes[j]);
             let follow = a.next.contains(&j) || b.next.contains(&i);
             let twins = a.twins.iter().any(|t| t.0 == j);
             if follow || twins || !bounds[i].intersects(&bounds[j]) {
@@ -73,8 +74,8 @@ pub(super) fn find(network: &mut Network, layout: &Layout) {
                 _ => Duty::Equal,
             };
             let (first, second) = (duty(gives, takes), duty(takes, gives));
-            network.ways[i].conflicts.push(Conflict { other: j, mine, theirs, joins, duty: first });
-            network.ways[j].conflicts.push(Conflict {
+            network.lanes[i].conflicts.push(Conflict { other: j, mine, theirs, joins, duty: first });
+            network.lanes[j].conflicts.push(Conflict {
                 other: i,
                 mine: theirs,
                 theirs: mine,
@@ -85,19 +86,23 @@ pub(super) fn find(network: &mut Network, layout: &Layout) {
     }
 }
 
-/// The stretches on which two ways are too close for two vehicles.
-fn stretches(a: &Way, b: &Way, joins: bool) -> Option<([f64; 2], [f64; 2])> {
+/// Returns the stretches on which two lanes are too close for two vehicles side by side.
+fn stretches(a: &TrafficLane, b: &TrafficLane, joins: bool) -> Option<([f64; 2], [f64; 2])> {
     let near = match (a.bicycles || b.bicycles, joins) {
-        (true, _) => BICYCLE,
-        (false, true) => SIDE_BY_SIDE,
-        (false, false) => VEHICLES,
+        (true, _) => BICYCLE_DISTANCE,
+        (false, true) => JOINING_DISTANCE,
+        (false, false) => CROSSING_DISTANCE,
     };
-    let on = |x: &Way, y: &Way| -> Option<[f64; 2]> {
-        let steps = (x.length / STEP) as usize + 1;
-        let close = |k: &usize| y.line.project(x.line.at((*k as f64 * STEP).min(x.length))).distance < near;
+    let on = |x: &TrafficLane, y: &TrafficLane| -> Option<[f64; 2]> {
+        let steps = (x.length / TEST_SPACING) as usize + 1;
+        let close =
+            |k: &usize| y.line.project(x.line.at((*k as f64 * TEST_SPACING).min(x.length))).distance < near;
         let first = (0..=steps).find(close)?;
         let last = if joins { steps } else { (0..=steps).rev().find(close)? };
-        Some([(first as f64 * STEP - STEP).max(0.0), (last as f64 * STEP + STEP).min(x.length)])
+        Some([
+            (first as f64 * TEST_SPACING - TEST_SPACING).max(0.0),
+            (last as f64 * TEST_SPACING + TEST_SPACING).min(x.length),
+        ])
     };
     Some((on(a, b)?, on(b, a)?))
 }

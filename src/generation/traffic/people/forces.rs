@@ -1,32 +1,38 @@
-//! What people do to one another: the social force of Moussaïd et al. (2009).
+//! Interaction of people: the social force of Moussaïd et al. (2009).
 
 use crate::geometry::{Vec2, left};
 
-/// Strength, m/s²; range per speed of approach, s; weights of relative velocity and of direction, as published.
+/// Strength of the interaction, m/s² (A, as published).
 const STRENGTH: f64 = 4.5;
-const RANGE: f64 = 0.35;
+/// Range of the interaction per speed of approach, s (γ, as published).
+const RANGE_TIME: f64 = 0.35;
+/// Weight of the relative velocity against the direction to the other (λ, as published).
 const FORESIGHT: f64 = 2.0;
+/// Angular decay of the turning force (n, as published).
 const ANGULAR_TURN: f64 = 2.0;
+/// Angular decay of the slowing force (n', as published).
 const ANGULAR_SLOW: f64 = 3.0;
-/// Bias of the side on which people evade, as published: to the right.
-const BIAS: f64 = 0.005;
-/// Farther than this nobody matters, metres.
-pub(super) const REACH: f64 = 6.0;
-/// Time in which people are willing to come up to who is in front of them, seconds.
-const APPROACH: f64 = 0.7;
+/// Bias of the side on which people evade (ε, as published): to the right.
+const SIDE_BIAS: f64 = 0.005;
+/// Distance, metres, beyond which people do not influence each other.
+pub(super) const INTERACTION_RANGE: f64 = 6.0;
+/// Time in which people are willing to close up to the person in front, seconds.
+const APPROACH_TIME: f64 = 0.7;
 
-/// `exp(-x)` for x of at least 0, by squaring: plain arithmetic, the same on every machine; within 3 % where it is above 0.02.
+/// Returns `exp(-x)` for `x >= 0` by squaring: plain arithmetic, identical on every machine, within 3 %
+/// where the result is above 0.02.
 fn decay(x: f64) -> f64 {
     let mut power = 1.0 + x / 128.0;
     (0..7).for_each(|_| power *= power);
     1.0 / power
 }
 
-/// The force of somebody at `d` (from the own position), who moves at `other`, on who moves at `own`.
+/// Returns the force on a person moving at `own` from a person at `d` (relative to the own position) moving
+/// at `other`.
 pub(super) fn interaction(d: Vec2, own: Vec2, other: Vec2) -> Vec2 {
     let distance = d.norm();
     let e = d / distance.max(1e-6);
-    // Who is neither near nor comes nearer has next to no weight: spares the rest.
+    // A person who is neither near nor approaching has a negligible influence: skip the rest.
     if distance > 2.2 && (own - other).dot(&e) < 0.3 {
         return Vec2::zeros();
     }
@@ -36,8 +42,9 @@ pub(super) fn interaction(d: Vec2, own: Vec2, other: Vec2) -> Vec2 {
         return Vec2::zeros();
     }
     let t = approach / strength;
-    let range = RANGE * strength;
-    // The angle from the direction of approach to the other one, squared, as a series in 1 - cos (within 5 % up to 115 degrees).
+    let range = RANGE_TIME * strength;
+    // Squared angle between the direction of approach and the direction to the other, as a series in 1 -
+    // cos (within 5 % up to 115 degrees).
     let (cos, sin) = (t.dot(&e), t.perp(&e));
     let u = 1.0 - cos;
     let angle2 = u * (2.0 + u * (1.0 / 3.0 + u * (4.0 / 45.0 + u / 35.0)));
@@ -45,21 +52,22 @@ pub(super) fn interaction(d: Vec2, own: Vec2, other: Vec2) -> Vec2 {
     if near < 0.02 {
         return Vec2::zeros();
     }
-    let side = if sin + BIAS * range >= 0.0 { 1.0 } else { -1.0 };
+    let side = if sin + SIDE_BIAS * range >= 0.0 { 1.0 } else { -1.0 };
     let decays = |rate: f64| decay((rate * range) * (rate * range) * angle2);
     let (slow, turn) = (decays(ANGULAR_SLOW), decays(ANGULAR_TURN));
     (t * slow + left(t) * (side * turn)) * -near
 }
 
-/// Takes out of `velocity` what would bring two bodies too near within [`APPROACH`] seconds; `gap` is what is left between them.
-pub(super) fn held(velocity: Vec2, d: Vec2, gap: f64, other: Vec2) -> Vec2 {
+/// Removes from `velocity` the part that would bring two bodies too close within [`APPROACH_TIME`] seconds;
+/// `gap` is the distance left between them.
+pub(super) fn limited_velocity(velocity: Vec2, d: Vec2, gap: f64, other: Vec2) -> Vec2 {
     let distance = d.norm();
     if distance < 1e-6 {
         return velocity;
     }
     let e = d / distance;
-    // Who comes on is expected to give way as well; who walks away makes room.
-    let room = gap.max(0.0) / APPROACH + other.dot(&e).max(0.0);
+    // An approaching person is expected to give way as well; one who walks away makes room.
+    let room = gap.max(0.0) / APPROACH_TIME + other.dot(&e).max(0.0);
     velocity - e * (velocity.dot(&e) - room).max(0.0)
 }
 

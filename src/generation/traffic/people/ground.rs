@@ -1,15 +1,15 @@
-//! On which ground people are: footways, where they join, and what lies beyond the last end.
+//! Ground that people walk on: footways, their joints, and the extension beyond the last end.
 
 use super::Crowd;
-use super::aim::LOOK;
+use super::aim::LOOK_AHEAD;
 use super::walker::Walker;
 use crate::geometry::{Vec2, point_segment};
 
-/// So near to its end a stretch is left for the next, wherever that lies, metres.
-const END: f64 = 0.4;
+/// Remaining length of a stretch, metres, from which on people move on to the next one, wherever that is.
+const END_DISTANCE: f64 = 0.4;
 
 impl Crowd {
-    /// The nearest place to where somebody is that footways cover.
+    /// Returns the point covered by footways that is nearest to a pedestrian.
     pub(super) fn on_ground(&self, w: &Walker) -> Vec2 {
         let p = w.position;
         let own = &self.network.stretches[w.stretch];
@@ -35,7 +35,7 @@ impl Crowd {
                 offer(at.distance, stretch.half, stretch.line.on_segment(at.s, at.segment));
                 self.joint(p, (w.stretch, w.forward), (next, !forward), &mut offer);
             }
-            // Beyond the end of the last stretch lies the border.
+            // Beyond the end of the last stretch is the border of the map.
             None => {
                 let (end, last) =
                     (self.end(w.stretch, w.forward), if w.forward { own.line.segments() - 1 } else { 0 });
@@ -57,7 +57,7 @@ impl Crowd {
         p - out * (over / out.norm())
     }
 
-    /// The ground between two stretches that are joined.
+    /// Offers the ground between two joined stretches.
     fn joint(&self, p: Vec2, a: (usize, bool), b: (usize, bool), offer: &mut impl FnMut(f64, f64, Vec2)) {
         let (from, to) = (self.end(a.0, a.1), self.end(b.0, b.1));
         let (square, t) = point_segment(p, from, to);
@@ -65,7 +65,7 @@ impl Crowd {
         offer(square.sqrt(), room, from + (to - from) * t);
     }
 
-    /// Keeps book of where somebody is on the network, who has moved.
+    /// Updates the position of a pedestrian on the network after a move.
     pub(super) fn locate(&mut self, i: usize) {
         let w = &self.walkers[i];
         let own = &self.network.stretches[w.stretch].line;
@@ -74,14 +74,15 @@ impl Crowd {
         self.walkers[i].segment = at.segment;
         let w = &self.walkers[i];
         let remaining = self.remaining(w);
-        if remaining > LOOK {
+        if remaining > LOOK_AHEAD {
             return;
         }
         if let Some((next, forward)) = self.onward(w) {
             let stretch = &self.network.stretches[next];
             let at = stretch.line.project(w.position);
-            // Who aims at the near side of the next stretch may be there long before the end of this one.
-            if remaining > END && at.distance > stretch.half {
+            // A pedestrian who aims at the near side of the next stretch may reach it long before the end
+            // of this one.
+            if remaining > END_DISTANCE && at.distance > stretch.half {
                 return;
             }
             let w = &mut self.walkers[i];

@@ -1,8 +1,8 @@
-//! Who is there at the beginning, who comes and who leaves.
+//! Initial placement of people, arrivals and departures.
 
 use rand::{RngExt, SeedableRng};
 
-use super::motion::{CLEARANCE, Room};
+use super::motion::{BODY_CLEARANCE, StepBuffers};
 use super::network::Network;
 use super::walker::{Activity, Walker};
 use super::{Crossing, Crowd, crossing};
@@ -10,18 +10,36 @@ use crate::generation::{Draw, Layout};
 use crate::geometry::Vec2;
 use crate::rollout::Stream;
 
-/// How busy footways are, people per 100 m at density 1: from, to, and the share of maps. Chosen so that numbers near the AV spread as
-/// in the recording (see the module).
-const BUSY: [(f64, f64, f64); 4] = [(0.0, 0.25, 0.45), (0.25, 1.0, 0.35), (1.0, 2.5, 0.16), (2.5, 5.0, 0.04)];
-/// Never more people than this.
-const MOST: usize = 60;
-/// Share of groups that stand at the beginning, and for how long they stay, seconds. 9 % of the recorded people stand throughout.
-const STANDING: f64 = 0.1;
-const STAY: (f64, f64) = (20.0, 150.0);
-/// Tries to find room for a group.
-const TRIES: usize = 8;
-/// Mean time until somebody comes for each who is missing, seconds.
-const RENEWAL: f64 = 12.0;
+/// A class of maps by the density of people on their footways.
+struct Busyness {
+    /// Minimum density, people per 100 m at density 1.
+    low: f64,
+    /// Maximum density, people per 100 m at density 1.
+    high: f64,
+    /// Share of maps.
+    share: f64,
+}
+
+/// Classes of maps, chosen so that numbers of people near the AV are distributed as in the recording (see
+/// the module).
+const BUSYNESS: [Busyness; 4] = [
+    Busyness { low: 0.0, high: 0.25, share: 0.45 },
+    Busyness { low: 0.25, high: 1.0, share: 0.35 },
+    Busyness { low: 1.0, high: 2.5, share: 0.16 },
+    Busyness { low: 2.5, high: 5.0, share: 0.04 },
+];
+/// Maximum number of people.
+const MAX_PEOPLE: usize = 60;
+/// Share of groups that stand at the beginning. 9 % of the recorded people stand throughout.
+const STANDING_SHARE: f64 = 0.1;
+/// Minimum time for which such groups stand, seconds.
+const STANDING_TIME_MIN: f64 = 20.0;
+/// Maximum time for which such groups stand, seconds.
+const STANDING_TIME_MAX: f64 = 150.0;
+/// Maximum number of attempts to place a group.
+const MAX_TRIES: usize = 8;
+/// Mean time until a missing person is replaced, seconds.
+const RENEWAL_TIME: f64 = 12.0;
 
 /// Draws a crowd.
 pub(super) fn crowd(layout: &Layout, density: f64, rng: &mut Stream) -> Crowd {
@@ -43,9 +61,9 @@ pub(super) fn crowd(layout: &Layout, density: f64, rng: &mut Stream) -> Crowd {
     let lengths = network.stretches.iter().map(|s| if s.crossing.is_some() { 0.0 } else { s.line.length() });
     let lengths: Vec<f64> = lengths.collect();
     let total: f64 = lengths.iter().sum();
-    let (low, high, _) = BUSY[rng.weighted(&BUSY.map(|b| b.2))];
+    let Busyness { low, high, .. } = BUSYNESS[rng.weighted(&BUSYNESS.map(|b| b.share))];
     let expected = rng.uniform(low, high) * density * total / 100.0;
-    let wanted = ((expected + rng.uniform(0.0, 1.0)) as usize).min(MOST);
+    let wanted = ((expected + rng.uniform(0.0, 1.0)) as usize).min(MAX_PEOPLE);
     let mut crowd = Crowd {
         network,
         crossings,
@@ -56,10 +74,10 @@ pub(super) fn crowd(layout: &Layout, density: f64, rng: &mut Stream) -> Crowd {
         wanted,
         next_id: 0,
         rng: Stream::seed_from_u64(rng.random()),
-        room: Room::default(),
+        buffers: StepBuffers::default(),
     };
     if total > 0.0 {
-        // A bounded number of tries: a short footway may hold fewer.
+        // Attempts are bounded: a short footway may hold fewer people.
         for _ in 0..4 * wanted {
             if crowd.walkers.len() >= wanted {
                 break;
@@ -71,23 +89,23 @@ pub(super) fn crowd(layout: &Layout, density: f64, rng: &mut Stream) -> Crowd {
 }
 
 impl Crowd {
-    /// A group, with goals.
+    /// Draws a group, without goals yet.
     fn group(&mut self) -> Vec<Walker> {
         let group = Walker::group(self.next_id, &mut self.rng);
         self.next_id += group.len() as u64;
         group
     }
 
-    /// Puts a group somewhere on a footway, if there is room.
+    /// Places a group somewhere on a footway, if there is room.
     fn add(&mut self, lengths: &[f64]) {
         let group = self.group();
-        let standing = self.rng.chance(STANDING);
-        for _ in 0..TRIES {
+        let standing = self.rng.chance(STANDING_SHARE);
+        for _ in 0..MAX_TRIES {
             let stretch = self.rng.weighted(lengths);
             let goal = self.rng.count(0, self.network.goals.len() - 1);
-            let Some(forward) = self.way(stretch, goal) else { continue };
+            let Some(forward) = self.walking_direction(stretch, goal) else { continue };
             let s = self.rng.uniform(0.0, lengths[stretch]);
-            let stay = self.rng.uniform(STAY.0, STAY.1);
+            let stay = self.rng.uniform(STANDING_TIME_MIN, STANDING_TIME_MAX);
             let mut placed = group.clone();
             for w in &mut placed {
                 self.place(w, stretch, forward, s);
@@ -101,7 +119,7 @@ impl Crowd {
                 self.stand(&mut placed, s);
             }
             let room = |w: &Walker, o: &Walker| {
-                (w.position - o.position).norm() > w.radius + o.radius + 2.0 * CLEARANCE
+                (w.position - o.position).norm() > w.radius + o.radius + 2.0 * BODY_CLEARANCE
             };
             let free = placed.iter().enumerate().all(|(i, w)| {
                 self.walkers.iter().chain(&placed[..i]).all(|o| room(w, o)) && self.on_ground(w) == w.position
@@ -113,8 +131,8 @@ impl Crowd {
         }
     }
 
-    /// Which way along a stretch leads to a goal.
-    fn way(&self, stretch: usize, goal: usize) -> Option<bool> {
+    /// Returns the direction along a stretch that leads to a goal: `true` along its line.
+    fn walking_direction(&self, stretch: usize, goal: usize) -> Option<bool> {
         let ends = self.network.stretches[stretch].ends;
         let [begin, end] = ends.map(|n| self.network.next(goal, n));
         if begin == Some(stretch) {
@@ -126,7 +144,7 @@ impl Crowd {
         }
     }
 
-    /// Sets somebody on a stretch, walking.
+    /// Places a pedestrian on a stretch, walking.
     fn place(&self, w: &mut Walker, stretch: usize, forward: bool, s: f64) {
         let on = &self.network.stretches[stretch];
         let file = if w.abreast(on.half) { 0.0 } else { 1.15 * w.rank as f64 };
@@ -139,7 +157,8 @@ impl Crowd {
         w.velocity = w.facing * w.desired_speed;
     }
 
-    /// Stands a group at the edge of a footway: one looks about, more talk to one another.
+    /// Places a standing group at the edge of a footway: a single person looks around, several face each
+    /// other.
     fn stand(&mut self, group: &mut [Walker], s: f64) {
         for (k, w) in group.iter_mut().enumerate() {
             let on = &self.network.stretches[w.stretch];
@@ -159,16 +178,19 @@ impl Crowd {
         }
     }
 
-    /// Lets people come into the map in the place of those who left.
+    /// Lets people enter the map to replace those who left.
     pub(super) fn arrive(&mut self, dt: f64) {
         let pending: usize = self.pending.iter().map(Vec::len).sum();
         let missing = self.wanted.saturating_sub(self.walkers.len() + pending);
-        if missing > 0 && !self.network.exits.is_empty() && self.rng.chance(missing as f64 * dt / RENEWAL) {
+        if missing > 0
+            && !self.network.exits.is_empty()
+            && self.rng.chance(missing as f64 * dt / RENEWAL_TIME)
+        {
             self.summon();
         }
         let mut pending = std::mem::take(&mut self.pending);
         for group in &mut pending {
-            // Those who walk abreast come together, the others one after the other.
+            // Companions who walk abreast enter together, others one after the other.
             while let Some(w) = group.first() {
                 let clear = |o: &Walker| (o.position - w.position).norm() > o.radius + w.radius + 0.2;
                 if !self.walkers.iter().all(clear) {
@@ -181,7 +203,7 @@ impl Crowd {
         self.pending = pending;
     }
 
-    /// A group that will come at one of the exits.
+    /// Creates a group that will enter at one of the exits.
     fn summon(&mut self) {
         let exit = self.network.exits[self.rng.count(0, self.network.exits.len() - 1)];
         let goal = self.rng.count(0, self.network.goals.len() - 1);
@@ -196,7 +218,7 @@ impl Crowd {
         self.pending.push(group);
     }
 
-    /// Takes away who has reached the border, and gives others who have arrived a new goal.
+    /// Removes people who have reached the border, and gives others who have reached their goal a new one.
     pub(super) fn leave(&mut self) {
         let network = &self.network;
         self.walkers.retain(|w| {

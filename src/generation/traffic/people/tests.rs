@@ -6,7 +6,7 @@ use crate::scene::{LaneArea, LaneClass, LaneKind, LaneParts, LightState, MapPart
 
 const DT: f64 = 0.1;
 
-/// The vehicles that come to crossings if everybody goes straight on, seen from their boxes alone.
+/// Returns the vehicles that approach crossings if all drive straight on, computed from their boxes alone.
 fn straight_approaches(layout: &Layout, crossings: &[Crossing], vehicles: &[Vehicle]) -> Vec<Approach> {
     let mut found = Vec::new();
     for (i, crossing) in crossings.iter().enumerate() {
@@ -42,7 +42,8 @@ fn straight_approaches(layout: &Layout, crossings: &[Crossing], vehicles: &[Vehi
     found
 }
 
-/// A street along x with a lane each way, a pavement on either side and a crossing at x = 0 that joins them.
+/// Returns a street along x with one lane per direction, a pavement on either side, and a crossing at x = 0
+/// that joins them.
 pub(super) fn street(light: bool) -> Layout {
     let line =
         |a: (f64, f64), b: (f64, f64)| Polyline::new(&[Vec2::new(a.0, a.1), Vec2::new(b.0, b.1)]).unwrap();
@@ -78,7 +79,7 @@ pub(super) fn street(light: bool) -> Layout {
         footways: vec![
             pavement(-60.0, 0.0, -5.2),
             pavement(0.0, 60.0, -5.2),
-            // The other side is one piece, with the crossing in its middle.
+            // The other side is a single piece, with the crossing in its middle.
             pavement(-60.0, 60.0, 5.2),
             Footway {
                 line: line((0.0, -5.2), (0.0, 5.2)),
@@ -92,7 +93,7 @@ pub(super) fn street(light: bool) -> Layout {
     }
 }
 
-/// A crowd of about so many people, whatever the day.
+/// Draws crowds until one has at least `wanted` people.
 pub(super) fn crowd(layout: &Layout, number: u32, wanted: usize) -> Crowd {
     let mut rng = stream(0, "people", number, Purpose::Traffic);
     loop {
@@ -111,7 +112,8 @@ fn bodies(crowd: &Crowd) -> Vec<OrientedBox> {
     crowd.people().map(|p| OrientedBox::new(p.position, p.heading, p.length, p.width)).collect()
 }
 
-/// Cars that come from both sides at 10 m/s every few seconds and stop before the crossing if somebody is on it or wants to be.
+/// Cars that arrive from both sides at 10 m/s every few seconds, and stop before the crossing if somebody
+/// is on it or wants to be.
 struct Cars {
     cars: Vec<(f64, f64, f64)>,
     time: f64,
@@ -237,7 +239,7 @@ fn people_wait_at_red_and_are_across_in_time() {
 }
 
 #[test]
-fn people_leave_vehicles_that_can_not_stop_alone() {
+fn people_yield_to_vehicles_that_cannot_stop() {
     let layout = street(false);
     let crossing = |distance, speed| Approach {
         crossing: 0,
@@ -249,7 +251,8 @@ fn people_leave_vehicles_that_can_not_stop_alone() {
         width: 2.0,
     };
     assert!(crossing(40.0, 10.0).can_stop() && !crossing(12.0, 10.0).can_stop());
-    // A stream of cars that never yield, 2.5 s apart: too short a gap to cross a lane and leave a second.
+    // A stream of cars that never yield, 2.5 s apart: too short a gap to cross a lane with a second to
+    // spare.
     let mut crowd = crowd(&layout, 8, 20);
     for step in 0..600 {
         let phase = (f64::from(step) * DT * 10.0).rem_euclid(25.0);

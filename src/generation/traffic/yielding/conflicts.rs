@@ -1,110 +1,116 @@
-//! Who goes first where ways cross or join: gap acceptance.
+//! Gap acceptance: who goes first where lanes cross or join.
 
 use super::super::following::time_for;
-use super::super::lists::Coming;
 use super::super::network::{Conflict, Duty};
+use super::super::occupancy::ApproachingVehicle;
 use super::super::vehicle::Vehicle;
-use super::{GOING, STANDS, Sight, ZIP_BEND, ZIP_FROM};
+use super::{GAP_ACCELERATION, STANDSTILL_SPEED, Sight, ZIP_CURVATURE, ZIP_SPEED};
 use crate::generation::RightOfWay;
 
-/// How long one has waited when the accepted gap has shrunk to its smallest, s, and to which share.
-const PATIENCE: f64 = 25.0;
-const IMPATIENT: f64 = 0.5;
-/// Acceleration of those who come, m/s².
-const COMING: f64 = 0.5;
-/// Who still stands at an all-way stop after this time does not hold up those who came later, s.
-const STUCK: f64 = 12.0;
+/// Waiting time after which the accepted gap has shrunk to its minimum, s.
+const PATIENCE_TIME: f64 = 25.0;
+/// Share of the accepted gap that is left after that time.
+const IMPATIENT_SHARE: f64 = 0.5;
+/// Assumed acceleration of approaching vehicles, m/s².
+const APPROACH_ACCELERATION: f64 = 0.5;
+/// Standing time at an all-way stop, s, after which a vehicle no longer holds up later ones.
+const STUCK_TIME: f64 = 12.0;
 
-/// Who stands in a junction for longer than this is blocked, s.
-const BLOCKED: f64 = 2.0;
+/// Standing time inside a junction, s, after which a vehicle is blocked.
+const BLOCKED_TIME: f64 = 2.0;
 
 impl Sight<'_> {
-    /// Whether somebody stands behind the junction that begins with the `k`-th way of the path, so that there is no room for one more.
+    /// Whether a vehicle stands behind the junction that begins with the `k`-th lane of the path, so that
+    /// there is no room for one more.
     pub(super) fn is_blocked_behind(&self, me: usize, k: usize) -> bool {
         let v = &self.vehicles[me];
         let mut start = 0.0;
-        for &w in &v.path[k..] {
-            let way = &self.network.ways[w];
-            if !way.connector {
+        for &index in &v.path[k..] {
+            let lane = &self.network.lanes[index];
+            if !lane.connector {
                 let room = v.body.length + v.driver.gap + 0.5;
-                let last = self.lists.on(w).iter().find(|e| e.1 != me);
+                let last = self.occupancy.on(index).iter().find(|e| e.1 != me);
                 return last.is_some_and(|&(at, i)| {
                     let other = &self.vehicles[i];
                     other.speed < 2.0 && at - 0.5 * other.body.length + 0.8 * other.speed * other.speed < room
                 });
             }
-            let stuck = self.lists.on(w).iter().any(|&(_, i)| {
+            let stuck = self.occupancy.on(index).iter().any(|&(_, i)| {
                 i != me && self.vehicles[i].speed < 0.3 && self.time - self.vehicles[i].standing_since > 2.0
             });
-            if stuck && start == 0.0 && self.lists.on(w).len() > 1 {
+            if stuck && start == 0.0 && self.occupancy.on(index).len() > 1 {
                 return true;
             }
-            start += way.length;
+            start += lane.length;
         }
         false
     }
 
-    /// The first stretch of the `k`-th way of the path, which begins `start` metres from where the path does, that can not be passed now;
-    /// and whether somebody stands in it.
+    /// Returns the first conflict of the `k`-th lane of the path that cannot be passed now, and whether a
+    /// vehicle stands in it. The lane begins `start` metres from the beginning of the path.
     pub(super) fn first_conflict(&self, me: usize, k: usize, start: f64) -> Option<(Conflict, bool)> {
         let v = &self.vehicles[me];
-        let way = &self.network.ways[v.path[k]];
-        let rule = way.rule;
-        way.conflicts
+        let lane = &self.network.lanes[v.path[k]];
+        let rule = lane.rule;
+        lane.conflicts
             .iter()
             .filter(|c| start + c.mine[0] - v.front() > -0.3)
             .filter(|c| match (c.duty, rule) {
                 (Duty::Equal, Some(RightOfWay::AllWayStop)) => {
-                    self.is_taken(me, k, start, c) || k > 0 && self.came_earlier(me, c)
+                    self.is_occupied(me, k, start, c) || k > 0 && self.came_earlier(me, c)
                 }
-                (Duty::GiveWay, _) => self.is_taken(me, k, start, c) || self.is_wanted(me, k, start, c),
-                _ => self.is_taken(me, k, start, c),
+                (Duty::GiveWay, _) => self.is_occupied(me, k, start, c) || self.is_claimed(me, k, start, c),
+                _ => self.is_occupied(me, k, start, c),
             })
             .min_by(|a, b| a.mine[0].total_cmp(&b.mine[0]))
-            .map(|c| (*c, self.is_stood_in(me, c)))
+            .map(|c| (*c, self.has_standing_vehicle(me, c)))
     }
 
-    /// When the vehicle reaches a conflict of the `k`-th way of its path and when it has left it, s.
+    /// Returns the times when the vehicle reaches a conflict of the `k`-th lane of its path and when it has
+    /// cleared it, s.
     fn window(&self, me: usize, k: usize, start: f64, c: &Conflict) -> (f64, f64) {
         let v = &self.vehicles[me];
         let (to, past) = (start + c.mine[0] - v.front(), start + c.mine[1] - v.s + 0.5 * v.body.length);
-        let way = &self.network.ways[v.path[k]];
-        let top = v.driver.in_bend(way.tightest()).min(way.limit).max(v.speed);
-        let acceleration = GOING.min(v.driver.acceleration);
+        let lane = &self.network.lanes[v.path[k]];
+        let top = v.driver.in_bend(lane.max_curvature()).min(lane.limit).max(v.speed);
+        let acceleration = GAP_ACCELERATION.min(v.driver.acceleration);
         (time_for(to, v.speed, acceleration, top), time_for(past, v.speed, acceleration, top))
     }
 
-    /// Whether somebody stands in the stretch.
-    fn is_stood_in(&self, me: usize, c: &Conflict) -> bool {
-        self.lists.coming(c.other).iter().filter(|o| o.vehicle != me).any(|o| {
+    /// Whether a vehicle stands in the stretch.
+    fn has_standing_vehicle(&self, me: usize, c: &Conflict) -> bool {
+        self.occupancy.approaching(c.other).iter().filter(|o| o.vehicle != me).any(|o| {
             let other = &self.vehicles[o.vehicle];
             let half = 0.5 * other.body.length;
-            other.speed < STANDS && o.at - half < c.theirs[1] && o.at + half > c.theirs[0]
+            other.speed < STANDSTILL_SPEED && o.at - half < c.theirs[1] && o.at + half > c.theirs[0]
         })
     }
 
-    /// Whether somebody is in the stretch, or will not be out of it in time.
-    fn is_taken(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
+    /// Whether a vehicle occupies the stretch, or will not clear it in time.
+    fn is_occupied(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
         let (enter, _) = self.window(me, k, start, c);
         let v = &self.vehicles[me];
         let to_it = start + c.mine[0] - v.front();
-        self.lists.coming(c.other).iter().filter(|o| o.vehicle != me).any(|o| {
+        self.occupancy.approaching(c.other).iter().filter(|o| o.vehicle != me).any(|o| {
             let other = &self.vehicles[o.vehicle];
             let (front, rear) = (o.at + 0.5 * other.body.length, o.at - 0.5 * other.body.length);
             if rear > c.theirs[1] {
                 return false;
             }
             if front < c.theirs[0] - 0.3 {
-                // Not there yet. Who has left the line goes first before those who have not, and before those who are farther from it.
-                let left = o.ways == 0 && front > 1.0 && !c.joins && c.duty == Duty::Equal;
+                // Not there yet. A vehicle that has passed the line goes before those that have not, and
+                // before those farther from the conflict.
+                let left = o.lanes_before == 0 && front > 1.0 && !c.joins && c.duty == Duty::Equal;
                 return left && (k > 0 || (c.theirs[0] - front, other.id) < (to_it, v.id));
             }
             if c.joins {
-                // Who is ahead on the other way is followed, not waited for, once both are in the stretch.
+                // Once both are in the stretch, the vehicle ahead on the other lane is followed, not waited
+                // for.
                 return to_it > 0.0 && other.speed < 1.0 && rear < c.theirs[0] + 2.0;
             }
-            // Of two who stand in each other's way one goes on, if the other is hardly in it.
-            let blocked = |v: &Vehicle| v.speed < STANDS && self.time - v.standing_since > BLOCKED;
+            // Of two vehicles that block each other, one proceeds if the other is barely in its stretch.
+            let blocked =
+                |v: &Vehicle| v.speed < STANDSTILL_SPEED && self.time - v.standing_since > BLOCKED_TIME;
             let hardly = front < c.theirs[0] + 1.2 && (c.duty == Duty::GoFirst || v.id < other.id);
             if k == 0 && blocked(other) && blocked(v) && hardly {
                 return false;
@@ -114,58 +120,63 @@ impl Sight<'_> {
         })
     }
 
-    /// Whether somebody who goes first is coming and would be hindered.
-    fn is_wanted(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
+    /// Whether a vehicle with right of way is approaching and would be hindered.
+    fn is_claimed(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
         if c.joins
-            && self.vehicles[me].speed > ZIP_FROM
-            && self.network.ways[self.vehicles[me].path[k]].tightest() < ZIP_BEND
+            && self.vehicles[me].speed > ZIP_SPEED
+            && self.network.lanes[self.vehicles[me].path[k]].max_curvature() < ZIP_CURVATURE
         {
             return false;
         }
         let (enter, leave) = self.window(me, k, start, c);
         let v = &self.vehicles[me];
-        let waited = (self.time - v.standing_since).clamp(0.0, PATIENCE) / PATIENCE;
-        let margin = v.driver.margin * (1.0 - (1.0 - IMPATIENT) * waited);
-        let way = &self.network.ways[c.other];
-        self.lists.coming(c.other).iter().filter(|o| o.vehicle != me && !self.is_held(o)).any(|o| {
+        let waited = (self.time - v.standing_since).clamp(0.0, PATIENCE_TIME) / PATIENCE_TIME;
+        let margin = v.driver.margin * (1.0 - (1.0 - IMPATIENT_SHARE) * waited);
+        let lane = &self.network.lanes[c.other];
+        self.occupancy.approaching(c.other).iter().filter(|o| o.vehicle != me && !self.is_held(o)).any(|o| {
             let other = &self.vehicles[o.vehicle];
             let (front, rear) = (o.at + 0.5 * other.body.length, o.at - 0.5 * other.body.length);
             if rear > c.theirs[1] {
                 return false;
             }
-            // Those who come to a bend will be slower there.
-            let there = other.driver.in_bend(way.tightest()).min(other.speed);
+            // Vehicles that approach a bend will be slower there.
+            let there = other.driver.in_bend(lane.max_curvature()).min(other.speed);
             let room = c.theirs[0] - front;
             let arrives = if there < other.speed {
                 2.0 * room.max(0.0) / (there + other.speed)
             } else {
-                time_for(room, other.speed, COMING, way.limit.max(other.speed))
+                time_for(room, other.speed, APPROACH_ACCELERATION, lane.limit.max(other.speed))
             };
             let leaves = (c.theirs[1] - rear) / there.max(1.0);
-            // One who joins in front of somebody faster must not be run into.
+            // A vehicle must not merge right in front of a faster one.
             let faster = if c.joins { ((there - v.speed.max(3.0)) * 0.35).max(0.0) + 0.5 } else { 0.0 };
             arrives < leave + margin + faster && (leaves > enter - 0.4 || arrives > enter)
         })
     }
 
-    /// Whether somebody who is coming to a way waits before it or before one of the ways on the path to it.
-    pub(super) fn is_held(&self, o: &Coming) -> bool {
+    /// Whether an approaching vehicle waits before the lane or before an earlier lane on its path.
+    pub(super) fn is_held(&self, o: &ApproachingVehicle) -> bool {
         let other = &self.vehicles[o.vehicle];
-        let red = |w: &usize| self.light(*w).is_some_and(|l| l.is_red() && other.passes_yellow != Some(*w));
-        o.ways > 0 && other.path[1..=o.ways].iter().any(|w| other.held == Some(*w) || red(w))
+        let red = |index: &usize| {
+            self.light(*index).is_some_and(|l| l.is_red() && other.passes_yellow != Some(*index))
+        };
+        o.lanes_before > 0
+            && other.path[1..=o.lanes_before]
+                .iter()
+                .any(|index| other.held_before == Some(*index) || red(index))
     }
 
-    /// Whether somebody on the other way of an all-way stop may go before this one.
+    /// Whether a vehicle on the other lane of an all-way stop may go before this one.
     fn came_earlier(&self, me: usize, c: &Conflict) -> bool {
         let v = &self.vehicles[me];
         let Some((_, mine)) = v.stopped else { return true };
-        self.lists.coming(c.other).iter().any(|o| {
+        self.occupancy.approaching(c.other).iter().any(|o| {
             let other = &self.vehicles[o.vehicle];
             o.vehicle != me
-                && o.ways == 1
-                && other.stopped.is_some_and(|(w, since)| {
-                    // Who still stands after so long has reasons of their own.
-                    w == c.other && self.time - since < STUCK && (since, other.id) < (mine, v.id)
+                && o.lanes_before == 1
+                && other.stopped.is_some_and(|(index, since)| {
+                    // A vehicle that still stands after this long has its own reasons.
+                    index == c.other && self.time - since < STUCK_TIME && (since, other.id) < (mine, v.id)
                 })
         })
     }

@@ -1,31 +1,33 @@
-//! Letting people cross.
+//! Yielding to people on crossings.
 
 use super::super::following::time_for;
 use super::super::vehicle::Vehicle;
-use super::{GOING, Sight};
+use super::{GAP_ACCELERATION, Sight};
 use crate::geometry::{direction, left};
 
-/// How far before a crossing drivers stop, and what room they leave beside people, metres.
-const BEFORE_CROSSING: f64 = 0.8;
-const ROOM: f64 = 1.0;
-/// People who stand within this distance of a driver's way wait at its kerb, metres.
-const KERB: f64 = 9.0;
-/// Drivers whose politeness is less do not stop for those who wait; the others do if this braking is enough, m/s².
-const IMPOLITE: f64 = 0.15;
-const AT_EASE: f64 = 1.8;
-/// Time that is left between a vehicle and somebody who walks across its way, s.
-const MARGIN: f64 = 1.2;
+/// Distance before a crossing at which drivers stop, metres.
+const STOP_CLEARANCE: f64 = 0.8;
+/// Lateral clearance between vehicles and people, metres.
+const SIDE_CLEARANCE: f64 = 1.0;
+/// Distance from a driver's path, metres, within which standing people wait at its kerb.
+const KERB_DISTANCE: f64 = 9.0;
+/// Politeness above which drivers stop for waiting people.
+const MIN_POLITENESS: f64 = 0.15;
+/// Maximum braking for waiting people, m/s².
+const EASY_BRAKING: f64 = 1.8;
+/// Time between a vehicle and a pedestrian who crosses its path, s.
+const TIME_MARGIN: f64 = 1.2;
 
 impl Sight<'_> {
-    /// People on crossings of a way, or about to step there: how far ahead of the front bumper to stop, and whether they
-    /// are in the way already.
-    pub(super) fn people(&self, v: &Vehicle, w: usize, start: f64) -> Option<(f64, bool)> {
-        let way = &self.network.ways[w];
-        for &(footway, [from, to]) in &way.crossings {
-            let distance = start + from - v.front() - BEFORE_CROSSING;
+    /// Checks for people on crossings of a lane, or about to step there. Returns the distance from the
+    /// front bumper at which to stop, and whether the people already block the path.
+    pub(super) fn people(&self, v: &Vehicle, index: usize, start: f64) -> Option<(f64, bool)> {
+        let lane = &self.network.lanes[index];
+        for &(footway, [from, to]) in &lane.crossings {
+            let distance = start + from - v.front() - STOP_CLEARANCE;
             if distance < -0.5 && start + to > v.front() {
-                // On it already: for those who are right ahead.
-                let (nose, along) = (way.line.at(v.front() - start), direction(way.line.heading_at(from)));
+                // Already on the crossing: only people right ahead matter.
+                let (nose, along) = (lane.line.at(v.front() - start), direction(lane.line.heading_at(from)));
                 let ahead = |p: &&super::Walker| {
                     let to = p.position - nose;
                     let (before, beside) = (to.dot(&along), to.perp(&along).abs());
@@ -38,12 +40,16 @@ impl Sight<'_> {
             if distance < -0.5 || !self.walkers.iter().any(|p| p.footway == footway) {
                 continue;
             }
-            let arrives = time_for(distance, v.speed, GOING, way.limit);
-            let leaves =
-                time_for(distance + to - from + v.body.length + ROOM, v.speed.max(1.0), GOING, way.limit);
-            let point = way.line.at(0.5 * (from + to));
-            let side = left(direction(way.line.heading_at(from)));
-            let near = 0.5 * v.body.width + ROOM;
+            let arrives = time_for(distance, v.speed, GAP_ACCELERATION, lane.limit);
+            let leaves = time_for(
+                distance + to - from + v.body.length + SIDE_CLEARANCE,
+                v.speed.max(1.0),
+                GAP_ACCELERATION,
+                lane.limit,
+            );
+            let point = lane.line.at(0.5 * (from + to));
+            let side = left(direction(lane.line.heading_at(from)));
+            let near = 0.5 * v.body.width + SIDE_CLEARANCE;
             let mut meets = None;
             for p in self.walkers.iter().filter(|p| p.footway == footway) {
                 let (at, speed) = ((p.position - point).dot(&side), p.velocity.dot(&side));
@@ -52,18 +58,18 @@ impl Sight<'_> {
                 }
                 let hinders = || {
                     if p.waits {
-                        // Those who wait at the kerb are let go by drivers who are polite and not too fast to stop at ease.
-                        return at.abs() < KERB
-                            && v.driver.politeness > IMPOLITE
-                            && v.speed * v.speed < 2.0 * AT_EASE * distance;
+                        // Polite drivers who can stop gently let waiting people cross.
+                        return at.abs() < KERB_DISTANCE
+                            && v.driver.politeness > MIN_POLITENESS
+                            && v.speed * v.speed < 2.0 * EASY_BRAKING * distance;
                     }
-                    // Towards the vehicle's path: when do they reach it and leave it?
+                    // Walking towards the vehicle's path: the times of reaching it and of leaving it.
                     let towards = -speed * at.signum();
                     if towards < 0.2 {
                         return false;
                     }
                     let (enter, leave) = ((at.abs() - near) / towards, (at.abs() + near) / towards);
-                    enter < leaves + MARGIN && leave > arrives - MARGIN
+                    enter < leaves + TIME_MARGIN && leave > arrives - TIME_MARGIN
                 };
                 if hinders() {
                     meets = Some((distance, false));

@@ -1,4 +1,4 @@
-// Charts as vector graphics that can be saved.
+// Charts as SVG that can be saved.
 
 import { el, save, svg } from "./dom.js";
 import { colour } from "./palette.js";
@@ -6,7 +6,7 @@ import { colour } from "./palette.js";
 const WIDTH = 560, HEIGHT = 340;
 const EDGE = { left: 62, right: 16, top: 40, bottom: 48 };
 
-/** Round numbers that span a range. */
+/** Round numbers within a range. */
 export function ticks(min, max, count = 6) {
   const raw = (max - min) / count || 1;
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -18,14 +18,14 @@ export function ticks(min, max, count = 6) {
 
 const tidy = (v) => String(Math.round(v * 1e6) / 1e6).replace("-", "−");
 
-/** An axis: from value to pixel. */
+/** An axis: a function from values to pixels, and its tick values. */
 function axis({ min, max, marks, log = false }, from, to) {
   const f = log ? Math.log : (v) => v;
   const at = (v) => from + ((f(v) - f(min)) / (f(max) - f(min) || 1)) * (to - from);
   return { at, marks: marks ?? ticks(min, max) };
 }
 
-/** The shapes of marks: what is told apart by colour is told apart by shape too. */
+/** Shapes of marks, which distinguish series without colour. */
 const SHAPES = [
   (r) => `M${-r} 0A${r} ${r} 0 1 0 ${r} 0A${r} ${r} 0 1 0 ${-r} 0Z`,
   (r) => `M${-r} ${-r}H${r}V${r}H${-r}Z`,
@@ -35,14 +35,15 @@ const SHAPES = [
   (r) => `M0 ${-1.3 * r}V${1.3 * r}M${-1.3 * r} 0H${1.3 * r}`,
 ];
 
-/** A mark at a place. Crosses have no inside, so that all are stroked. */
+/** A mark at a position. Crosses are stroked, other shapes filled. */
 export const mark = (kind, x, y, ink, { r = 3.6, title = null, opacity = 1, ...more } = {}) =>
   svg("path", { d: SHAPES[kind % SHAPES.length](r), transform: `translate(${x.toFixed(2)} ${y.toFixed(2)})`, fill: kind % SHAPES.length < 4 ? ink : "none", stroke: ink, "stroke-width": kind % SHAPES.length < 4 ? 0.5 : 1.8, opacity, ...more },
     title ? svg("title", {}, title) : null);
 
 /**
- * A chart with its frame, legend and a button that saves it. `x` and `y` are axes `{ label, min, max, log, marks }`; `draw` is handed the
- * functions from values to pixels and gives elements; `legend` is a list of [name, mark kind or null, colour].
+ * A chart with its frame, legend and a button that saves it. `x` and `y` are axes
+ * `{ label, min, max, log, marks }`; `draw` takes the functions from values to pixels and returns
+ * elements; `legend` is a list of [name, mark kind or null, colour].
  */
 export function chart({ name, title, about, x, y, legend = [], draw }) {
   const h = axis(x, EDGE.left, WIDTH - EDGE.right), v = axis(y, HEIGHT - EDGE.bottom, EDGE.top);
@@ -71,7 +72,7 @@ export function chart({ name, title, about, x, y, legend = [], draw }) {
     el("figcaption", {}, about, " ", el("button", { class: "plain", onclick: () => save(`${name}.svg`, standalone(picture, legend), "image/svg+xml") }, "save SVG")));
 }
 
-/** The chart as a file: colours as they are now, the legend inside. */
+/** The chart as an SVG file with the current colours and the legend. */
 export function standalone(picture, legend) {
   const copy = picture.cloneNode(true);
   const rows = legend.length;
@@ -92,7 +93,7 @@ export function standalone(picture, legend) {
   return new XMLSerializer().serializeToString(copy);
 }
 
-/** A line through points with intervals: `[x, y, low, high, title]`. */
+/** A line through points `[x, y, low, high, title]` with intervals. */
 export function series(points, kind, ink, h, v) {
   const line = points.map(([x, y], i) => `${i ? "L" : "M"}${h(x).toFixed(2)} ${v(y).toFixed(2)}`).join("");
   return [
@@ -102,7 +103,7 @@ export function series(points, kind, ink, h, v) {
   ];
 }
 
-/** Steps of a histogram over equal bins `[from, share]`. */
+/** Outline of a histogram over equal bins `[from, share]`. */
 export function steps(bins, width, ink, h, v, floor = 0) {
   let d = `M${h(bins[0][0])} ${v(floor)}`;
   for (const [from, share] of bins) d += `V${v(share).toFixed(2)}H${h(from + width).toFixed(2)}`;

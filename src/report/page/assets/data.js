@@ -1,8 +1,8 @@
-// The numbers of the page.
+// The data of the page.
 
 import { $ } from "./dom.js";
 
-/** What the program wrote (src/report/page/data.rs). */
+/** Data written by src/report/page/data.rs. */
 export const data = JSON.parse($("data").textContent);
 export const runs = data.runs;
 export const scenarios = data.scenarios;
@@ -11,7 +11,7 @@ export const metrics = data.metrics;
 const place = new Map(metrics.map((m, i) => [m.id, i]));
 const several = runs.length > 1;
 
-/** Simulators of runs, each with its name and what the summary says of it. */
+/** Simulators of runs, each with its name, summary and settings. */
 export const subjects = data.subjects.map((s, i) => ({
   ...s,
   index: i,
@@ -20,18 +20,18 @@ export const subjects = data.subjects.map((s, i) => ({
   settings: runs[s.run].summary.provenance.settings,
 }));
 
-/** A metric by its id. */
+/** Metric with this id. */
 export const metric = (id) => metrics[place.get(id)];
 
-/** Value of a subject and a metric in a scenario; null where there is none. */
+/** Value of a metric for a subject in a scenario; null if there is none. */
 export const value = (subject, id, scenario) => scenarios.values[subject][place.get(id)][scenario] ?? null;
 
-/** How many events of a metric count for a subject in a scenario. */
+/** Number of counted events of a metric for a subject in a scenario. */
 export const counted = (subject, id, scenario) => scenarios.events[subject][place.get(id)][scenario] ?? 0;
 
-/** The names of what ways of deviating there are, in their usual order. */
+/** Categories of deviation that occur, in their usual order. */
 export const categories = ["longitudinal", "lateral", "directional", ...new Set(scenarios.category.filter(Boolean))]
   .filter((c, i, all) => all.indexOf(c) === i && scenarios.category.includes(c));
 
-/** The grades of difficulty that there are, the easiest first. */
+/** Difficulties that occur, from easy to hard. */
 export const difficulties = ["easy", "medium", "hard"].filter((d) => scenarios.difficulty.includes(d));

@@ -1,4 +1,4 @@
-// Elements, made so that no text can become markup.
+// Creation of elements; text never becomes markup.
 
 export const $ = (id) => document.getElementById(id);
 
@@ -8,18 +8,18 @@ function make(element, attributes, children) {
     if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
     else element.setAttribute(name, value === true ? "" : value);
   }
-  // Whatever is no element is put in as text.
+  // Anything other than an element is inserted as text.
   element.append(...children.filter((c) => c !== null && c !== undefined && c !== false));
   return element;
 }
 
-/** An element of HTML; attributes that begin with `on` are listeners. */
+/** An HTML element; attributes that begin with `on` are listeners. */
 export const el = (name, attributes = {}, ...children) => make(document.createElement(name), attributes, children);
 
-/** An element of SVG. */
+/** An SVG element. */
 export const svg = (name, attributes = {}, ...children) => make(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
 
-/** Saves a text under a name. */
+/** Saves a text to a file of this name. */
 export function save(name, text, type = "text/plain") {
   const url = URL.createObjectURL(new Blob([text], { type: `${type};charset=utf-8` }));
   el("a", { href: url, download: name }).click();
@@ -28,7 +28,7 @@ export function save(name, text, type = "text/plain") {
 
 let timer;
 
-/** Says something that need not be remembered. */
+/** Shows a short-lived message. */
 export function toast(text) {
   $("toast").textContent = text;
   $("toast").classList.add("on");

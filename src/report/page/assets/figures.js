@@ -1,4 +1,4 @@
-// The figures of the paper, for the runs of the page.
+// Figures of the paper for the runs of the page.
 
 import { chart, mark, series, steps, ticks } from "./charts.js";
 import { categories, runs, scenarios, subjects } from "./data.js";
@@ -9,7 +9,7 @@ const CATEGORY = { longitudinal: [0, "var(--longitudinal)"], lateral: [1, "var(-
 const tint = (i) => `var(--subject-${i % 8})`;
 const mean = (subject, id) => subject.summary?.metrics[id];
 
-/** What the deviated AVs differ in from the log, by category; of the first run that has it. */
+/** Deviations of the AVs from the log, by category, of the first run that has them. */
 function deviations() {
   const columns = scenarios.deviation.find((d) => d.endpoint_lateral);
   if (!columns || !categories.length) return [];
@@ -25,7 +25,7 @@ function deviations() {
   const out = [];
   if (points.length) {
     out.push(chart({
-      name: "endpoints", title: "Where deviated AVs end", about: `Offset of the AV's last position from the logged one, in the logged AV's axes; ${count(points.length, "scenario")}.`,
+      name: "endpoints", title: "End points of deviated AVs", about: `Offset of the AV's last position from the logged one, in the logged AV's axes; ${count(points.length, "scenario")}.`,
       x: { label: "ahead of the log (m)", ...spread(points.map((p) => p[2]), 5) }, y: { label: "left of the log (m)", ...spread(points.map((p) => p[3]), 5) }, legend,
       draw: (h, v) => points.map(([c, i, x, y]) => mark(CATEGORY[c]?.[0] ?? 3, h(x), v(y), CATEGORY[c]?.[1] ?? "var(--dim)", { r: 2.8, opacity: 0.7, title: scenarios.id[i], "data-x": x, "data-y": y })),
     }));
@@ -53,8 +53,8 @@ function deviations() {
       }),
     }));
   };
-  histogram("deviation-ade", "ade", "How far deviated AVs are from the log", "mean displacement (m)");
-  histogram("deviation-speed", "mean_speed_difference", "How much faster deviated AVs are", "mean speed difference (m/s)");
+  histogram("deviation-ade", "ade", "Displacement of deviated AVs from the log", "mean displacement (m)");
+  histogram("deviation-speed", "mean_speed_difference", "Speed of deviated AVs relative to the log", "mean speed difference (m/s)");
   return out;
 }
 
@@ -81,25 +81,28 @@ function counts() {
   });
 }
 
-/** Runs that are the same but for one setting, by what is the same. */
+/** Groups of runs that differ only in one setting. */
 function families(setting) {
   const groups = new Map();
   for (const s of subjects) {
     const { [setting]: own, ...same } = s.settings;
     const key = JSON.stringify([same, s.id, runs[s.run].summary.provenance.scenarios_blake3, runs[s.run].summary.provenance.simulators.find((r) => r.id === s.id)?.parameters ?? {}]);
     if (!groups.has(key)) groups.set(key, []);
-    // The same run may stand in two studies.
+    // The same run may be part of two studies.
     if (!groups.get(key).some(([other]) => other === own)) groups.get(key).push([own, s]);
   }
   return [...groups.values()].filter((g) => new Set(g.map(([own]) => own)).size > 1);
 }
 
-/** The paper's figures of the replanning interval: reaction in the reactive protocol, likeness to the log in the realism protocol. */
+/**
+ * The paper's figures of the replan interval: reaction in the reactive protocol, similarity to the log in
+ * the realism protocol.
+ */
 const REPLANNING = [
-  ["reactive", "aav-collision", "Collisions with the AV against the replanning interval", "vehicles per scenario"],
-  ["reactive", "aav-ttc", "Risky approaches against the replanning interval", "vehicles per scenario"],
-  ["realism", "ade", "Distance to the log against the replanning interval", "ADE, m"],
-  ["realism", "kinematic-likelihood", "Likelihood of the log against the replanning interval", "kinematic likelihood"],
+  ["reactive", "aav-collision", "Collisions with the AV by replan interval", "vehicles per scenario"],
+  ["reactive", "aav-ttc", "Risky approaches by replan interval", "vehicles per scenario"],
+  ["realism", "ade", "Distance to the log by replan interval", "ADE, m"],
+  ["realism", "kinematic-likelihood", "Likelihood of the log by replan interval", "kinematic likelihood"],
 ];
 
 function replanning() {
@@ -113,8 +116,8 @@ function replanning() {
     if (!lines.length) return [];
     const top = Math.max(0.1, ...lines.flat().map(([, e]) => e.high));
     return [chart({
-      name: `replan-${id}`, title, about: "Means with 95 % intervals. Left: plans are made anew more often.",
-      x: { label: "replanning interval", min: marks[0] * 0.85, max: marks.at(-1) * 1.15, log: true, marks, text }, y: { label, min: 0, max: top * 1.05 },
+      name: `replan-${id}`, title, about: "Means with 95 % intervals. Replanning is more frequent towards the left.",
+      x: { label: "replan interval", min: marks[0] * 0.85, max: marks.at(-1) * 1.15, log: true, marks, text }, y: { label, min: 0, max: top * 1.05 },
       legend: lines.map((line, i) => [line[0][2].title, i, tint(i)]),
       draw: (h, v) => lines.flatMap((line, i) => series(line.map(([steps, e, s]) => [steps, e.mean, e.low, e.high, `${s.title}, ${text(steps)}: ${e.mean.toFixed(3)}`]), i, tint(i), h, v)),
     })];
@@ -126,7 +129,7 @@ function realism() {
   const of = (protocol) => subjects.filter((s) => s.settings.protocol === protocol);
   const same = (a, b) => b.id === a.id && a.settings.replan_steps === b.settings.replan_steps && runs[a.run].summary.provenance.scenarios_blake3 === runs[b.run].summary.provenance.scenarios_blake3;
   const study = (s) => runs[s.run].study?.[0];
-  // Of several reactive runs that of the same study counts, else the first.
+  // Among several reactive runs, prefer the one of the same study, else take the first.
   const pairs = of("realism").flatMap((b) => {
     const found = of("reactive").filter((a) => same(a, b));
     const one = found.find((a) => study(a) === study(b)) ?? found[0];
@@ -146,8 +149,8 @@ function realism() {
   })];
 }
 
-/** Draws all figures that the runs have something for. */
+/** Draws all figures for which the runs have data. */
 export function figures() {
   const all = [...replanning(), ...realism(), ...counts(), ...deviations()];
-  $("figures-body").replaceChildren(...(all.length ? all : [el("p", { class: "dim" }, "These runs have nothing to draw.")]));
+  $("figures-body").replaceChildren(...(all.length ? all : [el("p", { class: "dim" }, "These runs have no data for figures.")]));
 }

@@ -1,6 +1,6 @@
-// Numbers as people read them; the same digits as in the tables of the program.
+// Number formatting, with the same digits as in the tables of the program.
 
-/** A value of a metric: per cent for rates. */
+/** A value of a metric; rates in percent. */
 export function number(metric, value) {
   if (value === null || value === undefined) return "–";
   if (metric.unit === "rate") return (100 * value).toFixed(2);
@@ -13,5 +13,5 @@ export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (
 /** Seconds after the current frame. */
 export const seconds = (frame) => `${((frame - 10) / 10).toFixed(1)} s`;
 
-/** A thing or several. */
+/** A count with its noun in singular or plural. */
 export const count = (n, what) => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;

@@ -1,30 +1,32 @@
-// The list of scenarios. Only the rows that are seen are elements, so that thousands cost no more than a dozen.
+// The list of scenarios. Only visible rows are elements, so that thousands of rows cost no more than a
+// dozen.
 
 import { categories, counted, difficulties, metric, scenarios, subjects, value } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 import { drawable } from "./scenes.js";
 
+/** Height of a row, pixels. */
 const ROW = 26;
-/** Metrics that are of use for a single scenario. */
+/** Metrics that are meaningful for a single scenario. */
 const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "log-clinging"];
-/** Subjects that have a column of their own. */
+/** Maximum number of subjects with a column. */
 const MOST = 12;
 
 const fair = subjects.filter((s) => !s.oracle).map((s) => s.index);
 const collides = (s, i) => counted(s, "aav-collision", i) > 0;
 const ran = (s, i) => value(s, "aav-collision", i) !== null;
 
-/** What can be asked for, beside category, difficulty and id. */
+/** Filters in addition to category, difficulty and id. */
 const CONDITIONS = [
   ["", "all", () => true],
-  ["scene", "can be drawn", drawable],
+  ["scene", "with a scene", drawable],
   ["differ", "simulators differ", (i) => fair.some((s) => ran(s, i) && collides(s, i)) && fair.some((s) => ran(s, i) && !collides(s, i))],
   ["collision", "some simulator hits the AV", (i) => fair.some((s) => collides(s, i))],
   ["risky", "some simulator is risky", (i) => fair.some((s) => counted(s, "aav-ttc", i) > 0)],
   ["agents", "agents hit each other", (i) => fair.some((s) => counted(s, "aa-collision", i) > 0)],
-  ["offroad", "somebody leaves the road", (i) => fair.some((s) => counted(s, "offroad", i) > 0)],
-  ["against", "somebody drives against the lane", (i) => fair.some((s) => counted(s, "direction", i) > 0)],
+  ["offroad", "an agent leaves the road", (i) => fair.some((s) => counted(s, "offroad", i) > 0)],
+  ["against", "an agent drives against the lane", (i) => fair.some((s) => counted(s, "direction", i) > 0)],
 ];
 
 const state = { text: "", category: "", difficulty: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
@@ -46,7 +48,7 @@ function sift() {
   if (state.by === "id") order.sort((a, b) => (scenarios.id[a] < scenarios.id[b] ? -1 : 1) * (state.down ? -1 : 1));
   else if (state.by === "category") order.sort((a, b) => ((scenarios.category[a] ?? "") < (scenarios.category[b] ?? "") ? -1 : 1) * (state.down ? -1 : 1));
   else if (state.by !== null) {
-    // Those without a value come last, whichever way it is sorted.
+    // Scenarios without a value come last in either order.
     const key = (i) => value(state.by, state.metric, i);
     order.sort((a, b) => {
       const [x, y] = [key(a), key(b)];
@@ -68,7 +70,7 @@ function row(at) {
     return el("span", { role: "gridcell", class: `number${isBad ? " bad" : ""}` }, v === null ? "–" : number(m, v));
   });
   return el("div", { role: "row", id: `row-${i}`, class: `row${at === cursor ? " cursor" : ""}${i === open ? " open" : ""}`, "aria-rowindex": at + 2, "aria-selected": String(i === open), style: `top:${at * ROW}px`, "data-scenario": i, onclick: () => go(at) },
-    el("span", { role: "gridcell", class: "mark", title: drawable(i) ? "can be drawn" : "no scene in this page" }, drawable(i) ? "◆" : ""),
+    el("span", { role: "gridcell", class: "mark", title: drawable(i) ? "has a scene" : "no scene in this page" }, drawable(i) ? "◆" : ""),
     el("span", { role: "gridcell", class: "id", title: scenarios.id[i] }, scenarios.id[i]),
     el("span", { role: "gridcell" }, scenarios.category[i] ?? ""),
     ...cells);
@@ -81,7 +83,7 @@ function draw() {
   $("list-body").style.height = `${order.length * ROW}px`;
   const rows = [];
   for (let at = from; at < to; at++) rows.push(row(at));
-  // The row of the keyboard is there even where it is out of sight: it has the focus for those who do not see it.
+  // The row of the keyboard cursor exists even out of view: screen readers use it as the active element.
   if (order.length && (cursor < from || cursor >= to)) rows.push(row(cursor));
   $("list-body").replaceChildren(...rows);
   if (order.length) list.setAttribute("aria-activedescendant", `row-${order[cursor]}`);
@@ -100,7 +102,7 @@ function heads() {
       } }, label, el("span", { "aria-hidden": "true" }, isBy ? (state.down ? " ▾" : " ▴") : "")));
   };
   $("list-head").replaceChildren(
-    el("span", { role: "columnheader", title: "can be drawn" }, "◆"),
+    el("span", { role: "columnheader", title: "has a scene" }, "◆"),
     head("scenario", "id", "Sort by id"),
     head("category", "category", "Sort by category"),
     ...columns.map((s) => head(s.name, s.index, `${s.name}: ${titled(metric(state.metric))}`, true)));
@@ -120,7 +122,7 @@ function move(to) {
   cursor = Math.min(order.length - 1, Math.max(0, to));
   const list = $("list");
   if (cursor * ROW < list.scrollTop) list.scrollTop = cursor * ROW;
-  // The head lies over the upper end.
+  // The head covers the upper end.
   const seen = list.clientHeight - $("list-head").offsetHeight;
   if ((cursor + 1) * ROW > list.scrollTop + seen) list.scrollTop = (cursor + 1) * ROW - seen;
   draw();
@@ -133,7 +135,7 @@ function go(at) {
   if (order[at] !== undefined) onOpen(order[at]);
 }
 
-/** Marks the scenario that is shown. */
+/** Marks the scenario that the viewer shows. */
 export function mark(index) {
   open = index;
   const at = order.indexOf(index);
@@ -141,13 +143,13 @@ export function mark(index) {
   else draw();
 }
 
-/** The scenario before or after the one that is shown, of those that are listed and can be drawn; null where there is none. */
+/** The next listed scenario with a scene, before or after the one shown; null if there is none. */
 export function neighbour(direction) {
   for (let at = order.indexOf(open) + direction; at >= 0 && at < order.length; at += direction) if (drawable(order[at])) return order[at];
   return null;
 }
 
-/** Makes the list; `call` is told which scenario is to be shown. */
+/** Creates the list; `call` is called with the scenario to show. */
 export function list(call) {
   onOpen = call;
   const field = (id, key, items) => {

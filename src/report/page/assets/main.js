@@ -1,4 +1,4 @@
-// The page: what is where, addresses and keys.
+// The page: assembly, addresses and keys.
 
 import { data, runs, scenarios, subjects } from "./data.js";
 import { $, el, save, toast } from "./dom.js";
@@ -13,7 +13,10 @@ import { KEYS, byKey, press, show, state, viewer } from "./viewer.js";
 
 const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "space" };
 
-/** What the address asks for: `#scenario=…&t=…&left=…&right=…`; false where it asks for no scenario that there is. */
+/**
+ * Shows the scene in the address, `#scenario=…&t=…&left=…&right=…`. Returns false if the address has no
+ * scenario of this page.
+ */
 function follow() {
   const asked = new URLSearchParams(location.hash.slice(1));
   const id = asked.get("scenario");
@@ -31,7 +34,7 @@ function follow() {
 
 let written = "";
 
-/** Writes what is shown into the address, so that it can be passed on. */
+/** Writes the state of the viewer to the address, so that it can be shared. */
 function remember() {
   const now = state();
   if (!now) return;
@@ -39,7 +42,7 @@ function remember() {
   history.replaceState(null, "", written);
 }
 
-/** The benchmark whose protocol and metrics these are. */
+/** Citation of the benchmark that defines protocol and metrics. */
 const BENCHMARK = `@misc{reactsimbench,
   title = {{ReactSim-Bench}: Benchmarking Reactive Behavior World Model Simulation in Autonomous Driving},
   author = {Zhang, Zhiyuan and Peng, Yanlun and Zhang, Jianing and Guo, Xianda and Huang, Zehan and Liu, Haoran and Li, Qifeng and Zhang, Shaofeng and Jia, Xiaosong and Yan, Junchi},
@@ -75,7 +78,7 @@ function keys() {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     if (event.key === "?") return $("help").showModal();
-    // What has keys of its own keeps them.
+    // Elements with their own keys keep them.
     const own = event.target.closest?.("input, select, textarea, #list");
     const isPressed = event.target.closest?.("button, a, label") && [" ", "Enter"].includes(event.key);
     if (own || isPressed) return;
@@ -88,7 +91,7 @@ function begin() {
   $("runs").textContent = runs.map((r) => r.name).join(", ");
   const abouts = runs.map((r) => el("p", {}, runs.length > 1 ? el("b", {}, `${r.name}: `) : null, r.about));
   $("about").replaceChildren(...(runs.length > 3 ? [el("details", {}, el("summary", {}, count(runs.length, "run")), ...abouts)] : abouts));
-  // What is long where there are many is folded.
+  // A long table is folded.
   $("events-fold").open = subjects.length <= 12;
   $("stage-note").dataset.lacks = data.lacks.join(" ");
   results();

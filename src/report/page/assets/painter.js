@@ -1,5 +1,5 @@
-// A scene from above, as a simulator left it. World coordinates are metres with y up; line widths are metres where the road is drawn, pixels
-// elsewhere. What is told by colour is told by the outline too.
+// Bird's-eye view of a rollout. World coordinates are metres with y up; line widths are metres for the
+// road, pixels elsewhere. States differ in outline as well as in colour.
 
 import { FRAMES, NOW } from "./decode.js";
 import { between } from "./geometry.js";
@@ -7,12 +7,12 @@ import { box, lights, names, ruler } from "./bodies.js";
 import { colour } from "./palette.js";
 import { paintMap } from "./road.js";
 
-/** A realised state farther than this from the log gives the log a ghost, metres. */
-const APART = 0.5;
-/** Frames of trail behind an agent. */
+/** Distance in metres between realised and logged position above which the log is drawn as a ghost. */
+const GHOST_DISTANCE = 0.5;
+/** Number of frames of the trail behind an agent. */
 const TRAIL = 30;
 
-/** How states look: fill, outline, width of the outline in pixels, dashes, and whether a ring lies around. */
+/** Styles of states: fill, outline, width of the outline in pixels, dashes, and whether it has a ring. */
 export const LOOKS = {
   fault: { name: "at fault", fill: "fault", line: "text", width: 2.6, dash: [], ring: true },
   contact: { name: "colliding", fill: "contact", line: "text", width: 2.6, dash: [], ring: false },
@@ -21,15 +21,16 @@ export const LOOKS = {
   against: { name: "against the lane", fill: "pedestrian", line: "text", width: 2, dash: [7, 3, 1.5, 3], ring: false },
 };
 
-/** Takes the transform of the world, pixels per CSS pixel being `ratio`. */
+/** Sets the transform to world coordinates; `ratio` is device pixels per CSS pixel. */
 function world(c, camera, ratio) {
   const s = camera.scale * ratio;
   c.setTransform(s, 0, 0, -s, (camera.width / 2 - camera.x * camera.scale) * ratio, (camera.height / 2 + camera.y * camera.scale) * ratio);
 }
 
 /**
- * Paints a scene: `subject` is what a simulator did (tracks, states), `t` the frame with fractions, `layers` what is seen, `replan` the
- * steps between two plans. `ground` paints the road; without it the road is painted directly.
+ * Paints a scene: `subject` holds the rollout of a simulator (tracks, states), `t` is the fractional
+ * frame, `layers` are the visible layers, `replan` is the number of steps between two plans. `ground`
+ * paints the road; without it the road is painted directly.
  */
 export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan = 5, ground = null, chosen = null } = {}) {
   const px = 1 / camera.scale;
@@ -52,14 +53,14 @@ export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan 
   const body = (agent, state, look) => box(c, camera, agent, state, px, look, labels);
   if (layers.context) for (const agent of scene.context) body(agent, between(agent.track, t), { alpha: 0.5 });
   const { tracks, states } = subject;
-  const apart = (i) => tracks[i].some((s, k) => s && scene.agents[i].track[k] && Math.hypot(s.x - scene.agents[i].track[k].x, s.y - scene.agents[i].track[k].y) > APART);
+  const isDisplaced = (i) => tracks[i].some((s, k) => s && scene.agents[i].track[k] && Math.hypot(s.x - scene.agents[i].track[k].x, s.y - scene.agents[i].track[k].y) > GHOST_DISTANCE);
   const order = scene.agents.map((_, i) => i).slice(1).sort((a, b) => !!states[a][f] - !!states[b][f]);
   if (layers.trails) for (const i of [...order, 0]) trail(c, tracks[i], f, px, i === 0 ? "av" : scene.agents[i].kind, i === 0 ? 3 : 1.6);
   if (layers.plan) plan(c, tracks, order, f, replan, px);
   if (layers.ghosts) {
     for (const i of [...order, 0]) {
-      if (!apart(i)) continue;
-      route(c, scene.agents[i].track, px, i === 0);
+      if (!isDisplaced(i)) continue;
+      loggedPath(c, scene.agents[i].track, px, i === 0);
       body(scene.agents[i], between(scene.agents[i].track, t), { ghost: true });
     }
   }
@@ -70,7 +71,7 @@ export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan 
     body(agent, between(tracks[i], t), look ? { fill: colour(look.fill), line: colour(look.line), width: look.width, dash: look.dash, ring, label } : { ring, label });
   }
   const isHit = [...(subject.analysis.touching[f] ?? [])].length > 0;
-  // The AV's name lies below it, so that it covers nobody's who touches it.
+  // The AV's label is below it, so that it does not cover labels of agents that touch it.
   body(scene.agents[0], between(tracks[0], t), { fill: colour("av"), line: colour(isHit ? "fault" : "text"), width: 2.2, ring: chosen === 0 ? colour("accent") : null, label: "AV", below: true });
   c.globalAlpha = 1;
   c.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -78,7 +79,7 @@ export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan 
   ruler(c, camera);
 }
 
-/** Directions of lanes: the middle of each stretch of a centre line has an arrow. */
+/** Arrows of the lane directions, at equal distances along centre lines. */
 function arrows(c, map, px) {
   c.strokeStyle = colour("center");
   c.lineWidth = 1.2 * px;
@@ -96,7 +97,7 @@ function line(c, track, from, to) {
   c.stroke();
 }
 
-/** What was driven during the last seconds, paler with age. */
+/** The track of the last seconds, paler with age. */
 function trail(c, track, f, px, ink, width) {
   const [a, b] = [track[Math.max(0, f - TRAIL)], track[f]];
   if (a && b && Math.hypot(a.x - b.x, a.y - b.y) < 0.5) return;
@@ -109,7 +110,7 @@ function trail(c, track, f, px, ink, width) {
   c.globalAlpha = 1;
 }
 
-/** The plan in force: what was planned when plans were last made. A plan is as long as the interval and is executed as it is. */
+/** The current plan, made at the last replanning step. It is as long as the interval and executed exactly. */
 function plan(c, tracks, order, f, replan, px) {
   if (f < NOW) return;
   const made = NOW + Math.floor((f - NOW) / replan) * replan;
@@ -123,8 +124,8 @@ function plan(c, tracks, order, f, replan, px) {
   c.globalAlpha = 1;
 }
 
-/** The way of the log. */
-function route(c, track, px, isAv) {
+/** The logged path. */
+function loggedPath(c, track, px, isAv) {
   c.strokeStyle = colour(isAv ? "av" : "ghost");
   c.globalAlpha = isAv ? 0.8 : 0.45;
   c.lineWidth = (isAv ? 1.6 : 1) * px;

@@ -1,4 +1,4 @@
-// One view of the scene: a simulator, its canvas, and what lies under the pointer.
+// One view of the scene: a simulator, its canvas, and pointer events.
 
 import { runs, subjects } from "./data.js";
 import { el } from "./dom.js";
@@ -10,7 +10,7 @@ export class Pane {
   road = new Road();
   subject = null;
 
-  /** `hub` is told of choices and of what the pointer does; `optional` panes may show nothing. */
+  /** `hub` receives choices and pointer events; `optional` panes may be empty. */
   constructor(number, camera, hub, optional) {
     this.camera = camera;
     this.canvas = el("canvas", { tabindex: "-1", "aria-label": "the scene from above" });
@@ -26,7 +26,7 @@ export class Pane {
   listen(hub) {
     const { canvas } = this;
     canvas.addEventListener("wheel", (event) => {
-      // The page scrolls as ever; who zooms holds a key down or uses two fingers.
+      // The wheel scrolls the page; zooming needs Ctrl, a pinch gesture, or a focused canvas.
       if (!event.ctrlKey && !event.metaKey && document.activeElement !== canvas) return;
       event.preventDefault();
       hub.zoom(Math.exp(-event.deltaY * 0.0018), event.offsetX, event.offsetY);
@@ -48,7 +48,7 @@ export class Pane {
     canvas.addEventListener("pointerleave", () => hub.hover(null));
   }
 
-  /** Takes the size of the element; true where it changed. */
+  /** Adopts the size of the element. Returns true if it changed. */
   resize() {
     const ratio = devicePixelRatio || 1;
     const { clientWidth: width, clientHeight: height } = this.canvas;
@@ -59,7 +59,7 @@ export class Pane {
     return true;
   }
 
-  /** What the simulator did in a scene, where it did something. */
+  /** The rollout of the simulator in a scene, or null. */
   part(scene) {
     return this.subject === null ? null : scene.subjects.get(this.subject) ?? null;
   }
@@ -77,7 +77,7 @@ export class Pane {
     paint(c, scene, part, camera, t, layers, { ratio: this.ratio, replan, chosen, ground: (context, map) => this.road.draw(context, map, camera, this.ratio) });
   }
 
-  /** The agent under a place of the canvas, the smallest first; null where there is none. */
+  /** The smallest agent under a position of the canvas; null if there is none. */
   at(scene, t, px, py) {
     const part = this.part(scene);
     if (!part) return null;

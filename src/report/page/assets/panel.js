@@ -1,4 +1,4 @@
-// What is told beside the views: the bar of time, what is so now, events, and who is under the pointer.
+// Information next to the views: timeline, current values, events, and the agent under the pointer.
 
 import { sharp } from "./curves.js";
 import { metric, value } from "./data.js";
@@ -11,10 +11,10 @@ import { colour } from "./palette.js";
 
 const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against" };
 
-/** How an event looks; undefined for those that have no marks. */
+/** The style of an event; undefined if it has no mark. */
 export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : EVENTS[e.metric]);
 
-/** The bar of time: a lane for every simulator, with what happened there. */
+/** The timeline: a row for every simulator with its events. */
 export function timeline(canvas, parts, t) {
   const { c, width } = sharp(canvas);
   if (!width) return;
@@ -53,7 +53,7 @@ export function timeline(canvas, parts, t) {
   c.fillRect(x(t) - 1, 2, 2, 34);
 }
 
-/** The table of what is so now, and over the whole rollout: for these simulators (null for none) in this scenario. */
+/** Table of current values and values of the whole rollout, for these simulators (null for none). */
 export function facts(table, simulators, index) {
   const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade"].filter((id) => metric(id));
   const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...simulators.flatMap((subject, i) => (subject === null ? [] : [
@@ -65,7 +65,7 @@ export function facts(table, simulators, index) {
     el("tbody", {}, ...shown.map((id) => row(id, `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
 }
 
-/** What is so at this frame, beside what it is over the whole rollout. */
+/** Fills in the values at this frame. */
 export function now(table, scene, parts, f) {
   const covering = (part, id) => part.events.filter((e) => e.metric === id && e.from <= f && f <= e.to).length;
   parts.forEach((part, i) => {
@@ -76,7 +76,7 @@ export function now(table, scene, parts, f) {
         : id === "aav-collision" ? String(part.analysis.touching[f]?.size ?? 0)
         : id === "aav-ttc" ? (ttc === null || ttc === undefined ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`)
         : id === "gap" ? (gap === null || gap === undefined ? "–" : `${gap.toFixed(1)} m`)
-        : id === "ade" ? `${apart(scene, part, f)} m`
+        : id === "ade" ? `${displacement(scene, part, f)} m`
         : String(covering(part, id));
       cell.classList.toggle("bad", (id === "aav-ttc" && ttc < RISKY) || (!["aav-ttc", "gap", "ade"].includes(id) && Number(cell.textContent) > 0));
     }
@@ -84,7 +84,7 @@ export function now(table, scene, parts, f) {
 }
 
 /** Mean displacement of the agents from the log at a frame, metres. */
-function apart(scene, part, f) {
+function displacement(scene, part, f) {
   let [sum, n] = [0, 0];
   for (let i = 1; i < scene.agents.length; i++) {
     const [a, b] = [part.tracks[i][f], scene.agents[i].track[f]];
@@ -93,7 +93,7 @@ function apart(scene, part, f) {
   return n ? (sum / n).toFixed(2) : "–";
 }
 
-/** The list of events; `pick` is told which one was chosen. */
+/** The list of events; `pick` is called with the chosen one. */
 export function events(list, scene, parts, several, pick) {
   const all = parts.flatMap((part, i) => (part?.events ?? []).filter((e) => eventKind(e)).map((e) => ({ ...e, pane: i })));
   all.sort((a, b) => a.from - b.from || a.pane - b.pane);
@@ -105,17 +105,17 @@ export function events(list, scene, parts, several, pick) {
   list.replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
     const kind = eventKind(e);
     return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${LOOKS[kind].name}: ${words(e)}`));
-  }) : [el("li", { class: "dim" }, "Nothing was counted.")]));
+  }) : [el("li", { class: "dim" }, "No events.")]));
 }
 
-/** What is known of an agent at a frame. */
+/** Tooltip of an agent at a frame. */
 export function agent(tip, scene, part, i, t) {
   const [about, track] = [scene.agents[i], part.tracks[i]];
   const s = track[t], av = part.tracks[0][t];
   const [a, b] = [track[t - 1], track[t + 1]];
   const acceleration = a && b ? ((b.v - a.v) / 0.2).toFixed(1) : "–";
   const ttc = i > 0 && s && av && about.kind === "vehicle" ? approach(about, s, scene.agents[0], av) : null;
-  const gone = scene.agents[i].track[t];
+  const logged = scene.agents[i].track[t];
   const fact = (name, text) => el("div", {}, el("span", { class: "dim" }, `${name} `), text);
   tip.replaceChildren(...[
     el("b", {}, i === 0 ? `AV (${about.id})` : about.id),
@@ -123,7 +123,7 @@ export function agent(tip, scene, part, i, t) {
     fact("speed", s && Number.isFinite(s.v) ? `${s.v.toFixed(1)} m/s` : "–"),
     fact("acceleration", `${acceleration} m/s²`),
     i > 0 ? fact("TTC to the AV", ttc === null ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`) : null,
-    s && gone ? fact("from the log", `${Math.hypot(s.x - gone.x, s.y - gone.y).toFixed(1)} m`) : null,
+    s && logged ? fact("from the log", `${Math.hypot(s.x - logged.x, s.y - logged.y).toFixed(1)} m`) : null,
     part.states[i][t] ? fact("state", LOOKS[part.states[i][t]].name) : null,
   ].filter(Boolean));
 }

@@ -1,14 +1,14 @@
-// The main table, the tables of categories and difficulties, and what happens per scenario.
+// The main table, the tables of categories and difficulties, and events per scenario.
 
 import { categories, counted, data, difficulties, metric, metrics, runs, scenarios, subjects } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 
 const several = runs.length > 1;
-/** Events that people ask for, in the order of the columns. */
-const HAPPENINGS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
+/** Metrics in the table of events, in the order of the columns. */
+const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
 
-/** The parts of the scenarios that have a table: how many scenarios they have, and what the summary says of a subject there. */
+/** Parts of the scenarios with a table: number of scenarios, and the estimates of a subject. */
 const PARTS = [
   { name: "all", label: "all scenarios", size: scenarios.id.length, of: (summary) => summary },
   ...categories.map((c) => ({ name: c, label: c, size: scenarios.category.filter((k) => k === c).length, of: (summary) => summary?.by_category[c] })),
@@ -20,7 +20,7 @@ let sorted = { by: null, down: false };
 /** Whether the table has every metric with a value, not only the usual columns. */
 let isWhole = false;
 
-/** What the summary says of a subject in the chosen part. */
+/** Estimates of a subject in the chosen part. */
 const estimates = (subject) => part.of(subject.summary);
 
 /** Metrics of the table. */
@@ -29,7 +29,7 @@ function tableMetrics() {
   return [...data.columns, ...(isWhole ? extra : [])].map(metric);
 }
 
-/** The number that is best among those who do not know the future; as printed, so that equals are equal. */
+/** The best number among simulators other than oracles, as printed, so that equal numbers tie. */
 function best(rows, column) {
   const shown = rows.filter((r) => !r.oracle).map((r) => estimates(r)?.metrics[column.id]?.mean).filter((v) => v !== null && v !== undefined);
   if (shown.length < 2) return null;
@@ -39,7 +39,7 @@ function best(rows, column) {
 function cell(subject, column, top) {
   const estimate = estimates(subject)?.metrics[column.id];
   const about = { class: "number", "data-metric": column.id };
-  if (!estimate || estimate.mean === null) return el("td", { ...about, title: "nothing was judged" }, "–");
+  if (!estimate || estimate.mean === null) return el("td", { ...about, title: "no scenario has a value" }, "–");
   const { mean, low, high } = estimate;
   const text = number(column, mean);
   const isBest = !subject.oracle && text === top;
@@ -56,7 +56,7 @@ function head(label, key, numeric, about) {
   const turn = () => {
     sorted = { by: key, down: isBy ? !sorted.down : false };
     show();
-    // The table was made anew; the keyboard stays where it was.
+    // The table was rebuilt: restore the keyboard focus.
     $("main-table").querySelector(`button[data-key="${key}"]`)?.focus();
   };
   return el(
@@ -89,12 +89,12 @@ function show() {
       failed ? el("td", { class: "number" }, String(s.summary.failed)) : null))),
   );
   for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
-  $("main-about").textContent = `${count(part.size, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best of those that do not know the future. † is shown the log's future.`;
+  $("main-about").textContent = `${count(part.size, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles. † is shown the log's future.`;
 }
 
-/** Events per scenario, and in how many scenarios there is one. */
-function happenings() {
-  const shown = HAPPENINGS.filter((id) => metric(id));
+/** Table of events per scenario, and the share of scenarios with at least one. */
+function eventTable() {
+  const shown = EVENT_METRICS.filter((id) => metric(id));
   $("events-table").replaceChildren(
     el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Method"), ...shown.map((id) => el("th", { scope: "col", class: "number" }, metric(id).title)))),
     el("tbody", {}, ...subjects.map((s) => el("tr", {}, el("th", { scope: "row" }, s.name), ...shown.map((id) => {
@@ -107,12 +107,12 @@ function happenings() {
         events += n / rollouts;
         having += n > 0;
       }
-      return el("td", { class: "number", title: `${having} of ${count(all, "scenario")} have one` }, all ? (events / all).toFixed(2) : "–", el("small", {}, all ? ` in ${((100 * having) / all).toFixed(0)} %` : ""));
+      return el("td", { class: "number", title: `${having} of ${count(all, "scenario")} have at least one` }, all ? (events / all).toFixed(2) : "–", el("small", {}, all ? ` in ${((100 * having) / all).toFixed(0)} %` : ""));
     })))),
   );
 }
 
-/** Whether a subject has a result in a scenario. */
+/** Returns whether a subject has a result in a scenario. */
 const has = (subject, scenario) => scenarios.values[subject].some((column) => column[scenario] !== null && column[scenario] !== undefined);
 
 /** Shows all tables. */
@@ -127,10 +127,10 @@ export function results() {
     show();
   };
   show();
-  happenings();
+  eventTable();
 }
 
-/** Where the numbers come from. */
+/** Shows the provenance of the numbers. */
 export function provenance() {
   const row = (name, ...texts) => el("tr", {}, el("th", { scope: "row" }, name), el("td", {}, ...texts));
   $("provenance-body").replaceChildren(...runs.map((run) => {

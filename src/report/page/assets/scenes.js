@@ -1,27 +1,27 @@
-// Scenes: what the program packed, ready to be drawn.
+// Scenes: loading and decoding.
 
 import { data, scenarios } from "./data.js";
 import { FRAMES, NOW, agent, map } from "./decode.js";
 import { $ } from "./dom.js";
 import { analyse } from "./geometry.js";
 
-/** The form of scenes that is understood here. */
+/** Supported version of the scene format. */
 const FORM = 1;
-/** Scenes that are kept. */
-const KEPT = 12;
+/** Maximum number of cached scenes. */
+const MAX_CACHED = 12;
 
 const cache = new Map();
 
-/** Whether a scenario can be drawn. */
+/** Returns whether a scenario has a scene. */
 export const drawable = (index) => scenarios.scene[index] === 1;
 
-/** The scene of a scenario, from the page or from the program that shows it. */
+/** Loads the scene of a scenario from the page, or from the program that serves it. */
 export function load(index) {
   if (!cache.has(index)) {
     const promise = raw(index).then(decode);
     promise.catch(() => cache.delete(index));
     cache.set(index, promise);
-    if (cache.size > KEPT) cache.delete(cache.keys().next().value);
+    if (cache.size > MAX_CACHED) cache.delete(cache.keys().next().value);
   }
   return cache.get(index);
 }
@@ -36,7 +36,10 @@ async function raw(index) {
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
 }
 
-/** A track of 91 frames: the log up to now, then the spans of src/report/page/tracks.rs. Velocities are differences of positions. */
+/**
+ * Decodes a track of 91 frames: the log up to the current frame, then the spans of
+ * src/report/page/tracks.rs. Velocities are differences of positions.
+ */
 function realised(spans, logged) {
   const track = new Array(FRAMES).fill(null);
   for (let f = 0; f <= NOW; f++) track[f] = logged[f];
@@ -57,10 +60,10 @@ function realised(spans, logged) {
   return track;
 }
 
-/** Kinds of states, the gravest first. */
+/** Kinds of states, the most severe first. */
 export const STATES = ["fault", "contact", "risky", "offroad", "against"];
 
-/** What stands against an agent in every frame: `states[agent][frame]` is one of STATES or undefined. */
+/** States of the agents: `states[agent][frame]` is one of STATES or undefined. */
 function states(agents, events, analysis) {
   const out = agents.map(() => new Array(FRAMES));
   const put = (i, from, to, kind) => {
@@ -86,7 +89,7 @@ function states(agents, events, analysis) {
 }
 
 function decode(raw) {
-  if (raw.v !== FORM) throw new Error(`the scene has form ${raw.v}, this page draws form ${FORM}: make the page anew`);
+  if (raw.v !== FORM) throw new Error(`the scene has format version ${raw.v}, this page supports ${FORM}: create the page again`);
   const agents = raw.sketch.agents.map(agent);
   const subjects = new Map(raw.subjects.map((s) => {
     const tracks = s.tracks.map((spans, i) => realised(spans, agents[i].track));

@@ -1,4 +1,4 @@
-// Case studies: frames at chosen times beside each other, as one vector graphic.
+// Strips for case studies: frames at chosen times side by side, as one SVG.
 
 import { Camera } from "./camera.js";
 import { subjects } from "./data.js";
@@ -12,13 +12,16 @@ const SIDE = 300, GAP = 10, HEAD = 26;
 
 const escape = (text) => text.replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
 
-/** Seconds in a text, such as `0, 2.5, 5`; null where it is none. */
+/** Parses times in seconds, such as `0, 2.5, 5`; null if invalid. */
 export function times(text) {
   const out = text.split(/[,;\s]+/).filter(Boolean).map(Number);
   return out.length && out.length <= 12 && out.every((t) => t >= 0 && t <= 8) ? out : null;
 }
 
-/** The strip of a scene: a row per subject (their numbers), a column per time (seconds). The view is that of `camera`, around the AV if `follow`. */
+/**
+ * The strip of a scene: a row per subject (by number), a column per time (seconds). The view is that of
+ * `camera`, centred on the AV if `follow`.
+ */
 export function strip(scene, chosen, at, camera, follow, layers, replanOf) {
   const rows = chosen.filter((s) => scene.subjects.has(s));
   const width = GAP + at.length * (SIDE + GAP), height = rows.length * (HEAD + SIDE + GAP) + GAP;

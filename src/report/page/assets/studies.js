@@ -1,13 +1,13 @@
-// Studies: what replanning, the protocols and the parts of simulators are worth.
+// Studies: replan interval, protocols, ablations.
 
 import { data, metric } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 
 const ABOUT = {
-  replan: ["Effect of the replanning interval", "Columns: how often plans are made anew."],
-  realism: ["Realism and reactive protocols", "In the realism protocol the simulator moves the AV too, and is held against the log."],
-  guards: ["What each part is worth", "The same simulators with parts taken away or put to them, and with the AV's next step seen or not."],
+  replan: ["Effect of the replan interval", "Columns: replan interval."],
+  realism: ["Realism and reactive protocols", "In the realism protocol the simulator also moves the AV, and is compared with the log."],
+  guards: ["Ablation", "The same simulators with parts removed or added, and with the AV's next step visible or not."],
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
@@ -21,8 +21,8 @@ function cell(m, estimate) {
     number(m, estimate.mean), el("small", {}, ` ±${number(m, (estimate.high - estimate.low) / 2)}`));
 }
 
-/** A difference; bold where its interval leaves 0 out. */
-function worth(m, w) {
+/** A difference; bold if its interval excludes 0. */
+function difference(m, w) {
   if (!w || w.mean === null) return el("td", { class: "number" }, "–");
   const text = `${w.mean > 0 ? "+" : w.mean < 0 ? "−" : ""}${number(m, Math.abs(w.mean))}`;
   const isSure = w.low > 0 || w.high < 0;
@@ -32,7 +32,7 @@ function worth(m, w) {
 const find = (member, id) => member.simulators.find((s) => s.id === id);
 const wide = (...rows) => el("div", { class: "wide" }, el("table", { class: "data" }, ...rows));
 
-/** A table per metric: simulators by intervals. */
+/** One table per metric: simulators by replan interval. */
 function replan({ members }) {
   const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
   return columns.flatMap((m) => [
@@ -49,7 +49,7 @@ function realism({ members }) {
     el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...columns.map(([member, m]) => cell(m, find(member, s.id)?.metrics[m.id]))))))];
 }
 
-/** Two tables: simulators in all their variants, and what these differ by. */
+/** Two tables: values of all variants, and their differences from the unchanged simulators. */
 function guards({ members }) {
   const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
   const rows = members[0].simulators.flatMap((original) => members.flatMap((member) =>
@@ -58,7 +58,7 @@ function guards({ members }) {
     el("tbody", {}, ...all.map(([original, member, s]) => el("tr", {}, method(original), el("td", {}, member.label), ...columns.map((m) => part(m, s))))))];
   return [
     ...table("Values", (m, s) => cell(m, s.metrics[m.id]), rows),
-    ...table("Difference to the same simulator as it is (bold where the interval leaves 0 out)", (m, s) => worth(m, s.difference[m.id]), rows.filter(([, , s]) => s.difference)),
+    ...table("Difference from the unchanged simulator (bold if the interval excludes 0)", (m, s) => difference(m, s.difference[m.id]), rows.filter(([, , s]) => s.difference)),
   ];
 }
 

@@ -1,4 +1,5 @@
-// A context that canvas code can draw on and that gives SVG: the same pictures for papers. Only what the painter asks for is there.
+// A drawing context with the interface of a canvas that produces SVG, for papers. It implements only what
+// the painter uses.
 
 const escape = (text) => String(text).replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
 const short = (v) => String(Math.round(v * 1000) / 1000);
@@ -21,7 +22,7 @@ export class Vector {
   #saved = [];
   static #names = 0;
 
-  /** What was drawn. */
+  /** The SVG elements drawn so far. */
   toString() {
     return this.#out.join("\n");
   }
@@ -71,7 +72,7 @@ export class Vector {
     this.#d += "Z";
   }
 
-  /** A whole circle. */
+  /** A full circle. */
   arc(x, y, r) {
     this.#d += `M${short(x - r)} ${short(y)}a${short(r)} ${short(r)} 0 1 0 ${short(2 * r)} 0a${short(r)} ${short(r)} 0 1 0 ${short(-2 * r)} 0Z`;
   }
@@ -105,7 +106,7 @@ export class Vector {
     this.#out.push(`<rect x="${short(x)}" y="${short(y)}" width="${short(w)}" height="${short(h)}" fill="${escape(this.fillStyle)}" ${this.#common()}/>`);
   }
 
-  /** What is drawn until the next `restore` is seen within a path only, which lies as things lie now. */
+  /** Clips drawing until the next `restore` to a path, which is in the current coordinates. */
   clip(path) {
     const id = `clip-${Vector.#names++}`;
     this.#out.push(`<clipPath id="${id}"><path d="${path.d}"/></clipPath>`);

@@ -1,4 +1,4 @@
-// The viewer: one or two simulators on the same scenario, with one time.
+// The viewer: one or two simulators on the same scenario at the same time.
 
 import { Camera } from "./camera.js";
 import { Chart, seekable } from "./curves.js";
@@ -15,11 +15,11 @@ import * as panel from "./panel.js";
 import { drawable, load } from "./scenes.js";
 import { strip, times } from "./strip.js";
 
-/** How long the last frame stands before the replay begins again, in frames. */
+/** Number of frames for which the last frame is held before the replay restarts. */
 const HOLD = 8;
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const LAYERS = [
-  ["map", "map"], ["lanes", "lane directions"], ["lights", "lights"], ["ghosts", "log as ghosts"], ["trails", "trails"], ["plan", "last plan"], ["context", "others recorded"], ["ids", "ids"],
+  ["map", "map"], ["lanes", "lane directions"], ["lights", "lights"], ["ghosts", "log as ghosts"], ["trails", "trails"], ["plan", "last plan"], ["context", "other recorded agents"], ["ids", "ids"],
 ];
 const INKS = ["accent", "lateral"];
 
@@ -28,21 +28,21 @@ const layers = { map: true, lanes: true, lights: true, ghosts: true, trails: tru
 let scene = null, index = null, wanted = null, chosen = null;
 let time = NOW, isPlaying = false, speed = 1, follow = false, isDirty = false;
 let panes = [], charts = {};
-/** What is to be done when the address should change. */
+/** Called when the address should change. */
 let onState = () => {};
 
 /** The name of a subject in addresses. */
 const key = (i) => (runs.length > 1 ? `${subjects[i].id}@${runs[subjects[i].run].name}` : subjects[i].id);
 export const byKey = (text) => subjects.findIndex((s) => key(s.index) === text);
 
-/** What is shown, for the address. */
+/** The state of the viewer, for the address. */
 export function state() {
   return index === null ? null : { scenario: scenarios.id[index], t: ((time - NOW) / 10).toFixed(1), left: key(panes[0].subject), right: panes[1].subject === null ? "" : key(panes[1].subject) };
 }
 
 const replanOf = (i) => subjects[i].settings.replan_steps || 80;
 
-/** Shows a scenario; simulators and time as they are, or as they are given. */
+/** Shows a scenario; simulators and time are kept unless given. */
 export async function show(i, { t = null, left = null, right = undefined } = {}) {
   wanted = i;
   if (!drawable(i)) {
@@ -51,14 +51,14 @@ export async function show(i, { t = null, left = null, right = undefined } = {})
     mark(i);
     $("stage").hidden = true;
     $("stage-note").hidden = false;
-    $("stage-note").textContent = `${scenarios.id[i]} has no scene here. ${$("stage-note").dataset.lacks || "Make the page with --all, or look at the runs with `reactsim view`."}`;
+    $("stage-note").textContent = `${scenarios.id[i]} has no scene here. ${$("stage-note").dataset.lacks || "Create the page with --all, or open the runs with `reactsim view`."}`;
     return;
   }
   let loaded;
   try {
     loaded = await load(i);
   } catch (error) {
-    toast(`${scenarios.id[i]} can not be shown: ${error.message}`);
+    toast(`${scenarios.id[i]} cannot be shown: ${error.message}`);
     return;
   }
   if (wanted !== i) return;
@@ -79,7 +79,7 @@ export async function show(i, { t = null, left = null, right = undefined } = {})
   onState();
 }
 
-/** Where nobody chose, the two simulators that differ most are shown: one that hits the AV beside one that does not. */
+/** Without a choice, selects two contrasting simulators: one that hits the AV and one that does not. */
 function propose() {
   if (panes[0].subject !== null) return;
   const there = subjects.filter((s) => scene.subjects.has(s.index));
@@ -90,7 +90,7 @@ function propose() {
   panes[1].subject = (other[other.length - 1] ?? there.find((s) => s.index !== panes[0].subject) ?? null)?.index ?? null;
 }
 
-/** Shows where the AV is and was, and all whom it meets. */
+/** Fits the view to the AV's path and the agents in its events. */
 function fit() {
   if (!scene) return;
   const points = [];
@@ -165,7 +165,7 @@ function draw() {
   charts.gap.draw(curves((p) => p.analysis.gap.map((v) => v ?? NaN)), t);
 }
 
-/** All that does not change with time. */
+/** Updates everything that does not change with time. */
 function refresh() {
   panes.forEach((pane) => (pane.select.value = pane.subject ?? ""));
   panes[1].root.hidden = panes[1].subject === null;
@@ -218,7 +218,7 @@ function setFollow(value) {
   isDirty = true;
 }
 
-/** To the next event after now, or the last before. */
+/** Moves to the next or the previous event. */
 function toEvent(direction) {
   const all = [...new Set(panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => panel.eventKind(e)).map((e) => e.from)) ?? []))].sort((a, b) => a - b);
   const f = Math.round(time);
@@ -229,7 +229,7 @@ function toEvent(direction) {
 
 function step(direction) {
   const next = neighbour(direction);
-  if (next === null) toast(direction > 0 ? "this was the last one that is listed" : "this was the first one that is listed");
+  if (next === null) toast(direction > 0 ? "no later scenario in the list" : "no earlier scenario in the list");
   else show(next);
 }
 
@@ -240,24 +240,24 @@ function saveStrip() {
   save(`${scenarios.id[index].replace(/[^\w.-]+/g, "_")}.svg`, strip(scene, rows, at, camera, follow, layers, replanOf), "image/svg+xml");
 }
 
-/** What keys do: names of keys, words, and the deed. */
+/** Key bindings: names of keys, description, action. */
 export const KEYS = [
   [[" "], "play or pause", () => setPlaying(!isPlaying)],
-  [["ArrowLeft"], "a frame back", () => seek(Math.round(time) - 1)],
-  [["ArrowRight"], "a frame on", () => seek(Math.round(time) + 1)],
-  [["shift ArrowLeft"], "a second back", () => seek(Math.round(time) - 10)],
-  [["shift ArrowRight"], "a second on", () => seek(Math.round(time) + 10)],
+  [["ArrowLeft"], "previous frame", () => seek(Math.round(time) - 1)],
+  [["ArrowRight"], "next frame", () => seek(Math.round(time) + 1)],
+  [["shift ArrowLeft"], "back one second", () => seek(Math.round(time) - 10)],
+  [["shift ArrowRight"], "forward one second", () => seek(Math.round(time) + 10)],
   [["0"], "to step 0", () => seek(NOW)],
-  [["["], "event before", () => toEvent(-1)],
+  [["["], "previous event", () => toEvent(-1)],
   [["]"], "next event", () => toEvent(1)],
   [["n"], "next scenario of the list", () => step(1)],
-  [["p"], "scenario before", () => step(-1)],
+  [["p"], "previous scenario of the list", () => step(-1)],
   [["<"], "slower", () => faster(-1)],
   [[">"], "faster", () => faster(1)],
   [["v"], "follow the AV", () => setFollow(!follow)],
   [["r"], "show everything", () => (setFollow(false), fit())],
-  [["+", "="], "closer", () => hub.zoom(1.25)],
-  [["-"], "farther", () => hub.zoom(0.8)],
+  [["+", "="], "zoom in", () => hub.zoom(1.25)],
+  [["-"], "zoom out", () => hub.zoom(0.8)],
   [["g"], "the log as ghosts", () => toggle("ghosts")],
   [["i"], "ids", () => toggle("ids")],
 ];
@@ -273,7 +273,7 @@ function toggle(layer) {
   isDirty = true;
 }
 
-/** Answers a key; whether it was one of KEYS. */
+/** Handles a key. Returns whether it is one of KEYS. */
 export function press(event) {
   if (!scene) return false;
   const name = event.shiftKey && event.key.startsWith("Arrow") ? `shift ${event.key}` : event.key;
@@ -282,13 +282,13 @@ export function press(event) {
   return !!found;
 }
 
-/** Makes the viewer. */
+/** Creates the viewer. */
 export function viewer(changed) {
   onState = changed;
   panes = [0, 1].map((i) => new Pane(i, camera, hub, i > 0));
   $("panes").replaceChildren(...panes.map((p) => p.root));
   const seekable_ = (canvas) => seekable(canvas, (x, width) => ((x - 8) / (width - 16)) * (FRAMES - 1), (f) => {
-    // A press beside a mark is meant for it.
+    // Snap to a nearby mark.
     const marks = panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => panel.eventKind(e))) ?? []);
     const near = marks.filter((e) => Math.abs(e.from - f) < 0.8).sort((a, b) => Math.abs(a.from - f) - Math.abs(b.from - f))[0];
     seek(near ? near.from : Math.round(f));

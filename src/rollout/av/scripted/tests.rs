@@ -7,7 +7,7 @@ use crate::scene::{
     MapParts, ScenarioParts,
 };
 
-/// A scenario with nothing but an AV.
+/// Returns a scenario with nothing but an AV.
 fn alone(track: Vec<Frame>, lanes: Vec<LaneParts>) -> Scenario {
     let agent = Agent { id: "av".into(), kind: AgentKind::Vehicle, length: 4.8, width: 2.0 };
     let map = MapParts { lanes, ..MapParts::default() };
@@ -15,7 +15,8 @@ fn alone(track: Vec<Frame>, lanes: Vec<LaneParts>) -> Scenario {
     Scenario::assemble(ScenarioParts { id: "alone".into(), agents, map, ..ScenarioParts::default() }).unwrap()
 }
 
-/// A vehicle driven by its rear axle: speeds and curvatures per frame, with noise on what is recorded.
+/// Returns the frames of a vehicle driven by its rear axle: speeds and curvatures per frame, with noise
+/// on the recorded poses.
 fn drive(speeds: &[f64], curvatures: &[f64], noise: &[(f64, f64)]) -> Vec<Frame> {
     let (mut axle, mut heading) = (Vec2::new(40.0, -7.0), 0.7);
     let mut track: Vec<Frame> = Vec::new();
@@ -54,7 +55,7 @@ fn a_log_that_jumps_is_refused() {
     assert!(matches!(refused, AvError::Jump { step: 30, before: 29, .. }), "{refused}");
 }
 
-/// Sections 7 and 8 of the metrics, at every transition from the current frame on.
+/// Checks sections 7 and 8 of the metrics at every transition from the current frame on.
 fn obeys(now: &AgentState, track: &[AgentState]) -> Result<(), String> {
     let (mut before, mut v0) = (*now, now.speed());
     for (k, state) in track.iter().enumerate() {
@@ -102,7 +103,7 @@ fn scripts_are_read_and_written() {
     ] {
         assert!(text.parse::<Script>().is_err(), "{text}");
     }
-    insta::assert_snapshot!("brake:9".parse::<Script>().unwrap_err(), @"`brake:9` is no scripted AV: expected `brake:` and a deceleration above 0 and at most 6 m/s², such as `brake:4`");
+    insta::assert_snapshot!("brake:9".parse::<Script>().unwrap_err(), @"`brake:9` is not a scripted AV: expected `brake:` and a deceleration above 0 and at most 6 m/s², such as `brake:4`");
 }
 
 #[test]
@@ -204,7 +205,7 @@ fn a_change_of_gear_is_not_driven_over() {
     let cusp = scenario.logged(0)[49].unwrap().position();
     let track = plan(&scenario, "retime:2");
     obeys(&scenario.start.now(0), &track).unwrap();
-    // The log stops at once there; a real vehicle stops before.
+    // The log stops abruptly there; a real vehicle stops before.
     let short = (cusp - track[FUTURE - 1].position()).dot(&direction(track[FUTURE - 1].heading));
     assert!((-0.5..4.0).contains(&short), "{short} m short of the change of gear");
     let back: Vec<f64> = vec![-2.0; FRAMES];
@@ -215,7 +216,7 @@ fn a_change_of_gear_is_not_driven_over() {
     assert!((track[FUTURE - 1].position() - logged).norm() < 0.5);
 }
 
-/// Speeds and curvatures that a driver could have driven: bounded changes, halts included.
+/// Generates speeds and curvatures that a driver could have driven: bounded changes, halts included.
 fn any_drive() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, Vec<(f64, f64)>)> {
     let changes = prop::collection::vec((-3.5_f64..3.0, -0.16_f64..0.16), 10);
     let noise = prop::collection::vec((-0.02_f64..0.02, -0.006_f64..0.006), FRAMES);
@@ -242,7 +243,18 @@ proptest! {
     fn every_script_obeys_the_limits((speeds, bends, noise) in any_drive()) {
         let scenario = alone(drive(&speeds, &bends, &noise), Vec::new());
         let now = scenario.start.now(0);
-        for script in ["constant-velocity", "brake:0.5", "brake:4", "brake:6", "retime:0.5", "retime:1", "retime:1.6", "retime:3", "shift:2", "shift:-5"] {
+        for script in [
+            "constant-velocity",
+            "brake:0.5",
+            "brake:4",
+            "brake:6",
+            "retime:0.5",
+            "retime:1",
+            "retime:1.6",
+            "retime:3",
+            "shift:2",
+            "shift:-5",
+        ] {
             let track = plan(&scenario, script);
             prop_assert_eq!(track.len(), FUTURE);
             if let Err(what) = obeys(&now, &track) {
@@ -254,7 +266,8 @@ proptest! {
     #[test]
     fn retime_by_one_stays_with_the_log((speeds, bends, noise) in any_drive()) {
         let scenario = alone(drive(&speeds, &bends, &noise), Vec::new());
-        for (k, (state, logged)) in plan(&scenario, "retime:1").iter().zip(&scenario.log_future.tracks[0]).enumerate() {
+        let track = plan(&scenario, "retime:1");
+        for (k, (state, logged)) in track.iter().zip(&scenario.log_future.tracks[0]).enumerate() {
             let away = (state.position() - logged.unwrap().position()).norm();
             prop_assert!(away < 0.5, "{away} m away at step {}: {state:?} {logged:?}", k + 1);
         }

@@ -1,27 +1,27 @@
-//! What the names of a pickle make, and how it is filled.
+//! Calls of names, and building of their results.
 
 use super::super::array::{Array, Content, Dtype, Kind};
 use super::super::globals::Global;
 use super::super::{Id, Node};
 use super::Machine;
 
-/// Most entries that are copied from one container into another.
-const MOST_COPIED: usize = 1_000_000;
-/// Most bytes that are made of texts (as protocol 2 spells bytes).
-const MOST_ENCODED: usize = 1 << 26;
+/// Maximum number of entries that are copied between containers.
+const MAX_COPIED_ENTRIES: usize = 1_000_000;
+/// Maximum number of bytes that are decoded from texts (protocol 2 stores bytes as texts).
+const MAX_ENCODED_BYTES: usize = 1 << 26;
 
 impl Machine<'_> {
-    /// What a name makes of its arguments.
+    /// Calls a name with arguments.
     pub(super) fn call(&mut self, callee: Id, arguments: Id) -> Result<Node, String> {
         let Node::Global(callee) = *self.node(callee) else {
-            return Err("it calls what is no name".into());
+            return Err("it calls a value that is not a name".into());
         };
         let arguments = self.tuple(arguments)?;
         Ok(match (callee, arguments) {
             (Global::Reconstruct, [_, _, _]) => Node::Array(Box::new(Array::empty())),
             (Global::Dtype, [name, ..]) => {
                 let name = self.name(*name)?;
-                let dtype = Dtype::named(name).ok_or_else(|| {
+                let dtype = Dtype::from_name(name).ok_or_else(|| {
                     let shown: String = name.chars().take(20).collect();
                     format!(
                         "an array of type `{}`, expected numbers such as f4, f8, i8 or b1",
@@ -40,11 +40,11 @@ impl Machine<'_> {
             }
             (Global::Scalar, [dtype, data]) => {
                 let (Node::Dtype(dtype), Some(bytes)) = (self.node(*dtype), self.raw(*data)) else {
-                    return Err("a number of numpy without a type or bytes".into());
+                    return Err("a numpy number without a type or bytes".into());
                 };
                 if bytes.len() != dtype.size {
                     return Err(format!(
-                        "a number of numpy with {} bytes, expected {}",
+                        "a numpy number with {} bytes, expected {}",
                         bytes.len(),
                         dtype.size
                     ));
@@ -55,7 +55,7 @@ impl Machine<'_> {
                     Kind::Float => Node::Float(number),
                     // Exact up to 2^53, which ids of map features do not reach.
                     Kind::Signed | Kind::Unsigned => Node::Int(number as i64),
-                    Kind::Object => return Err("a number of numpy that is none".into()),
+                    Kind::Object => return Err("a numpy number of an object type".into()),
                 }
             }
             (Global::Dict | Global::Set, []) | (Global::DefaultDict, [] | [_]) => match callee {
@@ -68,20 +68,20 @@ impl Machine<'_> {
                     self.copies(all.len())?;
                     Node::List(all)
                 }
-                _ => return Err("a set of what is no list".into()),
+                _ => return Err("a set from a value that is not a list".into()),
             },
             (Global::Dict, [pairs]) => {
                 let Node::List(pairs) = self.node(*pairs) else {
-                    return Err("a dictionary of what is no list".into());
+                    return Err("a dictionary from a value that is not a list".into());
                 };
-                if pairs.len() > MOST_COPIED {
+                if pairs.len() > MAX_COPIED_ENTRIES {
                     return Err("a dictionary of too many entries".into());
                 }
                 let mut all = Vec::with_capacity(pairs.len());
                 for pair in pairs {
                     match self.node(*pair) {
                         Node::List(kv) | Node::Tuple(kv) if kv.len() == 2 => all.push((kv[0], kv[1])),
-                        _ => return Err("a dictionary of what are no pairs".into()),
+                        _ => return Err("a dictionary from values that are not pairs".into()),
                     }
                 }
                 self.copies(all.len())?;
@@ -89,24 +89,28 @@ impl Machine<'_> {
             }
             (Global::Encode, [text, codec]) => {
                 if !matches!(self.name(*codec)?, "latin1" | "latin-1") {
-                    return Err("bytes that are spelled in other than latin1".into());
+                    return Err("bytes in another encoding than latin1".into());
                 }
                 let text = self.name(*text)?;
                 self.encoded += text.len();
-                if self.encoded > MOST_ENCODED {
-                    return Err(format!("it spells more than {} MiB of bytes as text", MOST_ENCODED >> 20));
+                if self.encoded > MAX_ENCODED_BYTES {
+                    return Err(format!(
+                        "it stores more than {} MiB of bytes as text",
+                        MAX_ENCODED_BYTES >> 20
+                    ));
                 }
                 let bytes: Option<Vec<u8>> = text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
-                Node::Own(bytes.ok_or("bytes that are spelled in other than latin1")?)
+                Node::OwnedBytes(bytes.ok_or("bytes in another encoding than latin1")?)
             }
             _ => return Err(format!("{callee:?} is called with {} arguments", arguments.len())),
         })
     }
 
+    /// Counts copied entries against their limit.
     fn copies(&mut self, entries: usize) -> Result<(), String> {
         self.copied += entries;
-        if self.copied > MOST_COPIED {
-            return Err(format!("more than {MOST_COPIED} entries are copied"));
+        if self.copied > MAX_COPIED_ENTRIES {
+            return Err(format!("more than {MAX_COPIED_ENTRIES} entries are copied"));
         }
         Ok(())
     }
@@ -114,22 +118,22 @@ impl Machine<'_> {
     fn raw(&self, id: Id) -> Option<&[u8]> {
         match self.node(id) {
             Node::Bytes(r) => Some(&self.file[r.start as usize..r.end as usize]),
-            Node::Own(bytes) => Some(bytes),
+            Node::OwnedBytes(bytes) => Some(bytes),
             _ => None,
         }
     }
 
-    /// Fills what a call made.
+    /// Sets the state of an object created by a call.
     pub(super) fn build(&mut self, object: Id, state: Id) -> Result<(), String> {
         match self.node(object) {
             Node::Array(_) => {
                 let [_, shape, dtype, by_column, data] = *self.tuple(state)? else {
-                    return Err("the state of an array is not of five parts".into());
+                    return Err("the state of an array does not have five parts".into());
                 };
                 let by_column = match self.node(by_column) {
                     Node::Bool(b) => *b,
                     Node::Int(i) => *i != 0,
-                    _ => return Err("the state of an array does not say its order".into()),
+                    _ => return Err("the state of an array has no order".into()),
                 };
                 let array = self.array(shape, dtype, by_column, data)?;
                 self.nodes[object as usize] = Node::Array(Box::new(array));
@@ -138,7 +142,7 @@ impl Machine<'_> {
                 let mut dtype = *dtype;
                 let state = self.tuple(state)?;
                 let (Some(order), Some(fields)) = (state.get(1), state.get(3)) else {
-                    return Err("the state of a type of numbers is not of eight parts".into());
+                    return Err("the state of a number type does not have eight parts".into());
                 };
                 if !matches!(self.node(*fields), Node::None) {
                     return Err("an array of records, expected one of numbers".into());
@@ -146,9 +150,9 @@ impl Machine<'_> {
                 dtype.big_endian = self.name(*order)? == ">";
                 self.nodes[object as usize] = Node::Dtype(dtype);
             }
-            // Attributes of a dictionary's class: no part of the scenario.
+            // Attributes of a dictionary subclass are not part of the scenario.
             Node::Dict(_) => {}
-            _ => return Err("a state for what has none".into()),
+            _ => return Err("a state for a value without one".into()),
         }
         Ok(())
     }
@@ -164,20 +168,20 @@ impl Machine<'_> {
         }
         for (side, given) in sides.iter_mut().zip(shape) {
             let Node::Int(given) = self.node(*given) else {
-                return Err("the shape of an array is not of whole numbers".into());
+                return Err("the shape of an array is not made of whole numbers".into());
             };
             *side = usize::try_from(*given).map_err(|_| format!("an array with a side of {given}"))?;
         }
         let [rows, columns] = sides;
-        let count = rows.checked_mul(columns).ok_or("an array beyond all memory")?;
+        let count = rows.checked_mul(columns).ok_or("an array that exceeds the memory")?;
         let content = match (self.node(data), dtype.kind) {
             (Node::List(items), Kind::Object) if items.len() == count => Content::Value(data),
             (Node::Bytes(range), kind) if kind != Kind::Object => Content::File(range.clone()),
-            (Node::Own(_), kind) if kind != Kind::Object => Content::Value(data),
+            (Node::OwnedBytes(_), kind) if kind != Kind::Object => Content::Value(data),
             _ => return Err(format!("an array of shape ({rows}, {columns}) without content")),
         };
         if let Some(bytes) = self.raw(data) {
-            let expected = count.checked_mul(dtype.size).ok_or("an array beyond all memory")?;
+            let expected = count.checked_mul(dtype.size).ok_or("an array that exceeds the memory")?;
             if bytes.len() != expected {
                 let found = bytes.len();
                 return Err(format!(

@@ -1,31 +1,31 @@
-//! What lies on the desk: the file, the journal, and who sits there.
+//! State of a review: the file, the journal, and the reviewer.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use crate::curation::Decision;
-use crate::curation::review::page::{Overview, Standing, scenario_json};
+use crate::curation::review::page::{DecisionStatus, Overview, scenario_json};
 use crate::curation::review::{
     Clock, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, rfc3339,
 };
 use crate::curation::store::Store;
 
-/// The state of a review.
-pub(super) struct Desk {
+/// State of a review.
+pub(super) struct ReviewState {
     store: Store,
     journal: Journal,
     reviewer: Option<String>,
     suggestion: String,
     clock: Clock,
-    /// Digests of the candidates of the scenarios that were shown, by number.
+    /// Candidate digests of the scenarios shown so far, by scenario number and candidate number.
     digests: BTreeMap<usize, BTreeMap<u32, String>>,
 }
 
-/// What the page wants to be written.
+/// Decision that the page asks to record.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Wish {
+pub(super) struct DecisionRequest {
     /// Number of the scenario in the file.
     index: usize,
     candidate: Option<u32>,
@@ -34,7 +34,7 @@ pub(super) struct Wish {
     note: Option<String>,
 }
 
-/// What the page is told first.
+/// Data that the page loads first.
 #[derive(Serialize)]
 struct Session<'a> {
     file: String,
@@ -43,10 +43,10 @@ struct Session<'a> {
     suggestion: &'a str,
     warnings: &'a [String],
     overview: Overview,
-    standings: Vec<Standing>,
+    standings: Vec<DecisionStatus>,
 }
 
-impl Desk {
+impl ReviewState {
     pub(super) fn new(store: Store, journal: Journal, options: ReviewOptions) -> Self {
         let ReviewOptions { reviewer, suggestion, clock, .. } = options;
         let reviewer = reviewer.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty());
@@ -54,7 +54,7 @@ impl Desk {
         Self { store, journal, reviewer, suggestion, clock, digests: BTreeMap::new() }
     }
 
-    /// What a user should be told before the review begins.
+    /// Returns warnings to show before the review begins.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings = self.journal.warnings().to_vec();
         let decisions = self.journal.decisions();
@@ -70,18 +70,19 @@ impl Desk {
         let foreign = lines.filter(|(id, l)| is_foreign((id, &l.scenario_digest))).count();
         if foreign > 0 {
             warnings.push(format!(
-                "{foreign} decisions are about scenarios whose content has changed since; they do not count"
+                "{foreign} decisions are about scenarios whose content has since changed; they do not count"
             ));
         }
         warnings
     }
 
-    /// All that the page needs before the first scenario.
+    /// Returns the data that the page needs before the first scenario.
     pub(super) fn session(&self) -> Result<String, ReviewError> {
         let decisions = self.journal.decisions();
         let entries = self.store.scenarios();
         let standings = entries.iter().enumerate().filter_map(|(index, entry)| {
-            let standing = Standing::new(index, decisions.get(&entry.scenario_id)?, &entry.scenario_digest);
+            let standing =
+                DecisionStatus::new(index, decisions.get(&entry.scenario_id)?, &entry.scenario_digest);
             (!standing.is_empty()).then_some(standing)
         });
         let name = |path: &std::path::Path| {
@@ -98,7 +99,7 @@ impl Desk {
         })
     }
 
-    /// A scenario by its number; `None` where there are not so many.
+    /// Returns a scenario by its number; `None` if the number is out of range.
     pub(super) fn scenario(&mut self, index: usize) -> Option<Result<String, ReviewError>> {
         let entry = self.store.scenarios().get(index)?;
         let opinions = self.journal.opinions(&entry.scenario_id);
@@ -110,7 +111,7 @@ impl Desk {
         }))
     }
 
-    /// Sits down.
+    /// Sets the reviewer.
     pub(super) fn set_reviewer(&mut self, name: &str) -> Result<String, ReviewError> {
         let name = name.trim();
         if name.is_empty() || name.chars().count() > 100 {
@@ -120,36 +121,37 @@ impl Desk {
         json(&self.reviewer)
     }
 
-    /// Writes a decision; what holds for its scenario then.
-    pub(super) fn decide(&mut self, wish: Wish) -> Result<String, ReviewError> {
+    /// Records a decision. Returns the new status of its scenario.
+    pub(super) fn decide(&mut self, request: DecisionRequest) -> Result<String, ReviewError> {
         let reviewer = self.reviewer()?;
-        let Some(entry) = self.store.scenarios().get(wish.index).cloned() else {
+        let Some(entry) = self.store.scenarios().get(request.index).cloned() else {
             return Err(ReviewError::Decision {
-                scenario: wish.index.to_string(),
+                scenario: request.index.to_string(),
                 field: "`index`",
-                value: wish.index.to_string(),
+                value: request.index.to_string(),
                 expected: format!("below {}", self.store.scenarios().len()),
             });
         };
-        let candidate_digest = match wish.candidate {
-            Some(number) => Some(self.digest(wish.index, &entry.scenario_id, number)?),
+        let candidate_digest = match request.candidate {
+            Some(number) => Some(self.digest(request.index, &entry.scenario_id, number)?),
             None => None,
         };
         self.journal.append(ReviewLine {
             scenario_id: entry.scenario_id,
             scenario_digest: entry.scenario_digest,
-            candidate: wish.candidate,
+            candidate: request.candidate,
             candidate_digest,
-            decision: wish.decision,
+            decision: request.decision,
             reviewer,
             at: rfc3339((self.clock)()),
-            note: wish.note.filter(|note| !note.trim().is_empty()),
+            note: request.note.filter(|note| !note.trim().is_empty()),
             undo: false,
         })?;
-        self.standing(wish.index)
+        self.standing(request.index)
     }
 
-    /// Takes the reviewer's last decision back; what holds for its scenario then, or `null` where there was none.
+    /// Undoes the reviewer's last decision. Returns the new status of its scenario, or `null` if there
+    /// was none.
     pub(super) fn undo(&mut self) -> Result<String, ReviewError> {
         let reviewer = self.reviewer()?;
         let line = self.journal.undo(&reviewer, rfc3339((self.clock)()))?;
@@ -163,7 +165,7 @@ impl Desk {
         self.reviewer.clone().ok_or_else(|| ReviewError::Reviewer { name: String::new() })
     }
 
-    /// Digest of a candidate; what was shown need not be read again.
+    /// Returns the digest of a candidate; scenarios that were shown are not read again.
     fn digest(&mut self, index: usize, scenario: &str, number: u32) -> Result<String, ReviewError> {
         if !self.digests.contains_key(&index) {
             self.scenario(index).transpose()?;
@@ -180,7 +182,7 @@ impl Desk {
     fn standing(&self, index: usize) -> Result<String, ReviewError> {
         let entry = &self.store.scenarios()[index];
         let opinions = self.journal.opinions(&entry.scenario_id);
-        json(&Standing::new(index, &opinions, &entry.scenario_digest))
+        json(&DecisionStatus::new(index, &opinions, &entry.scenario_digest))
     }
 }
 

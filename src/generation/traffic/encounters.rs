@@ -1,40 +1,48 @@
-//! People and vehicles at crossings: what each sees of the other.
+//! Pedestrians and vehicles at crossings, and what each perceives of the other.
 
 use super::network::Network;
-use super::people::{Approach, Crowd, Surroundings, Vehicle as Seen, WalkLight};
+use super::people::{Approach, Crowd, Surroundings, Vehicle as CrossingVehicle, WalkLight};
 use super::vehicle::Vehicle;
 use super::yielding::Walker;
 use crate::generation::Layout;
 
-/// Vehicles farther than this from a crossing do not matter to people, metres.
-const FAR: f64 = 60.0;
+/// Distance from a crossing, metres, beyond which vehicles do not matter to pedestrians.
+const APPROACH_RANGE: f64 = 60.0;
 
-/// A crowd, and where vehicles cross its ways.
-pub(super) struct Meeting {
+/// The crowd, and the places where vehicle lanes cross its footways.
+pub(super) struct Encounters {
     pub(super) crowd: Crowd,
-    /// Per footway of the layout, its number among the crowd's crossings.
-    numbers: Vec<Option<usize>>,
-    /// Per way and crossing on it: arc length along the footway's line at which the way crosses it.
+    /// Per footway of the layout: its index among the crowd's crossings.
+    crossing_indices: Vec<Option<usize>>,
+    /// Per lane and crossing on it: arc length along the footway at which the lane crosses it.
     places: Vec<Vec<f64>>,
-    vehicles: Vec<Seen>,
+    vehicles: Vec<CrossingVehicle>,
     approaches: Vec<Approach>,
     lights: Vec<WalkLight>,
 }
 
-impl Meeting {
+impl Encounters {
     pub(super) fn new(layout: &Layout, network: &Network, crowd: Crowd) -> Self {
-        let mut numbers = vec![None; layout.footways.len()];
+        let mut crossing_indices = vec![None; layout.footways.len()];
         for (i, crossing) in crowd.crossings().iter().enumerate() {
-            numbers[crossing.footway] = Some(i);
+            crossing_indices[crossing.footway] = Some(i);
         }
-        let place = |way: &super::network::Way, &(f, [from, to]): &(usize, [f64; 2])| {
-            layout.footways[f].line.project(way.line.at(0.5 * (from + to))).s
+        let place = |lane: &super::network::TrafficLane, &(f, [from, to]): &(usize, [f64; 2])| {
+            layout.footways[f].line.project(lane.line.at(0.5 * (from + to))).s
         };
-        let places = network.ways.iter().map(|w| w.crossings.iter().map(|c| place(w, c)).collect()).collect();
-        Self { crowd, numbers, places, vehicles: Vec::new(), approaches: Vec::new(), lights: Vec::new() }
+        let places =
+            network.lanes.iter().map(|l| l.crossings.iter().map(|c| place(l, c)).collect()).collect();
+        Self {
+            crowd,
+            crossing_indices,
+            places,
+            vehicles: Vec::new(),
+            approaches: Vec::new(),
+            lights: Vec::new(),
+        }
     }
 
-    /// Everybody on foot walks on for `dt` seconds.
+    /// Moves all pedestrians by `dt` seconds.
     pub(super) fn step(
         &mut self,
         layout: &Layout,
@@ -47,28 +55,28 @@ impl Meeting {
         self.approaches.clear();
         self.lights.clear();
         if self.crowd.people().next().is_none() {
-            // New people may still come; they look at what is there then.
+            // New pedestrians may still arrive; they look at the traffic then.
             self.crowd.step(dt, &Surroundings::default());
             return;
         }
         for v in vehicles {
             let mut start = 0.0;
             let mut near = false;
-            for &w in &v.path {
-                if start - v.front() > FAR {
+            for &index in &v.path {
+                if start - v.front() > APPROACH_RANGE {
                     break;
                 }
-                for (k, &(footway, [from, to])) in network.ways[w].crossings.iter().enumerate() {
+                for (k, &(footway, [from, to])) in network.lanes[index].crossings.iter().enumerate() {
                     let distance = start + from - v.front();
                     let passed = start + to < v.s - 0.5 * v.body.length;
-                    let Some(crossing) = self.numbers[footway] else { continue };
-                    if distance > FAR || passed {
+                    let Some(crossing) = self.crossing_indices[footway] else { continue };
+                    if distance > APPROACH_RANGE || passed {
                         continue;
                     }
                     near |= distance < 15.0;
                     self.approaches.push(Approach {
                         crossing,
-                        at: self.places[w][k],
+                        at: self.places[index][k],
                         distance,
                         speed: v.speed,
                         acceleration: v.acceleration,
@@ -76,11 +84,11 @@ impl Meeting {
                         width: v.body.width,
                     });
                 }
-                start += network.ways[w].length;
+                start += network.lanes[index].length;
             }
             if near {
                 let pose = v.pose();
-                self.vehicles.push(Seen {
+                self.vehicles.push(CrossingVehicle {
                     position: pose.position,
                     heading: pose.heading,
                     speed: v.speed,
@@ -98,7 +106,7 @@ impl Meeting {
         self.crowd.step(dt, &surroundings);
     }
 
-    /// Everybody who is on a crossing or about to step on it, as drivers see them.
+    /// Lists the people who are on a crossing or about to step on it, as drivers see them.
     pub(super) fn walkers(&self, into: &mut Vec<Walker>) {
         into.clear();
         for crossing in self.crowd.crossings() {

@@ -1,12 +1,12 @@
-//! A path that a vehicle drives: the rear axle goes along arcs, the box centre swings about it.
+//! The path of a vehicle: the rear axle follows arcs, and the box centre moves with it.
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, direction, left};
 
-/// Stretches between stations.
+/// Number of intervals between stations.
 pub(super) const STATIONS: usize = 30;
 
-/// One place of a path.
+/// A point of a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Station {
     /// Box centre.
@@ -15,21 +15,21 @@ pub(super) struct Station {
     pub(super) axis: Vec2,
     /// Curvature of the rear axle's path here, 1/m.
     pub(super) curvature: f64,
-    /// Way of the box centre up to here, metres.
+    /// Arc length of the box centre's path up to here, metres.
     pub(super) arc: f64,
 }
 
-/// Stations at equal distances of the rear axle's way, the first one now.
+/// Stations at equal distances along the rear axle's path; the first is the present position.
 #[derive(Clone, Debug)]
-pub(super) struct Way {
+pub(super) struct Path {
     pub(super) stations: [Station; STATIONS + 1],
-    /// Way of the rear axle between two stations, metres.
+    /// Distance along the rear axle's path between two stations, metres.
     pub(super) spacing: f64,
 }
 
-impl Way {
-    /// Drives from a pose with these curvatures at the stations, between which they change evenly. `rear` metres lie between the rear
-    /// axle and the box centre.
+impl Path {
+    /// Drives from a pose with these curvatures at the stations, linear in between. `rear` is the
+    /// distance in metres from the rear axle forward to the box centre.
     pub(super) fn drive(from: Pose, rear: f64, spacing: f64, curvatures: &[f64; STATIONS + 1]) -> Self {
         let station = |axle: Vec2, heading: f64, curvature: f64| {
             let axis = direction(heading);
@@ -50,14 +50,16 @@ impl Way {
         Self { stations, spacing }
     }
 
-    /// The stretch that holds a way of the centre, and how far along it that is (beyond 1 after the end).
+    /// Returns the interval that contains an arc length, and the fraction of the interval there (above
+    /// 1 beyond the end).
     pub(super) fn locate(&self, arc: f64) -> (usize, f64) {
         let j = self.stations.partition_point(|s| s.arc <= arc).clamp(1, STATIONS) - 1;
         let (a, b) = (self.stations[j].arc, self.stations[j + 1].arc);
         (j, (arc - a) / (b - a).max(1e-9))
     }
 
-    /// Curvature of the rear axle's path after a way of the centre; beyond the end it is straight.
+    /// Returns the curvature of the rear axle's path at an arc length of the box centre; 0 beyond the
+    /// end.
     pub(super) fn curvature(&self, arc: f64) -> f64 {
         let (j, t) = self.locate(arc);
         if t > 1.0 {
@@ -67,8 +69,9 @@ impl Way {
         a + (b - a) * t.max(0.0)
     }
 
-    /// The way of the centre to the point nearest to `p`, looked for from stretch `from` on as long as it comes nearer; and the stretch.
-    /// Before the start and beyond the end the path is straight.
+    /// Returns the arc length of the point nearest to `p`, and its interval. The search starts at
+    /// interval `from` and goes on while it gets closer. Before the start and beyond the end the path
+    /// is straight.
     pub(super) fn project(&self, p: Vec2, from: usize) -> (f64, usize) {
         let along = |j: usize| {
             let (a, b) = (&self.stations[j], &self.stations[j + 1]);
@@ -92,7 +95,7 @@ impl Way {
         (best.0.1, best.1)
     }
 
-    /// Unit vector to the left of a station.
+    /// Returns the unit vector to the left at a station.
     pub(super) fn side(&self, station: usize) -> Vec2 {
         left(self.stations[station].axis)
     }
