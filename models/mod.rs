@@ -1,6 +1,7 @@
 //! The baselines: one folder each, with the simulator, its card and its entry in [`MODELS`].
 
 mod card;
+mod error;
 pub mod constant_velocity;
 pub mod idm;
 pub(crate) mod learning;
@@ -15,7 +16,8 @@ pub mod stop;
 pub mod weights;
 
 pub use card::{Card, CardError};
-pub use setup::{ModelError, Setup};
+pub use error::ModelError;
+pub use setup::Setup;
 pub use weights::WeightsFile;
 
 use reactsim::rollout::Controller;

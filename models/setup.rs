@@ -5,7 +5,7 @@ use std::error::Error;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-use super::{Card, CardError, WeightsFile};
+use super::{Card, CardError, ModelError, WeightsFile};
 
 /// Parameters and weights from which a baseline is built.
 #[derive(Clone, Debug)]
@@ -16,100 +16,6 @@ pub struct Setup {
     pub parameters: Table,
     /// Weights: always present for a baseline that needs them, never for one that does not.
     pub weights: Option<WeightsFile>,
-}
-
-/// Error from building a baseline.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ModelError {
-    /// The card cannot be read, or a parameter is invalid.
-    #[error(transparent)]
-    Card(#[from] CardError),
-    /// The baseline needs weights and has none.
-    #[error(
-        "the simulator `{id}` needs weights, which do not ship with the program: \
-         give --model-weights {id}=FILE"
-    )]
-    NoWeights {
-        /// Id of the baseline.
-        id: &'static str,
-    },
-    /// The baseline replays the log or already plans with the stage, so no stage can follow it.
-    #[error("no stage can follow the simulator `{id}`: it replays the log or already contains the stage")]
-    TakesNoStage {
-        /// Id of the baseline.
-        id: &'static str,
-    },
-    /// Weights were given to a baseline that needs none.
-    #[error("the simulator `{id}` has no weights: omit --model-weights {id}={file}")]
-    UnexpectedWeights {
-        /// Id of the baseline.
-        id: &'static str,
-        /// The file.
-        file: String,
-    },
-    /// The digest of the file differs from the one in the manifest.
-    #[error(
-        "the weights {file} of `{id}` have the SHA-256 {found}, but the manifest lists {expected}: \
-         the file is damaged or of another version; get the listed file, or rename yours"
-    )]
-    DigestMismatch {
-        /// Id of the baseline.
-        id: &'static str,
-        /// The file.
-        file: String,
-        /// Digest in the manifest.
-        expected: String,
-        /// Digest of the file.
-        found: String,
-    },
-    /// The weights cannot be used.
-    #[error("the weights {file} of `{id}` cannot be used: {source}")]
-    Weights {
-        /// Id of the baseline.
-        id: &'static str,
-        /// The file.
-        file: String,
-        /// Cause: the tensor and how to fix it.
-        source: Box<dyn Error + Send + Sync>,
-    },
-    /// The card has no such parameter.
-    #[error("the simulator `{id}` has no parameter `{key}`; {known}")]
-    UnknownParameter {
-        /// Id of the baseline.
-        id: &'static str,
-        /// Dotted path of the parameter.
-        key: String,
-        /// List of the parameters that exist.
-        known: String,
-    },
-    /// The value has another type than the one in the card.
-    #[error("`{value}` is not a valid `{key}` for `{id}`: its card has {like}, a value of type {expected}")]
-    WrongParameter {
-        /// Id of the baseline.
-        id: &'static str,
-        /// Dotted path of the parameter.
-        key: String,
-        /// Value that was given.
-        value: String,
-        /// Value in the card.
-        like: String,
-        /// Type of the value in the card.
-        expected: &'static str,
-    },
-    /// The manifest of weights cannot be read.
-    #[error("the manifest of weights cannot be read: {0}")]
-    Manifest(toml::de::Error),
-    /// The manifest lists a file as shipped that is not part of the program.
-    #[error(
-        "the manifest lists the weights {file} of `{id}` as shipped, but they are not part of the program"
-    )]
-    NotEmbedded {
-        /// Id of the baseline.
-        id: &'static str,
-        /// The file.
-        file: String,
-    },
 }
 
 impl Setup {

@@ -12,6 +12,7 @@ mod forecast;
 mod mode;
 mod obstacle;
 mod path;
+mod planned_vehicle;
 mod program;
 mod rows;
 mod settings;

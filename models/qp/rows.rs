@@ -4,9 +4,9 @@ use reactsim::dynamics::Moving;
 use reactsim::geometry::direction;
 
 use super::obstacle::{Obstacle, Span, TIMES, step_of};
+use super::planned_vehicle::PlannedVehicle;
 use super::settings::Settings;
 use super::speed::{AV_BRAKING_BOUNDS, Bound, CHECKED, STEPS};
-use super::vehicle::PlannedVehicle;
 
 /// Number of steps within which a plan must be clear: 3 s.
 const NEAR_STEPS: usize = 30;

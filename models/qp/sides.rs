@@ -7,9 +7,9 @@ use super::bends::{LATERAL_BOUNDS, LateralBounds, station_of_bound};
 use super::mode::Reference;
 use super::obstacle::{Obstacle, lateral_extent};
 use super::path::Path;
+use super::planned_vehicle::PlannedVehicle;
 use super::settings::Settings;
 use super::speed::CHECKED;
-use super::vehicle::PlannedVehicle;
 
 /// Largest lateral shift in metres to pass an obstacle; a vehicle waits for one that needs more.
 const MAX_SHIFT: f64 = 1.5;

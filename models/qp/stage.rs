@@ -10,9 +10,10 @@ use super::ending::Endings;
 use super::forecast;
 use super::mode::Mode;
 use super::obstacle::{Extent, Obstacle};
+use super::planned_vehicle::PlannedVehicle;
 use super::settings::Settings;
 use super::speed::STEPS;
-use super::vehicle::{PlannedVehicle, Planner, STANDSTILL_REACH, STANDSTILL_SPEED};
+use super::vehicle::{Planner, STANDSTILL_REACH, STANDSTILL_SPEED};
 use super::walkers::around;
 
 /// Intended motion of an agent.

@@ -8,8 +8,9 @@ use reactsim::scene::DT;
 use super::ending::Ending;
 use super::mode::Mode;
 use super::obstacle::{Extent, Obstacle};
+use super::planned_vehicle::PlannedVehicle;
 use super::speed::STEPS;
-use super::vehicle::{PlannedVehicle, Planner};
+use super::vehicle::Planner;
 
 const LENGTH: f64 = 4.6;
 const WIDTH: f64 = 1.9;

@@ -2,7 +2,7 @@
 
 use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
 use reactsim::geometry::{OrientedBox, direction};
-use reactsim::scene::{DT, Road};
+use reactsim::scene::DT;
 
 use super::bends::{PathProblem, PathProgram};
 use super::drive::drive;
@@ -10,24 +10,12 @@ use super::ending::{Ending, Endings};
 use super::mode::{Mode, Reference};
 use super::obstacle::{Extent, Obstacle, Span, TIMES, spans, step_of};
 use super::path::Path;
+use super::planned_vehicle::PlannedVehicle;
 use super::program::Solve;
 use super::rows::{DistanceBounds, excess};
 use super::settings::Settings;
 use super::sides::{lateral_bounds, road_end};
 use super::speed::{STEPS, SpeedProblem, SpeedProgram, hardest_braking};
-
-/// A vehicle to be planned.
-pub(super) struct PlannedVehicle<'a> {
-    pub(super) now: Moving,
-    /// Distance from the rear axle forward to the box centre, metres.
-    pub(super) rear: f64,
-    /// Half length and half width.
-    pub(super) extent: Extent,
-    /// Present curvature of the rear axle's path, 1/m; `None` at standstill or crawling speed.
-    pub(super) curvature: Option<f64>,
-    /// Road, if the vehicle is on its drivable area.
-    pub(super) road: Option<Road<'a>>,
-}
 
 /// Plan for one mode.
 struct Attempt {

@@ -2,6 +2,7 @@
 
 mod bench;
 mod compare;
+mod files;
 mod make;
 mod manifest;
 

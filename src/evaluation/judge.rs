@@ -3,17 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::row::{Row, Value};
-use crate::metrics::{self, Case, DeviationStats, Event, METRICS, Options, Score};
+use crate::metrics::{self, Case, DeviationStats, Event, Options, Scope, Score};
 use crate::rollout::Rollout;
 use crate::scene::{Certificate, Scenario};
-
-/// Ids of the metrics that score all rollouts of a scenario together.
-const MULTI_ROLLOUT_METRICS: [&str; 2] = ["min-ade", "kinematic-likelihood"];
-
-/// Returns the ids of all metrics, in the order of their list.
-pub(super) fn metric_ids() -> Vec<&'static str> {
-    METRICS.iter().map(|m| m.spec().id).collect()
-}
 
 /// The scores of the rollouts of one scenario and one simulator.
 pub(super) struct PairScores {
@@ -67,18 +59,11 @@ pub(super) fn judge(
 ) -> PairScores {
     let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
     let all = metrics::score_rollouts(scenario, &tracks, options);
-    let over_all = [
-        all.displacement.map(|d| d.min_ade),
-        all.likelihood.as_ref().and_then(metrics::KinematicLikelihood::kinematic),
-    ];
-    let over_all = MULTI_ROLLOUT_METRICS.iter().zip(over_all).map(|(id, value)| {
-        let value = value.and_then(|v| finite(Score::Value(v)));
-        ((*id).to_owned(), value)
-    });
+    let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
     let results = rollouts.iter().map(|rollout| {
         let case = Case::of_rollout(scenario, rollout.tracks.clone(), options);
         let scores = metrics::score_case(&case.with_certificate(certificate));
-        let own = scores.values.iter().filter(|(spec, _)| !MULTI_ROLLOUT_METRICS.contains(&spec.id));
+        let own = scores.values.iter().filter(|(spec, _)| spec.scope == Scope::Rollout);
         RolloutResult {
             metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),
             deviation: scores.deviation.map(|d| deviation(&d)).unwrap_or_default(),

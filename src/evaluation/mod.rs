@@ -28,7 +28,10 @@ pub mod document;
 mod error;
 mod file_record;
 mod folder;
+mod foreign_rollout;
 mod judge;
+mod known_deviation;
+mod metric_ids;
 mod plan;
 mod provenance;
 mod recorded;
@@ -56,12 +59,14 @@ pub use folder::{
     EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RunFolder, SUMMARY, TABLE, read_provenance,
     read_rows, read_summary, read_tally,
 };
-pub use plan::{Deviations, KnownDeviation, NoAv, Plan, RunSettings};
+pub use foreign_rollout::ForeignRollout;
+pub use known_deviation::KnownDeviation;
+pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use provenance::{
     Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, program_version,
 };
 pub use recorded::Recorded;
-pub use rollouts::{ForeignRollout, recorded_tracks};
+pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, Place, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
 pub use shelf::Shelf;

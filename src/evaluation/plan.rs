@@ -7,6 +7,7 @@ use super::EvaluationError;
 use super::av::AvChoice;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
+use super::known_deviation::KnownDeviation;
 use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
 use super::simulators::PlannedSimulator;
 use super::source::Source;
@@ -14,7 +15,7 @@ use super::tally::Tally;
 use crate::formats::deviations::{self, DeviationRecord};
 use crate::metrics::Options;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
-use crate::scene::{AgentState, Certificate, DeviatedTrack, Deviation, Difficulty, Scenario};
+use crate::scene::{AgentState, DeviatedTrack, Scenario};
 
 /// The settings that determine the numbers of a run, apart from scenarios and simulators.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,30 +66,6 @@ pub struct Plan {
     pub settings: RunSettings,
     /// Whether the run folder keeps the rollouts.
     pub keep_rollouts: bool,
-}
-
-/// The properties of a deviated AV apart from its trajectory; empty for other AVs.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct KnownDeviation {
-    /// Dominant source of the deviation.
-    pub category: Option<Deviation>,
-    /// Responses with which every affected agent can avoid it.
-    pub certificate: Option<Certificate>,
-}
-
-impl KnownDeviation {
-    /// Returns the properties of a deviated trajectory. A certificate without efforts is dropped: files of
-    /// that age do not record which responses answer the AV and which answer other responses, so reactions
-    /// cannot be evaluated.
-    pub fn of(deviated: &DeviatedTrack) -> Self {
-        let certificate = deviated.certificate.clone().filter(|c| c.difficulty().is_some());
-        Self { category: deviated.category, certificate }
-    }
-
-    /// Returns the difficulty of avoiding the AV, if known.
-    pub fn difficulty(&self) -> Option<Difficulty> {
-        self.certificate.as_ref()?.difficulty()
-    }
 }
 
 /// The reason why a scenario has no AV.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::judge::judge;
-use super::plan::KnownDeviation;
+use super::known_deviation::KnownDeviation;
 use super::provenance::{Provenance, SimulatorRecord};
 use super::rollouts::recorded_tracks;
 use super::row::{Failure, Place, Row};

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::folder::{ROLLOUTS, RunFolder};
+use super::foreign_rollout::ForeignRollout;
 use super::tally::Tally;
 use super::{EvaluationError, Place};
 use crate::formats::rollouts::{RolloutRecord, Writer, read};
@@ -54,20 +55,6 @@ pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
         }
     }
     Ok(writer.finish()?)
-}
-
-/// The reason why a recorded rollout does not match a scenario.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ForeignRollout {
-    /// An agent is not in the scenario.
-    #[error("agent `{0}` is not in the scenario")]
-    Unknown(String),
-    /// An agent occurs twice.
-    #[error("agent `{0}` occurs twice")]
-    Twice(String),
-    /// The AV is missing.
-    #[error("the AV `{0}` is missing")]
-    NoAv(String),
 }
 
 /// Returns the tracks of a recorded rollout: per agent of the scenario its history, then the recorded steps.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::plan::KnownDeviation;
+use super::known_deviation::KnownDeviation;
 use crate::metrics::{Event, Score};
 use crate::scene::Scenario;
 

@@ -8,7 +8,8 @@ use std::thread;
 
 use super::folder::{RunFolder, SUMMARY, line};
 use super::judge::judge;
-use super::plan::{KnownDeviation, Plan};
+use super::known_deviation::KnownDeviation;
+use super::plan::Plan;
 use super::row::{EventLine, Failure, Place, Row};
 use super::source::{Supply, UndecodedRecord};
 use super::summary::Summary;

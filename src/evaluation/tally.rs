@@ -53,7 +53,7 @@ pub struct Tally {
 impl Tally {
     /// Creates an empty tally for these simulators.
     pub fn new(simulators: Vec<String>, rollouts: u32) -> Self {
-        Self { metrics: super::judge::metric_ids(), simulators, rollouts, entries: BTreeMap::new() }
+        Self { metrics: super::metric_ids::metric_ids(), simulators, rollouts, entries: BTreeMap::new() }
     }
 
     /// Returns whether `rows` are all rows of one scenario and one simulator: one per rollout, and one over

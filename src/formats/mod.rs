@@ -10,6 +10,7 @@ mod format;
 mod argoverse2;
 mod gpudrive;
 mod json;
+mod list;
 mod nuplan;
 mod scenarionet;
 mod states;
@@ -22,8 +23,6 @@ pub mod native;
 pub mod rollouts;
 
 pub use error::{Cause, FormatError};
-pub use format::{
-    FORMATS, Input, PendingScenarios, ScenarioFormat, Scenarios, Survey, UndecodedScenario, decoded,
-    find_inputs, is_parquet, open, open_all, survey,
-};
+pub use format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, decoded, is_parquet};
 pub use json::parse as parse_json;
+pub use list::{FORMATS, Input, Survey, find_inputs, open, open_all, survey};

@@ -1,6 +1,6 @@
 //! Average displacement error to the log, over one or more rollouts (ReactSim-Bench, realism protocol).
 
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::geometry::math;
 use crate::scene::Frame;
 
@@ -30,10 +30,19 @@ impl Case<'_> {
     }
 }
 
+/// Displacement of a case.
+struct CaseDisplacement(Option<Displacement>);
+
+impl Judgement for CaseDisplacement {
+    fn compute(case: &Case<'_>) -> Self {
+        Self(compute(case))
+    }
+}
+
 /// Returns the errors of the case's rollouts, or of its evaluated track if it has no rollouts; `None` without
 /// a log or a step to evaluate.
 pub(super) fn displacement<'c>(case: &'c Case<'_>) -> Option<&'c Displacement> {
-    case.cache.displacement.get_or_init(|| compute(case)).as_ref()
+    case.judgement::<CaseDisplacement>().0.as_ref()
 }
 
 fn compute(case: &Case<'_>) -> Option<Displacement> {
@@ -96,6 +105,7 @@ impl Metric for Ade {
             id: "ade",
             title: "ADE",
             unit: Unit::Metres,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, realism protocol: average displacement error",
         }
@@ -116,6 +126,7 @@ impl Metric for MinAde {
             id: "min-ade",
             title: "minADE",
             unit: Unit::Metres,
+            scope: Scope::Scenario,
             lower_is_better: true,
             source: "ReactSim-Bench, realism protocol: minADE at scene level (Waymo sim-agents)",
         }

@@ -1,7 +1,7 @@
 //! Collisions between agents (ReactSim-Bench, "Metric Computation Details": agent-agent collision rate).
 
 use super::boxes::overlap;
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::scene::AgentKind;
 
 /// Steps at which an agent overlaps another agent.
@@ -16,9 +16,18 @@ pub struct Overlaps {
     pub intervals: Vec<(usize, usize, usize)>,
 }
 
+/// Overlaps of all objects.
+struct AllOverlaps(Vec<Overlaps>);
+
+impl Judgement for AllOverlaps {
+    fn compute(case: &Case<'_>) -> Self {
+        Self(compute(case))
+    }
+}
+
 /// Returns the overlaps of every object; zeros for objects that are not evaluated.
 pub(super) fn overlaps<'c>(case: &'c Case<'_>) -> &'c [Overlaps] {
-    case.cache.overlaps.get_or_init(|| compute(case))
+    &case.judgement::<AllOverlaps>().0
 }
 
 /// Returns the bounds of a track over the scored frames: min x, max x, min y, max y.
@@ -98,6 +107,7 @@ impl Metric for AgentAgent {
             id: "aa-collision",
             title: "A-A Coll.",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: agent-agent collision rate",
         }

@@ -1,7 +1,7 @@
 //! Overlap of rounded boxes, with a broad phase.
 
-use super::Case;
 use super::motion::Motion;
+use super::{Case, Judgement};
 use crate::geometry::{OrientedBox, rounded_distance};
 
 /// Returns whether two objects overlap at a frame: the signed distance of the rounded boxes is below 0.
@@ -12,13 +12,14 @@ pub(super) fn overlap(motion: &Motion, a: usize, b: usize, frame: usize, roundin
         && rounded_distance(&motion.footprint(a, frame), &motion.footprint(b, frame), rounding) < 0.0
 }
 
-/// Returns whether an object overlaps the AV, per object × frame. Only evaluated vehicles from the current
-/// frame on are filled in.
-pub(super) fn av_overlap<'c>(case: &'c Case<'_>) -> &'c [bool] {
-    case.cache.av_overlap.get_or_init(|| {
+/// Overlaps with the AV, per object × frame.
+struct AvOverlaps(Vec<bool>);
+
+impl Judgement for AvOverlaps {
+    fn compute(case: &Case<'_>) -> Self {
         let mut hits = vec![false; case.objects.len() * case.frames()];
         if !case.present(case.av) {
-            return hits;
+            return Self(hits);
         }
         for i in case.vehicles() {
             for f in case.current..case.frames() {
@@ -26,8 +27,14 @@ pub(super) fn av_overlap<'c>(case: &'c Case<'_>) -> &'c [bool] {
                     overlap(&case.motion, i, case.av, f, case.options.corner_rounding);
             }
         }
-        hits
-    })
+        Self(hits)
+    }
+}
+
+/// Returns whether an object overlaps the AV, per object × frame. Only evaluated vehicles from the current
+/// frame on are filled in.
+pub(super) fn av_overlaps<'c>(case: &'c Case<'_>) -> &'c [bool] {
+    &case.judgement::<AvOverlaps>().0
 }
 
 /// Returns the signed distance of two sharp boxes, metres, for a test against `limit`: exact below the limit,

@@ -1,52 +1,10 @@
 //! The input of a metric: one scenario with one rollout.
 
-use std::sync::OnceLock;
-
-use super::ade::Displacement;
-use super::agent_agent::Overlaps;
-use super::collision::Contact;
-use super::direction::WrongWay;
-use super::kinematics::InfeasibleMotion;
-use super::likelihood::KinematicLikelihood;
+use super::cache::Cache;
 use super::motion::Motion;
-use super::offroad::OffRoadSteps;
-use super::responders::Responder;
-use super::ttc::Approach;
-use super::{DirTracking, Options};
-use crate::scene::{
-    Agent, AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario,
-};
-
-/// One agent with its evaluated track.
-#[derive(Clone, Debug)]
-pub struct Object<'a> {
-    /// The agent.
-    pub agent: &'a Agent,
-    /// All frames: history, then the evaluated future. Frames beyond its end are absent.
-    pub track: Vec<Frame>,
-}
-
-/// The log of one agent, split at the current frame.
-#[derive(Clone, Copy, Debug)]
-pub struct LoggedTrack<'a> {
-    /// Frames up to and including the current one.
-    pub history: &'a [Frame],
-    /// Frames after the current one.
-    pub future: &'a [Frame],
-    /// Recorded x, y and heading of the history, including invalid frames. The finite differences of the
-    /// kinematic likelihood ignore validity. `None`: the valid frames of `history`.
-    pub recorded_history: Option<&'a [[f64; 3]]>,
-}
-
-impl LoggedTrack<'_> {
-    /// Returns the logged state at a frame.
-    pub fn at(&self, frame: usize) -> Frame {
-        match frame.checked_sub(self.history.len()) {
-            None => self.history[frame],
-            Some(k) => self.future.get(k).copied().flatten(),
-        }
-    }
-}
+use super::object::{LoggedTrack, Object};
+use super::options::{DirTracking, Options};
+use crate::scene::{AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
 
 /// One scenario with one rollout, and the intermediate results that several metrics share.
 #[derive(Debug)]
@@ -70,21 +28,6 @@ pub struct Case<'a> {
     pub certificate: Option<&'a Certificate>,
     pub(super) motion: Motion,
     pub(super) cache: Cache,
-}
-
-/// Results that more than one metric or report reads.
-#[derive(Debug, Default)]
-pub(super) struct Cache {
-    pub(super) contacts: OnceLock<Vec<Option<Contact>>>,
-    pub(super) approaches: OnceLock<Vec<Option<Approach>>>,
-    pub(super) overlaps: OnceLock<Vec<Overlaps>>,
-    pub(super) off_road_steps: OnceLock<Vec<OffRoadSteps>>,
-    pub(super) directions: OnceLock<Vec<WrongWay>>,
-    pub(super) infeasible: OnceLock<Vec<InfeasibleMotion>>,
-    pub(super) av_overlap: OnceLock<Vec<bool>>,
-    pub(super) responders: OnceLock<Option<Vec<Responder>>>,
-    pub(super) displacement: OnceLock<Option<Displacement>>,
-    pub(super) likelihood: OnceLock<Option<KinematicLikelihood>>,
 }
 
 impl<'a> Case<'a> {
@@ -160,13 +103,18 @@ impl<'a> Case<'a> {
         self
     }
 
+    /// Returns positions, boxes and velocities of all objects.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
     /// Returns the number of frames.
     pub fn frames(&self) -> usize {
         self.motion.frames
     }
 
     /// Returns the scored frames: those after the current one. The step of frame `f` is `f - current`.
-    pub(super) fn future(&self) -> std::ops::Range<usize> {
+    pub fn future(&self) -> std::ops::Range<usize> {
         self.current + 1..self.frames()
     }
 
@@ -183,17 +131,17 @@ impl<'a> Case<'a> {
     }
 
     /// Returns the indices of the evaluated objects.
-    pub(super) fn agents(&self) -> impl Iterator<Item = usize> {
+    pub fn agents(&self) -> impl Iterator<Item = usize> {
         (0..self.objects.len()).filter(|&i| self.evaluated(i))
     }
 
     /// Returns the indices of the evaluated vehicles (the set V).
-    pub(super) fn vehicles(&self) -> impl Iterator<Item = usize> {
+    pub fn vehicles(&self) -> impl Iterator<Item = usize> {
         self.agents().filter(|&i| self.objects[i].agent.kind == AgentKind::Vehicle)
     }
 
     /// Returns the id of an object.
-    pub(super) fn id(&self, object: usize) -> String {
+    pub fn id(&self, object: usize) -> String {
         self.objects[object].agent.id.clone()
     }
 }

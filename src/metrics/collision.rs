@@ -1,9 +1,8 @@
 //! Collisions of vehicles with the AV, and their fault (ReactSim-Bench, "Metric Computation Details").
 
-use super::boxes::av_overlap;
-use super::log_clinging::log_distance;
+use super::boxes::av_overlaps;
 use super::options::FaultOrder;
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::geometry::signed_angle_between;
 
 /// Speed in m/s up to which an agent or the AV is stopped (nuPlan's stopped-speed threshold; the comparison
@@ -60,20 +59,37 @@ pub struct Contact {
     pub fault: Fault,
 }
 
+/// First contacts of all objects.
+struct Contacts(Vec<Option<Contact>>);
+
+impl Judgement for Contacts {
+    fn compute(case: &Case<'_>) -> Self {
+        let overlaps = av_overlaps(case);
+        let mut contacts = vec![None; case.objects.len()];
+        for i in case.vehicles() {
+            contacts[i] = first_contact(case, i, overlaps);
+        }
+        Self(contacts)
+    }
+}
+
 /// Returns the first contact of every object with the AV; `None` for objects without a contact or that are
 /// not evaluated vehicles.
 pub(super) fn contacts<'c>(case: &'c Case<'_>) -> &'c [Option<Contact>] {
-    case.cache.contacts.get_or_init(|| {
-        let mut contacts = vec![None; case.objects.len()];
-        for i in case.vehicles() {
-            contacts[i] = first_contact(case, i);
-        }
-        contacts
-    })
+    &case.judgement::<Contacts>().0
 }
 
-fn first_contact(case: &Case<'_>, agent: usize) -> Option<Contact> {
-    let hits = &av_overlap(case)[case.motion.at(agent, 0)..][..case.frames()];
+/// Returns the distance of a vehicle from its logged position at the step of a contact, metres; `None`
+/// without a log or if the logged state is absent.
+pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> Option<f64> {
+    let frame = case.current + contact.step;
+    let logged = case.log.as_ref()?[agent].at(frame)?;
+    let distance = (case.motion.position(agent, frame) - logged.position()).norm();
+    distance.is_finite().then_some(distance)
+}
+
+fn first_contact(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Option<Contact> {
+    let hits = &overlaps[case.motion.at(agent, 0)..][..case.frames()];
     if case.options.exclude_initial_overlap && hits[case.current] {
         return None;
     }
@@ -120,6 +136,7 @@ impl Metric for AtFault {
             id: "aav-collision",
             title: "A-AV Coll.",
             unit: Unit::Count,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: agent-AV collision count",
         }
@@ -159,6 +176,7 @@ impl Metric for AnyOverlap {
             id: "aav-overlap",
             title: "A-AV Overlap",
             unit: Unit::Count,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "beside A-AV Coll.: the same first contacts, without the test of fault",
         }

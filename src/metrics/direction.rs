@@ -5,7 +5,7 @@ mod lane_tracking;
 
 use self::lane_tracking::{LanePosition, Tracker};
 use super::options::{DirCandidate, DirTracking};
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::geometry::wrap;
 
 /// Speed in m/s up to which a vehicle does not drive against its lane.
@@ -43,9 +43,11 @@ pub struct WrongWayInterval {
     pub progress: f64,
 }
 
-/// Returns the driving direction of every object; defaults for objects that are not evaluated vehicles.
-pub(super) fn directions<'c>(case: &'c Case<'_>) -> &'c [WrongWay] {
-    case.cache.directions.get_or_init(|| {
+/// Driving directions of all objects.
+struct Directions(Vec<WrongWay>);
+
+impl Judgement for Directions {
+    fn compute(case: &Case<'_>) -> Self {
         let mut found = vec![WrongWay::default(); case.objects.len()];
         if !case.road.map.lanes.is_empty() {
             let mut evaluator = Evaluator { case, tracker: Tracker::new(case), placed: Vec::new() };
@@ -53,8 +55,13 @@ pub(super) fn directions<'c>(case: &'c Case<'_>) -> &'c [WrongWay] {
                 found[i] = evaluator.vehicle(i);
             }
         }
-        found
-    })
+        Self(found)
+    }
+}
+
+/// Returns the driving direction of every object; defaults for objects that are not evaluated vehicles.
+pub(super) fn directions<'c>(case: &'c Case<'_>) -> &'c [WrongWay] {
+    &case.judgement::<Directions>().0
 }
 
 struct Evaluator<'c, 'a> {
@@ -201,6 +208,7 @@ impl Metric for Direction {
             id: "direction",
             title: "Dir.",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: driving-direction violation rate",
         }

@@ -2,7 +2,7 @@
 //! inverse of Waymax's bicycle model).
 
 use super::options::CurvatureYaw;
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use crate::geometry::{heading_of, wrap};
 use crate::scene::DT;
@@ -73,15 +73,22 @@ impl InfeasibleMotion {
     }
 }
 
-/// Returns the transitions of every object; zeros for objects that are not evaluated vehicles.
-pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [InfeasibleMotion] {
-    case.cache.infeasible.get_or_init(|| {
+/// Transitions of all objects.
+struct AllInfeasibleMotion(Vec<InfeasibleMotion>);
+
+impl Judgement for AllInfeasibleMotion {
+    fn compute(case: &Case<'_>) -> Self {
         let mut found = vec![InfeasibleMotion::default(); case.objects.len()];
         for i in case.vehicles() {
             found[i] = transitions(case, i);
         }
-        found
-    })
+        Self(found)
+    }
+}
+
+/// Returns the transitions of every object; zeros for objects that are not evaluated vehicles.
+pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [InfeasibleMotion] {
+    &case.judgement::<AllInfeasibleMotion>().0
 }
 
 fn transitions(case: &Case<'_>, agent: usize) -> InfeasibleMotion {
@@ -148,6 +155,7 @@ impl Metric for Acceleration {
             id: "acceleration",
             title: "Acc.",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: acceleration infeasibility",
         }
@@ -168,6 +176,7 @@ impl Metric for Curvature {
             id: "curvature",
             title: "Steer.",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: steering-curvature infeasibility",
         }
@@ -189,6 +198,7 @@ impl Metric for CurvatureVelocity {
             id: "curvature-velocity",
             title: "Steer. (vel.)",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "Waymax bicycle model, heading change by velocity direction; printed beside Steer.",
         }

@@ -1,7 +1,7 @@
 //! Kinematic likelihood of the log under the rollouts (Waymo sim-agents challenge, configuration of 2024 and
 //! 2025).
 
-use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, LoggedTrack, Metric, MetricSpec, Scope, Score, Unit};
 use crate::geometry::{math, wrap};
 use crate::scene::{DT, Frame};
 
@@ -165,9 +165,18 @@ fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
     (0..valid.len()).map(|k| k > 0 && k + 1 < valid.len() && valid[k - 1] && valid[k + 1]).collect()
 }
 
+/// Likelihood of a case.
+struct CaseLikelihood(Option<KinematicLikelihood>);
+
+impl Judgement for CaseLikelihood {
+    fn compute(case: &Case<'_>) -> Self {
+        Self(compute(case))
+    }
+}
+
 /// Returns the likelihoods of the case's log under its rollouts; `None` without a log or without rollouts.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
-    *case.cache.likelihood.get_or_init(|| compute(case))
+    case.judgement::<CaseLikelihood>().0
 }
 
 fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
@@ -236,6 +245,7 @@ impl Metric for Likelihood {
             id: "kinematic-likelihood",
             title: "Kin. Lik.",
             unit: Unit::Plain,
+            scope: Scope::Scenario,
             lower_is_better: false,
             source: "Waymo sim-agents challenge 2025: the kinematic features, equal weights",
         }

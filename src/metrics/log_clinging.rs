@@ -1,19 +1,10 @@
 //! Log clinging: vehicles that collide with the AV because they replay their log.
 
-use super::collision::{Contact, contacts};
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::collision::{contacts, log_distance};
+use super::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
 
 /// Distance between a vehicle and its logged position, in metres, up to which it is on its log.
 const ON_LOG_DISTANCE: f64 = 1.0;
-
-/// Returns the distance of a vehicle from its logged position at the step of a contact, metres; `None`
-/// without a log or if the logged state is absent.
-pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> Option<f64> {
-    let frame = case.current + contact.step;
-    let logged = case.log.as_ref()?[agent].at(frame)?;
-    let distance = (case.motion.position(agent, frame) - logged.position()).norm();
-    distance.is_finite().then_some(distance)
-}
 
 /// Share of the vehicles with an at-fault collision that are on their log at the step of contact.
 ///
@@ -27,6 +18,7 @@ impl Metric for LogClinging {
             id: "log-clinging",
             title: "On log",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "reactsim: share of at-fault A-AV collisions within 1 m of the vehicle's logged \
                      position at that step",

@@ -4,15 +4,18 @@
 mod ade;
 mod agent_agent;
 mod boxes;
+mod cache;
 mod case;
 mod collision;
 mod deviation;
 mod direction;
 mod event;
+mod judgement;
 mod kinematics;
 mod likelihood;
 mod log_clinging;
 mod motion;
+mod object;
 mod offroad;
 mod options;
 mod over_reaction;
@@ -26,13 +29,16 @@ mod undisturbed;
 
 pub use ade::Displacement;
 pub use agent_agent::{Overlaps, pair_counts};
-pub use case::{Case, LoggedTrack, Object};
+pub use case::Case;
 pub use collision::{BEHIND_DEGREES, Contact, Fault, STOPPED_SPEED};
 pub use deviation::DeviationStats;
 pub use direction::{WrongWay, WrongWayInterval};
 pub use event::Event;
+pub use judgement::Judgement;
 pub use kinematics::{InfeasibleMotion, ViolationInterval, Violations};
 pub use likelihood::KinematicLikelihood;
+pub use motion::Motion;
+pub use object::{LoggedTrack, Object};
 pub use offroad::OffRoadSteps;
 pub use options::{
     CurvatureYaw, DirCandidate, DirConnector, DirTracking, FaultOrder, OptionError, Options, TtcSpeed,
@@ -40,5 +46,5 @@ pub use options::{
 };
 pub use score::Score;
 pub use scores::{AgentScores, METRICS, RolloutScores, Scores, metric, score_case, score_rollouts};
-pub use spec::{Metric, MetricSpec, Unit};
+pub use spec::{Metric, MetricSpec, Scope, Unit};
 pub use ttc::{Approach, is_front, placement};

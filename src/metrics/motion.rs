@@ -1,13 +1,13 @@
 //! Positions, boxes and velocities of all objects over all frames, computed once per case.
 
-use super::options::VelocitySource;
-use super::{Object, Options};
+use super::object::Object;
+use super::options::{Options, VelocitySource};
 use crate::geometry::{OrientedBox, Vec2, direction, math};
 use crate::scene::DT;
 
-/// Arrays over objects × frames (`object * frames + frame`). NaN means absent or unknown.
+/// Motion of all objects over all frames. Arrays over objects × frames (`object * frames + frame`). NaN means absent or unknown.
 #[derive(Debug)]
-pub(super) struct Motion {
+pub struct Motion {
     pub(super) frames: usize,
     /// Whether each object takes part; the entries of others are NaN.
     pub(super) present: Vec<bool>,
@@ -95,25 +95,32 @@ impl Motion {
         object * self.frames + frame
     }
 
-    pub(super) fn valid(&self, object: usize, frame: usize) -> bool {
+    /// Returns whether an object is present at a frame.
+    pub fn valid(&self, object: usize, frame: usize) -> bool {
         !self.x[self.at(object, frame)].is_nan()
     }
 
-    pub(super) fn position(&self, object: usize, frame: usize) -> Vec2 {
+    /// Returns the position of an object at a frame, metres; NaN if absent.
+    pub fn position(&self, object: usize, frame: usize) -> Vec2 {
         let k = self.at(object, frame);
         Vec2::new(self.x[k], self.y[k])
+    }
+
+    /// Returns the speed of an object at a frame, m/s; NaN if absent or unknown.
+    pub fn speed(&self, object: usize, frame: usize) -> f64 {
+        self.speed[self.at(object, frame)]
     }
 
     /// Returns the path length of an object from a frame on, metres: the sum of its displacements between
     /// successive valid frames. Nothing is counted while it is absent, nor between disappearing and
     /// reappearing.
-    pub(super) fn path_length(&self, object: usize, from: usize) -> f64 {
+    pub fn path_length(&self, object: usize, from: usize) -> f64 {
         let driven = (from + 1..self.frames).filter(|&f| self.valid(object, f - 1) && self.valid(object, f));
         driven.map(|f| (self.position(object, f) - self.position(object, f - 1)).norm()).sum()
     }
 
     /// Returns the sharp box of an object that is valid at the frame.
-    pub(super) fn footprint(&self, object: usize, frame: usize) -> OrientedBox {
+    pub fn footprint(&self, object: usize, frame: usize) -> OrientedBox {
         let k = self.at(object, frame);
         let (half_length, half_width) = self.half[object];
         OrientedBox { center: Vec2::new(self.x[k], self.y[k]), axis: self.axis[k], half_length, half_width }

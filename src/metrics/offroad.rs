@@ -1,6 +1,6 @@
 //! Vehicles off the drivable ground (ReactSim-Bench, "Metric Computation Details": off-road rate).
 
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 
 /// Steps of a vehicle off the drivable ground.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,17 +14,24 @@ pub struct OffRoadSteps {
     pub intervals: Vec<(usize, usize)>,
 }
 
-/// Returns the off-road steps of every object; zeros for objects that are not evaluated vehicles.
-pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
-    case.cache.off_road_steps.get_or_init(|| {
-        let mut off_road_steps = vec![OffRoadSteps::default(); case.objects.len()];
+/// Off-road steps of all objects.
+struct AllOffRoadSteps(Vec<OffRoadSteps>);
+
+impl Judgement for AllOffRoadSteps {
+    fn compute(case: &Case<'_>) -> Self {
+        let mut steps = vec![OffRoadSteps::default(); case.objects.len()];
         if case.road.has_drivable_area() {
             for i in case.vehicles() {
-                off_road_steps[i] = steps_of(case, i);
+                steps[i] = steps_of(case, i);
             }
         }
-        off_road_steps
-    })
+        Self(steps)
+    }
+}
+
+/// Returns the off-road steps of every object; zeros for objects that are not evaluated vehicles.
+pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
+    &case.judgement::<AllOffRoadSteps>().0
 }
 
 fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
@@ -61,6 +68,7 @@ impl Metric for OffRoad {
             id: "offroad",
             title: "Offroad",
             unit: Unit::Rate,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: off-road rate",
         }

@@ -1,62 +1,119 @@
 //! The documented variants of the metrics.
 
-/// Variants of the metric definitions, included in every result. The defaults are those of the benchmark.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Corner rounding of the boxes: 0.7, or 0 for sharp boxes.
-    pub corner_rounding: f64,
-    /// Source of velocities.
-    pub velocity_source: VelocitySource,
-    /// Order of the fault rules.
-    pub fault_order: FaultOrder,
-    /// Whether vehicles that overlap the AV at the current frame have no collision event.
-    pub exclude_initial_overlap: bool,
-    /// Whether heading differences are wrapped for the time to collision.
-    pub ttc_wrap_heading: bool,
-    /// Source of the speed for the time to collision.
-    pub ttc_speed: TtcSpeed,
-    /// Whether the AV is a partner in agent-agent collisions.
-    pub aa_include_av: bool,
-    /// Whether objects of kind `other` are partners in agent-agent collisions.
-    pub aa_include_other: bool,
-    /// Whether the progress window has 11 increments (nuPlan's slice) instead of 10.
-    pub dir_window_extra: bool,
-    /// Choice among several connectors at a vehicle's position.
-    pub dir_connector: DirConnector,
-    /// Steps that make a vehicle a candidate for the driving direction.
-    pub dir_candidate: DirCandidate,
-    /// Method of assigning lanes.
-    pub dir_tracking: DirTracking,
-    /// Heading change from which the curvature is computed.
-    pub curvature_yaw: CurvatureYaw,
-    /// Whether the ADE includes the history, with zero error (WOSAC).
-    pub ade_include_history: bool,
-    /// Whether the ADE includes the AV (WOSAC).
-    pub ade_include_av: bool,
-    /// Whether the kinematic likelihood includes the AV.
-    pub lik_include_av: bool,
+/// Defines [`Options`]: each line gives documentation, field, type, default and reading of one option.
+macro_rules! options {
+    ($($(#[$doc:meta])* $field:ident: $type:ty = $default:expr, $form:ident;)+) => {
+        /// Variants of the metric definitions, included in every result. The defaults are those of the benchmark.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Options { $($(#[$doc])* pub $field: $type),+ }
+
+        impl Default for Options {
+            fn default() -> Self {
+                Self { $($field: $default),+ }
+            }
+        }
+
+        impl Options {
+            /// Names of all options, in the order of [`Options::named`].
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($field)),+];
+
+            /// Sets an option by name from the text of its value, such as `fault_order` and `nuplan`.
+            ///
+            /// # Errors
+            /// [`OptionError`] names the option and its permitted values.
+            pub fn set(&mut self, name: &str, value: &str) -> Result<(), OptionError> {
+                let result = match name {
+                    $(stringify!($field) => $form::read(value).map(|v| self.$field = v),)+
+                    _ => {
+                        let known = Self::NAMES.join(", ");
+                        return Err(OptionError::Unknown { name: name.to_owned(), known });
+                    }
+                };
+                result.map_err(|expected| OptionError::Value {
+                    name: name.to_owned(),
+                    value: value.to_owned(),
+                    expected,
+                })
+            }
+
+            /// Returns every option with the text of its value, for result files.
+            pub fn named(&self) -> Vec<(&'static str, String)> {
+                vec![$((stringify!($field), $form::text(self.$field))),+]
+            }
+        }
+    };
 }
 
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            corner_rounding: 0.7,
-            velocity_source: VelocitySource::State,
-            fault_order: FaultOrder::Paper,
-            exclude_initial_overlap: false,
-            ttc_wrap_heading: true,
-            ttc_speed: TtcSpeed::State,
-            aa_include_av: false,
-            aa_include_other: false,
-            dir_window_extra: false,
-            dir_connector: DirConnector::First,
-            dir_candidate: DirCandidate::Lane,
-            dir_tracking: DirTracking::Auto,
-            curvature_yaw: CurvatureYaw::Heading,
-            ade_include_history: false,
-            ade_include_av: false,
-            lik_include_av: true,
+options! {
+    /// Corner rounding of the boxes: 0.7, or 0 for sharp boxes.
+    corner_rounding: f64 = 0.7, rounding;
+    /// Source of velocities.
+    velocity_source: VelocitySource = VelocitySource::State, VelocitySource;
+    /// Order of the fault rules.
+    fault_order: FaultOrder = FaultOrder::Paper, FaultOrder;
+    /// Whether vehicles that overlap the AV at the current frame have no collision event.
+    exclude_initial_overlap: bool = false, flag;
+    /// Whether heading differences are wrapped for the time to collision.
+    ttc_wrap_heading: bool = true, flag;
+    /// Source of the speed for the time to collision.
+    ttc_speed: TtcSpeed = TtcSpeed::State, TtcSpeed;
+    /// Whether the AV is a partner in agent-agent collisions.
+    aa_include_av: bool = false, flag;
+    /// Whether objects of kind `other` are partners in agent-agent collisions.
+    aa_include_other: bool = false, flag;
+    /// Whether the progress window has 11 increments (nuPlan's slice) instead of 10.
+    dir_window_extra: bool = false, digit;
+    /// Choice among several connectors at a vehicle's position.
+    dir_connector: DirConnector = DirConnector::First, DirConnector;
+    /// Steps that make a vehicle a candidate for the driving direction.
+    dir_candidate: DirCandidate = DirCandidate::Lane, DirCandidate;
+    /// Method of assigning lanes.
+    dir_tracking: DirTracking = DirTracking::Auto, DirTracking;
+    /// Heading change from which the curvature is computed.
+    curvature_yaw: CurvatureYaw = CurvatureYaw::Heading, CurvatureYaw;
+    /// Whether the ADE includes the history, with zero error (WOSAC).
+    ade_include_history: bool = false, flag;
+    /// Whether the ADE includes the AV (WOSAC).
+    ade_include_av: bool = false, flag;
+    /// Whether the kinematic likelihood includes the AV.
+    lik_include_av: bool = true, flag;
+}
+
+/// Text form of the corner rounding.
+mod rounding {
+    pub(super) fn read(value: &str) -> Result<f64, String> {
+        let number = value.parse().ok().filter(|v| (0.0..=1.0).contains(v));
+        number.ok_or_else(|| "a number from 0 to 1, such as 0.7".to_owned())
+    }
+
+    pub(super) fn text(value: f64) -> String {
+        value.to_string()
+    }
+}
+
+/// Text form `true` or `false`.
+mod flag {
+    pub(super) fn read(value: &str) -> Result<bool, String> {
+        value.parse().map_err(|_| "`true` or `false`".to_owned())
+    }
+
+    pub(super) fn text(value: bool) -> String {
+        value.to_string()
+    }
+}
+
+/// Text form `1` or `0`.
+mod digit {
+    pub(super) fn read(value: &str) -> Result<bool, String> {
+        match value {
+            "0" => Ok(false),
+            "1" => Ok(true),
+            _ => Err("`0` or `1`".to_owned()),
         }
+    }
+
+    pub(super) fn text(value: bool) -> String {
+        u8::from(value).to_string()
     }
 }
 
@@ -79,6 +136,15 @@ macro_rules! choices {
             /// Returns the choice with this name.
             pub fn from_name(name: &str) -> Option<Self> {
                 Self::ALL.iter().copied().find(|c| c.name() == name)
+            }
+
+            fn read(value: &str) -> Result<Self, String> {
+                let known = || Self::ALL.iter().map(|c| format!("`{}`", c.name())).collect::<Vec<_>>();
+                Self::from_name(value).ok_or_else(|| known().join(" or "))
+            }
+
+            fn text(self) -> String {
+                self.name().to_owned()
             }
         }
     };
@@ -179,119 +245,6 @@ pub enum OptionError {
         /// The permitted values.
         expected: String,
     },
-}
-
-fn choice<T: Copy>(value: &str, all: &[T], name: impl Fn(T) -> &'static str) -> Result<T, String> {
-    let found = all.iter().copied().find(|&c| name(c) == value);
-    found.ok_or_else(|| all.iter().map(|&c| format!("`{}`", name(c))).collect::<Vec<_>>().join(" or "))
-}
-
-fn flag(value: &str) -> Result<bool, String> {
-    match value {
-        "true" => Ok(true),
-        "false" => Ok(false),
-        _ => Err("`true` or `false`".to_owned()),
-    }
-}
-
-impl Options {
-    /// Names of all options, in the order of [`Options::named`].
-    pub const NAMES: &'static [&'static str] = &[
-        "corner_rounding",
-        "velocity_source",
-        "fault_order",
-        "exclude_initial_overlap",
-        "ttc_wrap_heading",
-        "ttc_speed",
-        "aa_include_av",
-        "aa_include_other",
-        "dir_window_extra",
-        "dir_connector",
-        "dir_candidate",
-        "dir_tracking",
-        "curvature_yaw",
-        "ade_include_history",
-        "ade_include_av",
-        "lik_include_av",
-    ];
-
-    /// Sets an option by name from the text of its value, such as `fault_order` and `nuplan`.
-    ///
-    /// # Errors
-    /// [`OptionError`] names the option and its permitted values.
-    pub fn set(&mut self, name: &str, value: &str) -> Result<(), OptionError> {
-        let result = match name {
-            "corner_rounding" => match value.parse::<f64>() {
-                Ok(v) if (0.0..=1.0).contains(&v) => {
-                    self.corner_rounding = v;
-                    Ok(())
-                }
-                _ => Err("a number from 0 to 1, such as 0.7".to_owned()),
-            },
-            "velocity_source" => {
-                choice(value, VelocitySource::ALL, VelocitySource::name).map(|v| self.velocity_source = v)
-            }
-            "fault_order" => choice(value, FaultOrder::ALL, FaultOrder::name).map(|v| self.fault_order = v),
-            "exclude_initial_overlap" => flag(value).map(|v| self.exclude_initial_overlap = v),
-            "ttc_wrap_heading" => flag(value).map(|v| self.ttc_wrap_heading = v),
-            "ttc_speed" => choice(value, TtcSpeed::ALL, TtcSpeed::name).map(|v| self.ttc_speed = v),
-            "aa_include_av" => flag(value).map(|v| self.aa_include_av = v),
-            "aa_include_other" => flag(value).map(|v| self.aa_include_other = v),
-            "dir_window_extra" => match value {
-                "0" | "1" => {
-                    self.dir_window_extra = value == "1";
-                    Ok(())
-                }
-                _ => Err("`0` or `1`".to_owned()),
-            },
-            "dir_connector" => {
-                choice(value, DirConnector::ALL, DirConnector::name).map(|v| self.dir_connector = v)
-            }
-            "dir_candidate" => {
-                choice(value, DirCandidate::ALL, DirCandidate::name).map(|v| self.dir_candidate = v)
-            }
-            "dir_tracking" => {
-                choice(value, DirTracking::ALL, DirTracking::name).map(|v| self.dir_tracking = v)
-            }
-            "curvature_yaw" => {
-                choice(value, CurvatureYaw::ALL, CurvatureYaw::name).map(|v| self.curvature_yaw = v)
-            }
-            "ade_include_history" => flag(value).map(|v| self.ade_include_history = v),
-            "ade_include_av" => flag(value).map(|v| self.ade_include_av = v),
-            "lik_include_av" => flag(value).map(|v| self.lik_include_av = v),
-            _ => {
-                return Err(OptionError::Unknown { name: name.to_owned(), known: Self::NAMES.join(", ") });
-            }
-        };
-        result.map_err(|expected| OptionError::Value {
-            name: name.to_owned(),
-            value: value.to_owned(),
-            expected,
-        })
-    }
-
-    /// Returns every option with the text of its value, for result files.
-    pub fn named(&self) -> Vec<(&'static str, String)> {
-        let values = [
-            self.corner_rounding.to_string(),
-            self.velocity_source.name().to_owned(),
-            self.fault_order.name().to_owned(),
-            self.exclude_initial_overlap.to_string(),
-            self.ttc_wrap_heading.to_string(),
-            self.ttc_speed.name().to_owned(),
-            self.aa_include_av.to_string(),
-            self.aa_include_other.to_string(),
-            u8::from(self.dir_window_extra).to_string(),
-            self.dir_connector.name().to_owned(),
-            self.dir_candidate.name().to_owned(),
-            self.dir_tracking.name().to_owned(),
-            self.curvature_yaw.name().to_owned(),
-            self.ade_include_history.to_string(),
-            self.ade_include_av.to_string(),
-            self.lik_include_av.to_string(),
-        ];
-        Self::NAMES.iter().copied().zip(values).collect()
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! (`docs/over-reaction.md`).
 
 use super::responders::{Responder, responders};
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
 
 /// Mean path length, in metres, that the responders that count drive less than in the certificate.
 #[derive(Debug)]
@@ -14,6 +14,7 @@ impl Metric for OverReaction {
             id: "over-reaction",
             title: "Over-r.",
             unit: Unit::Metres,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "reactsim, docs/over-reaction.md: path length lost against the certificate by \
                      agents that answer the AV",
@@ -56,6 +57,7 @@ impl Metric for OverBraking {
             id: "over-braking",
             title: "Over-br.",
             unit: Unit::MetresPerSecondSquared,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of \
                      agents that answer the AV",

@@ -1,7 +1,7 @@
 //! Progress of vehicles that the AV does not affect: reveals simulators that avoid collisions by freezing.
 
 use super::boxes::sharp_distance;
-use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Scope, Score, Unit};
 use crate::geometry::Vec2;
 
 /// Minimum logged displacement from the current position, in metres, for a vehicle to count.
@@ -21,6 +21,7 @@ impl Metric for Progress {
             id: "progress",
             title: "Progress",
             unit: Unit::Plain,
+            scope: Scope::Rollout,
             lower_is_better: false,
             source: "reactsim: path length over the log's, at most 1, of vehicles not in conflict with \
                      the AV",

@@ -1,8 +1,8 @@
 //! Responders: agents whose necessary reaction to a deviated AV is known from a certificate.
 
-use super::Case;
 use super::boxes::overlap;
 use super::ttc::approaches;
+use super::{Case, Judgement};
 use crate::scene::{DT, Response};
 
 /// A direct responder: an agent whose certificate response answers the AV itself, with its motion in the
@@ -46,14 +46,21 @@ pub(super) fn excess(value: f64, other: f64) -> f64 {
     if difference > ROUNDING { difference } else { 0.0 }
 }
 
+/// Direct responders of a case.
+struct Responders(Option<Vec<Responder>>);
+
+impl Judgement for Responders {
+    fn compute(case: &Case<'_>) -> Self {
+        Self(case.certificate.map(|certificate| {
+            let direct = certificate.responses.iter().filter(|r| r.leader.is_none());
+            direct.filter_map(|response| responder(case, response)).collect()
+        }))
+    }
+}
+
 /// Returns the direct responders of a case, in the order of the certificate; `None` without a certificate.
 pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
-    let all = case.cache.responders.get_or_init(|| {
-        let responses = &case.certificate?.responses;
-        let direct = responses.iter().filter(|r| r.leader.is_none());
-        Some(direct.filter_map(|response| responder(case, response)).collect())
-    });
-    all.as_deref()
+    case.judgement::<Responders>().0.as_deref()
 }
 
 /// Builds the responder of a response; `None` for an agent that is not evaluated: unknown, absent at the

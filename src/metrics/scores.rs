@@ -13,7 +13,7 @@ use super::over_reaction;
 use super::progress;
 use super::ttc::{self, Approach};
 use super::undisturbed;
-use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Score};
+use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Scope, Score};
 use crate::scene::{Frame, HISTORY, Scenario};
 
 /// Every metric: the paper's seven in its column order, then the additional ones.
@@ -88,6 +88,9 @@ pub fn score_case(case: &Case<'_>) -> Scores {
 /// The metrics over all rollouts of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutScores {
+    /// Score of each metric with [`Scope::Scenario`], in the order of [`METRICS`]; `None` if nothing could be
+    /// evaluated.
+    pub values: Vec<(&'static MetricSpec, Option<Score>)>,
     /// Displacement over all rollouts; `None` if no agent has a logged step.
     pub displacement: Option<Displacement>,
     /// Kinematic likelihood by feature.
@@ -99,13 +102,16 @@ pub struct RolloutScores {
 /// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
 pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: Options) -> RolloutScores {
     let future = |track: &'_ [Frame]| -> std::ops::Range<usize> { HISTORY.min(track.len())..track.len() };
+    let metrics = METRICS.iter().filter(|m| m.spec().scope == Scope::Scenario);
     let Some(first) = rollouts.first() else {
-        return RolloutScores { displacement: None, likelihood: None };
+        let values = metrics.map(|m| (m.spec(), None)).collect();
+        return RolloutScores { values, displacement: None, likelihood: None };
     };
     // Presence is decided at the current frame, which all rollouts share.
     let case = Case::of_rollout(scenario, first.to_vec(), options)
         .with_rollouts(rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect());
     RolloutScores {
+        values: metrics.map(|m| (m.spec(), m.score(&case, &mut Vec::new()))).collect(),
         displacement: ade::displacement(&case).cloned(),
         likelihood: likelihood::likelihood(&case),
     }

@@ -21,10 +21,21 @@ pub struct MetricSpec {
     pub title: &'static str,
     /// Unit of the value.
     pub unit: Unit,
+    /// What one value is computed from.
+    pub scope: Scope,
     /// Whether lower values are better.
     pub lower_is_better: bool,
     /// Source of the definition.
     pub source: &'static str,
+}
+
+/// What one value of a metric is computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scope {
+    /// One rollout; several rollouts of a scenario are averaged.
+    Rollout,
+    /// All rollouts of a scenario together.
+    Scenario,
 }
 
 /// The unit of a metric, which decides how its values are averaged and printed.

@@ -1,9 +1,9 @@
 //! Risky approaches of vehicles to the AV: time to collision below half a second (ReactSim-Bench, "Metric
 //! Computation Details"; front-object filter as in the Waymo sim-agents metrics).
 
-use super::boxes::av_overlap;
+use super::boxes::av_overlaps;
 use super::options::TtcSpeed;
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::geometry::{OrientedBox, math, wrap};
 use crate::scene::DT;
 
@@ -30,24 +30,32 @@ pub struct Approach {
     pub risky: Option<(usize, usize)>,
 }
 
-/// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
-pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
-    case.cache.approaches.get_or_init(|| {
+/// Approaches of all objects.
+struct Approaches(Vec<Option<Approach>>);
+
+impl Judgement for Approaches {
+    fn compute(case: &Case<'_>) -> Self {
+        let overlaps = av_overlaps(case);
         let mut approaches = vec![None; case.objects.len()];
         for i in case.vehicles() {
-            approaches[i] = Some(approach(case, i));
+            approaches[i] = Some(approach(case, i, overlaps));
         }
-        approaches
-    })
+        Self(approaches)
+    }
 }
 
-fn approach(case: &Case<'_>, agent: usize) -> Approach {
+/// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
+pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
+    &case.judgement::<Approaches>().0
+}
+
+fn approach(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Approach {
     let mut found = Approach { min_ttc: MAX_TTC, step: None, risky: None };
     if !case.present(case.av) {
         return found;
     }
     for f in case.future() {
-        let ttc = time_to_collision(case, agent, f);
+        let ttc = time_to_collision(case, agent, f, overlaps);
         let step = f - case.current;
         if ttc < found.min_ttc {
             (found.min_ttc, found.step) = (ttc, Some(step));
@@ -59,13 +67,13 @@ fn approach(case: &Case<'_>, agent: usize) -> Approach {
     found
 }
 
-fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize) -> f64 {
+fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize, overlaps: &[bool]) -> f64 {
     let motion = &case.motion;
     let (me, av) = (motion.at(agent, frame), motion.at(case.av, frame));
     if motion.x[me].is_nan() || motion.x[av].is_nan() {
         return MAX_TTC;
     }
-    if av_overlap(case)[me] {
+    if overlaps[me] {
         return 0.0;
     }
     let closing = speed(case, agent, frame) - speed(case, case.av, frame);
@@ -127,6 +135,7 @@ impl Metric for Risky {
             id: "aav-ttc",
             title: "A-AV risky",
             unit: Unit::Count,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: agent-AV risky TTC count",
         }

@@ -2,7 +2,7 @@
 
 use super::progress::free_path;
 use super::responders::excess;
-use super::{Case, Event, Metric, MetricSpec, Score, Unit};
+use super::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
 
 /// Mean path length, in metres, that vehicles drive less than in the log. It covers the vehicles without a
 /// response in the certificate that move in the log and whose logged boxes keep clear of the AV.
@@ -15,6 +15,7 @@ impl Metric for UndisturbedLoss {
             id: "undisturbed-loss",
             title: "Way lost",
             unit: Unit::Metres,
+            scope: Scope::Rollout,
             lower_is_better: true,
             source: "reactsim, docs/over-reaction.md: path length lost against the log by vehicles that \
                      need not answer the AV",

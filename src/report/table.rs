@@ -31,6 +31,13 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "kinematic-likelihood" },
 ];
 
+/// Columns that apply only to runs with certain settings.
+const CONDITIONS: &[(&str, fn(&SettingsRecord) -> bool)] = &[
+    // The likelihood of the log is a measure of realism (the paper's second table).
+    ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
+    ("min-ade", |settings| settings.rollouts != 1),
+];
+
 impl Column {
     /// Returns the column of the metric with this id.
     pub fn of(metric: &str) -> Option<Self> {
@@ -88,11 +95,9 @@ impl Column {
         let any =
             |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
         let has = |c: &&Self| {
-            match c.metric {
-                // The likelihood of the log is a measure of realism (the paper's second table).
-                "kinematic-likelihood" if !any(|s| s.protocol != "reactive") => return false,
-                "min-ade" if !any(|s| s.rollouts != 1) => return false,
-                _ => {}
+            let applies = CONDITIONS.iter().filter(|(id, _)| *id == c.metric).all(|(_, holds)| any(*holds));
+            if !applies {
+                return false;
             }
             let simulators = summaries.iter().flat_map(|s| s.simulators.values());
             simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())

@@ -6,9 +6,11 @@ mod assets;
 mod bundle;
 mod guard;
 mod server;
+mod site;
 mod sketch;
 
 pub use assets::{Asset, JAVASCRIPT, PALETTE, SHARED};
 pub use bundle::bundle;
-pub use server::{Loopback, ServeError, Site, Stop};
+pub use server::{Loopback, ServeError, Stop};
+pub use site::Site;
 pub use sketch::{SKETCH_VERSION, sketch};

@@ -6,7 +6,9 @@
 )]
 
 mod animation;
+mod benchmark;
 mod chromium;
+mod circles;
 mod cli;
 mod compare;
 mod curation;

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::super::tokens::Class;
-use super::body::BODY_FEATURES;
 use super::config::Config;
 use super::links::Links;
 use super::pair::PAIR_FEATURES;
 use super::place::{PLACE_FEATURES, PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::places::Places;
 use super::step::{PAST_FEATURES, Step};
+use super::widths::BODY_FEATURES;
 use crate::models::nn::Neighbors;
 
 /// Neighbours as tensors.

@@ -1,28 +1,14 @@
 //! Features of an agent at one step: position, present and past motion.
 
 use reactsim::geometry::{Vec2, direction, into_frame, math};
-use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame};
+use reactsim::scene::{AgentKind, AgentState, DT, Frame};
 
 use super::super::tokens::Class;
-use super::corridor::CORRIDOR_FEATURES;
-use super::lane::{self, CandidatePath, LANE_FEATURES, MotionState};
 use super::links::put;
-use super::places::Places;
+use super::widths::{
+    BODY_FEATURES, LANE_FEATURES, MOTION_FEATURES, OWN_FEATURES, PAST_POSE_FEATURES, PAST_POSE_FRAMES,
+};
 
-/// Past poses that the network sees, in frames before the present one.
-const PAST_POSE_FRAMES: [usize; 4] = [1, 2, 5, 10];
-/// Number of features per past pose: x and y in the present frame (forward, left), 1 - cosine and sine
-/// of the turn, and a flag that the pose is known.
-const PAST_POSE_FEATURES: usize = 5;
-/// Number of features of an agent at a step.
-pub(crate) const BODY_FEATURES: usize = OWN_FEATURES + LANE_FEATURES + CORRIDOR_FEATURES;
-/// Number of these that describe the agent's own motion; its lane and the agents ahead follow.
-const OWN_FEATURES: usize = MOTION_FEATURES + PAST_POSE_FRAMES.len() * PAST_POSE_FEATURES;
-/// Number of features of class, size and present motion.
-const MOTION_FEATURES: usize = 14;
-/// Time over which the curvature of an agent's course is measured, frames: over a shorter time it is
-/// mostly noise in recordings.
-const CURVATURE_FRAMES: usize = 5;
 /// Minimum distance in metres for the curvature: a shorter distance travelled in that time counts as
 /// this much.
 const MIN_CURVATURE_DISTANCE: f64 = 1.0;
@@ -53,57 +39,9 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    /// Describes the agent at frame `now` from this and earlier frames of its track, and the AV also
-    /// from its state one frame later (`next`) if the protocol shows it. `places` are searched for its
-    /// lane. Also returns its candidate paths, its own course first. `None` if the agent is absent or
-    /// has no class.
-    pub(crate) fn at(
-        agent: &Agent,
-        track: &[Frame],
-        now: usize,
-        is_av: bool,
-        next: Option<AgentState>,
-        places: &Places,
-    ) -> Option<(Self, Vec<CandidatePath>)> {
-        let class = Class::of(agent.kind)?;
-        let state = track.get(now).copied().flatten()?;
-        let ahead = direction(state.heading);
-        let back = |k: usize| now.checked_sub(k).and_then(|f| track[f]);
-        let step = |from: Frame, to: Frame| Some((to?.position() - from?.position()) / DT);
-        let recorded = || state.velocity().unwrap_or_default();
-        let last = step(back(1), Some(state));
-        let coming = next.and_then(|n| step(Some(state), Some(n)));
-        let velocity = coming.or(last).unwrap_or_else(recorded);
-        // Over 0.2 s, because differences of single frames are mostly noise in recordings.
-        let earlier = if coming.is_some() { step(back(2), back(1)) } else { step(back(3), back(2)) };
-        let acceleration =
-            earlier.map_or(0.0, |e| ((velocity - e).dot(&ahead) / (2.0 * DT)).clamp(-10.0, 10.0));
-        let mut body = Self {
-            position: state.position(),
-            ahead,
-            velocity,
-            half: Vec2::new(0.5 * agent.length, 0.5 * agent.width),
-            acceleration,
-            class,
-            is_av,
-            features: [0.0; BODY_FEATURES],
-        };
-        body.describe(agent.kind, state, next, back);
-        let speed = body.velocity.dot(&ahead).max(0.0);
-        let (course, curvature) = body.course(back(CURVATURE_FRAMES));
-        let motion = MotionState { position: body.position, ahead, speed, class, course, curvature };
-        let mut paths = vec![lane::course_path(&motion)];
-        paths.extend(lane::describe(
-            &motion,
-            places,
-            &mut body.features[OWN_FEATURES..OWN_FEATURES + LANE_FEATURES],
-        ));
-        Some((body, paths))
-    }
-
     /// Returns the direction of motion and its curvature in 1/m, from the turn since the state `ago`.
     /// The direction of walking pedestrians is that of their velocity, not their heading.
-    fn course(&self, ago: Frame) -> (Vec2, f64) {
+    pub(super) fn course(&self, ago: Frame) -> (Vec2, f64) {
         let speed = self.velocity.norm();
         if self.class == Class::Pedestrian {
             return (if speed > WALKING_SPEED { self.velocity / speed } else { self.ahead }, 0.0);
@@ -120,7 +58,7 @@ impl Body {
     }
 
     /// Fills the features of the agent's own motion.
-    fn describe(
+    pub(super) fn describe(
         &mut self,
         kind: AgentKind,
         state: AgentState,

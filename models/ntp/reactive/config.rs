@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::policy::PolicyError;
+use super::error::PolicyError;
 
 /// Sizes and ranges of the reactive network. Stored with its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

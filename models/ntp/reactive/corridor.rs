@@ -5,20 +5,11 @@ use reactsim::geometry::{Vec2, into_frame};
 use reactsim::scene::LightState;
 
 use super::body::Body;
-use super::lane::{CandidatePath, LANE_PATHS, SPACING};
+use super::lane::{CandidatePath, SPACING};
 use super::links::put;
 use super::place::{Place, Role};
+use super::widths::{LOOK_AHEAD_TIMES, PATH_FEATURES, STOP_FEATURES, TIME_FEATURES};
 
-/// Number of features of all candidate paths.
-pub(crate) const CORRIDOR_FEATURES: usize = (1 + LANE_PATHS) * PATH_FEATURES;
-/// Number of features per path.
-const PATH_FEATURES: usize = LOOK_AHEAD_TIMES.len() * TIME_FEATURES + STOP_FEATURES;
-/// Times at which other agents are examined, seconds from now, at their present velocities.
-const LOOK_AHEAD_TIMES: [f64; 3] = [0.0, 1.0, 2.0];
-/// Number of features per path and time.
-const TIME_FEATURES: usize = 7;
-/// Number of features of the nearest stop on a path.
-const STOP_FEATURES: usize = 8;
 /// Lateral clearance on both sides of boxes, metres.
 const LATERAL_CLEARANCE: f64 = 0.2;
 /// Gap to the next agent if the path is free, metres.

@@ -6,15 +6,8 @@ use super::super::tokens::Class;
 use super::links::put;
 use super::place::Role;
 use super::places::Places;
+use super::widths::{FEATURE_POINTS, LANE_PATHS, OFFSET_FEATURES};
 
-/// Number of features of an agent's lane and of the paths along it.
-pub(crate) const LANE_FEATURES: usize = OFFSET_FEATURES + LANE_PATHS * FEATURE_POINTS * 3;
-/// Number of these that describe the agent's offset from its lane and its speed limit.
-const OFFSET_FEATURES: usize = 6;
-/// Number of paths along a lane: the leftmost, the straightest and the rightmost.
-pub(crate) const LANE_PATHS: usize = 3;
-/// Number of points per path that enter the features.
-const FEATURE_POINTS: usize = 3;
 /// Largest distance from an agent to the middle of a lane piece that is considered its lane, metres.
 const MAX_PIECE_DISTANCE: f64 = 6.0;
 /// Largest lateral offset of an agent from its lane, metres.
@@ -23,36 +16,6 @@ const MAX_LATERAL_OFFSET: f64 = 4.0;
 const HEADING_COST: f64 = 3.0;
 /// Largest number of pieces that a path follows.
 const MAX_PIECES: usize = 60;
-
-/// Successor relation of lane pieces.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct LaneGraph {
-    /// Successors of each place, with the direction in which the lane of each successor ends.
-    next: Vec<Vec<(usize, Vec2)>>,
-}
-
-impl LaneGraph {
-    /// Builds the graph. `lanes` holds the lane of each place, `None` if it is not part of a lane;
-    /// `aheads` its direction at the end; `successors` those of each lane.
-    pub(crate) fn of(lanes: &[Option<usize>], aheads: &[Vec2], successors: &[Vec<usize>]) -> Self {
-        let mut first = vec![None; successors.len()];
-        let mut last = vec![None; successors.len()];
-        for (place, lane) in lanes.iter().enumerate() {
-            if let Some(lane) = *lane {
-                first[lane].get_or_insert(place);
-                last[lane] = Some(place);
-            }
-        }
-        let end = |lane: usize| last[lane].map_or(Vec2::x(), |p: usize| aheads[p]);
-        let follow = |(place, lane): (usize, &Option<usize>)| match *lane {
-            // Consecutive pieces of a lane within range are neighbours in the list.
-            Some(lane) if lanes.get(place + 1) == Some(&Some(lane)) => vec![(place + 1, end(lane))],
-            Some(lane) => successors[lane].iter().filter_map(|&s| first[s].map(|p| (p, end(s)))).collect(),
-            None => Vec::new(),
-        };
-        Self { next: lanes.iter().enumerate().map(follow).collect() }
-    }
-}
 
 /// Motion of an agent for which candidate paths are searched.
 #[derive(Clone, Copy, Debug)]

@@ -7,11 +7,11 @@ use burn::tensor::{Int, Tensor, TensorData};
 
 use super::super::tokens::Class;
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
-use super::body::BODY_FEATURES;
 use super::config::Config;
 use super::pair::PAIR_FEATURES;
 use super::place::{PLACE_FEATURES, PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::step::PAST_FEATURES;
+use super::widths::BODY_FEATURES;
 use crate::models::nn::{
     AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations,
 };

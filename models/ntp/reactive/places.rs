@@ -5,7 +5,7 @@ use reactsim::scene::Start;
 
 use super::config::Config;
 use super::known_map::KnownMap;
-use super::lane::LaneGraph;
+use super::lane_graph::LaneGraph;
 use super::links::{Links, Nearest};
 use super::place::{PLACE_PAIR_FEATURES, Place};
 

@@ -8,11 +8,9 @@ use reactsim::models::nn::{Initializer, Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::file::PREFIX;
-use super::super::tokens::{Class, Vocabulary, VocabularyError};
-use super::{Config, Network};
-
-/// Name of this kind of network in the configuration of a file.
-const KIND: &str = "reactive";
+use super::super::tokens::{Class, Vocabulary};
+use super::error::KIND;
+use super::{Config, Network, PolicyError};
 
 /// A trained network and the tokens that it chooses from.
 #[derive(Clone, Debug)]
@@ -31,33 +29,6 @@ pub struct Policy {
 struct StoredConfig {
     kind: String,
     network: Config,
-}
-
-/// Error from reading a policy.
-#[derive(Debug, thiserror::Error)]
-pub enum PolicyError {
-    /// Invalid tensors or configuration.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// Invalid vocabulary.
-    #[error(transparent)]
-    Vocabulary(#[from] VocabularyError),
-    /// The file holds another kind of network.
-    #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: \
-         give it to the simulator that it was made for"
-    )]
-    Kind(String),
-    /// A size is out of range.
-    #[error("the file's configuration has {field} = {value}, expected {expected}")]
-    Size {
-        /// Name of the field.
-        field: &'static str,
-        /// Value of the field.
-        value: f64,
-        /// Allowed values.
-        expected: &'static str,
-    },
 }
 
 impl Policy {

@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor};
 
 use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, MlpLayer, RelationalAttention};
 
-use super::vocabulary::{pick, rows};
+use super::tables::{pick, rows};
 use super::{Agents, SmartConfig, TokenHead};
 
 /// Encoder of agents: they attend to their own past, to the map and to one another, then tokens are

@@ -6,7 +6,7 @@ use burn::tensor::Tensor;
 
 use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, Noise, RelationalAttention};
 
-use super::vocabulary::pick;
+use super::tables::pick;
 use super::{Edges, Links, MapTokens, SmartConfig, Stage, TokenTables};
 
 /// Encoder of the map: tokens attend to nearby tokens.

@@ -5,8 +5,11 @@ use burn::tensor::{Device, Tensor};
 
 use reactsim::models::nn::{Initializer, Noise, Tensors, WeightsError};
 
-use super::vocabulary::pick;
-use super::{AgentEncoder, Batch, ConfigError, Links, MapEncoder, SmartConfig, TokenTables};
+use super::tables::{pick, rows};
+use super::{
+    AgentEncoder, Batch, ConfigError, InputError, Links, MapEncoder, SmartConfig, Stage, TokenTables,
+    Vocabulary,
+};
 
 /// The network: it maps scenes to a score for every token of every agent at every step. Its output is
 /// invariant to translation and rotation of the scene as long as all steps are valid.
@@ -16,23 +19,6 @@ pub struct Smart {
     pub(super) agent_encoder: AgentEncoder,
     #[module(skip)]
     config: SmartConfig,
-}
-
-/// Stage of the network at which features are observed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
-    /// Map tokens before the first layer.
-    MapInput,
-    /// Map tokens after this layer.
-    Map(usize),
-    /// Nodes before the first block.
-    Fused,
-    /// Nodes after attention to their own past, in this block.
-    OverTime(usize),
-    /// Nodes after attention to the map, in this block.
-    FromMap(usize),
-    /// Nodes after attention to each other, in this block.
-    AmongAgents(usize),
 }
 
 /// Error from loading a network.
@@ -169,5 +155,25 @@ impl Smart {
             watch(Stage::AmongAgents(i), &x);
         }
         agents.token_predict_head.forward(x, &batch.class, counts)
+    }
+}
+
+impl Smart {
+    /// Computes the vectors of all tokens.
+    ///
+    /// # Errors
+    /// [`InputError::Vocabulary`] if their number is not that of the network.
+    pub fn tables(&self, vocabulary: &Vocabulary, device: &Device) -> Result<TokenTables, InputError> {
+        vocabulary.check(self.config())?;
+        let mut starts = [0; 3];
+        let mut vectors = Vec::new();
+        let mut count = 0;
+        for (class, shapes) in vocabulary.agents.iter().enumerate() {
+            starts[class] = count;
+            count += shapes.len();
+            vectors.push(self.agent_encoder.token_embedding(class).forward(rows(shapes, device)));
+        }
+        let map = self.map_encoder.token_embedding().forward(rows(&vocabulary.map, device));
+        Ok(TokenTables { agents: Tensor::cat(vectors, 0), starts, map })
     }
 }

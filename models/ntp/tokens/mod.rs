@@ -3,6 +3,8 @@
 //! A token is half a second of motion: six poses, 0.1 s apart, in the frame of the first one. Read
 //! [`Vocabulary`] first.
 
+mod build;
+mod build_error;
 mod class;
 mod errors;
 pub(crate) mod file;
@@ -19,6 +21,8 @@ mod tokenizer;
 mod trajtok;
 mod vocabulary;
 
+pub use build::BuildVocabulary;
+pub use build_error::BuildError;
 pub use class::Class;
 pub use errors::{ErrorSummary, MatchingErrors};
 pub use k_disks::{CornerDistance, KDisks, Quality};
@@ -30,7 +34,7 @@ pub use map_vocabulary::{MapVocabulary, MapVocabularyBuilder};
 pub use matching::{PreparedTrack, TOKEN_STEPS, TokenNoise, TokenTrack, fill_gaps, token_of_motion};
 pub use motion::{ORIGIN, motion_between, moved};
 pub use segments::Segments;
-pub use tokenizer::{BuildError, Tokenizer};
+pub use tokenizer::Tokenizer;
 pub use trajtok::{EndGrid, TrajTok};
 pub use vocabulary::{Provenance, Vocabulary, VocabularyError};
 

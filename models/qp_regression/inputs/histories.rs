@@ -3,7 +3,7 @@
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
-use super::surroundings::AgentFrame;
+use super::frame::AgentFrame;
 use crate::models::qp_regression::network::Attributes;
 
 /// Returns the number of features of an agent at a frame.

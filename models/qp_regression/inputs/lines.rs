@@ -3,7 +3,7 @@
 use reactsim::geometry::{Bounds, Polyline, Vec2};
 use reactsim::scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
-use super::surroundings::{AgentFrame, PolylineFeatures};
+use super::frame::{AgentFrame, PolylineFeatures};
 use crate::models::learning::LearningMap;
 use crate::models::ntp::reactive::links::Nearest;
 use crate::models::ntp::tokens::{closed, edge_rings};

@@ -1,6 +1,7 @@
 //! Input features of the network: agents and map lines around an agent, in that agent's frame.
 
 mod forecast;
+mod frame;
 mod ground;
 mod histories;
 mod lines;
@@ -9,6 +10,7 @@ mod scene;
 mod surroundings;
 
 use forecast::forecast;
+pub(crate) use frame::{AgentFrame, PolylineFeatures};
 pub use ground::Ground;
 pub(crate) use ground::Survey;
 pub(crate) use histories::agent_numbers;
@@ -16,4 +18,4 @@ use lines::Lines;
 pub(crate) use lines::point_numbers;
 pub(crate) use outlook::{OUTLOOK, Outlook};
 pub(crate) use scene::SceneContext;
-pub(crate) use surroundings::{AgentFrame, PolylineFeatures, Surroundings};
+pub(crate) use surroundings::Surroundings;

@@ -1,8 +1,9 @@
 //! Lane and conflict features of an agent, the same as those of the token network.
 
 use super::SceneContext;
-use super::surroundings::AgentFrame;
-use crate::models::ntp::reactive::body::{BODY_FEATURES, Body};
+use super::frame::AgentFrame;
+use crate::models::ntp::reactive::BODY_FEATURES;
+use crate::models::ntp::reactive::body::Body;
 use crate::models::ntp::reactive::corridor;
 use crate::models::ntp::reactive::lane;
 use crate::models::ntp::tokens::Class;

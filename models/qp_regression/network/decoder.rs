@@ -14,7 +14,7 @@ use super::dense::Dense;
 use super::encoder::Tokens;
 use super::guide;
 use super::layers::{NormedMlp, PlainMlp};
-use super::motion_transformer::{LayerOutput, NetworkOutput};
+use super::output::{LayerOutput, NetworkOutput};
 use super::sine::sine;
 use crate::models::nn::Initializer;
 use crate::models::qp_regression::inputs::OUTLOOK;

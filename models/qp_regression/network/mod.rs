@@ -17,6 +17,7 @@ mod encoder;
 mod guide;
 mod layers;
 mod motion_transformer;
+mod output;
 mod polyline_encoder;
 mod sine;
 mod suppress;
@@ -26,7 +27,7 @@ pub use motion_transformer::Network;
 pub use suppress::suppress;
 
 pub(crate) use batch::Batch;
-pub(crate) use motion_transformer::{LayerOutput, NetworkOutput};
+pub(crate) use output::{LayerOutput, NetworkOutput};
 
 /// Number of values per predicted state: x, y (metres), the logarithms of two deviations, correlation,
 /// velocity x, y (m/s).

@@ -1,12 +1,12 @@
 //! The whole network.
 
 use burn::module::Module;
-use burn::tensor::Tensor;
 
 use super::batch::Batch;
 use super::config::Config;
 use super::decoder::MotionDecoder;
 use super::encoder::Encoder;
+use super::output::NetworkOutput;
 use crate::models::nn::Initializer;
 
 /// Encoder and decoder.
@@ -14,24 +14,6 @@ use crate::models::nn::Initializer;
 pub struct Network {
     context_encoder: Encoder,
     motion_decoder: MotionDecoder,
-}
-
-/// Output of one layer of the decoder.
-#[derive(Clone, Debug)]
-pub(crate) struct LayerOutput {
-    /// `[scenes, queries]`: unnormalised log-probabilities.
-    pub scores: Tensor<2>,
-    /// `[scenes * queries, states, 7]`, in the frame of the predicted agent.
-    pub modes: Tensor<3>,
-}
-
-/// Output of the network.
-#[derive(Clone, Debug)]
-pub(crate) struct NetworkOutput {
-    /// Outputs of the decoder layers; the last one counts.
-    pub layers: Vec<LayerOutput>,
-    /// `[scenes * agents, states, 7]`: one future of every agent in the input.
-    pub dense: Tensor<3>,
 }
 
 impl Network {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use super::make::GeneratedFiles;
+use super::files::GeneratedFiles;
 use crate::cli::progress::Progress;
 use crate::curation::benchmark::{PATIENCE, Recipe};
 use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};

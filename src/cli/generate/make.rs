@@ -11,6 +11,7 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 
 use super::bench::bench;
+use super::files::GeneratedFiles;
 use super::manifest::Manifest;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, say, stop_on_interrupt, write_result};
@@ -54,18 +55,6 @@ impl MakeArgs {
         let preset = self.preset.as_deref().and_then(Preset::from_name).context("give a --preset")?;
         Ok(GenerationSettings { preset, seed: self.seed, maps: self.maps.clone(), density: self.density })
     }
-}
-
-/// Files of one generation and how it went.
-pub(super) struct GeneratedFiles {
-    /// Paths; the first one is `--out`.
-    pub(super) files: Vec<PathBuf>,
-    /// Number of scenarios in them.
-    pub(super) written: usize,
-    /// Number of scenarios that could not be generated.
-    pub(super) failed: usize,
-    /// Whether the user interrupted the generation.
-    pub(super) interrupted: bool,
 }
 
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {

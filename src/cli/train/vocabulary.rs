@@ -13,7 +13,7 @@ use super::vocabulary_manifest::{Entry, Manifest};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
 use crate::models::ntp::tokens::{
-    KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
+    BuildVocabulary, KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
 };
 
 const AFTER: &str = "\

@@ -15,6 +15,7 @@ mod check;
 mod effort;
 mod front;
 mod own_path;
+mod problem;
 mod profile;
 mod respond;
 mod responder;

@@ -1,8 +1,8 @@
 //! The response of one agent: by speed along its own path or, failing that, also with a lateral shift.
 
 use super::own_path::OwnPath;
+use super::problem::{Problem, YieldAssumption};
 use super::responder::Responder;
-use super::solver::Solver;
 use super::traffic::{PlannedResponse, Traffic};
 use super::{AvoidanceSettings, Unavoidable};
 use crate::scene::AgentKind;
@@ -13,15 +13,6 @@ const SMOOTH_STEP_CURVATURE: f64 = 5.78;
 const SHIFT_SHARE: f64 = 0.6;
 /// Largest curvature that a shift may add to that of the path, 1/m.
 const SHIFT_CURVATURE: f64 = 0.15;
-
-/// Assumption about which other agents yield to this one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum YieldAssumption {
-    /// Followers yield.
-    Followers,
-    /// Followers yield, and so do agents that cross the path of this agent after it in the log.
-    FollowersAndLaterCrossers,
-}
 
 /// Finds a response of an agent to all others as they currently move: by speed or, failing that, with a
 /// shift. If neither is found, the search is repeated under the assumption that more others yield.
@@ -38,16 +29,16 @@ pub(super) fn respond(
     let Some(responder) = Responder::new(traffic, agent, reaction, settings) else {
         return Err(Unavoidable::Absent { agent: info.id.clone() });
     };
-    let solver = Solver::new(traffic, &responder, settings);
+    let problem = Problem::new(traffic, &responder, settings);
     let mut why = None;
     for assumption in [YieldAssumption::Followers, YieldAssumption::FollowersAndLaterCrossers] {
-        match solver.along(&responder.path, assumption) {
+        match problem.along(&responder.path, assumption) {
             Ok(planned) => return Ok(planned),
             Err(reason) if why.is_none() => why = Some(reason),
             Err(_) => {}
         }
         for path in nudged(&responder, info.kind, settings) {
-            if let Ok(planned) = solver.along(&path, assumption) {
+            if let Ok(planned) = problem.along(&path, assumption) {
                 return Ok(planned);
             }
         }

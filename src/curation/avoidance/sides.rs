@@ -6,9 +6,8 @@ use super::Unavoidable;
 use super::blocked::{BlockedInterval, BlockedRegion, FootprintSamples};
 use super::front::gap_to_front;
 use super::own_path::OwnPath;
+use super::problem::{INTERVAL_MARGIN, Problem, STOP_SLACK, YieldAssumption};
 use super::profile::Corridor;
-use super::respond::YieldAssumption;
-use super::solver::{INTERVAL_MARGIN, STOP_SLACK, Solver};
 
 /// Largest number of combinations of sides that are tried on one path.
 const MAX_COMBINATIONS: usize = 6;
@@ -33,7 +32,7 @@ pub(super) struct SideChoice {
     pub(super) ahead: bool,
 }
 
-impl Solver<'_> {
+impl Problem<'_> {
     /// Returns the regions that block the path, with the sides that can be reached, and the agents that
     /// only run into this one from behind: these must respond themselves.
     pub(super) fn choices(

@@ -2,22 +2,18 @@
 
 use std::collections::BTreeSet;
 
+use super::Unavoidable;
 use super::blocked::FootprintSamples;
 use super::front::gap_to_front;
 use super::own_path::OwnPath;
-use super::profile::{Profile, extreme_profile};
-use super::respond::YieldAssumption;
-use super::responder::Responder;
+use super::problem::{Problem, YieldAssumption};
+use super::profile::Profile;
 use super::sides::{Side, SideChoice, combinations};
 use super::smoothest::smoothest;
 use super::speed_caps::SpeedCaps;
-use super::traffic::{
-    Boxes, LoggedPair, PlannedResponse, Traffic, distance, extent, is_nearer, reaction_step,
-};
-use super::{AvoidanceSettings, Unavoidable};
+use super::traffic::{Boxes, PlannedResponse, distance, extent, is_nearer, reaction_step};
 use crate::curation::Response;
 use crate::geometry::OrientedBox;
-use crate::metrics::pair_counts;
 use crate::scene::{AgentKind, AgentState, CURRENT, DT, FUTURE};
 
 /// Largest number of rounds that add bounds for time gaps that a solution violates.
@@ -28,77 +24,12 @@ const MAX_CAP_ROUNDS: usize = 5;
 const CHORD_ACCELERATION: f64 = 0.15;
 /// Largest distance by which a corner of a shifted vehicle may leave the drivable area, metres.
 const OFF_ROAD_TOLERANCE: f64 = 0.3;
-/// Margin added to the clearance when blocked intervals are computed, metres.
-pub(super) const INTERVAL_MARGIN: f64 = 0.01;
-/// Distance by which two bodies may come closer than in the log if the log brings them close, metres.
-const CLEARANCE_TOLERANCE: f64 = 0.03;
-/// Extra distance for a halt, metres, so that it need not be the hardest one.
-pub(super) const STOP_SLACK: f64 = 0.5;
 /// Addition to the time gap once a solution violates it, s: in a bend the gap shrinks more slowly than
 /// the arc length grows, and an agent that creeps up to a stationary AV would violate it again and
 /// again.
 const EXTRA_TIME_GAP: f64 = 0.15;
 
-/// A body that an agent must keep clear of, and by how much.
-pub(super) struct OtherBody {
-    pub(super) slot: usize,
-    pub(super) clearance: f64,
-    pub(super) pair: LoggedPair,
-}
-
-/// The search for one agent's response: its state, and the bodies that it must keep clear of.
-pub(super) struct Solver<'t> {
-    pub(super) traffic: &'t Traffic<'t>,
-    pub(super) responder: &'t Responder,
-    pub(super) settings: &'t AvoidanceSettings,
-    /// Clearance to the AV, metres.
-    pub(super) to_av: f64,
-    pub(super) slowest: Profile,
-    pub(super) fastest: Profile,
-    pub(super) desired: Vec<f64>,
-    pub(super) others: Vec<OtherBody>,
-}
-
-impl<'t> Solver<'t> {
-    pub(super) fn new(
-        traffic: &'t Traffic<'t>,
-        responder: &'t Responder,
-        settings: &'t AvoidanceSettings,
-    ) -> Self {
-        let steps = responder.steps();
-        let slowest = extreme_profile(responder.motion, &responder.limits, steps, true);
-        let mut fastest = extreme_profile(responder.motion, &responder.limits, steps, false);
-        // An agent that cannot stop before that continues to where it can.
-        let furthest = responder.furthest.max(slowest.s[steps] + STOP_SLACK);
-        fastest.s.iter_mut().for_each(|s| *s = s.min(furthest));
-        // An agent that is already closer to the AV than that need not move away.
-        let now = distance(&responder.path.footprint(0.0), &traffic.av_box(responder.reaction));
-        let to_av = settings.clearance.min(now - 2.0 * INTERVAL_MARGIN).max(0.0);
-        let kinds = |i: usize| traffic.scenario.start.agents.get(i).map_or(AgentKind::Other, |a| a.kind);
-        // Pairs that the metric ignores are not kept apart.
-        let judged = |i: usize| pair_counts(kinds(responder.agent), kinds(i));
-        let other = |i: usize| {
-            let pair = traffic.pair(responder.agent, i);
-            OtherBody {
-                slot: i,
-                clearance: settings.clearance_to_others.min(pair.closest - CLEARANCE_TOLERANCE),
-                pair,
-            }
-        };
-        let others =
-            (1..traffic.bodies()).filter(|&i| i != responder.agent && judged(i)).map(other).collect();
-        Self {
-            traffic,
-            responder,
-            settings,
-            to_av,
-            slowest,
-            fastest,
-            desired: responder.desired_speeds(),
-            others,
-        }
-    }
-
+impl Problem<'_> {
     /// Finds a response along a path.
     pub(super) fn along(
         &self,
@@ -122,33 +53,6 @@ impl<'t> Solver<'t> {
         let mut between: Vec<String> = choices.iter().map(|c| self.name(c.region.by)).collect();
         between.dedup();
         Err(Unavoidable::HemmedIn { agent: self.id(self.responder.agent), between: between.join(", ") })
-    }
-
-    /// Returns the name of an agent in messages.
-    pub(super) fn name(&self, slot: usize) -> String {
-        match slot {
-            0 => "the AV".to_owned(),
-            _ if slot >= self.traffic.len() => "an obstacle".to_owned(),
-            _ => format!("agent `{}`", self.id(slot)),
-        }
-    }
-
-    fn kind(&self) -> AgentKind {
-        self.traffic.scenario.start.agents[self.responder.agent].kind
-    }
-
-    pub(super) fn id(&self, slot: usize) -> String {
-        self.traffic.scenario.start.agents[slot].id.clone()
-    }
-
-    /// Returns the speed of the AV at a step, m/s.
-    pub(super) fn av_speed(&self, step: usize) -> f64 {
-        let v = self.traffic.av[step].speed();
-        if v.is_nan() && step > 0 {
-            (self.traffic.av[step].position() - self.traffic.av[step - 1].position()).norm() / DT
-        } else {
-            v
-        }
     }
 
     /// Returns the arc length at which a path leaves the road beyond the end of the log.

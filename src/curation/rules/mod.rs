@@ -10,6 +10,7 @@
 mod directional;
 mod gaps;
 mod lateral;
+mod limits;
 mod longitudinal;
 mod routes;
 mod survey;

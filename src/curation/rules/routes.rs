@@ -1,18 +1,9 @@
 //! Routes over the lane graph other than the logged one.
 
-use super::survey::{Limits, MAX_LATERAL_ACCELERATION};
+use super::limits::{LaneTolerance, Limits, MAX_LATERAL_ACCELERATION, lane_along};
 use crate::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
 use crate::geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
 use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
-
-/// Tolerances within which a pose counts as on a lane.
-#[derive(Clone, Copy)]
-pub(super) struct LaneTolerance {
-    /// Largest distance from the centre line, metres.
-    pub(super) distance: f64,
-    /// Largest angle to the lane, radians.
-    pub(super) angle: f64,
-}
 
 /// Tolerances of the AV's own lane.
 const OWN_LANE: LaneTolerance = LaneTolerance { distance: 2.2, angle: 0.6 };
@@ -140,21 +131,6 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
         }
     }
     found
-}
-
-/// Returns the lane that suits a pose best among those within the tolerances.
-pub(super) fn lane_along(
-    road: &Road<'_>,
-    p: Vec2,
-    heading: f64,
-    tolerance: LaneTolerance,
-) -> Option<LaneHit> {
-    let mut hits: Vec<LaneHit> = Vec::new();
-    road.lanes_near(p, tolerance.distance, &mut hits);
-    let off = |h: &LaneHit| wrap(road.lane(h.lane).baseline.heading(h.projection.segment) - heading).abs();
-    let cost = |h: &LaneHit| h.projection.distance + 2.0 * off(h);
-    let along = hits.into_iter().filter(|h| off(h) < tolerance.angle);
-    along.min_by(|a, b| cost(a).total_cmp(&cost(b)))
 }
 
 /// Returns the path that an AV drives along a guide line from its current pose.

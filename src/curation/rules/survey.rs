@@ -1,26 +1,22 @@
 //! Precomputed data that all draws of one scenario share: the logged drive, the motion of others, other
 //! routes of the AV.
 
-use super::routes::{self, Branch, LaneTolerance, PathEntry};
+use super::limits::{Limits, MAX_LATERAL_ACCELERATION, lane_limit};
+use super::routes::{self, Branch, PathEntry};
 use crate::curation::ground::{Ground, lateral_acceleration};
 use crate::curation::replay::LogReplay;
 use crate::curation::signals::Signals;
 use crate::dynamics::{AxlePath, follow_smoothly};
 use crate::geometry::{Polyline, Vec2, direction, wrap};
 use crate::rollout::{AvError, LoggedDrive};
-use crate::scene::{Agent, AgentKind, AgentState, CURRENT, DT, FUTURE, Road, Scenario};
+use crate::scene::{Agent, AgentKind, AgentState, CURRENT, DT, FUTURE, Scenario};
 
 /// Distance by which corners may leave the drivable area, metres: slightly less than the filter allows.
 const OFF_ROAD_TOLERANCE: f64 = 0.25;
 /// Largest lateral acceleration of an accepted draw, m/s²: slightly less than the filter allows.
 const GRIP_ACCELERATION: f64 = 4.5;
-/// Tolerances within which the speed limit of a lane applies.
-const SPEED_LIMIT_LANE: LaneTolerance = LaneTolerance { distance: 3.0, angle: 0.6 };
 /// Distance driven in the log below which an AV is stationary, metres.
 const STATIONARY_DISTANCE: f64 = 2.0;
-/// Largest lateral acceleration for which paths are planned, m/s².
-pub(super) const MAX_LATERAL_ACCELERATION: f64 = 2.8;
-
 /// Precomputed data of one scenario.
 pub(super) struct Survey<'a> {
     pub(super) scenario: &'a Scenario,
@@ -271,39 +267,6 @@ fn acceleration_now(scenario: &Scenario) -> f64 {
     let speed = |frame: usize| scenario.logged_velocity(0, frame).map(|v| v.norm());
     let (now, before) = (speed(CURRENT), speed(CURRENT - WINDOW));
     now.zip(before).map_or(0.0, |(a, b)| ((a - b) / (WINDOW as f64 * DT)).clamp(-4.0, 4.0))
-}
-
-/// Speed limits along a path.
-pub(super) struct Limits(Vec<f64>);
-
-impl Limits {
-    /// Distance between two samples, metres.
-    const SPACING: f64 = 5.0;
-
-    /// Samples the speed limits of the lanes under a path, m/s, none below `least`. There is no limit
-    /// off the lanes and on lanes without one.
-    pub(super) fn along(road: &Road<'_>, path: &AxlePath, least: f64) -> Self {
-        let mut limits = Vec::new();
-        for i in 0..path.poses() {
-            let (pose, s) = path.pose(i);
-            if s >= limits.len() as f64 * Self::SPACING {
-                let limit = lane_limit(road, pose.position, pose.heading);
-                limits.push(limit.map_or(f64::INFINITY, |l| l.max(least)));
-            }
-        }
-        Self(limits)
-    }
-
-    /// Returns the limit at arc length `s`, m/s.
-    pub(super) fn at(&self, s: f64) -> f64 {
-        let i = (s / Self::SPACING) as usize;
-        self.0.get(i).or(self.0.last()).copied().unwrap_or(f64::INFINITY)
-    }
-}
-
-/// Returns the speed limit of the lane at a pose, m/s, if known.
-fn lane_limit(road: &Road<'_>, p: Vec2, heading: f64) -> Option<f64> {
-    road.lane(routes::lane_along(road, p, heading, SPEED_LIMIT_LANE)?.lane).speed_limit
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Deserialize;
 
-use super::map::{Point, between, points};
+use super::point::{Point, between, points};
 use crate::geometry::Vec2;
 use crate::scene::{LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, NeighborParts, RoadLine};
 

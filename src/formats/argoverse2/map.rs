@@ -6,8 +6,9 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::lanes::{self, RawLane};
+use super::point::{Point, between, points};
 use crate::formats::error::{Cause, FormatError};
-use crate::geometry::{Polygon, Vec2};
+use crate::geometry::Polygon;
 use crate::scene::{Crosswalk, MapParts};
 
 /// Maximum number of lanes of a map; usual maps have some hundred.
@@ -29,24 +30,6 @@ struct RawArea {
 struct RawCrossing {
     edge1: Vec<Point>,
     edge2: Vec<Point>,
-}
-
-/// A point; its z coordinate is not read.
-#[derive(Clone, Copy, Deserialize)]
-pub(super) struct Point {
-    x: f64,
-    y: f64,
-}
-
-pub(super) fn points(line: &[Point]) -> Vec<Vec2> {
-    line.iter().map(|p| Vec2::new(p.x, p.y)).collect()
-}
-
-/// Returns the ring around the area between two lines of the same direction.
-pub(super) fn between(one: &[Point], other: &[Point]) -> Vec<Vec2> {
-    let mut ring = points(one);
-    ring.extend(points(other).into_iter().rev());
-    ring
 }
 
 /// Reads a map.

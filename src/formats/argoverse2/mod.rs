@@ -4,6 +4,7 @@
 mod lanes;
 mod map;
 mod parts;
+mod point;
 mod tracks;
 
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Traffic lights of a scenario.
 
-use super::parts::Window;
 use super::pickle::View;
+use super::window::Window;
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::{FRAMES, LightParts, LightState, MapParts};

@@ -7,6 +7,7 @@ mod map;
 mod parts;
 mod pickle;
 mod tracks;
+mod window;
 
 use std::path::{Path, PathBuf};
 

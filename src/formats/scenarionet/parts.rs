@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::pickle::View;
+use super::window::Window;
 use super::{lights, map, tracks};
 use crate::formats::error::Cause;
 use crate::scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
@@ -12,22 +13,6 @@ pub(super) struct ConvertedScenario {
     pub(super) parts: ScenarioParts,
     /// Number of missing, omitted or changed elements by description.
     pub(super) repairs: BTreeMap<&'static str, u32>,
-}
-
-/// Window of frames of a recording that are read.
-#[derive(Clone, Copy)]
-pub(super) struct Window {
-    /// Index of the first of the 91 frames in the recording.
-    pub(super) first: usize,
-    /// Number of frames of the recording.
-    pub(super) length: usize,
-}
-
-impl Window {
-    /// Returns the frames of the recording in the window.
-    pub(super) fn recorded(self) -> std::ops::Range<usize> {
-        self.first..self.length.min(self.first + FRAMES)
-    }
 }
 
 /// Reads the id of the scenario.

@@ -1,7 +1,7 @@
 //! Tracks of a scenario.
 
-use super::parts::Window;
 use super::pickle::{Grid, View};
+use super::window::Window;
 use crate::formats::error::Cause;
 use crate::scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent};
 

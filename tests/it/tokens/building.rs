@@ -7,8 +7,8 @@ use reactsim::formats;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::geometry::Vec2;
 use reactsim::models::ntp::tokens::{
-    BuildError, Class, KDisks, Kinematic, MapVocabulary, MapVocabularyBuilder, MatchingErrors, ORIGIN,
-    Segments, TokenPoses, Tokenizer, TrajTok, Vocabulary, curve_pieces,
+    BuildError, BuildVocabulary, Class, KDisks, Kinematic, MapVocabulary, MapVocabularyBuilder,
+    MatchingErrors, ORIGIN, Segments, TokenPoses, TrajTok, Vocabulary, curve_pieces,
 };
 use reactsim::scene::Scenario;
 

@@ -1,0 +1,34 @@
+//! Reasons why a policy cannot be read.
+
+use super::super::tokens::VocabularyError;
+use crate::models::nn::WeightsError;
+
+/// Error from reading a policy.
+#[derive(Debug, thiserror::Error)]
+pub enum PolicyError {
+    /// Invalid tensors or configuration.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// Invalid vocabulary.
+    #[error(transparent)]
+    Vocabulary(#[from] VocabularyError),
+    /// The file holds another kind of network.
+    #[error(
+        "the file holds a network of kind `{0}`, expected `{KIND}`: \
+         give it to the simulator that it was made for"
+    )]
+    Kind(String),
+    /// A size is out of range.
+    #[error("the file's configuration has {field} = {value}, expected {expected}")]
+    Size {
+        /// Name of the field.
+        field: &'static str,
+        /// Value of the field.
+        value: f64,
+        /// Allowed values.
+        expected: &'static str,
+    },
+}
+
+/// Name of this kind of network in the configuration of a file.
+pub(super) const KIND: &str = "reactive";

@@ -1,0 +1,15 @@
+//! The files that a command has generated.
+
+use std::path::PathBuf;
+
+/// Files of one generation and how it went.
+pub(super) struct GeneratedFiles {
+    /// Paths; the first one is `--out`.
+    pub(super) files: Vec<PathBuf>,
+    /// Number of scenarios in them.
+    pub(super) written: usize,
+    /// Number of scenarios that could not be generated.
+    pub(super) failed: usize,
+    /// Whether the user interrupted the generation.
+    pub(super) interrupted: bool,
+}

@@ -1,0 +1,193 @@
+//! List of formats; detection and opening of files.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::argoverse2::Argoverse2;
+use super::error::{Cause, FormatError};
+use super::format::{
+    GZIP, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, ZSTD, head, named,
+};
+use super::gpudrive::GpuDrive;
+use super::json::Json;
+use super::native::Native;
+use super::nuplan::NuPlan;
+use super::scenarionet::ScenarioNet;
+use super::womd::Womd;
+
+/// All formats.
+pub const FORMATS: &[&dyn ScenarioFormat] =
+    &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
+
+/// A file with its format and reading options.
+#[derive(Clone)]
+pub struct Input {
+    /// The file.
+    pub path: PathBuf,
+    /// Its format.
+    pub format: &'static dyn ScenarioFormat,
+    /// Index of the current frame, from 0, if it overrides that of the format: see
+    /// [`ScenarioFormat::read_at`].
+    pub current_frame: Option<usize>,
+}
+
+impl Input {
+    /// Opens the file.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be read at all, or not with this current frame.
+    pub fn open(&self) -> Result<Scenarios, FormatError> {
+        let Some(frame) = self.current_frame else { return self.format.open(&self.path) };
+        let scenario = self.format.read_at(&self.path, frame)?;
+        Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+
+    /// Opens the file for reading by several threads: [`ScenarioFormat::open_undecoded`].
+    ///
+    /// # Errors
+    /// Same as [`Input::open`]; with a given current frame, errors appear when the record is decoded.
+    pub fn open_undecoded(&self) -> Result<PendingScenarios, FormatError> {
+        let Some(frame) = self.current_frame else { return self.format.open_undecoded(&self.path) };
+        let Self { path, format, .. } = self.clone();
+        let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
+        Ok(Box::new(std::iter::once(Ok(decode))))
+    }
+}
+
+/// Scenario files found at a path.
+#[derive(Clone)]
+pub struct Survey {
+    /// The scenario files, sorted by name; at least one.
+    pub inputs: Vec<Input>,
+    /// Files of a folder that are named like scenarios but have no known format. Callers that report what was
+    /// read should list them.
+    pub passed_over: Vec<PathBuf>,
+}
+
+/// Finds the scenario files at a path: the file itself, or those in the folder and its subfolders. Other
+/// files in a folder are skipped.
+///
+/// # Errors
+/// [`FormatError`] if the path cannot be read, a file has no known format, or a folder holds no scenario
+/// file.
+pub fn survey(path: &Path) -> Result<Survey, FormatError> {
+    let (mut inputs, mut passed_over) = (Vec::new(), Vec::new());
+    for path in files_at(path)? {
+        if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
+            inputs.push(Input { path, format, current_frame: None });
+        } else if SCENARIO_ENDINGS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
+            && !FORMATS.iter().any(|f| f.accompanies(&path))
+        {
+            passed_over.push(path);
+        }
+    }
+    if !inputs.is_empty() {
+        return Ok(Survey { inputs, passed_over });
+    }
+    let known: Vec<String> = FORMATS.iter().map(|f| format!("{} ({})", f.id(), f.title())).collect();
+    let known = known.join(", ");
+    Err(FormatError::file(
+        path,
+        if path.is_dir() {
+            Cause::NoInput { known }
+        } else {
+            let found = describe_content(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+            Cause::Unrecognised { found, known }
+        },
+    ))
+}
+
+/// Returns whether a file name has this ending followed by that of a compressed file.
+fn zipped(path: &Path, ending: &str) -> bool {
+    [".gz", ".zst"].iter().any(|zip| named(path, &format!("{ending}{zip}")))
+}
+
+/// Returns the scenario files of a [`survey`].
+///
+/// # Errors
+/// Same as [`survey`].
+pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
+    survey(path).map(|found| found.inputs)
+}
+
+/// Lists the file at a path, or the files below a folder.
+fn files_at(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
+    let about = fs::metadata(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+    if !about.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let mut files = Vec::new();
+    collect(path, &mut Vec::new(), &mut files)?;
+    Ok(files)
+}
+
+/// Reads all scenarios at a path, which is a file or a folder. A file of a folder that cannot be read is
+/// reported once, and reading continues with the next file.
+///
+/// # Errors
+/// Same as [`find_inputs`]; for a single file also if it cannot be opened.
+pub fn open(path: &Path) -> Result<Scenarios, FormatError> {
+    open_all(find_inputs(path)?)
+}
+
+/// Reads all scenarios of these files in order. A file that cannot be read is reported once, and reading
+/// continues with the next file.
+///
+/// # Errors
+/// [`FormatError`] if there is only one file and it cannot be opened.
+pub fn open_all(inputs: Vec<Input>) -> Result<Scenarios, FormatError> {
+    if let [only] = inputs.as_slice() {
+        return only.open();
+    }
+    Ok(Box::new(inputs.into_iter().flat_map(|input| match input.open() {
+        Ok(scenarios) => scenarios,
+        Err(error) => Box::new(std::iter::once(Err(error))),
+    })))
+}
+
+/// Collects the files below a folder in the order of their names. Links to one of the folders `above` it are
+/// not followed.
+fn collect(folder: &Path, above: &mut Vec<PathBuf>, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
+    let refuse = |e| FormatError::file(folder, Cause::read(e));
+    let real = folder.canonicalize().map_err(refuse)?;
+    if above.contains(&real) {
+        return Ok(());
+    }
+    above.push(real);
+    let mut entries = Vec::new();
+    for entry in fs::read_dir(folder).map_err(refuse)? {
+        entries.push(entry.map_err(refuse)?.path());
+    }
+    entries.sort();
+    for path in entries {
+        let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        if path.is_dir() {
+            collect(&path, above, files)?;
+        } else if !hidden {
+            files.push(path);
+        }
+    }
+    above.pop();
+    Ok(())
+}
+
+/// Describes the content of a file without a known format.
+fn describe_content(path: &Path) -> std::io::Result<&'static str> {
+    let head = head(path, 4096)?;
+    let text = head.trim_ascii_start();
+    Ok(match &head[..] {
+        [] => "empty",
+        h if h.starts_with(PARQUET) => "a Parquet file of another kind",
+        h if h.starts_with(GZIP) => "a gzip file without TFRecords (decompress it first)",
+        h if h.starts_with(ZSTD) => "a zstd file without TFRecords (decompress it first)",
+        [0x80, 0x02..=0x05, ..] => "a Python pickle",
+        _ if NuPlan.accompanies(path) => "a nuPlan map (give the logs, `.db`, that use it)",
+        _ if Argoverse2.accompanies(path) => "an Argoverse 2 map (give the scenario_*.parquet next to it)",
+        _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
+        _ if text.starts_with(b"<") => "an XML file",
+        _ => "a file of an unknown kind",
+    })
+}
+
+/// Name endings of files that may be intended as scenarios.
+const SCENARIO_ENDINGS: &[&str] = &[".json", ".parquet", ".pkl", ".db"];

@@ -1,0 +1,120 @@
+//! The front door: `Benchmark` gives the numbers of `run`, for baselines and for simulators of one's own.
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+use reactsim::evaluation::{AvChoice, Failure, Row, RunObserver, read_rows};
+use reactsim::formats;
+use reactsim::rollout::{PlanError, Planning, Protocol, Replan, SingleEpisode, Stream};
+use reactsim::scene::Start;
+use reactsim::{Benchmark, BenchmarkError};
+
+use crate::reference::said;
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+
+/// Every agent stays where it is.
+struct Frozen;
+
+impl SingleEpisode for Frozen {
+    type Memory = ();
+
+    fn id(&self) -> &'static str {
+        "frozen"
+    }
+
+    fn begin(&self, _: &Start, _: &mut Stream) {}
+
+    fn plan_one(&self, _: &mut (), episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        for agent in 0..episode.plan.agents() {
+            for step in 0..episode.plan.steps() {
+                episode.plan.set(agent, step, episode.seen.state(agent));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Rows without the digest and the indices of their file.
+fn rows(folder: &Path) -> Vec<(String, String, Option<u32>, String)> {
+    let values =
+        |row: Row| (row.scenario, row.simulator, row.rollout, serde_json::to_string(&row.metrics).unwrap());
+    let mut rows: Vec<_> = read_rows(folder).unwrap().into_iter().map(values).collect();
+    rows.sort();
+    rows
+}
+
+#[test]
+fn the_numbers_are_those_of_run() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let asked = ["--models", "idm,stop", "--av", "brake:4", "--replan", "10steps", "--seed", "3"];
+    let out = at("run");
+    said(&[&["run", MINI, "--out", out.to_str().unwrap()], &asked[..]].concat(), 0);
+    let of = |benchmark: Benchmark| {
+        benchmark
+            .baselines(["idm", "stop"])
+            .av("brake:4".parse().unwrap())
+            .replan(Replan::every(10).unwrap())
+            .seed(3)
+    };
+    let files = of(Benchmark::files([MINI])).folder(at("files")).run().unwrap();
+    let scenarios = formats::open(Path::new(MINI)).unwrap().map(Result::unwrap);
+    let memory =
+        of(Benchmark::scenarios(scenarios)).threads(NonZeroUsize::MIN).folder(at("memory")).run().unwrap();
+    assert_eq!(rows(&at("files")), rows(&out));
+    assert_eq!(rows(&at("memory")), rows(&out));
+    assert!(files.table().starts_with("| Method ") && files.table().contains("| IDM "), "{}", files.table());
+    assert_eq!(files.mean("idm", "ade"), memory.mean("idm", "ade"));
+    assert_eq!((files.mean("nobody", "ade"), files.mean("idm", "nothing")), (None, None));
+}
+
+#[test]
+fn a_simulator_of_ones_own_has_a_row() {
+    #[derive(Default)]
+    struct Progress(AtomicUsize, Mutex<Vec<String>>);
+    impl RunObserver for Progress {
+        fn rows(&self, rows: &[Row]) {
+            self.0.fetch_add(rows.len(), Ordering::Relaxed);
+        }
+        fn failed(&self, failure: &Failure) {
+            self.1.lock().unwrap().push(failure.error.clone());
+        }
+    }
+    let progress = Arc::new(Progress::default());
+    let results = Benchmark::shipped()
+        .limit(3)
+        .simulator("frozen", Frozen)
+        .baseline("stop")
+        .rollouts(2)
+        .observer(Arc::clone(&progress))
+        .run()
+        .unwrap();
+    assert_eq!(results.summary.provenance.scenarios, 3);
+    assert!(results.mean("frozen", "progress") < results.mean("stop", "progress"));
+    // Two rollouts and a row for both together, per scenario and simulator.
+    assert_eq!(progress.0.load(Ordering::Relaxed), 3 * 2 * 3);
+    assert!(progress.1.lock().unwrap().is_empty());
+}
+
+#[test]
+fn wrong_settings_are_refused() {
+    let refused = |benchmark: Benchmark| benchmark.run().unwrap_err();
+    assert!(matches!(refused(Benchmark::shipped()), BenchmarkError::NoSimulator));
+    let stop = || Benchmark::shipped().baseline("stop");
+    assert!(matches!(refused(stop().rollouts(0)), BenchmarkError::NoRollouts));
+    let realism = stop().protocol(Protocol::Realism).av(AvChoice::Log);
+    assert!(matches!(refused(realism), BenchmarkError::AvInRealism));
+    assert!(refused(stop().baseline("stop")).to_string().contains("`stop`"));
+    assert!(refused(stop().baseline("idn")).to_string().contains("`idn`"));
+    assert!(refused(Benchmark::files(["/nowhere"]).baseline("stop")).to_string().contains("/nowhere"));
+    assert!(refused(stop().deviations("/nowhere.json")).to_string().contains("/nowhere.json"));
+    let none = Benchmark::scenarios([]).baseline("stop");
+    assert!(
+        matches!(refused(none), BenchmarkError::NothingRun(reason) if reason == "there are no scenarios")
+    );
+    let stopped = stop().stop(Arc::new(AtomicBool::new(true)));
+    assert!(matches!(refused(stopped), BenchmarkError::Interrupted));
+}
