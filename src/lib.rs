@@ -1,4 +1,4 @@
-#![cfg_attr(feature = "models", doc = include_str!("README.md"))]
+#![cfg_attr(feature = "report", doc = include_str!("README.md"))]
 #![cfg_attr(
     not(feature = "models"),
     doc = "Traffic simulation benchmark; see the documentation with default features."
