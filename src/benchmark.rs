@@ -41,7 +41,6 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::thread;
 
 use crate::evaluation::{
     self, AvChoice, Deviations, EvaluationError, Execution, Failure, Outcome, Plan, PlannedSimulator,
@@ -52,6 +51,7 @@ use crate::metrics::Options;
 use crate::report::{self, Run};
 use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
 use crate::scene::Scenario;
+use crate::work::available_threads;
 
 /// A benchmark run that is being put together. Wrong settings are reported by [`Benchmark::run`], before the first scenario.
 #[must_use = "a benchmark does nothing until `run` is called"]
@@ -330,10 +330,6 @@ impl Benchmark {
         }
         Ok(Results { summary: *summary })
     }
-}
-
-fn available_threads() -> usize {
-    thread::available_parallelism().map_or(1, NonZeroUsize::get)
 }
 
 fn plan(

@@ -12,6 +12,7 @@ extern crate self as reactsim;
 
 pub mod geometry;
 pub mod scene;
+pub mod work;
 
 pub mod dynamics;
 

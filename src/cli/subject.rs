@@ -2,7 +2,6 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::thread;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
@@ -15,6 +14,7 @@ use crate::evaluation::{
 use crate::formats::Input;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
+use crate::work::available_threads;
 
 /// Scenarios, simulators and the driver of the AV.
 #[derive(Debug, Args)]
@@ -81,8 +81,7 @@ pub(super) struct ExecutionArgs {
 
 impl ExecutionArgs {
     pub(super) fn execution(&self) -> Execution {
-        let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        Execution { jobs: self.jobs.map_or_else(cores, usize::from), batch: self.batch.get() }
+        Execution { jobs: self.jobs.map_or_else(available_threads, usize::from), batch: self.batch.get() }
     }
 }
 

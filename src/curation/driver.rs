@@ -13,11 +13,10 @@ use super::{
     ScenarioRecord, curate_scenario,
 };
 use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
+use crate::work::{MAX_THREADS, Pool};
 
 /// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
 const SCENARIOS_PER_JOB: usize = 8;
-/// Largest number of threads.
-const MAX_JOBS: usize = 512;
 
 /// An input file of scenarios.
 pub struct Input {
@@ -66,9 +65,8 @@ impl Curation<'_> {
         observer: &dyn CurationObserver,
         stop: &AtomicBool,
     ) -> Result<(CurationProvenance, Statistics), FormatError> {
-        let jobs = self.jobs.clamp(1, MAX_JOBS);
-        // If the system grants no new threads, the existing ones do the work.
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
+        let jobs = self.jobs.clamp(1, MAX_THREADS);
+        let pool = Pool::new(jobs);
         let mut collector = ResultCollector::new(base, observer);
         let mut records = self.inputs.iter().enumerate().flat_map(|(i, input)| pending(i, input));
         loop {
@@ -77,11 +75,7 @@ impl Curation<'_> {
                 return Ok(collector.finish());
             }
             let curate = || chunk.into_par_iter().map(|record| self.curate(record, stop)).collect::<Vec<_>>();
-            let results = match &pool {
-                Some(pool) => pool.install(curate),
-                None => curate(),
-            };
-            for result in results {
+            for result in pool.install(curate) {
                 let Some(result) = result else {
                     collector.provenance.interrupted = true;
                     return Ok(collector.finish());

@@ -17,9 +17,7 @@ use super::tally::Tally;
 use super::{EvaluationError, rollouts};
 use crate::rollout::{Request, Rollout, roll_out};
 use crate::scene::Scenario;
-
-/// Maximum number of threads; more would only wait for each other.
-const MAX_JOBS: usize = 512;
+use crate::work::{MAX_THREADS, Pool};
 
 /// Execution settings of a run, which do not affect its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +79,7 @@ pub fn run(
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
-        for _ in 1..execution.jobs.min(MAX_JOBS) {
+        for _ in 1..execution.jobs.min(MAX_THREADS) {
             // If the system refuses more threads, the existing ones do the work.
             if thread::Builder::new().spawn_scoped(scope, || runner.work()).is_err() {
                 break;
@@ -103,7 +101,7 @@ pub fn run(
     }
     failures.sort();
     let provenance = plan.provenance();
-    let mut summary = with_threads(execution.jobs, || Summary::new(&tally, &failures, &provenance));
+    let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
     summary.provenance.passed_over = runner.passed_over.into_inner();
     let seen = runner.deviations.into_inner().unwrap_or_else(PoisonError::into_inner);
     summary.provenance.unused_deviations = unused_deviations(plan, &tally, seen);
@@ -116,14 +114,6 @@ pub fn run(
         folder.remove_parts()?;
     }
     Ok(Outcome::Finished(Box::new(summary)))
-}
-
-/// Runs parallel work on `jobs` threads, or on the default pool if they cannot be created.
-fn with_threads<T: Send>(jobs: usize, work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(jobs.clamp(1, MAX_JOBS)).build() {
-        Ok(pool) => pool.install(work),
-        Err(_) => work(),
-    }
 }
 
 /// Removes scenarios with the id of an earlier one and returns their failures. Only the order of the inputs

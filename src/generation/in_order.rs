@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
+use crate::work::{MAX_THREADS, Pool};
+
 /// Results per thread that are in memory at a time: enough that threads seldom wait for the slowest.
 pub(super) const CHUNK_PER_JOB: usize = 8;
-/// Maximum number of threads.
-pub(super) const MAX_JOBS: usize = 512;
 
 /// Outcome of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,20 +36,15 @@ pub fn in_order<S: Sync, T: Send, E>(
     make: impl Fn(&S, u64) -> T + Sync,
     mut take: impl FnMut(&mut S, u64, T) -> Result<ControlFlow<()>, E>,
 ) -> Result<Ending, E> {
-    let jobs = jobs.clamp(1, MAX_JOBS);
-    // If the system grants no extra threads, the existing ones do the work.
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
+    let jobs = jobs.clamp(1, MAX_THREADS);
+    let pool = Pool::new(jobs);
     let mut next = 0;
     while next < end {
         let chunk = next..end.min(next + (jobs * CHUNK_PER_JOB) as u64);
         next = chunk.end;
         let one = |n| (!stop.load(Ordering::Relaxed)).then(|| make(state, n));
         let all = || chunk.clone().into_par_iter().map(one).collect::<Vec<_>>();
-        let results = match &pool {
-            Some(pool) => pool.install(all),
-            None => all(),
-        };
-        for (number, result) in chunk.zip(results) {
+        for (number, result) in chunk.clone().zip(pool.install(all)) {
             let Some(result) = result else { return Ok(Ending::Stopped) };
             if take(state, number, result)?.is_break() {
                 return Ok(Ending::Done);

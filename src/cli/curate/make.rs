@@ -2,7 +2,6 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::thread;
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -20,6 +19,7 @@ use crate::curation::{
 use crate::evaluation::{Registrar, program_commit, program_version};
 use crate::formats::{FormatError, PendingScenarios};
 use crate::report::curation_tables;
+use crate::work::available_threads;
 
 /// Arguments of `curate` itself.
 #[derive(Debug, Args)]
@@ -137,8 +137,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
         inputs: inputs.iter().map(|i| i.file.clone()).collect(),
         ..CurationProvenance::default()
     };
-    let jobs =
-        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
+    let jobs = args.jobs.map_or_else(available_threads, usize::from);
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     let curation = Curation { inputs: &inputs, source: *source, settings: &settings, jobs };

@@ -3,7 +3,6 @@
 use std::fs::OpenOptions;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::thread;
 
 use anyhow::Context as _;
 use anyhow::bail;
@@ -15,6 +14,7 @@ use crate::curation::driver::CurationObserver;
 use crate::formats::{FormatError, Input, PendingScenarios};
 use crate::generation::realism::{Comparison, Measured};
 use crate::report::{realism_charts, realism_tables};
+use crate::work::available_threads;
 
 /// Arguments of `generate compare`.
 #[derive(Debug, Args)]
@@ -93,8 +93,7 @@ fn measured(
     progress: &Progress,
 ) -> anyhow::Result<Measured> {
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
-    let jobs =
-        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
+    let jobs = args.jobs.map_or_else(available_threads, usize::from);
     let mut done = 0;
     let records = inputs.into_iter().flat_map(|input| -> PendingScenarios {
         match input.open_undecoded() {

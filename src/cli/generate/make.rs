@@ -1,10 +1,8 @@
 //! `reactsim generate --preset …`: writes generated scenarios to a file.
 
-use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::thread;
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -19,6 +17,7 @@ use crate::curation::driver::CurationObserver;
 use crate::formats::FormatError;
 use crate::formats::native::Writer;
 use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
+use crate::work::available_threads;
 
 /// Arguments of `generate` itself.
 #[derive(Debug, Args)]
@@ -61,8 +60,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     let out = args.out.as_deref().context("give the file to write with --out")?;
     let wanted = args.count.context("give the number of scenarios with --count")?;
     let settings = args.settings()?;
-    let jobs =
-        args.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from);
+    let jobs = args.jobs.map_or_else(available_threads, usize::from);
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     let generated = match settings.preset {

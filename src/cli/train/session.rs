@@ -1,9 +1,7 @@
 //! Training of any network on scenarios: arguments, files, ^C.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::thread;
 use std::time::Duration;
 
 use clap::Args;
@@ -15,6 +13,7 @@ use crate::cli::{ExitStatus, say, stop_on_interrupt};
 use crate::evaluation::{program_commit, program_version};
 use crate::scene::Scenario;
 use crate::training::{ClosedLoop, Ending, Execution, Learner, Settings, Task, WEIGHTS};
+use crate::work::available_threads;
 
 /// Arguments of every training.
 #[derive(Debug, Args)]
@@ -82,7 +81,7 @@ pub(super) struct SessionArgs {
 impl SessionArgs {
     /// Number of threads.
     fn jobs(&self) -> usize {
-        self.jobs.map_or_else(|| thread::available_parallelism().map_or(1, NonZeroUsize::get), usize::from)
+        self.jobs.map_or_else(available_threads, usize::from)
     }
 
     fn settings(&self) -> Settings {

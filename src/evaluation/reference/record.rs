@@ -1,14 +1,13 @@
 //! `reference.toml`: the identity of a reference, its origin, and the files in its folder.
 
 use std::collections::BTreeMap;
-use std::num::NonZeroUsize;
-use std::thread;
 
 use serde::{Deserialize, Serialize};
 
 use super::SimulatorClass;
 use crate::evaluation::BenchmarkRecord;
 use crate::models::nn::cpu_class;
+use crate::work::available_threads;
 
 /// Format id of `reference.toml`.
 pub(super) const FORMAT: &str = "reactsim-reference-v1";
@@ -57,7 +56,7 @@ impl MachineRecord {
             os: std::env::consts::OS.to_owned(),
             arch: std::env::consts::ARCH.to_owned(),
             cpu: cpu_class().to_owned(),
-            cores: thread::available_parallelism().map_or(1, NonZeroUsize::get),
+            cores: available_threads(),
         }
     }
 }

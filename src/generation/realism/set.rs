@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::{Tally, measure};
-use crate::generation::in_order::{CHUNK_PER_JOB, MAX_JOBS};
+use crate::generation::in_order::CHUNK_PER_JOB;
 use crate::scene::Scenario;
+use crate::work::{MAX_THREADS, Pool};
 
 /// Statistics of a set of scenarios. Memory does not grow with the set.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,9 +25,8 @@ impl Measured {
         F: FnOnce() -> Result<Scenario, E> + Send,
         E: Send,
     {
-        let jobs = jobs.clamp(1, MAX_JOBS);
-        // If the system grants no extra threads, the existing ones do the work.
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().ok();
+        let jobs = jobs.clamp(1, MAX_THREADS);
+        let pool = Pool::new(jobs);
         let mut set = Self::default();
         let mut records = records;
         loop {
@@ -37,11 +37,7 @@ impl Measured {
             let all = || -> Vec<Result<Tally, E>> {
                 chunk.into_par_iter().map(|read| read().map(|scenario| measure(&scenario))).collect()
             };
-            let done = match &pool {
-                Some(pool) => pool.install(all),
-                None => all(),
-            };
-            for tally in done {
+            for tally in pool.install(all) {
                 match tally {
                     Ok(tally) => set.add(&tally),
                     Err(error) => {
