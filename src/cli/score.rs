@@ -10,10 +10,7 @@ use super::also::ExtraColumns;
 use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
-use crate::evaluation::{
-    BenchmarkRecord, Failure, FileRecord, Place, Provenance, Recorded, Registrar, SettingsRecord,
-    program_commit, program_version,
-};
+use crate::evaluation::{Failure, RunObserver, score_files};
 use crate::formats;
 use crate::formats::document::Document;
 use crate::report::{Run, exporter};
@@ -81,71 +78,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     let options = metric_options(&args.metric_options)?;
     let inputs = find_inputs(&args.scenarios)?;
-    let (mut failures, mut records, mut files) = (Vec::new(), Vec::new(), Vec::new());
-    for (input, path) in paths.iter().enumerate() {
-        let file = FileRecord::of(path, "rollouts")?;
-        for (record, rollout) in formats::rollouts::read(path)?.enumerate() {
-            match rollout {
-                Ok(rollout) => records.push(rollout),
-                Err(error) => failures.push(failed(input, record, &file.name, error.scenario.clone(), error)),
-            }
-        }
-        files.push(file);
-    }
-    let mut recorded = Recorded::new(records, options);
-    let mut registrar = Registrar::default();
-    for (i, scenarios) in inputs.iter().enumerate() {
-        let (input, file) = (paths.len() + i, registrar.record(scenarios)?);
-        for (record, scenario) in scenarios.open()?.enumerate() {
-            match scenario {
-                Ok(scenario) => {
-                    for failure in recorded.score(Place { input, record }, &file.name, &scenario) {
-                        say(format_args!("warning: {}", failure.error));
-                    }
-                }
-                Err(error) => failures.push(failed(input, record, &file.name, error.scenario.clone(), error)),
-            }
-        }
-        files.push(file);
-    }
-    let unmatched: Vec<Failure> = recorded
-        .left()
-        .map(|id| {
-            let error = format!("no scenario `{id}` in --scenarios for its rollouts");
-            failed(0, 0, &files[0].name, Some(id.to_owned()), error)
-        })
-        .collect();
-    failures.extend(unmatched);
-    for failure in &failures {
-        say(format_args!("warning: {}", failure.error));
-    }
-    // `files` holds the rollout files first, then the scenario files.
-    let benchmark = match &files[paths.len()..] {
-        [scenarios] => BenchmarkRecord::of(scenarios),
-        _ => None,
-    };
-    let provenance = Provenance {
-        version: program_version().to_owned(),
-        commit: program_commit().to_owned(),
-        settings: SettingsRecord {
-            protocol: "recorded".to_owned(),
-            av: "recorded".to_owned(),
-            replan_steps: 0,
-            av_lookahead: false,
-            seed: 0,
-            rollouts: 0,
-            limit: None,
-        },
-        metric_options: options.named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
-        simulators: recorded.simulators(),
-        inputs: files,
-        deviations: None,
-        benchmark,
-        backend: None,
-        cpu: None,
-        keep_rollouts: None,
-    };
-    let summary = recorded.finish(failures, &provenance);
+    let summary = score_files(paths, &inputs, options, &Warnings)?;
     if summary.provenance.scenarios == 0 {
         bail!("no rollout could be scored: see the warnings above");
     }
@@ -156,12 +89,11 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }
 
-fn failed(
-    input: usize,
-    record: usize,
-    file: &str,
-    scenario: Option<String>,
-    error: impl ToString,
-) -> Failure {
-    Failure { input, record, simulator: None, file: file.to_owned(), scenario, error: error.to_string() }
+/// Prints failures as warnings.
+struct Warnings;
+
+impl RunObserver for Warnings {
+    fn failed(&self, failure: &Failure) {
+        say(format_args!("warning: {}", failure.error));
+    }
 }

@@ -67,6 +67,21 @@ pub struct SettingsRecord {
     pub limit: Option<usize>,
 }
 
+impl SettingsRecord {
+    /// Returns the settings of recorded rollouts, of which nothing is known.
+    pub fn recorded() -> Self {
+        Self {
+            protocol: "recorded".to_owned(),
+            av: "recorded".to_owned(),
+            replan_steps: 0,
+            av_lookahead: false,
+            seed: 0,
+            rollouts: 0,
+            limit: None,
+        }
+    }
+}
+
 /// A simulator of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
