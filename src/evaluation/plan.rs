@@ -192,9 +192,14 @@ impl Plan {
 
 /// Placeholder policy for the realism protocol: the simulator moves the AV, and the engine never calls the
 /// policy.
+#[derive(Clone)]
 struct SimulatorControlledAv;
 
 impl AvPolicy for SimulatorControlledAv {
+    fn copy(&self) -> Box<dyn AvPolicy> {
+        Box::new(self.clone())
+    }
+
     fn next(&mut self, seen: &crate::rollout::Observation<'_>) -> Result<AgentState, AvError> {
         Err(AvError::Absent { step: seen.step() + 1 })
     }

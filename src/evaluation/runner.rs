@@ -15,7 +15,7 @@ use super::source::{Supply, UndecodedRecord};
 use super::summary::Summary;
 use super::tally::Tally;
 use super::{EvaluationError, rollouts};
-use crate::rollout::{Request, Rollout, roll_out};
+use crate::rollout::{AvPolicy, Request, Rollout, roll_out};
 use crate::scene::Scenario;
 use crate::work::{MAX_THREADS, Pool};
 
@@ -181,6 +181,8 @@ struct PreparedScenario {
     place: Place,
     scenario: Scenario,
     digest: String,
+    /// AV at its initial state, copied for every rollout.
+    av: Box<dyn AvPolicy>,
     deviation: KnownDeviation,
 }
 
@@ -237,9 +239,9 @@ impl Runner<'_> {
             seen.insert(scenario.id.clone());
         }
         match self.plan.av(&scenario) {
-            Ok((_, deviation)) => {
+            Ok((av, deviation)) => {
                 let digest = scenario.digest();
-                Ok(Some(PreparedScenario { place: item.place, digest, deviation, scenario }))
+                Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, scenario }))
             }
             Err(error) if self.plan.skips(&error) => Ok(None),
             Err(error) => {
@@ -259,13 +261,8 @@ impl Runner<'_> {
                 if failed[i].is_some() {
                     continue;
                 }
-                match self.plan.av(&ready.scenario) {
-                    Ok((av, _)) => {
-                        requests.push(Request { scenario: &ready.scenario, av, rollout });
-                        requested.push(i);
-                    }
-                    Err(error) => failed[i] = Some(format!("scenario `{}`: {error}", ready.scenario.id)),
-                }
+                requests.push(Request { scenario: &ready.scenario, av: ready.av.copy(), rollout });
+                requested.push(i);
             }
             let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
             for (i, result) in requested.into_iter().zip(results) {

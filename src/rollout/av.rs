@@ -17,6 +17,9 @@ pub trait AvPolicy: Send {
     /// [`AvError`] when there is no such state.
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
 
+    /// Returns a copy for another rollout. The original must not have been asked for a state yet.
+    fn copy(&self) -> Box<dyn AvPolicy>;
+
     /// Returns whether the states come from a recording, so that their velocities were measured. For all
     /// other policies velocities are replaced by position differences.
     fn replays_recording(&self) -> bool {
@@ -108,6 +111,10 @@ fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
 }
 
 impl AvPolicy for DeviatedAv {
+    fn copy(&self) -> Box<dyn AvPolicy> {
+        Box::new(self.clone())
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         Ok(self.track[seen.frame() - CURRENT])
     }
@@ -134,6 +141,10 @@ impl LogAv {
 }
 
 impl AvPolicy for LogAv {
+    fn copy(&self) -> Box<dyn AvPolicy> {
+        Box::new(self.clone())
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let step = seen.frame() - CURRENT;
         self.track[step].ok_or(AvError::Absent { step: step + 1 })

@@ -141,6 +141,10 @@ impl ScriptedAv {
 }
 
 impl AvPolicy for ScriptedAv {
+    fn copy(&self) -> Box<dyn AvPolicy> {
+        Box::new(self.clone())
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         Ok(self.track[seen.step()])
     }

@@ -13,9 +13,14 @@ use super::{INTERVALS, every_baseline, scenarios, settings};
 use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
 
 /// An AV policy that must not be asked.
+#[derive(Clone)]
 struct Unasked;
 
 impl AvPolicy for Unasked {
+    fn copy(&self) -> Box<dyn AvPolicy> {
+        Box::new(self.clone())
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         panic!("the AV policy was asked at step {}", seen.step())
     }
