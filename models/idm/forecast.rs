@@ -1,6 +1,6 @@
 //! Forecasts of all agents over the next four seconds.
 
-use reactsim::dynamics::DrivenPath;
+use reactsim::dynamics::{DrivenPath, STANDSTILL_SPEED};
 use reactsim::geometry::{Bounds, Vec2, direction, math};
 
 use super::actor::Actor;
@@ -36,8 +36,6 @@ const START_SPEED: f64 = 3.0;
 const START_DURATION: f64 = 3.0;
 /// Acceleration assumed for a vehicle that may set off at any time, m/s².
 const SET_OFF_ACCELERATION: f64 = 1.0;
-/// Speed in m/s below which an agent stands.
-const STANDSTILL_SPEED: f64 = 0.1;
 
 impl Forecast {
     /// Forecasts motion along a path from arc length `s`.

@@ -107,7 +107,7 @@ def read_checkpoint(path):
         except pickle.UnpicklingError:
             found = torch.load(path, map_location="cpu", weights_only=False, pickle_module=Pickling)
     except (pickle.UnpicklingError, RuntimeError, EOFError, OSError) as error:
-        stop(f"{path} can not be read as a checkpoint: {error}")
+        stop(f"{path} cannot be read as a checkpoint: {error}")
     state = found.get("state_dict", found) if isinstance(found, dict) else None
     if not state or not any(isinstance(value, torch.Tensor) for value in state.values()):
         stop(f"{path} holds no state dict: expected a dict of tensors, or one under `state_dict`")
@@ -119,7 +119,7 @@ def read_pickle(path, key):
         with open(path, "rb") as file:
             found = Arrays(file).load()
     except (pickle.UnpicklingError, EOFError, OSError) as error:
-        stop(f"{path} can not be read as a pickle: {error}")
+        stop(f"{path} cannot be read as a pickle: {error}")
     if not isinstance(found, dict) or key not in found:
         stop(f"{path} has no entry `{key}`")
     return found[key]
@@ -180,7 +180,7 @@ def configuration(own, vocabulary, curves, options):
             stop(f"`{name}` tells {found} kinds apart, expected {expected}, those of CATK and TrajTok: the codes are others")
     heads = options.heads or HEADS.get(attended) or stop(f"give --heads: they are {attended} wide together")
     if attended % heads:
-        stop(f"{heads} heads can not be {attended} wide together")
+        stop(f"{heads} heads cannot be {attended} wide together")
     if width not in REACHES and None in (options.pl2pl, options.pl2a, options.a2a, options.time_span):
         stop(f"give --pl2pl, --pl2a, --a2a and --time-span: no published network is {width} wide")
     given = (options.pl2pl, options.pl2a, options.a2a, options.time_span)

@@ -1,6 +1,6 @@
 //! Forecasts of other agents from what has been observed.
 
-use reactsim::dynamics::Pose;
+use reactsim::dynamics::{Pose, STANDSTILL_SPEED};
 use reactsim::geometry::{OrientedBox, Vec2, direction, math, wrap};
 use reactsim::rollout::Observation;
 use reactsim::scene::{Agent, AgentState, DT, Frame};
@@ -30,8 +30,6 @@ const MAX_WIDTH_GROWTH: f64 = 0.3;
 /// Last index of [`TIMES`] at which a vehicle waits for a crossing AV; later forecasts are too
 /// uncertain.
 const AV_CROSSING_HORIZON: usize = 19;
-/// Speed in m/s below which the AV stands.
-const STANDSTILL_SPEED: f64 = 0.1;
 
 /// Forecasts the AV from its observed motion, with decaying acceleration and curvature and a box that
 /// grows with time. `None` if the AV is absent.

@@ -1,6 +1,6 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
-use reactsim::dynamics::{Moving, Pose, REAR_AXLE};
+use reactsim::dynamics::{Moving, Pose, REAR_AXLE, STANDSTILL_SPEED};
 use reactsim::geometry::{OrientedBox, math};
 use reactsim::rollout::Observation;
 use reactsim::scene::{AgentKind, AgentState, CURRENT};
@@ -13,7 +13,7 @@ use super::obstacle::{Extent, Obstacle};
 use super::planned_vehicle::PlannedVehicle;
 use super::settings::Settings;
 use super::speed::STEPS;
-use super::vehicle::{Planner, STANDSTILL_REACH, STANDSTILL_SPEED};
+use super::vehicle::{Planner, STANDSTILL_REACH};
 use super::walkers::around;
 
 /// Intended motion of an agent.

@@ -1,6 +1,6 @@
 //! Planning of one vehicle: a path and the speed along it for each of its modes, until one is clear.
 
-use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
+use reactsim::dynamics::{Ability, Moving, Pose, STANDSTILL_SPEED, Tracker};
 use reactsim::geometry::{OrientedBox, direction};
 use reactsim::scene::DT;
 
@@ -36,8 +36,6 @@ pub(super) struct Planner {
     pub(super) endings: Endings,
 }
 
-/// Speed in m/s below which a vehicle may stand still.
-pub(super) const STANDSTILL_SPEED: f64 = 0.1;
 /// Distance in metres: a mode that ends nearer than this does not set off.
 pub(super) const STANDSTILL_REACH: f64 = 0.15;
 /// Speed in m/s: slower vehicles may change between forwards and reverse, faster reversing goes on.

@@ -2,6 +2,7 @@
 
 use burn::tensor::Device;
 use rand::RngExt;
+use reactsim::dynamics::STANDSTILL_SPEED;
 use reactsim::geometry::{direction, heading_of};
 use reactsim::rollout::{Observation, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentKind, AgentState, DT, Start};
@@ -35,8 +36,6 @@ pub struct RegressionSimulator {
 /// Speed in m/s above which the heading follows the motion; at lower speeds the direction is mostly
 /// noise.
 const MIN_HEADING_SPEED: f64 = 0.5;
-/// Speed in m/s below which an agent may stay.
-const STANDSTILL_SPEED: f64 = 0.1;
 /// Distance in metres: a standing agent stays if its prediction for the next second is shorter.
 const SET_OFF_DISTANCE: f64 = 0.2;
 /// Displacement in metres since the first frame below which an agent counts as parked.

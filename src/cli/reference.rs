@@ -171,7 +171,7 @@ impl Tables {
             }
             Self::Study(results) => {
                 let mut text = Vec::new();
-                study_tables::write_markdown(results, &[], &mut text)?;
+                study_tables::write_document(results, &mut text)?;
                 Ok(String::from_utf8_lossy(&text).into_owned())
             }
         }

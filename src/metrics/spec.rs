@@ -21,7 +21,7 @@ pub struct MetricSpec {
     pub title: &'static str,
     /// Unit of the value.
     pub unit: Unit,
-    /// What one value is computed from.
+    /// Input of one value.
     pub scope: Scope,
     /// Whether lower values are better.
     pub lower_is_better: bool,
@@ -29,7 +29,7 @@ pub struct MetricSpec {
     pub source: &'static str,
 }
 
-/// What one value of a metric is computed from.
+/// Input of one value of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
     /// One rollout; several rollouts of a scenario are averaged.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Run;
 use super::comparison::signed;
 use super::markdown::{cell, escape, legend, method, write_aligned};
-use super::table::{COLUMNS, Column, provenance};
+use super::table::{COLUMNS, Column, count, program, provenance};
 use crate::evaluation::{
     Comparison, Difference, Estimate, Member, SimulatorSummary, StudyKind, StudyResults, Summary,
 };
@@ -44,6 +44,30 @@ fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> 
 /// # Errors
 /// If `out` cannot be written.
 pub fn write_markdown(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
+    write_tables(results, also, out)?;
+    writeln!(out)?;
+    for (member, summary) in members(results) {
+        let run = Run { name: &member.folder, summary };
+        writeln!(out, "- `{}`: {}", member.folder, escape(&provenance(&run)))?;
+    }
+    Ok(())
+}
+
+/// Writes the tables of a study for a document, with benchmark, number of scenarios and program below them.
+///
+/// # Errors
+/// When `out` cannot be written.
+pub fn write_document(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    write_tables(results, &[], out)?;
+    let Some(summary) = results.summaries.first() else { return Ok(()) };
+    let run = &summary.provenance.run;
+    let benchmark = run.benchmark.as_ref().map(|b| format!("{b}, ")).unwrap_or_default();
+    let scenarios = count(summary.provenance.scenarios, "scenario");
+    writeln!(out, "\n{}.", escape(&format!("{benchmark}{scenarios}, {}", program(run))))
+}
+
+/// Writes the tables and their legend.
+fn write_tables(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     match results.study.kind {
         StudyKind::Replan => replan(results, also, out)?,
         StudyKind::Realism => realism(results, also, out)?,
@@ -58,11 +82,6 @@ pub fn write_markdown(results: &StudyResults, also: &[Column], out: &mut dyn Wri
             "Differences are paired, scenario by scenario; bold where the interval, which need not be \
              symmetric, leaves 0 out."
         )?;
-    }
-    writeln!(out)?;
-    for (member, summary) in members(results) {
-        let run = Run { name: &member.folder, summary };
-        writeln!(out, "- `{}`: {}", member.folder, escape(&provenance(&run)))?;
     }
     Ok(())
 }

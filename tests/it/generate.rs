@@ -210,7 +210,7 @@ fn interrupted_it_leaves_what_is_finished() {
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
     assert!(text(&output.stderr).contains("interrupted: the file holds the first "));
-    assert!(output.stdout.is_empty(), "what is not whole can not be made again by the command");
+    assert!(output.stdout.is_empty(), "what is not whole cannot be made again by the command");
     let scenarios: Vec<_> = formats::open(&out).unwrap().map(|s| s.unwrap().id).collect();
     assert!(!scenarios.is_empty());
     let settings = GenerationSettings { preset: Preset::Train, ..GenerationSettings::default() };

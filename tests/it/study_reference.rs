@@ -42,7 +42,11 @@ fn every_member_is_a_reference() {
     said(&["reference", "tables", text(&page)], 0);
     let told = fs::read_to_string(study.join("study.md")).unwrap();
     let tables = told.split("\n- `steps-05`").next().unwrap();
-    assert!(fs::read_to_string(&page).unwrap().contains(tables));
+    let written = fs::read_to_string(&page).unwrap();
+    assert!(
+        written.contains(tables) && written.contains("12 scenarios, reactsim 0.1.0 (012345678)."),
+        "{written}"
+    );
     assert_eq!(said(&["reference", "tables", text(&page), "--check"], 0).1, "");
     fs::write(&page, format!("<!-- table {} models=idm -->\n<!-- end -->\n", text(&reference))).unwrap();
     assert!(said(&["reference", "tables", text(&page)], 2).1.contains("are written as a whole"));

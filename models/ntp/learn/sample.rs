@@ -1,6 +1,7 @@
 //! Training samples of the network.
 
 use rand::RngExt;
+use reactsim::dynamics::PARKED_DISPLACEMENT;
 use reactsim::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
@@ -59,8 +60,6 @@ pub struct Sample {
 const ALL_STEPS: usize = FUTURE / TOKEN_FRAMES;
 /// Loss weight of parked agents; that of others is 1.
 const PARKED_WEIGHT: f32 = 0.05;
-/// Largest displacement over the whole log for an agent to count as parked, metres.
-const PARKED_DISPLACEMENT: f64 = 0.5;
 
 /// Builds a sample of at most `most` agents, augmented by draws from the stream, or as logged. `None` if
 /// there is nothing to learn.

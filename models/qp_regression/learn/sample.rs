@@ -1,6 +1,7 @@
 //! Training samples made of scenarios.
 
 use rand::RngExt;
+use reactsim::dynamics::PARKED_DISPLACEMENT;
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
@@ -64,8 +65,6 @@ pub struct Sample {
 
 /// Largest distance from the AV of agents to learn from, metres.
 const TARGET_RANGE: f64 = 80.0;
-/// Displacement over the log below which an agent counts as parked, metres.
-const PARKED_DISPLACEMENT: f64 = 0.5;
 /// Share of parked agents that are kept in training.
 const PARKED_SHARE: f64 = 0.1;
 /// Smallest number of known states of a target.

@@ -4,6 +4,7 @@ use super::AvoidanceSettings;
 use super::own_path::OwnPath;
 use super::profile::{Limits, Motion};
 use super::traffic::Traffic;
+use crate::dynamics::STANDSTILL_SPEED;
 use crate::scene::{AgentKind, AgentState, CURRENT, DT, FUTURE, Frame};
 
 /// An agent at its reaction step.
@@ -27,8 +28,6 @@ pub(super) struct Responder {
 
 /// Number of steps over which a logged acceleration is measured: speeds are too noisy from step to step.
 const ACCELERATION_WINDOW: usize = 3;
-/// Speed below which an agent counts as stationary, m/s: lower speeds are noise.
-const STANDSTILL_SPEED: f64 = 0.1;
 /// Largest logged acceleration that is considered plausible, m/s².
 const MAX_LOGGED_ACCELERATION: f64 = 3.5;
 /// Distance that an agent may travel beyond its log, metres.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::AvoidanceSettings;
 use crate::curation::Response;
+use crate::dynamics::PARKED_DISPLACEMENT;
 use crate::geometry::{Bounds, OrientedBox, rounded_distance, wrap};
 use crate::metrics::Options;
 use crate::scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
@@ -36,9 +37,6 @@ pub(super) struct PlannedResponse {
     pub(super) others_reaction_step: usize,
 }
 
-/// Displacement in the whole log below which an agent counts as parked, metres: recorded positions of
-/// parked vehicles jitter.
-const PARKED_DISPLACEMENT: f64 = 0.5;
 /// Number of steps around a logged overlap at which the same two bodies may overlap.
 const OVERLAP_STEPS: usize = 2;
 /// Largest logged overlap that may also occur at other steps, as the two pass later or earlier, metres.

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use super::{AvError, MAX_STEP_DISPLACEMENT, check_steps};
-use crate::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
+use crate::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE, STANDSTILL_SPEED};
 use crate::geometry::{OrientedBox, Polyline, Vec2, direction, heading_of, left, smooth_step, wrap};
 use crate::scene::{AgentState, CURRENT, DT, Frame, LaneHit, Road, Scenario};
 
@@ -21,9 +21,6 @@ const OBSTACLE_CLEARANCE: f64 = 0.5;
 const ON_LANE_DISTANCE: f64 = 2.0;
 /// Largest angle to a lane at which the end of the log counts as on it, radians.
 const ON_LANE_ANGLE: f64 = PI / 6.0;
-/// Speed below which an AV counts as stationary, m/s: recorded positions of a stationary AV jitter by a
-/// centimetre or two.
-pub(super) const STANDSTILL_SPEED: f64 = 0.1;
 
 /// The logged drive of the AV from the current frame on, with smoothed speeds.
 #[derive(Clone, Debug)]

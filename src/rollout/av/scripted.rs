@@ -8,9 +8,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::logged_drive::{LoggedDrive, STANDSTILL_SPEED, velocity_now};
+use super::logged_drive::{LoggedDrive, velocity_now};
 use super::{AvError, AvPolicy};
-use crate::dynamics::{follow, speeds};
+use crate::dynamics::{STANDSTILL_SPEED, follow, speeds};
 use crate::geometry::{direction, smooth_step};
 use crate::rollout::Observation;
 use crate::scene::{AgentState, DT, FUTURE, Scenario};

@@ -156,7 +156,7 @@ fn only_the_servers_own_page_is_answered() {
     for header in ["content-security-policy: default-src 'none'", "no-referrer", "no-store", "nosniff"] {
         assert!(head.contains(header), "{header}");
     }
-    // Pages of others can not decide: neither with their own origin nor as a plain form.
+    // Pages of others cannot decide: neither with their own origin nor as a plain form.
     let decide = format!("/{}/api/decide", server.token);
     let wish = r#"{"index":0,"candidate":null,"decision":"reject"}"#;
     let foreign = format!("{own}Origin: http://evil.example\r\nContent-Type: application/json\r\n");

@@ -84,7 +84,7 @@ fn wrong_calls_are_refused_and_write_nothing() {
 fn a_full_disk_leaves_nothing_behind() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("v.safetensors");
-    // Files of more than 4 KiB can not be written, as if there were no room.
+    // Files of more than 4 KiB cannot be written, as if there were no room.
     let limited = "trap '' XFSZ; ulimit -f 4; exec \"$0\" train vocabulary --method kinematic --out \"$1\"";
     let program = assert_cmd::cargo::cargo_bin!("reactsim");
     let Ok(output) = Command::new("bash").args(["-c", limited]).arg(program).arg(&out).output() else {

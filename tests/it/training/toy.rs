@@ -21,7 +21,7 @@ pub(super) struct Curve {
     pub(super) poison: Option<usize>,
     /// An example that nothing is made of.
     pub(super) empty: Option<usize>,
-    /// An example that can not be read.
+    /// An example that cannot be read.
     pub(super) torn: Option<usize>,
 }
 
