@@ -31,8 +31,11 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "kinematic-likelihood" },
 ];
 
+/// Test of the settings of a run.
+type Condition = fn(&SettingsRecord) -> bool;
+
 /// Columns that apply only to runs with certain settings.
-const CONDITIONS: &[(&str, fn(&SettingsRecord) -> bool)] = &[
+const CONDITIONS: &[(&str, Condition)] = &[
     // The likelihood of the log is a measure of realism (the paper's second table).
     ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
     ("min-ade", |settings| settings.rollouts != 1),
