@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use reactsim::curation::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
-    self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunObserver,
-    RunSettings, Source, Tally,
+    self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunSettings, Source,
+    Tally,
 };
 use reactsim::formats::{self, Input, native::Writer};
 use reactsim::generation::{GenerationSettings, Generator, Preset};
@@ -264,10 +264,6 @@ fn curate(all: &[Scenario]) -> usize {
     all.iter().filter(kept).count()
 }
 
-struct Quiet;
-
-impl RunObserver for Quiet {}
-
 /// Whole runs with one thread and with two.
 fn threads(native: &Path, home: &Path) -> Result<()> {
     let mut rounds = [Vec::new(), Vec::new()];
@@ -339,7 +335,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     let tally = Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), 1);
     let folder = RunFolder::create(out, &plan.provenance())?;
     let execution = Execution { jobs, batch: 4 };
-    match evaluation::run(&plan, execution, Some(&folder), tally, &Quiet, &AtomicBool::new(false))? {
+    match evaluation::run(&plan, execution, Some(&folder), tally, &(), &AtomicBool::new(false))? {
         Outcome::Finished(_) => Ok(()),
         Outcome::Interrupted => bail!("the run was interrupted"),
     }

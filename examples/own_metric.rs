@@ -13,8 +13,8 @@ use reactsim::metrics::{Case, Event, Judgement, Metric, MetricSpec, Options, Sco
 use reactsim::rollout::{DeviatedAv, Request, Settings, roll_out};
 use reactsim::{formats, models};
 
-/// Smallest distance between box centres of the AV and each object over the rollout, metres. Judgements are computed
-/// once per case, whichever metrics use them.
+/// Smallest distance between box centres of the AV and each object over the rollout, metres. Judgements
+/// are computed once per case, whichever metrics use them.
 struct ClosestDistances(Vec<f64>);
 
 impl Judgement for ClosestDistances {

@@ -18,7 +18,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scenario = formats::open(Path::new(path))?.next().ok_or("the file is empty")??;
     let deviation = scenario.deviation.as_ref().ok_or("the scenario has no deviated AV")?;
 
-    // The rollout: the deviated AV, and everybody else as recorded. 91 frames per agent: history, then 80 steps.
+    // The rollout: the deviated AV, and all other agents as recorded. 91 frames per agent: history, then
+    // 80 steps.
     let mut tracks: Vec<Vec<Frame>> = (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
     tracks[0].truncate(HISTORY);
     tracks[0].extend(deviation.track.iter().copied().map(Some));

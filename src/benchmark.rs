@@ -43,8 +43,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
-    self, AvChoice, Deviations, EvaluationError, Execution, Failure, Outcome, Plan, PlannedSimulator,
-    Registrar, Row, RunFolder, RunObserver, RunSettings, Source, Summary,
+    self, AvChoice, Deviations, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunFolder,
+    RunObserver, RunSettings, Source, Summary,
 };
 use crate::formats::{self, FormatError};
 use crate::metrics::Options;
@@ -53,7 +53,8 @@ use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
 use crate::scene::Scenario;
 use crate::work::available_threads;
 
-/// A benchmark run that is being put together. Wrong settings are reported by [`Benchmark::run`], before the first scenario.
+/// A benchmark run that is being put together. Wrong settings are reported by [`Benchmark::run`], before the
+/// first scenario.
 #[must_use = "a benchmark does nothing until `run` is called"]
 pub struct Benchmark {
     scenarios: Scenarios,
@@ -67,7 +68,7 @@ pub struct Benchmark {
     threads: Option<NonZeroUsize>,
     folder: Option<PathBuf>,
     keep_rollouts: bool,
-    observer: Box<dyn RunObserver>,
+    observer: Arc<dyn RunObserver + Send>,
     stop: Arc<AtomicBool>,
 }
 
@@ -116,28 +117,6 @@ pub struct Results {
     pub summary: Summary,
 }
 
-/// Ignores all progress.
-struct Silent;
-
-impl RunObserver for Silent {}
-
-/// Forwards progress to an observer that the caller keeps.
-struct Shared<O>(Arc<O>);
-
-impl<O: RunObserver + Send> RunObserver for Shared<O> {
-    fn scenario_done(&self, done: usize) {
-        self.0.scenario_done(done);
-    }
-
-    fn rows(&self, rows: &[Row]) {
-        self.0.rows(rows);
-    }
-
-    fn failed(&self, failure: &Failure) {
-        self.0.failed(failure);
-    }
-}
-
 impl Benchmark {
     /// The benchmark that ships with the crate, with its deviated AVs.
     pub fn shipped() -> Self {
@@ -167,7 +146,7 @@ impl Benchmark {
             threads: None,
             folder: None,
             keep_rollouts: false,
-            observer: Box::new(Silent),
+            observer: Arc::new(()),
             stop: Arc::default(),
         }
     }
@@ -279,7 +258,7 @@ impl Benchmark {
 
     /// Reports progress to an observer.
     pub fn observer(mut self, observer: Arc<impl RunObserver + Send + 'static>) -> Self {
-        self.observer = Box::new(Shared(observer));
+        self.observer = observer;
         self
     }
 
@@ -361,13 +340,9 @@ fn plan(
         Scenarios::Shipped => vec![Source::shipped(most)],
         Scenarios::Memory(scenarios) => vec![Source::of_scenarios(scenarios, most)],
         Scenarios::Files(paths) => {
-            let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
-            for path in paths {
-                for input in formats::find_inputs(&path)? {
-                    sources.push(Source::of_input(input, most, &mut registrar)?);
-                }
-            }
-            sources
+            let inputs =
+                paths.iter().map(|path| formats::find_inputs(path)).collect::<Result<Vec<_>, _>>()?;
+            Source::of_inputs(inputs.concat(), most)?
         }
     };
     let file = match &settings.av {
@@ -388,7 +363,8 @@ impl Results {
         String::from_utf8_lossy(&text).into_owned()
     }
 
-    /// The mean of a metric over scenarios; `None` if there is no such simulator or metric, or nothing was judged.
+    /// The mean of a metric over scenarios; `None` if there is no such simulator or metric, or nothing was
+    /// judged.
     pub fn mean(&self, simulator: &str, metric: &str) -> Option<f64> {
         self.summary.simulators.get(simulator)?.metrics.get(metric)?.mean
     }

@@ -1,4 +1,5 @@
-//! The weights that ship with `reactsim`, as data. A crate of their own keeps packages below the size limit of the registry.
+//! The weights that ship with `reactsim`, as data. A crate of their own keeps packages below the size limit
+//! of the registry.
 
 #![no_std]
 

@@ -1,4 +1,4 @@
-//! What the fuzz targets share: the readers of the main package, and what is asked of them.
+//! Shared parts of the fuzz targets: the readers of the main package, and the checks of their results.
 //!
 //! `README.md` tells how targets are run.
 

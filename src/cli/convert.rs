@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
-use super::{ExitStatus, ReadingArgs, count, say};
+use super::{ExitStatus, ReadingArgs, count, is_same, say};
 use crate::formats::{self, native::Writer};
 
 /// Arguments of `convert`.
@@ -94,8 +94,4 @@ fn stream(
     }
     writer.finish()?;
     Ok((good, bad))
-}
-
-fn is_same(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

@@ -5,8 +5,6 @@ mod make;
 mod review;
 mod stats;
 
-use std::path::Path;
-
 use anyhow::bail;
 use clap::{Args, Subcommand};
 
@@ -52,9 +50,4 @@ pub(super) fn curate(args: &CurateArgs) -> anyhow::Result<ExitStatus> {
         (None, Some(args)) => make::make(args),
         (None, None) => bail!("name files or folders of scenarios, or one of `stats`, `review` and `apply`"),
     }
-}
-
-/// Returns whether two paths lead to the same file.
-fn is_same(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::subject::open_sources;
 use super::{ExitStatus, find_inputs, gallery, write_result};
 use crate::evaluation::reference::Entry;
 use crate::evaluation::{BenchmarkRecord, Source};
@@ -57,7 +56,7 @@ pub(super) fn leaderboard(args: &LeaderboardArgs) -> anyhow::Result<ExitStatus> 
 fn find_scenarios(args: &LeaderboardArgs, benchmark: &BenchmarkRecord) -> Option<Source> {
     let given = args.scenarios.iter().filter_map(|path| {
         let inputs = find_inputs(std::slice::from_ref(path)).ok()?;
-        open_sources(inputs, usize::MAX).ok()
+        Source::of_inputs(inputs, usize::MAX).ok()
     });
     let mut sources = std::iter::once(Source::shipped(usize::MAX)).chain(given.flatten());
     sources.find(|source| source.file.blake3 == benchmark.blake3)

@@ -230,6 +230,11 @@ fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
+/// Returns whether two paths lead to the same existing file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
 /// Finds the scenario files at all paths and recognises their formats. Warns of files that have the
 /// name of a scenario file only.
 fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {

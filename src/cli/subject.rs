@@ -8,10 +8,8 @@ use clap::{Args, ValueEnum};
 
 use super::{ReadingArgs, metric_options};
 use crate::evaluation::{
-    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, Registrar, RunSettings,
-    Source,
+    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
 };
-use crate::formats::Input;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 use crate::work::available_threads;
@@ -153,17 +151,8 @@ impl EvaluationArgs {
             }
             return Ok(vec![Source::shipped(most)]);
         }
-        open_sources(self.reading.find_inputs(&self.scenarios)?, most)
+        Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)
     }
-}
-
-/// Returns these files as sources of at most `most` scenarios each.
-pub(super) fn open_sources(inputs: Vec<Input>, most: usize) -> anyhow::Result<Vec<Source>> {
-    let (mut sources, mut registrar) = (Vec::new(), Registrar::default());
-    for input in inputs {
-        sources.push(Source::of_input(input, most, &mut registrar)?);
-    }
-    Ok(sources)
 }
 
 /// Parses the ids and files of `--model-weights`.

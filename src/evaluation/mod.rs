@@ -31,7 +31,6 @@ mod folder;
 mod foreign_rollout;
 mod judge;
 mod known_deviation;
-mod metric_ids;
 mod plan;
 mod provenance;
 mod recorded;

@@ -39,6 +39,9 @@ pub trait RunObserver: Sync {
     fn failed(&self, _failure: &Failure) {}
 }
 
+/// Ignores all progress.
+impl RunObserver for () {}
+
 /// The end of a run.
 #[derive(Debug)]
 pub enum Outcome {

@@ -9,8 +9,8 @@ use super::{
 use crate::formats::{self, Input};
 use crate::metrics::Options;
 
-/// Scores the rollouts in Parquet files against their scenarios. Whatever fails is passed to the observer and listed
-/// in the summary; the rest is scored.
+/// Scores the rollouts in Parquet files against their scenarios. Failures are passed to the observer and
+/// listed in the summary; everything else is scored.
 ///
 /// # Errors
 /// [`EvaluationError`] if a file cannot be opened.

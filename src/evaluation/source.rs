@@ -21,11 +21,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// A scenario file, of which at most `most` scenarios are read.
-    ///
-    /// # Errors
-    /// [`EvaluationError::Read`] if the file cannot be read for its digest.
-    pub fn of_input(input: Input, most: usize, registrar: &mut Registrar) -> Result<Self, EvaluationError> {
+    fn of_input(input: Input, most: usize, registrar: &mut Registrar) -> Result<Self, EvaluationError> {
         let file = registrar.record(&input)?;
         let open = move || -> Result<PendingScenarios, FormatError> {
             Ok(Box::new(input.open_undecoded()?.take(most)))
@@ -33,7 +29,17 @@ impl Source {
         Ok(Self { file, open: Box::new(open) })
     }
 
-    /// Scenarios in memory, of which at most `most` are used. Their digest is taken over the digests of the scenarios.
+    /// Scenario files, of each of which at most `most` scenarios are read.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] if a file cannot be read for its digest.
+    pub fn of_inputs(inputs: Vec<Input>, most: usize) -> Result<Vec<Self>, EvaluationError> {
+        let mut registrar = Registrar::default();
+        inputs.into_iter().map(|input| Self::of_input(input, most, &mut registrar)).collect()
+    }
+
+    /// Scenarios in memory, of which at most `most` are used. Their digest is taken over those of the
+    /// scenarios.
     pub fn of_scenarios(scenarios: Vec<Scenario>, most: usize) -> Self {
         let digests: String = scenarios.iter().map(Scenario::digest).collect();
         let file = FileRecord::of_content("memory", "memory", digests.as_bytes());

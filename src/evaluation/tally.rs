@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::row::{Place, Row};
 use super::statistics::mean;
-use crate::metrics::Score;
+use crate::metrics::{METRICS, Score};
 
 /// The values of one simulator in one scenario, averaged over its rollouts.
 #[derive(Clone, Debug, Default)]
@@ -53,7 +53,8 @@ pub struct Tally {
 impl Tally {
     /// Creates an empty tally for these simulators.
     pub fn new(simulators: Vec<String>, rollouts: u32) -> Self {
-        Self { metrics: super::metric_ids::metric_ids(), simulators, rollouts, entries: BTreeMap::new() }
+        let metrics = METRICS.iter().map(|m| m.spec().id).collect();
+        Self { metrics, simulators, rollouts, entries: BTreeMap::new() }
     }
 
     /// Returns whether `rows` are all rows of one scenario and one simulator: one per rollout, and one over

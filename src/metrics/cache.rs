@@ -17,7 +17,8 @@ struct Node {
 }
 
 impl Cache {
-    /// Returns the value of this type; computes it at the first call. `compute` may use the cache for other types.
+    /// Returns the value of this type; computes it at the first call. `compute` may use the cache for other
+    /// types.
     pub(super) fn get_or_compute<T: Any + Send + Sync>(&self, compute: impl FnOnce() -> T) -> &T {
         let mut slot = &self.first;
         while let Some(node) = slot.get() {

@@ -4,8 +4,8 @@ use std::any::Any;
 
 use super::Case;
 
-/// An intermediate result of a case, such as the first contacts with the AV. It is computed once per case, whichever
-/// metrics use it.
+/// An intermediate result of a case, such as the first contacts with the AV. It is computed once per case,
+/// whichever metrics use it.
 pub trait Judgement: Any + Send + Sync {
     /// Computes the result.
     fn compute(case: &Case<'_>) -> Self;

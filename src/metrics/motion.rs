@@ -5,7 +5,8 @@ use super::options::{Options, VelocitySource};
 use crate::geometry::{OrientedBox, Vec2, direction, math};
 use crate::scene::DT;
 
-/// Motion of all objects over all frames. Arrays over objects × frames (`object * frames + frame`). NaN means absent or unknown.
+/// Motion of all objects over all frames. Arrays over objects × frames (`object * frames + frame`). NaN
+/// means absent or unknown.
 #[derive(Debug)]
 pub struct Motion {
     pub(super) frames: usize,

@@ -3,7 +3,8 @@
 /// Defines [`Options`]: each line gives documentation, field, type, default and reading of one option.
 macro_rules! options {
     ($($(#[$doc:meta])* $field:ident: $type:ty = $default:expr, $form:ident;)+) => {
-        /// Variants of the metric definitions, included in every result. The defaults are those of the benchmark.
+        /// Variants of the metric definitions, included in every result. The defaults are those of the
+        /// benchmark.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct Options { $($(#[$doc])* pub $field: $type),+ }
 

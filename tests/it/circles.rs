@@ -1,9 +1,10 @@
-//! No circles among the files of a module: a reader can start at a file that depends on no other one and work upwards.
+//! No circles among the files of a module: a reader can start at a file that depends on no other one and
+//! work upwards.
 //!
-//! The graph is read from the text: every path that begins with `crate`, `reactsim`, `self` or `super`, and every path that begins with
-//! the name of a child module. Re-exports are resolved to the file that defines the item, so that a `mod.rs` which only re-exports
-//! is nobody's dependency. A module and the files below it count as one unit towards each other: a `mod.rs` may use its children, and
-//! they may use what it defines.
+//! The graph is read from the text: every path that begins with `crate`, `reactsim`, `self`, `super` or the
+//! name of a child module. Re-exports are resolved to the file that defines the item, so that nothing
+//! depends on a `mod.rs` that only re-exports. A module and the files below it count as one unit towards
+//! each other: a `mod.rs` may use its children, and they may use what it defines.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -98,7 +99,7 @@ fn expand(tree: &str, prefix: &[String], found: &mut Vec<(Vec<String>, String)>)
     }
 }
 
-/// A path from the root of the crate, for one as written in a module; `None` for other crates and local names.
+/// The path from the root of the crate of a path in a module; `None` for other crates and local names.
 fn absolute(path: &[String], module: &[String], children: &BTreeSet<String>) -> Option<ModulePath> {
     let first = path.first()?.as_str();
     if first == "crate" || first == "reactsim" {

@@ -13,10 +13,6 @@ use reactsim::rollout::Settings;
 
 use crate::generated::{certified, source, source_of};
 
-struct Quiet;
-
-impl RunObserver for Quiet {}
-
 fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
     let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
     Plan {
@@ -52,7 +48,7 @@ fn run(plan: &Plan, folder: &Path, resume: bool, jobs: usize, batch: usize) -> S
     };
     let execution = Execution { jobs, batch };
     let stop = AtomicBool::new(false);
-    match evaluation::run(plan, execution, Some(&folder), tally, &Quiet, &stop).unwrap() {
+    match evaluation::run(plan, execution, Some(&folder), tally, &(), &stop).unwrap() {
         Outcome::Finished(summary) => *summary,
         Outcome::Interrupted => panic!("nobody interrupted"),
     }

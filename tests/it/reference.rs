@@ -7,8 +7,8 @@ use std::sync::atomic::AtomicBool;
 
 use reactsim::evaluation::reference::{Reference, RerunInputs, SimulatorClass, verify};
 use reactsim::evaluation::{
-    Execution, Provenance, Row, RunObserver, Source, Summary, Tally, Value, read_provenance, read_rows,
-    read_summary, read_tally, shipped_benchmark,
+    Execution, Provenance, Row, Source, Summary, Tally, Value, read_provenance, read_rows, read_summary,
+    read_tally, shipped_benchmark,
 };
 use reactsim::formats;
 use serde_json::json;
@@ -342,10 +342,6 @@ fn sets_of_recordings_have_aggregates_only() {
     assert!(line.starts_with("| stop ") && line.contains("| all ") && line.contains(" 0.25 |"), "{table}");
 }
 
-struct Quiet;
-
-impl RunObserver for Quiet {}
-
 /// A reference of a network on small scenarios, with rows.
 fn of_network(home: &Path) -> (Reference, PathBuf) {
     let (input, out) = (home.join("roads.parquet"), home.join("run"));
@@ -374,7 +370,7 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
             RerunInputs { sources: vec![Source { file, open }], deviations: None, weights: Vec::new() };
         let execution = Execution { jobs: 2, batch: 4 };
         let stop = AtomicBool::new(false);
-        verify(reference, given, every, execution, &Quiet, &stop).unwrap().unwrap()
+        verify(reference, given, every, execution, &(), &stop).unwrap().unwrap()
     };
     let network = |done: &reactsim::evaluation::reference::Verification| done.simulators[1].clone();
     let whole = again(&reference, None);

@@ -12,7 +12,7 @@ use super::widths::{FEATURE_POINTS, LANE_PATHS, OFFSET_FEATURES};
 const MAX_PIECE_DISTANCE: f64 = 6.0;
 /// Largest lateral offset of an agent from its lane, metres.
 const MAX_LATERAL_OFFSET: f64 = 4.0;
-/// Cost of a heading difference to the lane, as metres of lateral offset per radian.
+/// Weight of the heading difference between agent and lane, in metres of lateral offset per radian.
 const HEADING_COST: f64 = 3.0;
 /// Largest number of pieces that a path follows.
 const MAX_PIECES: usize = 60;

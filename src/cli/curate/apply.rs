@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 
-use super::is_same;
+use crate::cli::is_same;
 use crate::cli::{ExitStatus, count, say};
 use crate::curation::apply::{self, ApplyReport, FinalDecision, RefusedPick};
 use crate::curation::review::{Journal, ReviewLine};

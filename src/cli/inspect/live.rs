@@ -4,7 +4,6 @@ use anyhow::anyhow;
 
 use super::recorded::marks_of;
 use crate::evaluation::PlannedSimulator;
-use crate::metrics::{Case, Options, score_case};
 use crate::report::birdseye::Mark;
 use crate::rollout::{DeviatedAv, Request, Settings, roll_out};
 use crate::scene::{Frame, Scenario};
@@ -28,6 +27,6 @@ pub(super) fn rollout(
     let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
     let done =
         results.pop().ok_or_else(|| anyhow!("scenario `{}`: no rollout was produced", scenario.id))??;
-    let scores = score_case(&Case::of_rollout(scenario, done.tracks.clone(), Options::default()));
-    Ok((done.tracks, marks_of(&scores.events)))
+    let marks = marks_of(scenario, &done.tracks);
+    Ok((done.tracks, marks))
 }

@@ -5,7 +5,6 @@ use std::path::Path;
 use super::recorded::{marks, marks_of, rollout};
 use super::{InspectArgs, live, write_result};
 use crate::evaluation::PlannedSimulator;
-use crate::metrics::{Case, Options, score_case};
 use crate::report::animation::{Animation, Panel};
 use crate::report::birdseye::{self, Layout, Mark, View};
 use crate::scene::{Frame, HISTORY, Scenario};
@@ -103,6 +102,6 @@ fn log_replay(scenario: &Scenario) -> Option<DrawnRollout> {
     let mut tracks: Vec<Vec<Frame>> = (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
     tracks[0].truncate(HISTORY);
     tracks[0].extend(deviation.track.iter().copied().map(Some));
-    let scores = score_case(&Case::of_rollout(scenario, tracks.clone(), Options::default()));
-    Some(DrawnRollout { simulator: scenario.id.clone(), tracks, marks: marks_of(&scores.events) })
+    let marks = marks_of(scenario, &tracks);
+    Some(DrawnRollout { simulator: scenario.id.clone(), tracks, marks })
 }

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::evaluation::{EVENTS, ROLLOUTS, recorded_tracks};
 use crate::formats;
-use crate::metrics::Event;
+use crate::metrics::{Case, Event, Options, score_case};
 use crate::report::birdseye::{Mark, MarkKind};
 use crate::scene::{Frame, Scenario};
 
@@ -54,11 +54,11 @@ pub(super) fn marks(run: &Path, simulator: &str, rollout: u32, scenario: &str) -
     Ok(marks)
 }
 
-/// Returns the marks of events that were just computed.
-pub(super) fn marks_of(events: &[Event]) -> Vec<Mark> {
-    let mark =
-        |e: &Event| Some(Mark { agent: e.agent.clone(), step: e.step, kind: kind(e.metric, e.counted)? });
-    events.iter().filter_map(mark).collect()
+/// Computes the events of a rollout that no run has scored, and returns those that pictures mark.
+pub(super) fn marks_of(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Vec<Mark> {
+    let scores = score_case(&Case::of_rollout(scenario, tracks.to_vec(), Options::default()));
+    let mark = |e: Event| Some(Mark { step: e.step, kind: kind(e.metric, e.counted)?, agent: e.agent });
+    scores.events.into_iter().filter_map(mark).collect()
 }
 
 /// Returns the mark for events of a metric, if pictures show any.

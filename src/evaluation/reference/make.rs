@@ -26,6 +26,21 @@ pub struct MakeOptions {
     pub aggregates_only: bool,
 }
 
+impl MakeOptions {
+    /// Returns the title, by default the name.
+    pub(super) fn title(&self) -> &str {
+        if self.title.is_empty() { &self.name } else { &self.title }
+    }
+}
+
+/// Creates the folder of a reference, unless it exists and is not empty.
+pub(super) fn create_empty(out: &Path) -> Result<(), ReferenceError> {
+    if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
+        return Err(ReferenceError::Exists { path: out.to_owned() });
+    }
+    Ok(fs::create_dir_all(out).map_err(cannot_write(out))?)
+}
+
 /// Writes the reference of a finished run to a folder that is absent or empty, and reads it back. Must be
 /// called on the machine of the run.
 ///
@@ -67,10 +82,7 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         );
     }
     check_values(&place, &provenance, &summary, rows.as_deref())?;
-    if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
-        return Err(ReferenceError::Exists { path: out.to_owned() });
-    }
-    fs::create_dir_all(out).map_err(cannot_write(out))?;
+    create_empty(out)?;
     for name in [PROVENANCE, SUMMARY] {
         let from = run.join(name);
         let content = fs::read(&from).map_err(cannot_read(&from))?;
@@ -90,11 +102,10 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         let class = SimulatorClass::of(simulator, summary.simulators.get(&simulator.id)?);
         Some((simulator.id.clone(), class))
     });
-    let title = if options.title.is_empty() { &options.name } else { &options.title };
     let record = ReferenceRecord {
         format: FORMAT.to_owned(),
         name: options.name.clone(),
-        title: title.clone(),
+        title: options.title().to_owned(),
         commands: options.commands.clone(),
         benchmark: provenance.benchmark.clone(),
         machine: MachineRecord::here(),

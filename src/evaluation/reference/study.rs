@@ -1,11 +1,11 @@
 //! References of studies: `study.json`, and one subfolder with a reference per member.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use super::make::create_empty;
 use super::{MakeOptions, Reference, ReferenceError, make};
-use crate::evaluation::folder::{cannot_read, cannot_write, replace};
+use crate::evaluation::folder::{cannot_read, replace};
 use crate::evaluation::{Member, STUDY, Study, read_study};
 
 /// The reference of a study, whose members are consistent with `study.json`.
@@ -75,10 +75,10 @@ fn settings(member: &Member, reference: &Reference) -> Vec<(&'static str, String
         all.push(("av_lookahead", ahead.to_string(), run.av_lookahead.to_string()));
     }
     if !member.originals.is_empty() {
-        let names = |ids: &mut dyn Iterator<Item = &String>| ids.cloned().collect::<Vec<_>>().join(", ");
-        let ran: BTreeMap<&String, ()> =
-            reference.provenance.simulators.iter().map(|s| (&s.id, ())).collect();
-        all.push(("simulators", names(&mut member.originals.keys()), names(&mut ran.into_keys())));
+        let stated: Vec<&str> = member.originals.keys().map(String::as_str).collect();
+        let mut ran: Vec<&str> = reference.provenance.simulators.iter().map(|s| s.id.as_str()).collect();
+        ran.sort_unstable();
+        all.push(("simulators", stated.join(", "), ran.join(", ")));
     }
     all
 }
@@ -90,15 +90,11 @@ fn settings(member: &Member, reference: &Reference) -> Vec<(&'static str, String
 /// [`ReferenceError`] as for [`make`], for every member.
 pub fn make_study(study: &Path, out: &Path, options: &MakeOptions) -> Result<StudyReference, ReferenceError> {
     let found = read_study(study)?;
-    if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
-        return Err(ReferenceError::Exists { path: out.to_owned() });
-    }
-    fs::create_dir_all(out).map_err(cannot_write(out))?;
-    let title = if options.title.is_empty() { &options.name } else { &options.title };
+    create_empty(out)?;
     for member in &found.members {
         let own = MakeOptions {
             name: format!("{}.{}", options.name, member.folder),
-            title: format!("{title}: {}", member.label),
+            title: format!("{}: {}", options.title(), member.label),
             ..options.clone()
         };
         make(&study.join(&member.folder), &out.join(&member.folder), &own)?;

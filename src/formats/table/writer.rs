@@ -103,6 +103,7 @@ impl TableWriter {
     }
 
     /// Adds an entry to the file's metadata; a checksum covers all entries added this way.
+    #[cfg(feature = "curation")]
     pub(crate) fn add_metadata(&mut self, key: &'static str, value: String) {
         self.metadata.push((key, value));
     }

@@ -96,7 +96,7 @@ fn decisions_survive_a_killed_server() {
     let expected = [Some((Decision::Pick, Some(3))), Some((Decision::Reject, None)), Some(flag), None, None];
     assert_eq!(before, expected);
 
-    // What cannot be written is said, and does not count.
+    // A decision that cannot be written is reported and does not count.
     program.kill();
     page.press("p");
     page.until("!document.getElementById('alarm').hidden");
