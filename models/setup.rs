@@ -5,6 +5,7 @@ use std::error::Error;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
+use super::nn::Backend;
 use super::{Card, CardError, ModelError, WeightsFile};
 
 /// Parameters and weights from which a baseline is built.
@@ -16,15 +17,17 @@ pub struct Setup {
     pub parameters: Table,
     /// Weights: always present for a baseline that needs them, never for one that does not.
     pub weights: Option<WeightsFile>,
+    /// Backend of its network, if it has one.
+    pub backend: Backend,
 }
 
 impl Setup {
-    /// Builds a setup from the text of a card and optional weights.
+    /// Builds a setup from the text of a card and optional weights, on the default backend.
     ///
     /// # Errors
     /// [`CardError`].
     pub fn new(id: &'static str, card: &str, weights: Option<WeightsFile>) -> Result<Self, CardError> {
-        Ok(Self { id, parameters: Card::read(id, card)?.parameters, weights })
+        Ok(Self { id, parameters: Card::read(id, card)?.parameters, weights, backend: Backend::default() })
     }
 
     /// Deserializes the parameters into the type that the baseline needs.

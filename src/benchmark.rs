@@ -168,6 +168,7 @@ impl Benchmark {
             card: String::new(),
             parameters: BTreeMap::new(),
             weights: None,
+            backend: None,
             controller,
         }));
         self

@@ -18,7 +18,7 @@ mod turns;
 pub mod weights;
 
 pub use attention::{AttentionConfig, RelationalAttention, normalize};
-pub use device::{backend, device};
+pub use device::{Backend, BackendError, device};
 pub use feed_forward::{FeedForward, FeedForwardConfig, ReluLayers, SwiGluLayers};
 pub use fourier::{FourierEmbedding, ScalarLayers};
 pub use initializer::Initializer;

@@ -1,6 +1,5 @@
 //! The baselines of this family.
 
-use reactsim::models::nn::device;
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 
@@ -33,7 +32,7 @@ const fn entry(
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
-    let device = device();
+    let device = setup.backend.device();
     let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(ReactiveSimulator::new(policy, driving, device))))
 }
@@ -41,6 +40,6 @@ fn reactive(setup: Setup) -> Result<Controller, ModelError> {
 fn smart(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
     let policy =
-        SmartPolicy::read(&setup.weights()?.bytes, &device()).map_err(|e| setup.refuse_weights(e))?;
+        SmartPolicy::read(&setup.weights()?.bytes, &setup.backend.device()).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(SmartSimulator::new(setup.id, policy, parameters))))
 }

@@ -15,7 +15,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
 use reactsim::geometry::{direction, math};
-use reactsim::models::nn::{Initializer, Tensors, device};
+use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, Episode, Memory, PlanError, Simulator, Stream};
 use reactsim::scene::{AgentKind, Start};
@@ -60,7 +60,7 @@ struct ParkedCriteria {
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    let device = device();
+    let device = setup.backend.device();
     let network = Network::init(&mut Initializer::new(0, &device), &device);
     let tensors = Tensors::read(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;
     let network = tensors.load(network).map_err(|e| setup.refuse_weights(e))?;

@@ -1,7 +1,6 @@
 //! The baselines of this family.
 
 use burn::tensor::Device;
-use reactsim::models::nn::device;
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 
@@ -30,14 +29,14 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
 
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;
-    let (device, settings) = (device(), qp::settings()?);
+    let (device, settings) = (setup.backend.device(), qp::settings()?);
     let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device))))
 }
 
 fn regression(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
-    let device = device();
+    let device = setup.backend.device();
     let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(RegressionSimulator::new(policy, driving, device))))
 }

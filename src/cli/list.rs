@@ -9,6 +9,7 @@ use crate::evaluation::CASE_STUDIES;
 use crate::formats::FORMATS;
 use crate::generation::maps::MAP_TYPES;
 use crate::metrics::{METRICS, Unit};
+use crate::models::nn::Backend;
 use crate::models::{Card, MODELS, weights};
 
 /// Arguments of `list`.
@@ -32,6 +33,8 @@ enum Kind {
     Maps,
     /// The case studies of the shipped benchmark
     Cases,
+    /// The tensor backends that this program contains, and whether they work on this machine
+    Backends,
 }
 
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
@@ -74,6 +77,13 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
         Kind::Cases => {
             CASE_STUDIES.iter().map(|c| [c.name, c.scenario, c.summary].map(str::to_owned).to_vec()).collect()
         }
+        Kind::Backends => Backend::ALL
+            .iter()
+            .map(|backend| {
+                let state = backend.check().map_or_else(|e| e.to_string(), |()| "works".to_owned());
+                vec![backend.name().to_owned(), state]
+            })
+            .collect(),
         Kind::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
     write_result(None, |out| aligned(&rows, out))?;

@@ -82,7 +82,7 @@ enum Command {
     Study(study::StudyArgs),
     /// Describe and draw a scenario
     Inspect(inspect::InspectArgs),
-    /// List models, metrics, formats, weights, map types or case studies
+    /// List models, metrics, formats, weights, map types, case studies or backends
     List(list::ListArgs),
     /// Print a completion script for a shell
     Completions(shell::CompletionsArgs),

@@ -10,6 +10,7 @@ use super::{ReadingArgs, metric_options};
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
 };
+use crate::models::nn::Backend;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 use crate::work::available_threads;
@@ -36,6 +37,9 @@ pub(super) struct EvaluationArgs {
     /// Deviated AVs by scenario id, Parquet or JSON; other scenarios are skipped
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
+    /// Tensor backend of the networks; `reactsim list backends` shows those of this program
+    #[arg(long, default_value_t, value_name = "NAME")]
+    backend: Backend,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
@@ -87,7 +91,9 @@ impl EvaluationArgs {
     /// Returns the requested weights and parameters, with this stage behind all simulators.
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
         let weights = parse_weights(&self.model_weights)?;
-        let mut adjustments = Adjustments { weights, smoothing, ..Adjustments::default() };
+        self.backend.check()?;
+        let backend = self.backend;
+        let mut adjustments = Adjustments { weights, smoothing, backend, ..Adjustments::default() };
         for text in &self.set {
             let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
             let Some(((id, key), value)) = parts else {

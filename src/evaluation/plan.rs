@@ -14,6 +14,7 @@ use super::source::Source;
 use super::tally::Tally;
 use crate::formats::deviations::{self, DeviationRecord};
 use crate::metrics::Options;
+use crate::models::nn::cpu_class;
 use crate::rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
 use crate::scene::{AgentState, DeviatedTrack, Scenario};
 
@@ -91,7 +92,8 @@ impl Plan {
     /// Returns the provenance of the run.
     pub fn provenance(&self) -> Provenance {
         let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
-        let provenance = Provenance {
+        let backend = self.simulators.iter().find_map(|s| s.backend);
+        Provenance {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
             settings: SettingsRecord {
@@ -128,11 +130,10 @@ impl Plan {
                 ([source], None, None) => BenchmarkRecord::of(&source.file),
                 _ => None,
             },
-            backend: None,
-            cpu: None,
+            backend: backend.map(|b| b.name().to_owned()),
+            cpu: backend.map(|_| cpu_class().to_owned()),
             keep_rollouts: Some(self.keep_rollouts),
-        };
-        provenance.with_machine()
+        }
     }
 
     /// Returns an empty tally for the values of the run.

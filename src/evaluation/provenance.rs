@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use crate::models::WeightsFile;
-use crate::models::nn::{backend, cpu_class};
 
 /// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
 /// parameters and weights, and for networks the backend and the class of the processor.
@@ -38,7 +37,7 @@ pub struct Provenance {
     /// Name of the tensor backend, such as `flex`; `None` if no simulator has a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backend: Option<String>,
-    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`]); `None` if no simulator has a network.
+    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`](crate::models::nn::cpu_class)); `None` if no simulator has a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu: Option<String>,
     /// Whether rollouts are kept; omitted from the summary, which does not depend on it.
@@ -139,14 +138,6 @@ pub fn program_commit() -> &'static str {
 }
 
 impl Provenance {
-    /// Records backend and class of the processor if a simulator has a network.
-    pub(super) fn with_machine(mut self) -> Self {
-        let networks = self.simulators.iter().any(SimulatorRecord::is_network);
-        self.backend = networks.then(|| backend().to_owned());
-        self.cpu = networks.then(|| cpu_class().to_owned());
-        self
-    }
-
     /// Returns the first setting in which two runs differ, with its value in each.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
         let (name, mine, theirs) = differences(self, other).into_iter().next()?;

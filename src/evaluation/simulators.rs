@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use super::EvaluationError;
 use super::provenance::WeightsRecord;
+use crate::models::nn::Backend;
 use crate::models::qp::{self, Smoothing};
 use crate::models::{self, Baseline, Card, MODELS, ModelError, WeightsFile};
 use crate::rollout::Controller;
@@ -22,6 +23,8 @@ pub struct PlannedSimulator {
     pub parameters: BTreeMap<String, String>,
     /// Weights, if the simulator has any.
     pub weights: Option<WeightsRecord>,
+    /// Backend of its network, if it has one.
+    pub backend: Option<Backend>,
     /// The simulator.
     pub controller: Controller,
 }
@@ -35,6 +38,8 @@ pub struct Adjustments {
     pub parameters: Vec<(String, String, String)>,
     /// A stage to put behind every simulator that is not an oracle.
     pub smoothing: Option<Smoothing>,
+    /// Backend of the networks.
+    pub backend: Backend,
 }
 
 /// A baseline, and the stage behind it.
@@ -100,7 +105,7 @@ impl PlannedSimulator {
                 let own = changes.iter().filter(|((of, _), _)| *of == id);
                 parameters.extend(own.map(|((_, key), value)| (*key, *value)));
             }
-            Self::make(&selected, path, parameters.into_iter())
+            Self::make(&selected, path, parameters.into_iter(), adjustments.backend)
         };
         all.into_iter().map(make).collect()
     }
@@ -109,6 +114,7 @@ impl PlannedSimulator {
         selected: &SelectedSimulator,
         weights: Option<&PathBuf>,
         changes: impl Iterator<Item = (&'a str, &'a str)>,
+        backend: Backend,
     ) -> Result<Self, EvaluationError> {
         let baseline = selected.baseline;
         let id = baseline.id;
@@ -116,6 +122,7 @@ impl PlannedSimulator {
             return Err(ModelError::TakesNoStage { id }.into());
         }
         let mut setup = baseline.setup()?;
+        setup.backend = backend;
         let mut parameters = BTreeMap::new();
         for (key, value) in changes {
             parameters.insert(key.to_owned(), setup.set(key, value)?);
@@ -135,6 +142,7 @@ impl PlannedSimulator {
             setup.weights()?;
         }
         let weights = setup.weights.as_ref().map(WeightsRecord::of);
+        let backend = weights.is_some().then_some(backend);
         let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
         let mut controller = (baseline.make)(setup)?;
         let mut card = baseline.card.to_owned();
@@ -143,7 +151,7 @@ impl PlannedSimulator {
             controller = smoothing.behind(id, controller)?;
             card.push_str(qp::CARD);
         }
-        Ok(Self { id: selected.id.clone(), title, card, parameters, weights, controller })
+        Ok(Self { id: selected.id.clone(), title, card, parameters, weights, backend, controller })
     }
 }
 

@@ -53,6 +53,28 @@ fn called_bare_it_runs_the_shipped_scenarios() {
 }
 
 #[test]
+fn the_backend_is_chosen_at_run_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let run = |backend: &str, more: &[&str]| {
+        let base = ["run", "--limit", "1", "--models", "ntp-reactive", "--out", text(&out)];
+        reactsim(&[&base[..], &["--backend", backend], more].concat())
+    };
+    let done = run("ndarray", &[]);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let provenance = fs::read_to_string(out.join("provenance.json")).unwrap();
+    assert!(provenance.contains("\"backend\": \"ndarray\""), "{provenance}");
+    // Rows of two backends are not mixed.
+    let resumed = run("flex", &["--resume"]);
+    assert_eq!(resumed.status.code(), Some(2));
+    assert!(stderr(&resumed).contains("backend"), "{}", stderr(&resumed));
+    let unknown = run("tpu", &[]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("backend `tpu`: this program contains flex, ndarray"));
+    assert!(stdout(&reactsim(&["list", "backends"])).contains("flex     works"));
+}
+
+#[test]
 fn the_readme_shows_what_the_program_prints() {
     let printed = stdout(bare());
     let table = printed.split("\n\n").next().unwrap();

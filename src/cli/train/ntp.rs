@@ -11,7 +11,6 @@ use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
 use crate::models;
-use crate::models::nn::device;
 use crate::models::ntp::Driving;
 use crate::models::ntp::learn::{NextToken, Recipe};
 use crate::models::ntp::reactive::{Network, Policy, ReactiveSimulator};
@@ -43,7 +42,7 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
         }
         None => Kinematic::default().build()?,
     };
-    let device = device();
+    let device = args.session.device()?;
     let drive = args.closed_loop.read()?;
     let task = NextToken::new(recipe, vocabulary.clone(), &device);
     let Some(drive) = drive else { return session::train(&args.session, &task, None) };

@@ -11,7 +11,7 @@ use clap::Args;
 use super::reader::Reader;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
-use crate::models::nn::device;
+use crate::models::nn::Backend;
 use crate::models::qp_regression::Policy;
 use crate::models::qp_regression::learn::{MEASURES, Recipe, Regression};
 use crate::models::weights;
@@ -43,6 +43,9 @@ pub(super) struct OpenLoopArgs {
     /// Only the first N records of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
+    /// Tensor backend of the network; `reactsim list backends` shows those of this program
+    #[arg(long, default_value_t, value_name = "NAME")]
+    backend: Backend,
 }
 
 pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
@@ -54,7 +57,8 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
             None => bail!("no weights ship for `qp-regression`: give --weights FILE"),
         },
     };
-    let device = device();
+    args.backend.check()?;
+    let device = args.backend.device();
     let name =
         || args.weights.as_ref().map_or_else(|| "shipped weights".to_owned(), |p| p.display().to_string());
     let policy = Policy::read(&bytes, &device).with_context(name)?;

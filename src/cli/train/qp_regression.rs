@@ -10,7 +10,6 @@ use super::closed_loop::ClosedLoopArgs;
 use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
-use crate::models::nn::device;
 use crate::models::qp_regression::learn::{Recipe, Regression};
 use crate::models::qp_regression::network::Network;
 use crate::models::qp_regression::{Driving, Intentions, RegressionSimulator};
@@ -39,7 +38,7 @@ pub(super) struct QpRegressionArgs {
 pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatus> {
     let recipe: Recipe = recipe::read(args.recipe.as_deref())?;
     recipe.network.check().context("the recipe")?;
-    let device = device();
+    let device = args.session.device()?;
     let drive = args.closed_loop.read()?;
     let read = |path: &Path| fs::read(path).with_context(|| format!("could not read {}", path.display()));
     let task = match (&args.from, &args.intentions) {

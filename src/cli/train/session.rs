@@ -1,18 +1,22 @@
 //! Training of any network on scenarios: arguments, files, ^C.
 
+use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use anyhow::bail;
+use burn::tensor::Device;
 use clap::Args;
-use serde_json::{Map, json};
+use serde_json::{Map, Value, json};
 
 use super::data::Data;
 use super::progress::{CURVES, Progress};
 use crate::cli::{ExitStatus, say, stop_on_interrupt};
 use crate::evaluation::{program_commit, program_version};
 use crate::scene::Scenario;
-use crate::training::{ClosedLoop, Ending, Execution, Learner, Settings, Task, WEIGHTS};
+use crate::models::nn::{Backend, BackendError};
+use crate::training::{ABOUT, ClosedLoop, Ending, Execution, Learner, Settings, Task, WEIGHTS};
 use crate::work::available_threads;
 
 /// Arguments of every training.
@@ -70,6 +74,9 @@ pub(super) struct SessionArgs {
     /// Validations without a lower loss after which the training ends (0: never)
     #[arg(long, default_value_t = Settings::default().patience, value_name = "N")]
     patience: u64,
+    /// Tensor backend; `reactsim list backends` shows those of this program
+    #[arg(long, default_value_t, value_name = "NAME")]
+    backend: Backend,
     /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -79,6 +86,12 @@ pub(super) struct SessionArgs {
 }
 
 impl SessionArgs {
+    /// Device of the network.
+    pub(super) fn device(&self) -> Result<Device, BackendError> {
+        self.backend.check()?;
+        Ok(self.backend.device())
+    }
+
     /// Number of threads.
     fn jobs(&self) -> usize {
         self.jobs.map_or_else(available_threads, usize::from)
@@ -139,7 +152,11 @@ fn train_until<T: Task<Example = Scenario>>(
     let about = Map::from_iter([
         ("program".to_owned(), json!({ "version": program_version(), "commit": program_commit() })),
         ("scenarios".to_owned(), json!(args.scenarios)),
+        ("backend".to_owned(), json!(args.backend.name())),
     ]);
+    if args.resume {
+        refuse_other_backend(args)?;
+    }
     let progress = Progress::new(&args.out);
     let learner = Learner {
         task,
@@ -170,6 +187,19 @@ fn train_until<T: Task<Example = Scenario>>(
     say(format_args!("trained {steps} steps, {:.1} scenarios/s{best}", progress.per_second()));
     say(format_args!("weights: {folder}/{WEIGHTS}; curves: {folder}/{CURVES}"));
     Ok(ExitStatus::Done)
+}
+
+/// Refuses to continue a training on another backend: its result would be that of neither.
+fn refuse_other_backend(args: &SessionArgs) -> anyhow::Result<()> {
+    let about = fs::read(args.out.join(ABOUT)).ok().and_then(|b| serde_json::from_slice::<Value>(&b).ok());
+    let before = about.as_ref().and_then(|a| a.get("backend")).and_then(Value::as_str);
+    match before {
+        Some(before) if before != args.backend.name() => bail!(
+            "{}: the training was begun on the backend `{before}`: give --backend {before}",
+            args.out.display()
+        ),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

@@ -38,8 +38,12 @@ impl Reference {
             let id = &simulator.id;
             simulator.parameters.iter().map(move |(key, value)| (id.clone(), key.clone(), value.clone()))
         });
-        let adjustments =
-            Adjustments { weights: inputs.weights, parameters: parameters.collect(), smoothing: None };
+        let adjustments = Adjustments {
+            weights: inputs.weights,
+            parameters: parameters.collect(),
+            smoothing: None,
+            backend: stated.backend.as_deref().and_then(|name| name.parse().ok()).unwrap_or_default(),
+        };
         let plan = Plan {
             sources: inputs.sources,
             simulators: PlannedSimulator::adjusted(&ids, &adjustments)?,

@@ -145,7 +145,7 @@ fn variant(
     if changed.is_empty() {
         return Ok(None);
     }
-    let mut own = Adjustments::default();
+    let mut own = Adjustments { backend: adjustments.backend, ..Adjustments::default() };
     for ChangedSimulator { from, id, parameter } in &changed {
         // Weights and parameters are those of the unchanged simulator, except for the component.
         let weights_of = |id: &str| adjustments.weights.iter().find(|(to, _)| to == id);
