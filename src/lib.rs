@@ -10,6 +10,7 @@
 
 extern crate self as reactsim;
 
+pub mod files;
 pub mod geometry;
 pub mod scene;
 pub mod work;

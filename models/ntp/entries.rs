@@ -39,7 +39,7 @@ fn reactive(setup: Setup) -> Result<Controller, ModelError> {
 
 fn smart(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    let policy =
-        SmartPolicy::read(&setup.weights()?.bytes, &setup.backend.device()).map_err(|e| setup.refuse_weights(e))?;
+    let policy = SmartPolicy::read(&setup.weights()?.bytes, &setup.backend.device())
+        .map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(SmartSimulator::new(setup.id, policy, parameters))))
 }

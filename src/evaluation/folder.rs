@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -14,6 +14,7 @@ use super::reference::{self, REFERENCE_RECORD};
 use super::row::{Failure, Place, Row};
 use super::summary::Summary;
 use super::tally::Tally;
+use crate::files;
 
 /// Name of the file with the provenance.
 pub const PROVENANCE: &str = "provenance.json";
@@ -185,9 +186,7 @@ impl RunFolder {
             let entry = entry.map_err(cannot_read(&self.path))?;
             let name = entry.file_name();
             let name = name.to_string_lossy();
-            let temporary = name.strip_suffix(".tmp").is_some_and(|n| REPLACED_FILES.contains(&n))
-                || (name.starts_with(&format!(".{ROLLOUTS}.")) && name.ends_with(".partial"));
-            if temporary {
+            if files::target_of(&name).is_some_and(|n| n == ROLLOUTS || REPLACED_FILES.contains(&n)) {
                 fs::remove_file(entry.path()).map_err(cannot_write(&entry.path()))?;
             }
         }
@@ -231,7 +230,8 @@ impl RunFolder {
 /// Returns whether a folder is absent or empty, or was left by a run that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
     match fs::read_dir(path) {
-        Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| e.file_name() == "provenance.json.tmp")),
+        Ok(mut entries) => entries
+            .all(|e| e.is_ok_and(|e| files::target_of(&e.file_name().to_string_lossy()) == Some(PROVENANCE))),
         Err(error) => error.kind() == io::ErrorKind::NotFound,
     }
 }
@@ -440,25 +440,12 @@ fn rewrite(path: &Path, lines: &[(Key, u64, usize)]) -> Result<(), EvaluationErr
     })
 }
 
-/// Writes a temporary file next to `path` and renames it, so that the file is complete or absent.
+/// Writes a file as a whole, or not at all.
 pub(super) fn replace(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), EvaluationError> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".tmp");
-    let temporary = path.with_file_name(name);
-    let attempt = || {
-        let mut out = BufWriter::new(File::create(&temporary)?);
-        write(&mut out)?;
-        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-        fs::rename(&temporary, path)
-    };
-    attempt().map_err(|source| {
-        // The error names the target; the incomplete temporary file is useless.
-        fs::remove_file(&temporary).ok();
-        EvaluationError::Write { path: path.to_owned(), source }
-    })
+    files::replace(path, write).map_err(cannot_write(path))
 }
 
 pub(super) fn cannot_read(path: &Path) -> impl Fn(io::Error) -> EvaluationError + use<> {

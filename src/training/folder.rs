@@ -10,7 +10,8 @@ use super::TrainingError;
 use super::checkpoint::{Checkpoint, refuse_other};
 use super::log::{Row, read_log};
 use super::parameters::Layout;
-use super::tensors::{NamedTensors, PARTIAL, replace};
+use super::tensors::{NamedTensors, replace};
+use crate::files;
 
 /// Name of the file that describes the task, the settings and the data.
 pub const ABOUT: &str = "training.json";
@@ -156,8 +157,9 @@ impl Folder {
 fn remove_partial_files(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let own = ["checkpoint-", WEIGHTS, LOG, ABOUT].iter().any(|own| name.starts_with(own));
-        if own && name.ends_with(PARTIAL) {
+        let is_ours =
+            |target: &str| ["checkpoint-", WEIGHTS, LOG, ABOUT].iter().any(|o| target.starts_with(o));
+        if files::target_of(&name).is_some_and(is_ours) {
             fs::remove_file(entry.path()).ok();
         }
     }

@@ -2,14 +2,15 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::{self, File};
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::io;
+use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, View};
 use serde_json::Value;
 
 use super::TrainingError;
+use crate::files;
 
 /// Metadata key of the description. A single key, because the order of several keys varies between files.
 const ABOUT: &str = "reactsim";
@@ -118,33 +119,8 @@ impl NamedTensors {
     }
 }
 
-/// Suffix of the name of a file while it is being written.
-pub(super) const PARTIAL: &str = ".partial";
-
-/// Returns the temporary name of a file that is being written.
-fn partial(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(PARTIAL);
-    path.with_file_name(name)
-}
-
 /// Replaces the content of a file atomically.
 pub(super) fn replace(path: &Path, content: &[u8]) -> Result<(), TrainingError> {
-    let partial = partial(path);
-    let write = || -> io::Result<()> {
-        let mut file = File::create(&partial)?;
-        file.write_all(content)?;
-        file.sync_all()?;
-        fs::rename(&partial, path)?;
-        // Synchronise the folder, which holds the name; ignored if the system does not support it.
-        if let Some(folder) = path.parent().and_then(|folder| File::open(folder).ok()) {
-            folder.sync_all().ok();
-        }
-        Ok(())
-    };
-    write().map_err(|source| {
-        // A partial file is of no use and takes space.
-        fs::remove_file(&partial).ok();
-        TrainingError::Write { path: path.to_owned(), source }
-    })
+    let write = files::replace(path, |out| out.write_all(content));
+    write.map_err(|source| TrainingError::Write { path: path.to_owned(), source })
 }

@@ -102,7 +102,7 @@ fn a_finished_run_resumes_to_itself_and_an_absent_one_begins() {
     run(&plan(1), &folder, true, 2, 2);
     let wanted = files(&folder);
     // Halves of files that a kill left behind go away.
-    let halves = ["summary.json.tmp", ".rollouts.parquet.1.partial"].map(|n| folder.join(n));
+    let halves = [".summary.json.1.partial", ".rollouts.parquet.1.partial"].map(|n| folder.join(n));
     halves.iter().for_each(|half| fs::write(half, "half").unwrap());
     run(&plan(1), &folder, true, 2, 2);
     assert_eq!(files(&folder), wanted);

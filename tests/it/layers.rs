@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// The floors from the ground up. A room may use the rooms of lower floors, and itself.
 const FLOORS: &[&[&str]] = &[
-    &["geometry", "work"],
+    &["files", "geometry", "work"],
     &["scene"],
     &["dynamics"],
     &["rollout", "training", "formats", "web"],

@@ -323,7 +323,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     // A folder that a kill left before the study began.
     let begun = home.path().join("begun");
     fs::create_dir(&begun).unwrap();
-    fs::write(begun.join("study.json.tmp"), "{").unwrap();
+    fs::write(begun.join(".study.json.1.partial"), "{").unwrap();
     study(&begun, &["--resume"], 0);
     assert!(results(&begun) == wanted);
 

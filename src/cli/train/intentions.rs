@@ -8,8 +8,8 @@ use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
 
-use super::new_file::NewFile;
 use super::reader::Reader;
+use super::tensor_file::TensorFile;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
 use crate::models::ntp::tokens::Class;
@@ -73,7 +73,7 @@ struct ClassEntry {
 pub(super) fn intentions(args: &IntentionsArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     let inputs = find_inputs(&args.scenarios)?;
-    let out = NewFile::create(&args.out)?;
+    let out = TensorFile::create(&args.out)?;
     let stop = stop_on_interrupt("nothing is written")?;
     let progress = Progress::new();
     let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);

@@ -3,7 +3,6 @@
 mod closed_loop;
 mod data;
 mod intentions;
-mod new_file;
 mod ntp;
 mod open_loop;
 mod progress;
@@ -11,6 +10,7 @@ mod qp_regression;
 mod reader;
 mod recipe;
 mod session;
+mod tensor_file;
 mod vocabulary;
 mod vocabulary_manifest;
 

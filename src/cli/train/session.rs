@@ -14,8 +14,8 @@ use super::data::Data;
 use super::progress::{CURVES, Progress};
 use crate::cli::{ExitStatus, say, stop_on_interrupt};
 use crate::evaluation::{program_commit, program_version};
-use crate::scene::Scenario;
 use crate::models::nn::{Backend, BackendError};
+use crate::scene::Scenario;
 use crate::training::{ABOUT, ClosedLoop, Ending, Execution, Learner, Settings, Task, WEIGHTS};
 use crate::work::available_threads;
 

@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::new_file::NewFile;
 use super::reader::Reader;
+use super::tensor_file::TensorFile;
 use super::vocabulary_manifest::{Entry, Manifest};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
@@ -122,8 +122,8 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     if inputs.is_empty() && args.map_out.is_some() {
         bail!("a map vocabulary (--map-out) is built from scenarios: give some");
     }
-    let out = NewFile::create(&args.out)?;
-    let map_out = args.map_out.as_deref().map(NewFile::create).transpose()?;
+    let out = TensorFile::create(&args.out)?;
+    let map_out = args.map_out.as_deref().map(TensorFile::create).transpose()?;
     let stop = stop_on_interrupt("nothing is written")?;
     let progress = Progress::new();
     let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);

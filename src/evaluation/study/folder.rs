@@ -10,6 +10,7 @@ use crate::evaluation::folder::{
     FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, cannot_read, cannot_write, replace,
 };
 use crate::evaluation::{EvaluationError, Provenance, Summary, read_summary, read_tally};
+use crate::files;
 
 /// The folder of a study that is running.
 #[derive(Debug)]
@@ -121,7 +122,8 @@ impl StudyFolder {
 /// Returns whether a folder is absent or empty, or was left by a study that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
     match fs::read_dir(path) {
-        Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| e.file_name() == "study.json.tmp")),
+        Ok(mut entries) => entries
+            .all(|e| e.is_ok_and(|e| files::target_of(&e.file_name().to_string_lossy()) == Some(STUDY))),
         Err(error) => error.kind() == io::ErrorKind::NotFound,
     }
 }

@@ -1,7 +1,6 @@
 //! Writing of Parquet files that are complete or absent.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -17,13 +16,13 @@ use parquet::schema::types::ColumnPath;
 
 use super::columns::{Column, Leaf};
 use super::{GROUP_CHECKSUMS, KIND, METADATA_CHECKSUM, VERSION};
+use crate::files::NewFile;
 use crate::formats::error::{Cause, FormatError};
 
 /// Writer of a Parquet file. The file gets its final name in [`TableWriter::finish`]; dropping the writer
 /// before removes the file.
 pub(crate) struct TableWriter {
     path: PathBuf,
-    partial: PathBuf,
     columns: Vec<Column>,
     schema: Arc<Schema>,
     writer: Option<ArrowWriter<ChecksumWriter>>,
@@ -46,15 +45,7 @@ impl TableWriter {
         columns: Vec<Column>,
     ) -> Result<Self, FormatError> {
         let refuse = |e| FormatError::file(path, Cause::Io { doing: "create", source: e });
-        let name = path.file_name().ok_or_else(|| refuse(io::Error::from(io::ErrorKind::InvalidFilename)))?;
-        if path.is_dir() {
-            return Err(refuse(io::Error::from(io::ErrorKind::IsADirectory)));
-        }
-        if path.exists() && !path.is_file() {
-            return Err(refuse(io::Error::other("is no regular file and would be replaced")));
-        }
-        let partial = path.with_file_name(format!(".{}.{}.partial", name.display(), std::process::id()));
-        let file = File::create(&partial).map_err(refuse)?;
+        let file = NewFile::create(path).map_err(refuse)?;
         let schema = Arc::new(Schema::new(columns.iter().map(Column::field).collect::<Vec<_>>()));
         let key = |k: &str, v: String| KeyValue::new(k.to_owned(), v);
         let mut properties = WriterProperties::builder()
@@ -76,14 +67,13 @@ impl TableWriter {
                 Leaf::Whole | Leaf::Flag => properties,
             };
         }
-        let sink = ChecksumWriter { file: BufWriter::new(file), written: 0, checksum: 0, start: 0 };
+        let sink = ChecksumWriter { file, written: 0, checksum: 0, start: 0 };
         let options =
             ArrowWriterOptions::new().with_properties(properties.build()).with_skip_arrow_metadata(true);
         let writer = ArrowWriter::try_new_with_options(sink, schema.clone(), options)
             .map_err(|e| FormatError::file(path, cause(e)))?;
         Ok(Self {
             path: path.to_owned(),
-            partial,
             columns,
             schema,
             writer: Some(writer),
@@ -154,16 +144,7 @@ impl TableWriter {
         writer.append_key_value_metadata(KeyValue::new(GROUP_CHECKSUMS.to_owned(), self.checksums.join(",")));
         let refuse = |e| FormatError::file(&self.path, Cause::write(e));
         let sink = writer.into_inner().map_err(|e| FormatError::file(&self.path, cause(e)))?;
-        let file = sink.file.into_inner().map_err(|e| refuse(e.into_error()))?;
-        file.sync_all().map_err(refuse)?;
-        fs::rename(&self.partial, &self.path).map_err(refuse)
-    }
-}
-
-impl Drop for TableWriter {
-    fn drop(&mut self) {
-        // After `finish` there is no such file; an error here cannot be reported.
-        let _ = fs::remove_file(&self.partial);
+        sink.file.finish().map_err(refuse)
     }
 }
 
@@ -180,7 +161,7 @@ fn cause(error: ParquetError) -> Cause {
 
 /// File writer that computes a checksum of the written bytes.
 struct ChecksumWriter {
-    file: BufWriter<File>,
+    file: NewFile,
     /// Number of bytes written.
     written: u64,
     /// Checksum since `start`.

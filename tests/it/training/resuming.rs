@@ -53,7 +53,7 @@ fn what_is_resumed_comes_out_as_if_it_had_never_ended() {
         text.push_str(&text.lines().last().unwrap().replace(&format!("\"step\":{step},"), "\"step\":999,"));
         text.push_str("\n{\"row\":\"st");
         fs::write(&log, text).unwrap();
-        let half = folder.path().join("checkpoint-00000099.safetensors.partial");
+        let half = folder.path().join(".checkpoint-00000099.safetensors.1.partial");
         fs::write(&half, "half").unwrap();
         let outcome = Trial { jobs: 1, ..Trial::default() }.learn(folder.path(), true).unwrap();
         assert_eq!(outcome.ending, Ending::Finished);
@@ -183,7 +183,8 @@ struct FullFrom<'a>(u64, &'a Path);
 impl Observer for FullFrom<'_> {
     fn row(&self, row: &Row) {
         if row.step() == self.0 {
-            let partial = self.1.join(format!("checkpoint-{:08}.safetensors.partial", self.0));
+            let partial =
+                self.1.join(format!(".checkpoint-{:08}.safetensors.{}.partial", self.0, std::process::id()));
             std::os::unix::fs::symlink("/dev/full", partial).unwrap();
         }
     }

@@ -1,0 +1,32 @@
+//! Tensor files that commands write.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+use crate::evaluation::FileRecord;
+use crate::files::NewFile;
+
+/// A tensor file that gets its name when it is complete. It is begun before the work that fills it, so that a
+/// name that cannot be written is reported at once.
+pub(super) struct TensorFile {
+    path: PathBuf,
+    file: NewFile,
+}
+
+impl TensorFile {
+    /// Begins a file. An existing file stays as it is until the new one is complete.
+    pub(super) fn create(path: &Path) -> anyhow::Result<Self> {
+        let file = NewFile::create(path).with_context(|| format!("could not write {}", path.display()))?;
+        Ok(Self { path: path.to_owned(), file })
+    }
+
+    /// Writes the content and gives the file its name.
+    pub(super) fn finish(mut self, bytes: &[u8]) -> anyhow::Result<FileRecord> {
+        let written = self.file.write_all(bytes).and_then(|()| self.file.finish());
+        written.with_context(|| format!("could not write {}", self.path.display()))?;
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        Ok(FileRecord::of_content(&name, "safetensors", bytes))
+    }
+}
