@@ -17,6 +17,7 @@ mod formats;
 mod generate;
 mod generated;
 mod generation;
+mod geometry_check;
 mod idm;
 mod layers;
 mod leaderboard;
