@@ -28,8 +28,6 @@ use reactsim::training::{
     Execution, Learner, Output, Settings, Source, Stream, Sums, Task, View, draw_parameters,
 };
 
-/// Number of generated scenarios.
-const SCENARIOS: u64 = 24;
 /// Largest gap that an agent reacts to, metres.
 const RANGE: f64 = 50.0;
 /// Half width of the strip in which agents are ahead, metres: half a lane.
@@ -165,8 +163,9 @@ impl SingleEpisode for Learned {
             let mut speed = state.forward_speed();
             for step in 0..episode.plan.steps() {
                 speed = (speed + gain).max(0.0);
-                let (velocity, p) = (ahead * speed, state.position() + ahead * (speed * DT));
-                state = AgentState { x: p.x, y: p.y, vx: velocity.x, vy: velocity.y, ..state };
+                let next = state.position() + ahead * (speed * DT);
+                // The engine derives the velocity from the positions.
+                state = AgentState { x: next.x, y: next.y, ..state };
                 episode.plan.set(agent, step, Some(state));
             }
         }
@@ -177,12 +176,12 @@ impl SingleEpisode for Learned {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let generator =
         Generator::new(GenerationSettings { preset: Preset::Train, ..GenerationSettings::default() })?;
-    let scenarios = (0..SCENARIOS).map(|number| generator.scenario(number).map(Arc::new));
+    let scenarios = (0..24).map(|number| generator.scenario(number).map(Arc::new));
     let learner = Learner {
         task: &Imitation(device()),
         source: &Generated(scenarios.collect::<Result<_, _>>()?),
         settings: Settings {
-            // 240 steps of 4 scenarios.
+            // 240 steps of 4 scenarios each.
             epochs: 40.0,
             batch: 4,
             together: 4,
