@@ -8,9 +8,11 @@
 
 mod argoverse2;
 mod by_number;
+mod conformance;
 mod damage;
 mod gpudrive;
 mod hostile;
+mod nuplan;
 mod odd;
 pub(crate) mod proto;
 mod scenarionet;

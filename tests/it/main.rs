@@ -17,6 +17,7 @@ mod formats;
 mod generate;
 mod generated;
 mod generation;
+mod geometry_check;
 mod idm;
 mod layers;
 mod leaderboard;
@@ -43,6 +44,9 @@ mod trained;
 mod training;
 mod smart_golden;
 mod smart_simulator;
+
+// Path of the geometry in sources of the library that are compiled here again.
+use reactsim::geometry;
 
 /// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
 #[track_caller]

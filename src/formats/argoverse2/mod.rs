@@ -15,7 +15,7 @@ use super::format::{
     PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named, read_whole,
 };
 use super::table::TableReader;
-use crate::scene::{HISTORY, Scenario};
+use crate::scene::{CURRENT, Scenario};
 
 /// Index of the default current frame among the 110 frames: the last of the 50 frames that forecasters
 /// observe.
@@ -73,7 +73,7 @@ impl ScenarioFormat for Argoverse2 {
 /// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one. The ten frames
 /// before it are the history. Missing frames among the 80 after it are counted in the scenario's repairs.
 fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
-    if current + 1 < HISTORY {
+    if current < CURRENT {
         let cause = Cause::value(
             "the current frame",
             current,
