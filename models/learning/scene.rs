@@ -3,14 +3,7 @@
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
 
-/// Map data of a network that can be transformed together with a scene.
-pub(crate) trait LearningMap {
-    /// Applies `flip` to every point; it swaps left and right.
-    fn mirror(&mut self, flip: fn(Vec2) -> Vec2);
-
-    /// Multiplies all distances and speeds by `factor`.
-    fn stretch(&mut self, factor: f64);
-}
+use super::map::LearningMap;
 
 /// A logged scene: agents, their complete tracks, the map and the light states.
 #[derive(Clone, Debug)]

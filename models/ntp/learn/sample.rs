@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::reactive::Config;
-use super::super::reactive::known_map::KnownMap;
-use super::super::reactive::places::Places;
-use super::super::reactive::step::{EarlierNode, Step, View};
-use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
+use super::super::reactive::linked_places::LinkedPlaces;
+use super::super::reactive::step::{EarlierNode, Step};
+use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
 use super::drive::{Perturbation, drive};
 use crate::models::learning::LearningScene;
+use crate::models::perception::{Class, KnownMap, SceneView};
 
 /// Data augmentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,7 +51,7 @@ pub(crate) struct Target {
 /// Training sample of one scene: network inputs of its steps, and labels.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    pub(crate) places: Places,
+    pub(crate) linked: LinkedPlaces,
     pub(crate) steps: Vec<Step>,
     pub(crate) targets: Vec<Target>,
 }
@@ -105,8 +105,8 @@ pub(crate) fn sample(
     let weights: Vec<f32> =
         scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED_WEIGHT } else { 1.0 }).collect();
 
-    let places = Places::of(&scene.map, config);
-    let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
+    let linked = LinkedPlaces::of(&scene.map, config);
+    let mut sample = Sample { linked, steps: Vec::new(), targets: Vec::new() };
     let mut earlier: Vec<EarlierNode> = Vec::new();
     let mut row = 0;
     // Start two steps before the first one, if they exist: the past of a rollout when it begins.
@@ -115,8 +115,8 @@ pub(crate) fn sample(
         let lights: Vec<_> = scene.lights.iter().map(|l| l[at]).collect();
         let av_next: Option<AgentState> = if blind { None } else { tracks[0][at + 1] };
         let view =
-            View { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };
-        let step = Step::of(&view, &sample.places, &earlier, config);
+            SceneView { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };
+        let step = Step::of(&view, &sample.linked.places, &earlier, config);
         if let Some(k) = at.checked_sub(first).map(|d| d / TOKEN_FRAMES) {
             for (i, (&slot, &class)) in step.slots.iter().zip(&step.classes).enumerate() {
                 if let Some(token) = labels[slot].get(k).copied().flatten() {
@@ -137,13 +137,13 @@ impl Sample {
     /// Removes places that no agent attends to, which are most of a map.
     fn forget_unused_places(&mut self, hops: usize) {
         let used = self.steps.iter().flat_map(|s| s.places.sources());
-        let (places, moved) = self.places.reduced(used, hops);
+        let (linked, moved) = self.linked.reduced(used, hops);
         for step in &mut self.steps {
             for (index, open) in step.places.index.iter_mut().zip(&step.places.open) {
                 *index = if *open { moved[*index as usize] } else { 0 };
             }
         }
-        self.places = places;
+        self.linked = linked;
     }
 }
 

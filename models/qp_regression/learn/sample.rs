@@ -11,8 +11,7 @@ use super::super::inputs::{AgentFrame, SceneContext, Surroundings, Survey};
 use super::super::network::Config;
 use super::Disturbance;
 use crate::models::learning::LearningScene;
-use crate::models::ntp::reactive::step::View;
-use crate::models::ntp::tokens::Class;
+use crate::models::perception::{Class, SceneView};
 
 /// Parameters of the augmentation of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -108,7 +107,7 @@ pub(super) fn sample(
     chosen.truncate(most);
     let lights: Vec<_> = scene.lights.iter().map(|l| l[now]).collect();
     let av_next = if blind { None } else { scene.tracks[0].get(now + 1).copied().flatten() };
-    let view = View { agents: &scene.agents, tracks: &scene.tracks, now, av_next, lights: &lights };
+    let view = SceneView { agents: &scene.agents, tracks: &scene.tracks, now, av_next, lights: &lights };
     let ground = scene.map.ground();
     let context = SceneContext::of(&view, &ground);
     let target = |slot: usize| {
