@@ -1,5 +1,8 @@
-//! Shared parts of networks that learn from scenarios: scenes and their variants, reservoir samples, and
-//! the provenance of what was computed from scenarios.
+//! Shared parts of networks that learn from scenarios.
+//!
+//! A `LearningScene` is a logged scenario with map data of a network, which can be mirrored and
+//! stretched (`LearningMap`) and viewed from any frame. A `Reservoir` is a random sample of bounded
+//! size. [`Provenance`] describes what was computed from scenarios.
 
 mod map;
 mod provenance;
@@ -9,4 +12,4 @@ mod scene;
 pub(crate) use map::LearningMap;
 pub use provenance::Provenance;
 pub(crate) use reservoir::Reservoir;
-pub(crate) use scene::LearningScene;
+pub(crate) use scene::{LearningScene, shifted};
