@@ -16,12 +16,13 @@ use reactsim::formats;
 use reactsim::metrics::{Case, Options, score_case};
 use reactsim::models::nn::{Initializer, Noise, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
-use reactsim::models::ntp::reactive::{Known, Policy, ReactiveSimulator};
+use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
 use reactsim::models::ntp::smart::{
     Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, Vocabulary,
 };
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
+use reactsim::models::perception::KnownMotion;
 use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
 use reactsim::models::qp_regression::{Intentions, Policy as Predictor};
 use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, roll_out};
@@ -279,7 +280,7 @@ fn regression(device: &Device) -> Result<()> {
     let policy = Predictor::read(&file, device)?;
     let tracks: Vec<_> = (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect();
     let lights: Vec<_> = (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect();
-    let known = Known { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
     for (count, aim) in [(1, "-"), (12, "20 ms"), (32, "-")] {
         let slots: Vec<usize> = (1..=count).collect();
         let times =

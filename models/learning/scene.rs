@@ -1,16 +1,13 @@
 //! A scenario as training data, with its mirrored and stretched variants.
 
+use rand::RngExt;
+use reactsim::dynamics::PARKED_DISPLACEMENT;
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
+use reactsim::training::Stream;
 
-/// Map data of a network that can be transformed together with a scene.
-pub(crate) trait LearningMap {
-    /// Applies `flip` to every point; it swaps left and right.
-    fn mirror(&mut self, flip: fn(Vec2) -> Vec2);
-
-    /// Multiplies all distances and speeds by `factor`.
-    fn stretch(&mut self, factor: f64);
-}
+use super::map::LearningMap;
+use crate::models::perception::SceneView;
 
 /// A logged scene: agents, their complete tracks, the map and the light states.
 #[derive(Clone, Debug)]
@@ -37,8 +34,15 @@ impl<M: LearningMap> LearningScene<M> {
         }
     }
 
+    /// Returns the scene mirrored with probability `mirror` and stretched by a factor that differs from 1
+    /// by at most `stretch`, by two draws from the stream.
+    pub(crate) fn varied(self, mirror: f64, stretch: f64, stream: &mut Stream) -> Self {
+        let scene = if stream.random::<f64>() < mirror { self.mirrored() } else { self };
+        scene.stretched(1.0 + stretch * (2.0 * stream.random::<f64>() - 1.0))
+    }
+
     /// Returns the scene mirrored about the x axis.
-    pub(crate) fn mirrored(mut self) -> Self {
+    fn mirrored(mut self) -> Self {
         for state in self.tracks.iter_mut().flatten().flatten() {
             *state = AgentState { y: -state.y, heading: -state.heading, vy: -state.vy, ..*state };
         }
@@ -48,7 +52,7 @@ impl<M: LearningMap> LearningScene<M> {
 
     /// Returns the scene with all distances and speeds multiplied by `factor`; boxes keep their
     /// sizes.
-    pub(crate) fn stretched(mut self, factor: f64) -> Self {
+    fn stretched(mut self, factor: f64) -> Self {
         for state in self.tracks.iter_mut().flatten().flatten() {
             let heading = state.heading;
             let (x, y, vx, vy) = (state.x * factor, state.y * factor, state.vx * factor, state.vy * factor);
@@ -57,4 +61,42 @@ impl<M: LearningMap> LearningScene<M> {
         self.map.stretch(factor);
         self
     }
+}
+
+impl<M> LearningScene<M> {
+    /// Separates the map from the rest of the scene.
+    pub(crate) fn split_map(self) -> (LearningScene<()>, M) {
+        let Self { agents, tracks, map, lights } = self;
+        (LearningScene { agents, tracks, map: (), lights }, map)
+    }
+
+    /// Returns the states of the lights at a frame.
+    pub(crate) fn lights_at(&self, frame: usize) -> Vec<Option<LightState>> {
+        self.lights.iter().map(|l| l[frame]).collect()
+    }
+
+    /// Returns the scene at a frame as agents see it, if the first ones have these tracks. `blind` hides
+    /// the next state of the AV.
+    pub(crate) fn view<'a>(
+        &'a self,
+        tracks: &'a [Vec<Frame>],
+        now: usize,
+        blind: bool,
+        lights: &'a [Option<LightState>],
+    ) -> SceneView<'a> {
+        let av_next = if blind { None } else { tracks[0].get(now + 1).copied().flatten() };
+        SceneView { agents: &self.agents[..tracks.len()], tracks, now, av_next, lights }
+    }
+
+    /// Returns whether an agent stays where it is first seen.
+    pub(crate) fn is_parked(&self, slot: usize) -> bool {
+        let mut present = self.tracks[slot].iter().flatten();
+        let Some(first) = present.next() else { return true };
+        present.all(|s| (s.position() - first.position()).norm() < PARKED_DISPLACEMENT)
+    }
+}
+
+/// Returns a frame shifted by at most `shift` frames either way, by a draw from the stream.
+pub(crate) fn shifted(frame: usize, shift: usize, stream: &mut Stream) -> usize {
+    (frame + stream.random_range(0..=2 * shift)).saturating_sub(shift)
 }

@@ -80,8 +80,9 @@ mod tests {
     use reactsim::scene::AgentKind;
 
     use super::super::execute::Executor;
-    use super::super::tokens::{Class, ORIGIN, TOKEN_FRAMES, TokenPoses};
+    use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TokenPoses};
     use super::*;
+    use crate::models::perception::Class;
 
     const NOW: usize = 1;
 

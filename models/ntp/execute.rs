@@ -5,7 +5,8 @@ use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
 use super::clearance::Traffic;
-use super::tokens::{Class, ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, moved};
+use super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, moved};
+use crate::models::perception::Class;
 
 /// Part of the speed change within a token that continues beyond the token's mean speed, from 0 to 1:
 /// with 0 a token ends at its mean speed, with 1 its acceleration is constant. In between, speeds

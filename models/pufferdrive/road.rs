@@ -4,7 +4,7 @@ use reactsim::geometry::{Bounds, Grid, Vec2};
 use reactsim::scene::RoadMap;
 
 use super::network::ROAD;
-use crate::models::ntp::tokens::edge_rings;
+use crate::models::perception::edge_rings;
 
 /// Number of rows for pieces of the road.
 pub(super) const ROWS: usize = 200;

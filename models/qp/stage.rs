@@ -80,7 +80,6 @@ impl Stage {
         // The obstacle that represents an agent until it is planned.
         let mut own: Vec<Option<usize>> = vec![None; agents.len()];
         let everybody = self.keep_clear == KeepClear::Everybody;
-        let settings = self.planner.settings.clone();
         if everybody {
             obstacles.extend(seen.start().obstacles.iter().map(|b| Obstacle::standing(*b)));
         }
@@ -90,7 +89,9 @@ impl Stage {
         for (slot, intent) in intents.iter().enumerate() {
             let Some(now) = seen.state(slot) else { continue };
             match intent {
-                Intent::None if slot == 0 && everybody => obstacles.extend(forecast::av(seen, &settings)),
+                Intent::None if slot == 0 && everybody => {
+                    obstacles.extend(forecast::av(seen, &self.planner.settings));
+                }
                 Intent::None => {}
                 Intent::Fixed(states) => {
                     let agent = &agents[slot];

@@ -167,7 +167,7 @@ impl Planner {
         mode: &Mode,
         obstacles: &[&Obstacle],
     ) -> Option<Attempt> {
-        let settings = self.settings.clone();
+        let settings = &self.settings;
         let Moving { pose, speed, acceleration } = vehicle.now;
         let reference = Reference::new(mode, pose.position);
         let guide = reference.guide(pose.position, direction(pose.heading), vehicle.rear)?;
@@ -185,14 +185,14 @@ impl Planner {
         };
         let planned = self
             .path_program
-            .plan(&path_problem, |path| lateral_bounds(path, vehicle, &reference, obstacles, &settings));
+            .plan(&path_problem, |path| lateral_bounds(path, vehicle, &reference, obstacles, settings));
         self.endings.programs += planned.programs + 1;
         for iterations in &planned.iterations {
             *self.endings.iterations.entry(*iterations).or_default() += 1;
         }
         let path = planned.path;
         let braking =
-            hardest_braking(speed, self.speed_program.initial_acceleration(speed, acceleration), &settings);
+            hardest_braking(speed, self.speed_program.initial_acceleration(speed, acceleration), settings);
         let mut bounds = DistanceBounds::new(braking);
         let mut desired = reference.arcs_along(&path);
         slow_down_for_bends(&mut desired, speed, &path);
@@ -204,7 +204,7 @@ impl Planner {
         let mut all = Vec::new();
         for obstacle in obstacles {
             let occupied = spans(&path, vehicle.extent, obstacle, obstacle.side);
-            if bounds.keep_clear(vehicle, obstacle, &occupied, &desired, &settings) {
+            if bounds.keep_clear(vehicle, obstacle, &occupied, &desired, settings) {
                 all.push(occupied);
             }
         }
@@ -224,7 +224,7 @@ impl Planner {
         for solve in [planned.solve, solution.solve] {
             self.endings.failed += u64::from(solve == Solve::Failed);
         }
-        let moves = drive(vehicle.now, vehicle.rear, &path, &accelerations, &settings);
+        let moves = drive(vehicle.now, vehicle.rear, &path, &accelerations, settings);
         let excess = excess(&vehicle.now, &moves, &all);
         // If the solver gave up on the path, the path is that of the round before, which can be driven.
         let planned = if planned.solve == Solve::Failed { Solve::AlmostSolved } else { planned.solve };

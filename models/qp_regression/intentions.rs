@@ -4,7 +4,8 @@ use reactsim::geometry::Vec2;
 use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, WeightsError};
 
-use crate::models::ntp::tokens::{Class, Provenance};
+use crate::models::learning::Provenance;
+use crate::models::perception::Class;
 
 /// Prefix of the tensor names.
 pub(crate) const PREFIX: &str = "intention_points.";

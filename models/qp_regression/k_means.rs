@@ -7,8 +7,9 @@ use reactsim::scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
 use super::{Intentions, IntentionsError};
+use crate::models::learning::Provenance;
 use crate::models::learning::Reservoir;
-use crate::models::ntp::tokens::{Class, Provenance};
+use crate::models::perception::Class;
 
 /// Displacement in metres below which an agent counts as standing, which has a point of its own.
 const STANDSTILL_DISPLACEMENT: f64 = 1.0;

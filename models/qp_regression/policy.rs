@@ -14,8 +14,7 @@ use super::intentions::PREFIX;
 use super::network::{Batch, Config, Network, SizeError};
 use super::predict::{Prediction, prediction};
 use super::{Intentions, IntentionsError};
-use crate::models::ntp::reactive::Known;
-use crate::models::ntp::reactive::step::View;
+use crate::models::perception::{KnownMotion, SceneView};
 
 /// Kind of this network in the configuration of the file.
 const KIND: &str = "motion-transformer";
@@ -131,8 +130,13 @@ impl Policy {
         let tracks: Vec<_> = (0..agents.len()).map(|a| seen.track(a).to_vec()).collect();
         let lights: Vec<_> =
             (0..seen.start().lights.len()).map(|l| seen.light(l).last().copied().flatten()).collect();
-        let view =
-            View { agents, tracks: &tracks, now: seen.frame(), av_next: seen.av_next(), lights: &lights };
+        let view = SceneView {
+            agents,
+            tracks: &tracks,
+            now: seen.frame(),
+            av_next: seen.av_next(),
+            lights: &lights,
+        };
         self.predict_view(&view, ground, slots, device)
     }
 
@@ -140,22 +144,19 @@ impl Policy {
     /// except that of the AV one frame later if agents see it.
     pub fn predict_known(
         &self,
-        known: &Known<'_>,
+        known: &KnownMotion<'_>,
         now: usize,
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
-        let lights: Vec<_> = known.lights.iter().map(|l| l.get(now).copied().flatten()).collect();
-        let next = known.tracks.first().and_then(|av| av.get(now + 1).copied().flatten());
-        let av_next = next.filter(|_| known.av_lookahead);
-        let view = View { agents: &known.start.agents, tracks: known.tracks, now, av_next, lights: &lights };
-        self.predict_view(&view, &self.ground(known.start), slots, device)
+        let lights = known.lights_at(now);
+        self.predict_view(&known.view(now, &lights), &self.ground(known.start), slots, device)
     }
 
     /// Predicts as [`Self::predict`] does, from a view.
     pub(crate) fn predict_view(
         &self,
-        view: &View<'_>,
+        view: &SceneView<'_>,
         ground: &Ground,
         slots: &[usize],
         device: &Device,

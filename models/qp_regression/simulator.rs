@@ -12,7 +12,7 @@ use super::follow::follow;
 use super::inputs::Ground;
 use super::policy::Policy;
 use super::predict::{Mode, Prediction};
-use crate::models::ntp::reactive::links::Nearest;
+use crate::models::perception::Nearest;
 
 /// Parameters of executing predictions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,5 +1,6 @@
 //! The house: rooms import only from floors below (see the crate's documentation).
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +17,11 @@ const FLOORS: &[&[&str]] = &[
     &["cli"],
     &["main"],
 ];
+
+/// The levels inside `models` from the ground up. A module may use modules of lower levels, and itself.
+/// The other folders are the baselines, which are one level above all of these.
+const MODEL_LEVELS: &[&[&str]] =
+    &[&["card"], &["error"], &["weights"], &["setup"], &["nn", "perception"], &["learning", "qp"]];
 
 fn floor(room: &str) -> Option<usize> {
     FLOORS.iter().position(|rooms| rooms.contains(&room))
@@ -58,7 +64,7 @@ fn code(text: &str) -> String {
     text.lines().filter(|l| !l.trim_start().starts_with("//")).map(|l| format!("{l}\n")).collect()
 }
 
-/// The names that a text reaches from the root of the crate by climbing: `depth` times `super::`, or more in modules within it.
+/// What a text names after climbing: the text after `depth` times `super::`, or more in modules within it.
 fn climbs(text: &str, depth: usize) -> Vec<String> {
     let code = code(text);
     let (mut found, mut rest) = (Vec::new(), code.as_str());
@@ -69,42 +75,50 @@ fn climbs(text: &str, depth: usize) -> Vec<String> {
             (rest, climbed) = (next, climbed + 1);
         }
         if climbed >= depth {
-            // As if it were written from the root; what is no room is no concern.
-            let item = rest.split(';').next().unwrap_or_default();
-            found.extend(imports(&format!("crate::{item}")).into_iter().filter(|n| floor(n).is_some()));
+            found.push(rest.split(';').next().unwrap_or_default().to_owned());
         }
     }
     found
 }
 
+/// The rooms that a text reaches from the root of the crate by climbing.
+fn climbed_rooms(text: &str, depth: usize) -> Vec<String> {
+    let items = climbs(text, depth);
+    // As if it were written from the root; what is no room is no concern.
+    items.iter().flat_map(|item| imports(&format!("crate::{item}"))).filter(|n| floor(n).is_some()).collect()
+}
+
 /// The rooms that a text names after `crate::` or `reactsim::`, inside braces too.
 fn imports(text: &str) -> Vec<String> {
-    let name = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let code = code(text);
+    ["crate::", "reactsim::"].iter().flat_map(|prefix| names_after(&code, prefix)).collect()
+}
+
+/// The names that follow a prefix, inside braces too.
+fn names_after(code: &str, prefix: &str) -> Vec<String> {
+    let name = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let mut found = Vec::new();
-    for prefix in ["crate::", "reactsim::"] {
-        for (at, _) in code.match_indices(prefix) {
-            if code[..at].ends_with('$') {
-                continue;
-            }
-            let rest = &code[at + prefix.len()..];
-            match rest.strip_prefix('{') {
-                None => found.push(name(rest)),
-                Some(list) => {
-                    let mut depth = 0;
-                    let mut start = true;
-                    for (i, c) in list.char_indices() {
-                        match c {
-                            '}' if depth == 0 => break,
-                            '{' => depth += 1,
-                            '}' => depth -= 1,
-                            ',' if depth == 0 => start = true,
-                            c if start && !c.is_whitespace() => {
-                                found.push(name(&list[i..]));
-                                start = false;
-                            }
-                            _ => {}
+    for (at, _) in code.match_indices(prefix) {
+        if code[..at].ends_with(|c: char| c == '$' || c == '_' || c.is_alphanumeric()) {
+            continue;
+        }
+        let rest = &code[at + prefix.len()..];
+        match rest.strip_prefix('{') {
+            None => found.push(name(rest)),
+            Some(list) => {
+                let mut depth = 0;
+                let mut start = true;
+                for (i, c) in list.char_indices() {
+                    match c {
+                        '}' if depth == 0 => break,
+                        '{' => depth += 1,
+                        '}' => depth -= 1,
+                        ',' if depth == 0 => start = true,
+                        c if start && !c.is_whitespace() => {
+                            found.push(name(&list[i..]));
+                            start = false;
                         }
+                        _ => {}
                     }
                 }
             }
@@ -129,7 +143,7 @@ fn rooms_import_only_from_floors_below() {
             continue;
         };
         let text = fs::read_to_string(path).unwrap();
-        for used in imports(&text).into_iter().chain(climbs(&text, depth(path))) {
+        for used in imports(&text).into_iter().chain(climbed_rooms(&text, depth(path))) {
             let below = floor(&used).is_some_and(|f| f < own_floor);
             // Items at the root of the crate have no room; there are none but the rooms themselves.
             if used != own && !below {
@@ -154,6 +168,66 @@ fn climbing_over_the_root_is_found() {
     assert_eq!(here("src/metrics/ade.rs"), 2);
     assert_eq!(here("models/idm/mod.rs"), 2);
     let text = "use super::super::cli::main;\nuse super::report;\n// super::super::evaluation";
-    assert_eq!(climbs(text, 2), ["cli"]);
-    assert_eq!(climbs("let a = super::super::super::{evaluation, x};", 2), ["evaluation"]);
+    assert_eq!(climbed_rooms(text, 2), ["cli"]);
+    assert_eq!(climbed_rooms("let a = super::super::super::{evaluation, x};", 2), ["evaluation"]);
+}
+
+/// The level of a module of `models`; `None` for other names.
+fn model_level(module: &str) -> Option<usize> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("models").join(module);
+    let is_folder = || !module.is_empty() && folder.is_dir();
+    let listed = MODEL_LEVELS.iter().position(|modules| modules.contains(&module));
+    listed.or_else(|| is_folder().then_some(MODEL_LEVELS.len()))
+}
+
+/// The modules of the items that `models/mod.rs` re-exports.
+fn model_exports(text: &str) -> BTreeMap<String, String> {
+    let lines = text.lines().filter_map(|line| line.strip_prefix("pub use ")?.split_once("::"));
+    lines
+        .flat_map(|(module, items)| {
+            names_after(&format!("models::{items}"), "models::").into_iter().map(|i| (i, module.to_owned()))
+        })
+        .collect()
+}
+
+/// The modules of `models` that a text uses, `depth` times `super::` above which is `models`.
+fn model_imports(text: &str, depth: usize, exports: &BTreeMap<String, String>) -> Vec<String> {
+    let climbed =
+        climbs(text, depth).into_iter().flat_map(|i| names_after(&format!("models::{i}"), "models::"));
+    let names = names_after(&code(text), "models::").into_iter().chain(climbed);
+    // What `models/mod.rs` itself defines, the list of baselines and their type, has no level.
+    names.map(|n| exports.get(&n).cloned().unwrap_or(n)).filter(|n| model_level(n).is_some()).collect()
+}
+
+#[test]
+fn models_import_only_from_levels_below() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
+    let exports = model_exports(&fs::read_to_string(root.join("mod.rs")).unwrap());
+    let (mut files, mut wrong) = (Vec::new(), Vec::new());
+    sources(&root, &mut files);
+    for path in files.iter().filter(|path| **path != root.join("mod.rs")) {
+        let first = path.strip_prefix(&root).unwrap().iter().next().unwrap().to_string_lossy().into_owned();
+        let own = first.trim_end_matches(".rs");
+        let Some(level) = model_level(own) else {
+            wrong.push(format!("{}: module `{own}` has no level", path.display()));
+            continue;
+        };
+        let text = fs::read_to_string(path).unwrap();
+        for used in model_imports(&text, depth(path) - 1, &exports) {
+            if used != own && model_level(&used) >= Some(level) {
+                wrong.push(format!("{}: `{own}` uses `{used}`", path.display()));
+            }
+        }
+    }
+    assert!(files.len() > 100, "only {} files found", files.len());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn imports_of_models_are_found_through_exports_and_braces() {
+    let exports = model_exports("mod card;\npub use card::{Card, CardError};\npub use error::ModelError;");
+    let found = |text: &str, depth: usize| model_imports(text, depth, &exports);
+    assert_eq!(found("use crate::models::{self, ModelError, find, qp::Stage};", 1), ["error", "qp"]);
+    assert_eq!(found("use super::{Card, nn};\nuse super::super::idm;", 1), ["card", "nn", "idm"]);
+    assert!(found("use super::card;\nuse self::models_of::ntp;", 2).is_empty());
 }

@@ -7,9 +7,10 @@ use reactsim::formats;
 use reactsim::geometry::{Vec2, direction};
 use reactsim::models::nn::device;
 use reactsim::models::ntp::learn::{NextToken, Recipe};
-use reactsim::models::ntp::reactive::{Config, Known, Logits, Policy, PolicyError, ReactiveSimulator};
-use reactsim::models::ntp::tokens::{Class, Kinematic};
+use reactsim::models::ntp::reactive::{Config, Logits, Policy, PolicyError, ReactiveSimulator};
+use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
+use reactsim::models::perception::{Class, KnownMotion};
 use reactsim::rollout::{Controller, LogAv, Replan, Request, Rollout, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
 use reactsim::training::{Task, View};
@@ -58,7 +59,7 @@ const STEPS: [usize; 5] = [0, 5, 10, 15, 20];
 
 fn logits_of(policy: &Policy, scenario: &Scenario, tracks: &[Vec<Frame>], device: &Device) -> Vec<Logits> {
     let lights = lights(scenario);
-    let known = Known { start: &scenario.start, tracks, lights: &lights, av_lookahead: true };
+    let known = KnownMotion { start: &scenario.start, tracks, lights: &lights, av_lookahead: true };
     policy.logits(&known, &STEPS, device)
 }
 
@@ -92,8 +93,12 @@ fn what_is_computed_step_by_step_is_what_one_pass_gives() {
     for scenario in &scenarios(3) {
         let rollout = &run(&controller, &[scenario], &Settings::default())[0];
         let lights = lights(scenario);
-        let known =
-            Known { start: &scenario.start, tracks: &rollout.tracks, lights: &lights, av_lookahead: true };
+        let known = KnownMotion {
+            start: &scenario.start,
+            tracks: &rollout.tracks,
+            lights: &lights,
+            av_lookahead: true,
+        };
         let frames: Vec<usize> = (0..FRAMES - 1).step_by(5).collect();
         let mut checked = 0;
         for Logits { frame, slot, values } in policy.logits(&known, &frames, &device) {

@@ -8,7 +8,6 @@ use reactsim::geometry::{Vec2, direction};
 use reactsim::models;
 use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, device};
-use reactsim::models::ntp::reactive::Known;
 use reactsim::models::qp::{self, Ending};
 use reactsim::models::qp_regression::learn::{Recipe, Regression};
 use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppress};
@@ -23,6 +22,7 @@ use crate::ntp_reactive::{lights, moved, scenarios, tracks};
 use crate::scenes::{
     agent, arc, bits, car, coasting, join, lane, line, mini, request, scene, state, straight,
 };
+use reactsim::models::perception::KnownMotion;
 
 /// Small sizes with all that can differ.
 fn small() -> Config {
@@ -89,7 +89,7 @@ fn policy(network: Config) -> Policy {
 
 fn predictions(policy: &Policy, scenario: &Scenario, tracks: &[Vec<Frame>], now: usize) -> Vec<Prediction> {
     let lights = lights(scenario);
-    let known = Known { start: &scenario.start, tracks, lights: &lights, av_lookahead: true };
+    let known = KnownMotion { start: &scenario.start, tracks, lights: &lights, av_lookahead: true };
     let slots: Vec<usize> = (0..scenario.start.agents.len()).collect();
     policy.predict_known(&known, now, &slots, &device())
 }
@@ -326,7 +326,7 @@ fn the_order_of_agents_and_their_company_do_not_matter() {
     assert!(farthest_of_all < 1e-3, "{farthest_of_all}");
 
     let (tracks, lights) = (tracks(&scenario), lights(&scenario));
-    let known = Known { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
     let all = predictions(&policy, &scenario, &tracks, CURRENT);
     for one in &all {
         let alone = policy.predict_known(&known, CURRENT, &[one.slot], &device());
@@ -510,7 +510,7 @@ fn the_other_backend_agrees() {
     let scenario = scenarios(1).remove(0);
     let bytes = bytes(Config::default());
     let (tracks, lights) = (tracks(&scenario), lights(&scenario));
-    let known = Known { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
     let run = |device: &Device| {
         Policy::read(&bytes, device).unwrap().predict_known(&known, CURRENT, &[1, 2, 3], device)
     };

@@ -12,8 +12,8 @@ use reactsim::models::ntp::smart::{
     Agents, Batch, MapTokens, Scene, Smart, SmartConfig, SmartParameters, SmartPolicy, SmartSimulator, Step,
 };
 use reactsim::models::ntp::tokens::{
-    ArcGrid, Band, Class, Kinematic, MapVocabulary, PolarGrid, PreparedTrack, Provenance, TOKEN_FRAMES,
-    Vocabulary, curve_pieces, fill_gaps, moved, token_of_motion,
+    ArcGrid, Band, Kinematic, MapVocabulary, PolarGrid, PreparedTrack, TOKEN_FRAMES, Vocabulary,
+    curve_pieces, fill_gaps, moved, token_of_motion,
 };
 use reactsim::models::{WeightsFile, find};
 use reactsim::rollout::{Controller, Rollout, Settings, roll_out};
@@ -22,6 +22,8 @@ use serde_json::Value;
 
 use crate::networks::values;
 use crate::scenes::{coasting, real, request};
+use reactsim::models::learning::Provenance;
+use reactsim::models::perception::Class;
 
 /// Few tokens of every class.
 pub(crate) fn coarse() -> Kinematic {

@@ -11,7 +11,8 @@ use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
-use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary, motion_between, moved};
+use super::super::tokens::{TOKEN_FRAMES, Vocabulary, motion_between, moved};
+use crate::models::perception::Class;
 
 /// Deliberate errors during replay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

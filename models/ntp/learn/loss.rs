@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::super::reactive::Config;
 use super::super::reactive::batch::{SceneRows, map_tensors, node_tensors};
 use super::super::reactive::network::{Network, PastNodes};
-use super::super::tokens::{Class, Vocabulary};
+use super::super::tokens::Vocabulary;
 use super::sample::{Sample, Target};
+use crate::models::perception::Class;
 
 /// Label smoothing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,14 +86,14 @@ pub(crate) fn losses(
     config: &Config,
     device: &Device,
 ) -> Losses {
-    let maps: Vec<_> = samples.iter().map(|s| &s.places).collect();
+    let maps: Vec<_> = samples.iter().map(|s| &s.linked).collect();
     let map = map_tensors(&maps, config, device);
     let (mut scenes, mut targets) = (Vec::new(), Vec::new());
     let (mut places, mut nodes) = (0, 0);
     for sample in samples {
         scenes.push((sample.steps.as_slice(), SceneRows { places, earlier: nodes }));
         targets.extend(sample.targets.iter().map(|t| Target { row: t.row + nodes, ..*t }));
-        places += sample.places.all.len();
+        places += sample.linked.places.all.len();
         nodes += sample.steps.iter().map(|s| s.slots.len()).sum::<usize>();
     }
     let nodes = node_tensors(&scenes, config, device);

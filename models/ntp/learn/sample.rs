@@ -1,19 +1,18 @@
 //! Training samples of the network.
 
 use rand::RngExt;
-use reactsim::dynamics::PARKED_DISPLACEMENT;
-use reactsim::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame};
+use reactsim::scene::{CURRENT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::reactive::Config;
-use super::super::reactive::known_map::KnownMap;
-use super::super::reactive::places::Places;
-use super::super::reactive::step::{EarlierNode, Step, View};
-use super::super::tokens::{Class, TOKEN_FRAMES, Vocabulary};
+use super::super::reactive::linked_places::LinkedPlaces;
+use super::super::reactive::step::{EarlierNode, Step};
+use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
 use super::drive::{Perturbation, drive};
-use crate::models::learning::LearningScene;
+use crate::models::learning::{LearningScene, shifted};
+use crate::models::perception::{Class, KnownMap};
 
 /// Data augmentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,7 +50,7 @@ pub(crate) struct Target {
 /// Training sample of one scene: network inputs of its steps, and labels.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    pub(crate) places: Places,
+    pub(crate) linked: LinkedPlaces,
     pub(crate) steps: Vec<Step>,
     pub(crate) targets: Vec<Target>,
 }
@@ -73,13 +72,10 @@ pub(crate) fn sample(
     let (mut first, mut blind, mut window) = (CURRENT, false, ALL_STEPS);
     let mut noise = None;
     if let Some((a, stream)) = varied {
-        if stream.random::<f64>() < a.mirror {
-            scene = scene.mirrored();
-        }
-        scene = scene.stretched(1.0 + a.stretch * (2.0 * stream.random::<f64>() - 1.0));
+        scene = scene.varied(a.mirror, a.stretch, stream);
         let later = ALL_STEPS.saturating_sub(a.window);
         let later = TOKEN_FRAMES * stream.random_range(0..=later);
-        first = (CURRENT + later + stream.random_range(0..=2 * a.shift)).saturating_sub(a.shift);
+        first = shifted(CURRENT + later, a.shift, stream);
         window = a.window;
         blind = stream.random::<f64>() < a.blind;
         noise = Some((&a.noise, stream));
@@ -103,20 +99,18 @@ pub(crate) fn sample(
         labels.push(driven.labels);
     }
     let weights: Vec<f32> =
-        scene.tracks[..count].iter().map(|t| if is_parked(t) { PARKED_WEIGHT } else { 1.0 }).collect();
+        (0..count).map(|slot| if scene.is_parked(slot) { PARKED_WEIGHT } else { 1.0 }).collect();
 
-    let places = Places::of(&scene.map, config);
-    let mut sample = Sample { places, steps: Vec::new(), targets: Vec::new() };
+    let linked = LinkedPlaces::of(&scene.map, config);
+    let mut sample = Sample { linked, steps: Vec::new(), targets: Vec::new() };
     let mut earlier: Vec<EarlierNode> = Vec::new();
     let mut row = 0;
     // Start two steps before the first one, if they exist: the past of a rollout when it begins.
     let mut at = first - TOKEN_FRAMES * (first / TOKEN_FRAMES).min(2);
     while at + TOKEN_FRAMES < FRAMES && at < first + window * TOKEN_FRAMES {
-        let lights: Vec<_> = scene.lights.iter().map(|l| l[at]).collect();
-        let av_next: Option<AgentState> = if blind { None } else { tracks[0][at + 1] };
-        let view =
-            View { agents: &scene.agents[..count], tracks: &tracks, now: at, av_next, lights: &lights };
-        let step = Step::of(&view, &sample.places, &earlier, config);
+        let lights = scene.lights_at(at);
+        let view = scene.view(&tracks, at, blind, &lights);
+        let step = Step::of(&view, &sample.linked.places, &earlier, config);
         if let Some(k) = at.checked_sub(first).map(|d| d / TOKEN_FRAMES) {
             for (i, (&slot, &class)) in step.slots.iter().zip(&step.classes).enumerate() {
                 if let Some(token) = labels[slot].get(k).copied().flatten() {
@@ -137,18 +131,12 @@ impl Sample {
     /// Removes places that no agent attends to, which are most of a map.
     fn forget_unused_places(&mut self, hops: usize) {
         let used = self.steps.iter().flat_map(|s| s.places.sources());
-        let (places, moved) = self.places.reduced(used, hops);
+        let (linked, moved) = self.linked.reduced(used, hops);
         for step in &mut self.steps {
             for (index, open) in step.places.index.iter_mut().zip(&step.places.open) {
                 *index = if *open { moved[*index as usize] } else { 0 };
             }
         }
-        self.places = places;
+        self.linked = linked;
     }
-}
-
-fn is_parked(track: &[Frame]) -> bool {
-    let mut present = track.iter().flatten();
-    let Some(first) = present.next() else { return true };
-    present.all(|s| (s.position() - first.position()).norm() < PARKED_DISPLACEMENT)
 }

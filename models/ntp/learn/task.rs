@@ -7,14 +7,14 @@ use reactsim::scene::Scenario;
 use reactsim::training::{Output, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
-use super::super::reactive::known_map::KnownMap;
 use super::super::reactive::{Config, Network, Policy};
-use super::super::tokens::{Class, Vocabulary};
+use super::super::tokens::Vocabulary;
 use super::drive::Perturbation;
 use super::loss::{Smoothing, TargetDistributions, losses};
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
+use crate::models::perception::{Class, KnownMap};
 
 /// Settings of training, in addition to the data and the learner's own settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

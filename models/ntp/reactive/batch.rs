@@ -4,15 +4,14 @@ use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::super::tokens::Class;
 use super::config::Config;
+use super::linked_places::LinkedPlaces;
 use super::links::Links;
 use super::pair::PAIR_FEATURES;
-use super::place::{PLACE_FEATURES, PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
-use super::places::Places;
+use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::step::{PAST_FEATURES, Step};
-use super::widths::BODY_FEATURES;
 use crate::models::nn::Neighbors;
+use crate::models::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 /// Neighbours as tensors.
 #[derive(Clone, Debug)]
@@ -74,14 +73,14 @@ impl LinkCollector {
 }
 
 /// Lays out all places of several scenes.
-pub(crate) fn map_tensors(scenes: &[&Places], config: &Config, device: &Device) -> MapTensors {
+pub(crate) fn map_tensors(scenes: &[&LinkedPlaces], config: &Config, device: &Device) -> MapTensors {
     let mut features = Vec::new();
     let mut links = LinkCollector::default();
     let mut base = 0;
     for scene in scenes {
-        scene.all.iter().for_each(|p| features.extend_from_slice(&p.features));
+        scene.places.all.iter().for_each(|p| features.extend_from_slice(&p.features));
         links.add(&scene.links, |i| i + base);
-        base += scene.all.len() as u32;
+        base += scene.places.all.len() as u32;
     }
     MapTensors {
         places: floats(features, PLACE_FEATURES, device),

@@ -2,10 +2,8 @@
 
 use reactsim::geometry::into_frame;
 
-use super::body::Body;
 use super::config::Config;
-use super::links::Nearest;
-use super::place::{Place, Role};
+use crate::models::perception::{Body, Nearest, Place, Role};
 
 /// Distance ahead beyond which stops are ignored, metres.
 const MAX_STOP_DISTANCE: f64 = 70.0;

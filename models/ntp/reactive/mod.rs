@@ -6,24 +6,17 @@
 //! features, not as a token; light states enter with the relation to the places that they control.
 
 pub(crate) mod batch;
-pub(crate) mod body;
 mod choice;
 mod config;
 mod error;
-mod lane_graph;
-mod observe;
-pub(crate) mod corridor;
-pub(crate) mod known_map;
-pub(crate) mod lane;
-pub(crate) mod links;
+pub(crate) mod linked_places;
+mod links;
 pub(crate) mod network;
 mod pair;
-mod place;
-pub(crate) mod places;
+mod place_relations;
 mod policy;
 mod scoring;
 mod simulator;
-mod widths;
 pub(crate) mod step;
 mod window;
 
@@ -31,6 +24,5 @@ pub use config::Config;
 pub use error::PolicyError;
 pub use network::Network;
 pub use policy::Policy;
-pub use scoring::{Known, Logits};
+pub use scoring::Logits;
 pub use simulator::ReactiveSimulator;
-pub(crate) use widths::BODY_FEATURES;

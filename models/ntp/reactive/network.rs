@@ -5,16 +5,15 @@ use burn::nn::Linear;
 use burn::tensor::activation::relu;
 use burn::tensor::{Int, Tensor, TensorData};
 
-use super::super::tokens::Class;
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
 use super::config::Config;
 use super::pair::PAIR_FEATURES;
-use super::place::{PLACE_FEATURES, PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
+use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::step::PAST_FEATURES;
-use super::widths::BODY_FEATURES;
 use crate::models::nn::{
     AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations,
 };
+use crate::models::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 /// A block: attention of agents to their past, to the map and to other agents.
 #[derive(Module, Debug)]

@@ -2,8 +2,7 @@
 
 use reactsim::geometry::{Vec2, into_frame};
 
-use super::body::Body;
-use super::links::put;
+use crate::models::perception::{Body, put};
 
 /// Number of features of the relation between two agents.
 pub(crate) const PAIR_FEATURES: usize = 29;

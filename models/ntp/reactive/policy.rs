@@ -7,10 +7,11 @@ use reactsim::models::nn::weights::{CONFIG, save_with};
 use reactsim::models::nn::{Initializer, Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
+use super::super::tokens::Vocabulary;
 use super::super::tokens::file::PREFIX;
-use super::super::tokens::{Class, Vocabulary};
 use super::error::KIND;
 use super::{Config, Network, PolicyError};
+use crate::models::perception::Class;
 
 /// A trained network and the tokens that it chooses from.
 #[derive(Clone, Debug)]

@@ -10,8 +10,8 @@ use super::super::sampling::Driving;
 use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
 use super::batch::{NodeTensors, SceneRows, map_tensors, node_tensors};
 use super::config::Config;
+use super::linked_places::LinkedPlaces;
 use super::network::{Encoding, PastNodes};
-use super::places::Places;
 use super::policy::Policy;
 use super::step::{EarlierNode, Step};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
@@ -33,7 +33,7 @@ impl ReactiveSimulator {
 
 /// Memory of an episode between plans.
 struct EpisodeMemory {
-    places: Places,
+    linked: LinkedPlaces,
     /// Encoded places, `[p, hidden]`.
     map: Tensor<2>,
     /// Latest steps, oldest first.
@@ -55,9 +55,9 @@ struct PendingPlan<'e, 'a> {
 
 impl Simulator for ReactiveSimulator {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
-        let places = Places::known(start, &self.policy.config);
-        let map = self.policy.network.encode_map(&map_tensors(&[&places], &self.policy.config, &self.device));
-        Memory::new(Some(EpisodeMemory { places, map, remembered: Vec::new(), next_frame: usize::MAX }))
+        let linked = LinkedPlaces::known(start, &self.policy.config);
+        let map = self.policy.network.encode_map(&map_tensors(&[&linked], &self.policy.config, &self.device));
+        Memory::new(Some(EpisodeMemory { linked, map, remembered: Vec::new(), next_frame: usize::MAX }))
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
@@ -130,7 +130,7 @@ impl ReactiveSimulator {
         for p in group {
             scenes.push((p.steps.as_slice(), at));
             maps.push(p.memory.map.clone());
-            at.places += p.memory.places.all.len();
+            at.places += p.memory.linked.places.all.len();
             if cached {
                 at.earlier += p.earlier.len();
                 for remembered in &p.memory.remembered {
@@ -162,14 +162,21 @@ impl PendingPlan<'_, '_> {
         let fresh = token > 0 || self.memory.next_frame == now;
         if fresh && known == frames {
             self.earlier = self.memory.remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
-            let step =
-                step_at(&self.episode.seen, &self.tracks, now, &self.memory.places, &self.earlier, config);
+            let step = step_at(
+                &self.episode.seen,
+                &self.tracks,
+                now,
+                &self.memory.linked.places,
+                &self.earlier,
+                config,
+            );
             self.steps = vec![step];
         } else {
             self.memory.remembered.clear();
             self.earlier.clear();
             let all: Vec<usize> = frames.into_iter().chain([now]).collect();
-            self.steps = observed_steps(&self.episode.seen, &self.tracks, &all, &self.memory.places, config);
+            self.steps =
+                observed_steps(&self.episode.seen, &self.tracks, &all, &self.memory.linked.places, config);
         }
     }
 

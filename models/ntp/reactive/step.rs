@@ -1,18 +1,14 @@
 //! Network input of one scene at one step: agents and their attention links.
 
 use reactsim::geometry::{Vec2, into_frame};
-use reactsim::scene::{Agent, AgentState, Frame, LightState};
+use reactsim::scene::LightState;
 
-use super::super::tokens::Class;
-use super::body::Body;
 use super::choice::Chooser;
 use super::config::Config;
-use super::corridor;
-use super::lane::CandidatePath;
-use super::links::{Links, Nearest, put};
+use super::links::Links;
 use super::pair::{PAIR_FEATURES, relate};
-use super::place::TO_PLACE_FEATURES;
-use super::places::Places;
+use super::place_relations::TO_PLACE_FEATURES;
+use crate::models::perception::{Body, Class, Nearest, Places, SceneView, corridor, put};
 
 /// Number of features of the relation of an agent's earlier step to its present one.
 pub(crate) const PAST_FEATURES: usize = 7;
@@ -51,34 +47,15 @@ pub(crate) struct Step {
     pub here: Vec<EarlierNode>,
 }
 
-/// A scene up to a frame, as visible to a simulator.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct View<'a> {
-    /// Agents; slot 0 is the AV.
-    pub agents: &'a [Agent],
-    /// Their realized frames; frames after `now` are ignored.
-    pub tracks: &'a [Vec<Frame>],
-    /// The frame of the step.
-    pub now: usize,
-    /// State of the AV one frame later, if the protocol shows it.
-    pub av_next: Option<AgentState>,
-    /// State of each light at `now`.
-    pub lights: &'a [Option<LightState>],
-}
-
-impl View<'_> {
-    /// Describes an agent among these places, with its candidate paths, its own course first. `None` if
-    /// it is absent or has no class.
-    pub(crate) fn body(&self, slot: usize, places: &Places) -> Option<(Body, Vec<CandidatePath>)> {
-        let next = if slot == 0 { self.av_next } else { None };
-        Body::at(&self.agents[slot], &self.tracks[slot], self.now, slot == 0, next, places)
-    }
-}
-
 impl Step {
     /// Builds the network input. `earlier` holds the nodes of earlier steps that may be attended to,
     /// oldest first.
-    pub(crate) fn of(view: &View<'_>, places: &Places, earlier: &[EarlierNode], config: &Config) -> Self {
+    pub(crate) fn of(
+        view: &SceneView<'_>,
+        places: &Places,
+        earlier: &[EarlierNode],
+        config: &Config,
+    ) -> Self {
         let mut step = Self { frame: view.now, ..Self::default() };
         let (mut bodies, mut paths) = (Vec::new(), Vec::new());
         for slot in 0..view.agents.len() {

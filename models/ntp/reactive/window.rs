@@ -6,8 +6,8 @@ use reactsim::scene::Frame;
 
 use super::super::tokens::TOKEN_FRAMES;
 use super::config::Config;
-use super::places::Places;
-use super::step::{EarlierNode, Step, View};
+use super::step::{EarlierNode, Step};
+use crate::models::perception::{Places, SceneView};
 
 /// A computed step: its nodes and their input features for each block.
 #[derive(Clone, Debug)]
@@ -63,6 +63,6 @@ pub(crate) fn step_at(
         _ => None,
     };
     let lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l)[now.min(realized)]).collect();
-    let view = View { agents: &seen.start().agents, tracks, now, av_next, lights: &lights };
+    let view = SceneView { agents: &seen.start().agents, tracks, now, av_next, lights: &lights };
     Step::of(&view, places, earlier, config)
 }

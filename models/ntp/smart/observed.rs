@@ -5,10 +5,11 @@ use reactsim::rollout::Observation;
 use reactsim::scene::{CURRENT, Frame, Start};
 
 use super::super::tokens::{
-    Class, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces,
-    fill_gaps, token_of_motion,
+    MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces, fill_gaps,
+    token_of_motion,
 };
 use super::{Agents, MapTokens, Step};
+use crate::models::perception::Class;
 
 /// Returns the pieces of the map that begin within `radius` metres of the AV's current position, with
 /// the current light states.

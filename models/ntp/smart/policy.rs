@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::super::tokens::file::PREFIX;
 use super::super::tokens::map_vocabulary::MAP_PREFIX;
-use super::super::tokens::{Class, MapVocabulary, TOKEN_FRAMES, Vocabulary, VocabularyError};
+use super::super::tokens::{MapVocabulary, TOKEN_FRAMES, Vocabulary, VocabularyError};
 use super::{InputError, LoadError, Smart, SmartConfig, TokenTables, Vocabulary as Shapes};
+use crate::models::perception::Class;
 
 /// Name of this kind of network in the configuration of a file.
 const KIND: &str = "smart";

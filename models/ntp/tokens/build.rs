@@ -2,9 +2,11 @@
 
 use super::token_set::corner_distance;
 use super::{
-    BuildError, Class, Kinematic, ORIGIN, Provenance, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses,
-    Tokenizer, Vocabulary, VocabularyError,
+    BuildError, Kinematic, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary,
+    VocabularyError,
 };
+use crate::models::learning::Provenance;
+use crate::models::perception::Class;
 
 /// Mean corner distance in metres from the nearest token above which a kinematic token is added.
 const FILL_DISTANCE: f64 = 0.1;

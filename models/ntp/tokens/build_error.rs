@@ -1,6 +1,7 @@
 //! Reasons why a vocabulary cannot be built.
 
-use super::{Class, VocabularyError};
+use super::VocabularyError;
+use crate::models::perception::Class;
 
 /// Error from building a vocabulary.
 #[derive(Debug, thiserror::Error)]

@@ -2,7 +2,8 @@
 
 use reactsim::scene::Scenario;
 
-use super::{Class, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, motion_between};
+use super::{PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, motion_between};
+use crate::models::perception::Class;
 
 /// Distances between tokenized and recorded poses: mean corner distance of the class's matching box at
 /// each step, metres.

@@ -8,7 +8,9 @@ use reactsim::models::nn::Tensors;
 use reactsim::models::nn::weights::Tables;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
-use super::{Class, ORIGIN, Provenance, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
+use super::{ORIGIN, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
+use crate::models::learning::Provenance;
+use crate::models::perception::Class;
 
 /// Key of the metadata entry that holds the provenance, as JSON. A single entry, so that equal
 /// vocabularies give equal bytes.

@@ -8,7 +8,8 @@ use reactsim::scene::DT;
 use serde::Serialize;
 
 use super::token_set::corner_distance;
-use super::{BuildError, Class, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
+use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
+use crate::models::perception::Class;
 
 /// Repeatedly draws a motion, makes the mean of all motions near it a token, and removes them.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -8,9 +8,11 @@ use reactsim::scene::DT;
 use serde::Serialize;
 
 use super::{
-    BuildError, Class, ORIGIN, Provenance, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer,
-    Vocabulary, VocabularyError,
+    BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary,
+    VocabularyError,
 };
+use crate::models::learning::Provenance;
+use crate::models::perception::Class;
 
 /// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0
 /// is an exact standstill.

@@ -3,7 +3,7 @@
 use reactsim::geometry::{Polyline, Vec2, direction, heading_of, into_frame};
 use reactsim::scene::{CURRENT, LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
-use super::map_pieces::{MAX_LINE_LENGTH, edge_rings};
+use crate::models::perception::{MAX_LINE_LENGTH, edge_rings};
 
 /// Spacing of points along a piece, metres.
 const SPACING: f64 = 0.5;

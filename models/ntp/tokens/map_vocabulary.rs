@@ -11,7 +11,8 @@ use reactsim::scene::Scenario;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
-use super::{CURVE_POINTS, CurvePiece, Provenance, VocabularyError, curve_pieces};
+use super::{CURVE_POINTS, CurvePiece, VocabularyError, curve_pieces};
+use crate::models::learning::Provenance;
 use crate::models::learning::Reservoir;
 
 /// Curve of a token: eleven points in the frame of the first, with the first chord along x.

@@ -5,15 +5,14 @@
 
 mod build;
 mod build_error;
-mod class;
 mod errors;
 pub(crate) mod file;
 mod k_disks;
 mod kinematic;
 mod map;
-mod map_pieces;
 pub(crate) mod map_vocabulary;
 mod matching;
+mod matching_box;
 mod motion;
 mod segments;
 mod token_set;
@@ -23,20 +22,17 @@ mod vocabulary;
 
 pub use build::BuildVocabulary;
 pub use build_error::BuildError;
-pub use class::Class;
 pub use errors::{ErrorSummary, MatchingErrors};
 pub use k_disks::{CornerDistance, KDisks, Quality};
 pub use kinematic::{ArcGrid, Band, Kinematic, PolarGrid};
 pub use map::{CURVE_POINTS, CurveKind, CurvePiece, LightCode, curve_pieces};
-pub use map_pieces::{MapPiece, PIECE_POINTS, PieceKind, map_pieces};
-pub(crate) use map_pieces::{closed, edge_rings};
 pub use map_vocabulary::{MapVocabulary, MapVocabularyBuilder};
 pub use matching::{PreparedTrack, TOKEN_STEPS, TokenNoise, TokenTrack, fill_gaps, token_of_motion};
 pub use motion::{ORIGIN, motion_between, moved};
 pub use segments::Segments;
 pub use tokenizer::Tokenizer;
 pub use trajtok::{EndGrid, TrajTok};
-pub use vocabulary::{Provenance, Vocabulary, VocabularyError};
+pub use vocabulary::{Vocabulary, VocabularyError};
 
 use reactsim::dynamics::Pose;
 

@@ -4,8 +4,9 @@ use reactsim::dynamics::Pose;
 use reactsim::geometry::wrap;
 use reactsim::scene::{AgentKind, Frame, Scenario};
 
-use super::{Class, ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};
+use super::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};
 use crate::models::learning::Reservoir;
+use crate::models::perception::Class;
 
 /// Minimum number of recorded frames of an agent (CATK).
 const MIN_FRAMES: usize = 30;

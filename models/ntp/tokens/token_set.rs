@@ -3,7 +3,8 @@
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 
-use super::{Class, TOKEN_FRAMES, TokenPoses};
+use super::{TOKEN_FRAMES, TokenPoses};
+use crate::models::perception::Class;
 
 /// Tolerance of search bounds for rounding, metres: tokens within it are compared exactly.
 const ROUNDING_TOLERANCE: f64 = 1e-9;

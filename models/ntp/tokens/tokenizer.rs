@@ -1,6 +1,7 @@
 //! Common interface of the vocabulary builders.
 
-use super::{BuildError, Class, Segments, TokenPoses};
+use super::{BuildError, Segments, TokenPoses};
+use crate::models::perception::Class;
 
 /// A method of building vocabularies.
 pub trait Tokenizer {

@@ -7,7 +7,8 @@ use reactsim::geometry::{Vec2, direction, heading_of, wrap};
 use serde::Serialize;
 
 use super::k_disks::{mean, mirror};
-use super::{BuildError, Class, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
+use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
+use crate::models::perception::Class;
 
 /// One token per cell of a grid of end points: the mean of the motions that end there, or a smooth curve
 /// to it.

@@ -3,10 +3,11 @@
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use safetensors::{Dtype, SafeTensorError};
-use serde::{Deserialize, Serialize};
 
 use super::token_set::{TokenSet, corner_distance};
-use super::{Class, TOKEN_POSES, TokenPoses};
+use super::{TOKEN_POSES, TokenPoses};
+use crate::models::learning::Provenance;
+use crate::models::perception::Class;
 
 /// Largest deviation of the first pose of a token from the origin (metres, radians): the rounding of
 /// 32-bit contours.
@@ -19,22 +20,6 @@ const START_TOLERANCE: f64 = 1e-4;
 pub struct Vocabulary {
     classes: [TokenSet; 3],
     provenance: Provenance,
-}
-
-/// Provenance of a vocabulary.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Provenance {
-    /// Builder: `k-disks`, `trajtok`, `kinematic`, or `foreign`.
-    pub method: String,
-    /// Settings of the builder.
-    pub settings: serde_json::Value,
-    /// Seed of its random choices.
-    pub seed: u64,
-    /// Number of scenarios from which motions were taken.
-    pub scenarios: u64,
-    /// BLAKE3 digest of the digests of these scenarios in their order; empty if there are none.
-    pub data: String,
 }
 
 /// Error from reading or building a vocabulary.

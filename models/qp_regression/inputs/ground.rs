@@ -5,8 +5,7 @@ use reactsim::scene::Start;
 
 use super::Lines;
 use crate::models::learning::LearningMap;
-use crate::models::ntp::reactive::known_map::KnownMap;
-use crate::models::ntp::reactive::places::Places;
+use crate::models::perception::{KnownMap, Places};
 use crate::models::qp_regression::network::Config;
 
 /// Map features that can still be mirrored and stretched.
@@ -35,7 +34,7 @@ impl Survey {
 
     /// Converts to the map features of an episode.
     pub(crate) fn ground(self) -> Ground {
-        Ground { lines: self.lines, places: self.known.as_ref().map(Places::unlinked) }
+        Ground { lines: self.lines, places: self.known.as_ref().map(Places::of) }
     }
 }
 

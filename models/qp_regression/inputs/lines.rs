@@ -5,8 +5,7 @@ use reactsim::scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, St
 
 use super::frame::{AgentFrame, PolylineFeatures};
 use crate::models::learning::LearningMap;
-use crate::models::ntp::reactive::links::Nearest;
-use crate::models::ntp::tokens::{closed, edge_rings};
+use crate::models::perception::{MAX_LINE_LENGTH, Nearest, closed, edge_rings};
 use crate::models::qp_regression::network::{Attributes, Config};
 
 /// Returns the number of features of a point of a line.
@@ -19,9 +18,6 @@ pub(crate) const fn point_numbers(attributes: Attributes) -> usize {
         Attributes::Own => 2 + 2 + 2 + KINDS + 4 + 2,
     }
 }
-
-/// Length in metres above which a line is an error of the map.
-const MAX_LENGTH: f64 = 1e5;
 
 /// Kind of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -296,7 +292,7 @@ impl LineCutter<'_> {
         };
         let near = Bounds::around(self.about, self.config.radius);
         let bounds = Bounds::of(line.points().iter().copied());
-        if !shown || !bounds.intersects(&near) || !(line.length() <= MAX_LENGTH) {
+        if !shown || !bounds.intersects(&near) || !(line.length() <= MAX_LINE_LENGTH) {
             return;
         }
         let (length, spacing) = (line.length(), self.config.spacing);

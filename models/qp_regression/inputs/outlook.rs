@@ -1,13 +1,10 @@
 //! Lane and conflict features of an agent, the same as those of the token network.
 
+use reactsim::geometry::Vec2;
+
 use super::SceneContext;
 use super::frame::AgentFrame;
-use crate::models::ntp::reactive::BODY_FEATURES;
-use crate::models::ntp::reactive::body::Body;
-use crate::models::ntp::reactive::corridor;
-use crate::models::ntp::reactive::lane;
-use crate::models::ntp::tokens::Class;
-use reactsim::geometry::Vec2;
+use crate::models::perception::{BODY_FEATURES, Body, Class, corridor, lane};
 
 /// Number of features of an outlook: own motion, lane, paths ahead, and agents in the way now and soon.
 pub(crate) const OUTLOOK: usize = BODY_FEATURES;

@@ -3,15 +3,13 @@
 use reactsim::geometry::Vec2;
 
 use super::{Ground, forecast};
-use crate::models::ntp::reactive::body::Body;
-use crate::models::ntp::reactive::places::Places;
-use crate::models::ntp::reactive::step::View;
+use crate::models::perception::{Body, Places, SceneView};
 
 /// Data of a scene that all its predictions share.
 #[derive(Debug)]
 pub(crate) struct SceneContext<'a> {
     /// Agents, their tracks and the lights.
-    pub view: &'a View<'a>,
+    pub view: &'a SceneView<'a>,
     /// Map features.
     pub ground: &'a Ground,
     /// Forecast of the AV: position and velocity after 0.1 s and so on.
@@ -24,7 +22,7 @@ pub(crate) struct SceneContext<'a> {
 
 impl<'a> SceneContext<'a> {
     /// Prepares the scene of a view.
-    pub(crate) fn of(view: &'a View<'a>, ground: &'a Ground) -> Self {
+    pub(crate) fn of(view: &'a SceneView<'a>, ground: &'a Ground) -> Self {
         let av = view.tracks.first().and_then(|track| forecast(track, view.now, view.av_next));
         let mut scene = Self { view, ground, av, bodies: Vec::new(), slots: Vec::new() };
         if ground.places.is_some() {

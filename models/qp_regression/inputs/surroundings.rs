@@ -8,9 +8,7 @@ use super::frame::{AgentFrame, PolylineFeatures};
 use super::histories::{AgentHistory, agent_numbers, velocity_at};
 use super::lines::point_numbers;
 use super::{Outlook, SceneContext};
-use crate::models::ntp::reactive::links::Nearest;
-use crate::models::ntp::reactive::step::View;
-use crate::models::ntp::tokens::Class;
+use crate::models::perception::{Class, Nearest, SceneView};
 use crate::models::qp_regression::network::{Attributes, Config};
 
 /// Surroundings of one agent, in its frame.
@@ -94,7 +92,7 @@ impl Surroundings {
 
 /// Returns the present velocity of an agent, m/s; that of the AV from its next state, where that is
 /// visible.
-fn velocity_now(view: &View<'_>, slot: usize) -> Vec2 {
+fn velocity_now(view: &SceneView<'_>, slot: usize) -> Vec2 {
     let here = view.tracks[slot].get(view.now).copied().flatten();
     match (here, view.av_next) {
         (Some(here), Some(next)) if slot == 0 => (next.position() - here.position()) / DT,
@@ -103,7 +101,7 @@ fn velocity_now(view: &View<'_>, slot: usize) -> Vec2 {
 }
 
 fn histories(
-    view: &View<'_>,
+    view: &SceneView<'_>,
     slots: &[usize],
     frame: &AgentFrame,
     target: usize,

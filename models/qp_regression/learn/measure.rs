@@ -6,7 +6,7 @@ use reactsim::training::Sums;
 use super::super::network::{Config, LayerOutput, STATE};
 use super::super::predict::kept_modes;
 use super::sample::{Sample, TRUTH_SIZE, Target};
-use crate::models::ntp::tokens::Class;
+use crate::models::perception::Class;
 
 /// Names of the means over all targets and over those of each class: mean displacement of the best
 /// mode, its last displacement (metres), share of misses.

@@ -1,7 +1,6 @@
 //! Training samples made of scenarios.
 
 use rand::RngExt;
-use reactsim::dynamics::PARKED_DISPLACEMENT;
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
@@ -10,9 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::super::inputs::{AgentFrame, SceneContext, Surroundings, Survey};
 use super::super::network::Config;
 use super::Disturbance;
-use crate::models::learning::LearningScene;
-use crate::models::ntp::reactive::step::View;
-use crate::models::ntp::tokens::Class;
+use crate::models::learning::{LearningScene, shifted};
+use crate::models::perception::Class;
 
 /// Parameters of the augmentation of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,14 +81,11 @@ pub(super) fn sample(
     let (mut now, mut blind) = (CURRENT, false);
     let mut chosen: Vec<usize>;
     if let Some((a, stream)) = varied {
-        if stream.random::<f64>() < a.mirror {
-            scene = scene.mirrored();
-        }
-        scene = scene.stretched(1.0 + a.stretch * (2.0 * stream.random::<f64>() - 1.0));
-        now = (CURRENT + stream.random_range(0..=2 * a.shift)).saturating_sub(a.shift);
+        scene = scene.varied(a.mirror, a.stretch, stream);
+        now = shifted(CURRENT, a.shift, stream);
         blind = stream.random::<f64>() < a.blind;
         chosen = candidates(&scene, now);
-        chosen.retain(|&slot| !is_parked(&scene.tracks[slot]) || stream.random::<f64>() < PARKED_SHARE);
+        chosen.retain(|&slot| !scene.is_parked(slot) || stream.random::<f64>() < PARKED_SHARE);
         // Take the first agents of a shuffled list.
         for i in 0..most.min(chosen.len()) {
             let j = stream.random_range(i..chosen.len());
@@ -103,13 +98,13 @@ pub(super) fn sample(
     } else {
         chosen = candidates(&scene, now);
         // Parked agents would flatter every measure.
-        chosen.retain(|&slot| parked || !is_parked(&scene.tracks[slot]));
+        chosen.retain(|&slot| parked || !scene.is_parked(slot));
     }
     chosen.truncate(most);
-    let lights: Vec<_> = scene.lights.iter().map(|l| l[now]).collect();
-    let av_next = if blind { None } else { scene.tracks[0].get(now + 1).copied().flatten() };
-    let view = View { agents: &scene.agents, tracks: &scene.tracks, now, av_next, lights: &lights };
-    let ground = scene.map.ground();
+    let (scene, survey) = scene.split_map();
+    let ground = survey.ground();
+    let lights = scene.lights_at(now);
+    let view = scene.view(&scene.tracks, now, blind, &lights);
     let context = SceneContext::of(&view, &ground);
     let target = |slot: usize| {
         let around = Surroundings::of(&context, slot, config)?;
@@ -172,10 +167,4 @@ fn goal(track: &[Frame], now: usize, frame: &AgentFrame) -> Option<(Vec2, Vec2)>
     let velocity = state.velocity().or(before).unwrap_or_default();
     let p = state.position() + velocity * ((end - at) as f64 * DT);
     Some((frame.point(p), frame.vector(direction(state.heading))))
-}
-
-fn is_parked(track: &[Frame]) -> bool {
-    let mut present = track.iter().flatten();
-    let Some(first) = present.next() else { return true };
-    present.all(|s| (s.position() - first.position()).norm() < PARKED_DISPLACEMENT)
 }

@@ -17,6 +17,7 @@ use super::sample::{Augmentation, Sample, sample};
 use crate::models::WeightsFile;
 use crate::models::learning::LearningScene;
 use crate::models::nn::Initializer;
+use crate::models::perception::Class;
 
 /// Everything that determines training, besides the data and the learner's own settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -162,7 +163,7 @@ impl Task for Regression {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let points: Vec<[f64; 2]> = crate::models::ntp::tokens::Class::ALL
+        let points: Vec<[f64; 2]> = Class::ALL
             .into_iter()
             .flat_map(|class| self.intentions.of(class).iter().map(|p| [p.x, p.y]))
             .collect();

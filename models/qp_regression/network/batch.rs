@@ -8,8 +8,7 @@ use super::STATE;
 use super::attention::CLOSED;
 use super::config::Config;
 use super::guide::reference_states;
-use crate::models::ntp::reactive::links::Nearest;
-use crate::models::ntp::tokens::Class;
+use crate::models::perception::{Class, Nearest};
 use crate::models::qp_regression::Intentions;
 use crate::models::qp_regression::inputs::{
     OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers,

@@ -6,7 +6,7 @@ use reactsim::scene::DT;
 
 use super::STATE;
 use super::config::Config;
-use crate::models::ntp::reactive::lane;
+use crate::models::perception::lane;
 
 /// A path along lanes in the frame of an agent: points every [`lane::SPACING`] metres and the direction
 /// there.

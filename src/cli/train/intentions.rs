@@ -12,7 +12,7 @@ use super::reader::Reader;
 use super::tensor_file::TensorFile;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
-use crate::models::ntp::tokens::Class;
+use crate::models::perception::Class;
 use crate::models::qp_regression::EndPoints;
 
 const AFTER: &str = "\

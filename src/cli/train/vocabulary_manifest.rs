@@ -5,7 +5,9 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::evaluation::FileRecord;
-use crate::models::ntp::tokens::{Class, MapVocabulary, MatchingErrors, Provenance, Vocabulary};
+use crate::models::learning::Provenance;
+use crate::models::ntp::tokens::{MapVocabulary, MatchingErrors, Vocabulary};
+use crate::models::perception::Class;
 
 /// Manifest of the vocabularies of one call.
 #[derive(Serialize)]

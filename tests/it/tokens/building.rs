@@ -7,13 +7,14 @@ use reactsim::formats;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::geometry::Vec2;
 use reactsim::models::ntp::tokens::{
-    BuildError, BuildVocabulary, Class, KDisks, Kinematic, MapVocabulary, MapVocabularyBuilder,
-    MatchingErrors, ORIGIN, Segments, TokenPoses, TrajTok, Vocabulary, curve_pieces,
+    BuildError, BuildVocabulary, KDisks, Kinematic, MapVocabulary, MapVocabularyBuilder, MatchingErrors,
+    ORIGIN, Segments, TokenPoses, TrajTok, Vocabulary, curve_pieces,
 };
 use reactsim::scene::Scenario;
 
 use super::vocabulary::is_symmetric;
 use crate::shared;
+use reactsim::models::perception::Class;
 
 /// A few generated logs.
 pub(super) fn scenarios() -> &'static [Scenario] {

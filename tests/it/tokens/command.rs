@@ -4,10 +4,11 @@ use std::fs;
 use std::process::Command;
 
 use reactsim::formats::native::Writer;
-use reactsim::models::ntp::tokens::{Class, MapVocabulary, Vocabulary};
+use reactsim::models::ntp::tokens::{MapVocabulary, Vocabulary};
 
 use super::building::scenarios;
 use crate::program::reactsim;
+use reactsim::models::perception::Class;
 
 #[test]
 fn vocabularies_are_built_by_command() {

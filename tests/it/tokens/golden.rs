@@ -4,8 +4,9 @@ use std::path::Path;
 
 use reactsim::geometry::{Vec2, wrap};
 use reactsim::models::ntp::tokens::{
-    Class, CurvePiece, MapVocabulary, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, curve_pieces,
+    CurvePiece, MapVocabulary, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, curve_pieces,
 };
+use reactsim::models::perception::Class;
 use reactsim::scene::{AgentState, CURRENT, FRAMES, Frame};
 use safetensors::SafeTensors;
 

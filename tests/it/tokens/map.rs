@@ -1,9 +1,10 @@
 //! Pieces of the map for our own network.
 
 use reactsim::geometry::Vec2;
-use reactsim::models::ntp::tokens::{PieceKind, curve_pieces, map_pieces};
+use reactsim::models::ntp::tokens::curve_pieces;
 
 use super::building::scenarios;
+use reactsim::models::perception::{PieceKind, map_pieces};
 
 #[test]
 fn pieces_are_even_joined_and_near() {

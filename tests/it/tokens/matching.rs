@@ -3,12 +3,13 @@
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::models::ntp::tokens::{
-    Class, ORIGIN, PreparedTrack, TOKEN_STEPS, TokenNoise, fill_gaps, token_of_motion,
+    ORIGIN, PreparedTrack, TOKEN_STEPS, TokenNoise, fill_gaps, token_of_motion,
 };
 use reactsim::rollout::{Purpose, stream};
 use reactsim::scene::{AgentState, FRAMES, Frame};
 
 use super::vocabulary::kinematic;
+use reactsim::models::perception::Class;
 
 fn state(x: f64, y: f64, heading: f64, speed: f64) -> AgentState {
     AgentState { x, y, heading, vx: speed * heading.cos(), vy: speed * heading.sin() }

@@ -6,9 +6,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
+use reactsim::models::learning::Provenance;
 use reactsim::models::ntp::tokens::{
-    Class, Kinematic, ORIGIN, Provenance, TokenPoses, Vocabulary, VocabularyError, motion_between, moved,
+    Kinematic, ORIGIN, TokenPoses, Vocabulary, VocabularyError, motion_between, moved,
 };
+use reactsim::models::perception::Class;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 

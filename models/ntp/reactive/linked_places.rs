@@ -1,26 +1,22 @@
-//! Places of the map that agents attend to: pieces of lanes, edges and crosswalks, and stops.
+//! Places with their neighbours, to which they attend.
 
-use reactsim::geometry::Vec2;
 use reactsim::scene::Start;
 
 use super::config::Config;
-use super::known_map::KnownMap;
-use super::lane_graph::LaneGraph;
-use super::links::{Links, Nearest};
-use super::place::{PLACE_PAIR_FEATURES, Place};
+use super::links::Links;
+use super::place_relations::PLACE_PAIR_FEATURES;
+use crate::models::perception::{KnownMap, Nearest, Places};
 
-/// All places of a map within range of the AV, with the neighbours of each.
+/// Places of a map with the neighbours of each.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Places {
-    /// Pieces, then stops.
-    pub all: Vec<Place>,
+pub(crate) struct LinkedPlaces {
+    /// The places.
+    pub places: Places,
     /// Links of each place to its nearest other places.
     pub links: Links,
-    /// Successors of lane pieces.
-    pub graph: LaneGraph,
 }
 
-impl Places {
+impl LinkedPlaces {
     /// Returns the known places of a scenario.
     pub(crate) fn known(start: &Start, config: &Config) -> Self {
         Self::of(&KnownMap::of(start, config.map_radius), config)
@@ -28,7 +24,8 @@ impl Places {
 
     /// Returns the places of a map.
     pub(crate) fn of(map: &KnownMap, config: &Config) -> Self {
-        let mut places = Self::unlinked(map);
+        let places = Places::of(map);
+        let mut links = Links::default();
         let mut nearest = Nearest::new(config.map_neighbours);
         let mut found = Vec::new();
         for (i, place) in places.all.iter().enumerate() {
@@ -41,28 +38,15 @@ impl Places {
             found.clear();
             found.extend(nearest.found());
             let relate = |j: usize, out: &mut [f32]| place.relate_place(&places.all[j], out);
-            places.links.push(config.map_neighbours, PLACE_PAIR_FEATURES, &found, relate);
+            links.push(config.map_neighbours, PLACE_PAIR_FEATURES, &found, relate);
         }
-        places
-    }
-
-    /// Returns the places of a map, without the neighbours of each.
-    pub(crate) fn unlinked(map: &KnownMap) -> Self {
-        let KnownMap { pieces, stops, light_lanes, successors } = map;
-        let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
-        let mut all: Vec<Place> =
-            pieces.iter().map(|p| Place::of_piece(p, p.lane.and_then(light_of))).collect();
-        all.extend(stops.iter().map(Place::of_stop));
-        let lanes: Vec<Option<usize>> = pieces.iter().map(|p| p.lane.filter(|_| p.kind.is_lane())).collect();
-        let aheads: Vec<Vec2> = all.iter().map(|p| p.end_ahead()).collect();
-        let graph = LaneGraph::of(&lanes, &aheads, successors);
-        Self { all, links: Links::default(), graph }
+        Self { places, links }
     }
 
     /// Returns only the places that are used and those within `hops` links of them, on which their
     /// encoding depends; and the new index of each old one.
     pub(crate) fn reduced(&self, used: impl IntoIterator<Item = usize>, hops: usize) -> (Self, Vec<u32>) {
-        let n = self.all.len();
+        let n = self.places.all.len();
         let k = self.links.index.len().checked_div(n).unwrap_or(0);
         let neighbours = |i: usize| (i * k..(i + 1) * k).filter(|&at| self.links.open[at]);
         let mut kept = vec![false; n];
@@ -75,8 +59,8 @@ impl Places {
         let mut moved = vec![u32::MAX; n];
         let mut reduced = Self::default();
         for i in (0..n).filter(|&i| kept[i]) {
-            moved[i] = reduced.all.len() as u32;
-            reduced.all.push(self.all[i].clone());
+            moved[i] = reduced.places.all.len() as u32;
+            reduced.places.all.push(self.places.all[i].clone());
         }
         for i in (0..n).filter(|&i| kept[i]) {
             // Neighbours of the outermost places may be missing: no used place depends on them.

@@ -2,8 +2,8 @@
 
 use reactsim::geometry::{Bounds, Vec2, into_frame, math};
 
-use super::super::tokens::Class;
-use super::links::put;
+use super::class::Class;
+use super::features::put;
 use super::place::Role;
 use super::places::Places;
 use super::widths::{FEATURE_POINTS, LANE_PATHS, OFFSET_FEATURES};

@@ -1,7 +1,9 @@
-//! The map for our own network: pieces of lines, each as eleven points.
+//! Pieces of the lines of a map, each as eleven points.
 
-use reactsim::geometry::{Bounds, Polygon, Polyline, Vec2, ring_area, union_of};
+use reactsim::geometry::{Bounds, Polyline, Vec2};
 use reactsim::scene::{LaneClass, LaneKind, RoadEdgeKind, RoadMap, StopKind};
+
+use super::rings::{closed, edge_rings};
 
 /// Number of points of a piece.
 pub const PIECE_POINTS: usize = 11;
@@ -11,7 +13,7 @@ const PIECE_LENGTH: f64 = 5.0;
 const MIN_REMAINDER: f64 = 0.5;
 
 /// Length above which a line counts as a fault of the map, metres.
-pub(super) const MAX_LINE_LENGTH: f64 = 1e5;
+pub(crate) const MAX_LINE_LENGTH: f64 = 1e5;
 
 /// A piece of a line of the map, at most 5.5 m long.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,38 +111,6 @@ pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
         cutter.cut_points(&closed(&crosswalk.outline), PieceKind::Crosswalk, None);
     }
     cutter.pieces
-}
-
-/// Returns the closed rings around the drivable area, with the area on their left, and whether each is a
-/// hole. There are no rings where its polygons overlap or touch.
-pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
-    let area = map.drivable_area.as_deref().unwrap_or_default();
-    let merged = union_of(area).unwrap_or_else(|| area.to_vec());
-    let rings = |p: &Polygon| {
-        let holes = p.holes.iter().map(|hole| (oriented(hole, false), true));
-        std::iter::once((oriented(&p.exterior, true), false)).chain(holes).collect::<Vec<_>>()
-    };
-    merged.iter().flat_map(rings).collect()
-}
-
-/// Returns a ring that ends at its first point.
-pub(crate) fn closed(ring: &[Vec2]) -> Vec<Vec2> {
-    let mut ring = ring.to_vec();
-    if let Some(&first) = ring.first()
-        && ring.last() != Some(&first)
-    {
-        ring.push(first);
-    }
-    ring
-}
-
-/// Returns a closed ring that runs counter-clockwise, or clockwise.
-fn oriented(ring: &[Vec2], counter_clockwise: bool) -> Vec<Vec2> {
-    let mut ring = closed(ring);
-    if (ring_area(&ring) > 0.0) != counter_clockwise {
-        ring.reverse();
-    }
-    ring
 }
 
 /// Cutter of lines near a point.

@@ -1,19 +1,12 @@
-//! A place of the map, and its relations to other places and to agents.
+//! A place of the map.
 
 use reactsim::geometry::{Vec2, into_frame, point_segment};
-use reactsim::scene::LightState;
 
-use super::super::tokens::{MapPiece, PIECE_POINTS, PieceKind};
-use super::body::Body;
 use super::known_map::Stop;
-use super::links::put;
+use super::map_pieces::{MapPiece, PIECE_POINTS, PieceKind};
 
 /// Number of features of a place.
 pub(crate) const PLACE_FEATURES: usize = HAS_LIGHT + 1;
-/// Number of features of the relation between two places.
-pub(crate) const PLACE_PAIR_FEATURES: usize = 7;
-/// Number of features of the relation of a place to an agent.
-pub(crate) const TO_PLACE_FEATURES: usize = 27;
 /// Number of kinds of places: those of pieces, and stops at lights, stop signs and give-way lines.
 const KINDS: usize = PieceKind::COUNT + 3;
 
@@ -44,7 +37,7 @@ pub(crate) struct Place {
     /// Speed limit, m/s, if known.
     pub speed_limit: Option<f64>,
     /// Points along the piece; a single point for a stop.
-    points: Vec<Vec2>,
+    pub points: Vec<Vec2>,
     /// Features of the place alone.
     pub features: [f32; PLACE_FEATURES],
 }
@@ -91,25 +84,6 @@ impl Place {
         Self { start: at, ahead, middle: at, role: Role::Stop, light, speed_limit: None, points, features }
     }
 
-    /// Writes the relation of another place to this one, in the frame of this one.
-    pub(crate) fn relate_place(&self, other: &Self, out: &mut [f32]) {
-        let apart = into_frame(self.ahead, other.start - self.start);
-        let toward = into_frame(self.ahead, other.ahead);
-        let distance = apart.norm();
-        put(
-            out,
-            [
-                apart.x / 10.0,
-                apart.y / 10.0,
-                distance / 10.0,
-                toward.x,
-                toward.y,
-                1.0 / (1.0 + distance),
-                1.0,
-            ],
-        );
-    }
-
     /// Returns the end point.
     pub(crate) fn end(&self) -> Vec2 {
         self.points[self.points.len() - 1]
@@ -136,61 +110,5 @@ impl Place {
             }
         }
         (best.1, best.2)
-    }
-
-    /// Writes the relation of this place to an agent, in the agent's frame, with the present state of
-    /// its light.
-    pub(crate) fn relate(&self, me: &Body, light: Option<LightState>, out: &mut [f32]) {
-        let local = |p: Vec2| into_frame(me.ahead, p - me.position);
-        let (nearest, along) = self.nearest(me.position);
-        let toward = into_frame(me.ahead, along);
-        let at = local(nearest);
-        let first = local(self.start);
-        let last = local(self.end());
-        let end_ahead = if self.points.len() > 1 { into_frame(me.ahead, self.end_ahead()) } else { toward };
-        // Positive to the left of the piece.
-        let aside = into_frame(along, me.position - nearest).y;
-        let distance = at.norm();
-        let speed = me.velocity.dot(&me.ahead).max(0.0);
-        let shown = |f: fn(LightState) -> bool| f64::from(u8::from(light.is_some_and(f)));
-        let (mut brake, mut arrival) = (0.0, 0.0);
-        if self.role == Role::Stop && at.x > 0.0 {
-            let room = (at.x - me.half.x).max(0.1);
-            brake = (speed * speed / (2.0 * room) / 4.0).min(3.0);
-            arrival = (room / speed.max(0.5) / 5.0).min(2.0);
-        }
-        put(
-            out,
-            [
-                at.x / 10.0,
-                at.y / 5.0,
-                1.0 / (1.0 + distance),
-                distance / 30.0,
-                aside.clamp(-2.0, 2.0),
-                (aside / 3.0).clamp(-3.0, 3.0),
-                toward.x,
-                (toward.y * 3.0).clamp(-3.0, 3.0),
-                first.x / 30.0,
-                first.y / 30.0,
-                last.x / 30.0,
-                last.y / 30.0,
-                end_ahead.x,
-                (end_ahead.y * 3.0).clamp(-3.0, 3.0),
-                shown(LightState::is_red),
-                shown(LightState::is_yellow),
-                shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),
-                shown(|l| matches!(l, LightState::Unknown)),
-                shown(|l| matches!(l, LightState::FlashingStop | LightState::FlashingCaution)),
-                brake,
-                arrival,
-                f64::from(u8::from(self.role == Role::Lane)),
-                f64::from(u8::from(self.role == Role::Border)),
-                f64::from(u8::from(self.role == Role::Stop)),
-                // Clearance between the agent's box and the line.
-                ((aside.abs() - me.half.y) / 2.0).clamp(-1.0, 3.0),
-                f64::from(u8::from(at.x > 0.0)),
-                1.0,
-            ],
-        );
     }
 }

@@ -3,8 +3,8 @@
 use reactsim::geometry::{Vec2, direction, into_frame, math};
 use reactsim::scene::{AgentKind, AgentState, DT, Frame};
 
-use super::super::tokens::Class;
-use super::links::put;
+use super::class::Class;
+use super::features::put;
 use super::widths::{
     BODY_FEATURES, LANE_FEATURES, MOTION_FEATURES, OWN_FEATURES, PAST_POSE_FEATURES, PAST_POSE_FRAMES,
 };

@@ -3,8 +3,8 @@
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
-use super::super::tokens::Class;
 use super::body::Body;
+use super::class::Class;
 use super::lane::{self, CandidatePath, MotionState};
 use super::places::Places;
 use super::widths::{BODY_FEATURES, LANE_FEATURES, OWN_FEATURES};

@@ -5,8 +5,8 @@ use reactsim::geometry::{Vec2, into_frame};
 use reactsim::scene::LightState;
 
 use super::body::Body;
+use super::features::put;
 use super::lane::{CandidatePath, SPACING};
-use super::links::put;
 use super::place::{Place, Role};
 use super::widths::{LOOK_AHEAD_TIMES, PATH_FEATURES, STOP_FEATURES, TIME_FEATURES};
 

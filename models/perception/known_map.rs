@@ -3,8 +3,7 @@
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{RoadMap, Start, StopKind};
 
-use super::super::tokens::{MapPiece, PieceKind, map_pieces};
-use crate::models::learning::LearningMap;
+use super::map_pieces::{MapPiece, PieceKind, map_pieces};
 
 /// The known part of a map, from which places are built.
 #[derive(Clone, Debug)]
@@ -30,32 +29,6 @@ impl KnownMap {
             stops: Stop::all(start, radius),
             light_lanes: start.lights.iter().map(|l| l.lane).collect(),
             successors: start.map.lanes.iter().map(|l| l.successors.clone()).collect(),
-        }
-    }
-}
-
-impl LearningMap for KnownMap {
-    fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
-        for piece in &mut self.pieces {
-            piece.points = piece.points.map(flip);
-            // Road edges have the road on their left.
-            if matches!(piece.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian) {
-                piece.points.reverse();
-            }
-        }
-        for stop in &mut self.stops {
-            (stop.at, stop.ahead) = (flip(stop.at), flip(stop.ahead));
-        }
-    }
-
-    fn stretch(&mut self, factor: f64) {
-        for piece in &mut self.pieces {
-            piece.points = piece.points.map(|p| p * factor);
-            piece.length *= factor;
-            piece.speed_limit = piece.speed_limit.map(|v| v * factor);
-        }
-        for stop in &mut self.stops {
-            stop.at *= factor;
         }
     }
 }
