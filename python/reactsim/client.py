@@ -31,6 +31,7 @@ from typing import (
     Any,
     Callable,
     Dict,
+    Iterator,
     List,
     Mapping,
     NamedTuple,
@@ -439,8 +440,17 @@ class Lines:
         if ends.size and not 0 <= int(ends.min()) <= int(ends.max()) < count:
             raise ProtocolError("tensor `link` has a lane outside 0 to %d" % (count - 1))
 
+        self._is_sorted = not (np.diff(self.episode) < 0).any()
+
     def __len__(self) -> int:
         return len(self.type)
+
+    def of_episode(self, index: int) -> Array:
+        """Returns the indices of the lines of an episode of the batch."""
+        if self._is_sorted:
+            first, end = np.searchsorted(self.episode, [index, index + 1])
+            return np.arange(first, end)
+        return np.flatnonzero(self.episode == index)
 
     def __getitem__(self, index: int) -> Array:
         """Points of a line, f64 [P, 2]."""
@@ -525,6 +535,9 @@ class Scenes:
     def __getitem__(self, index: int) -> Scene:
         """One episode as a view without padding."""
         return Scene(self, range(len(self))[index])
+
+    def __iter__(self) -> Iterator[Scene]:
+        return (self[index] for index in range(len(self)))
 
     def rng(self, index: int) -> np.random.Generator:
         """Returns the random stream of an episode; further calls continue the same stream."""
@@ -646,7 +659,7 @@ class Scene:
 
     def _line_indices(self) -> Array:
         if -1 not in self._own:
-            self._own[-1] = np.flatnonzero(self.scenes.lines.episode == self.index)
+            self._own[-1] = self.scenes.lines.of_episode(self.index)
         return self._own[-1]
 
     def _indices_of(self, kind: int) -> Array:

@@ -43,7 +43,8 @@ def plot_rollout(
 ) -> Any:
     """Draws a rollout on its scenario and returns the axes.
 
-    The picture has the paths of all agents, and their boxes at a step (1 to 80). `rollout` is one of `Results.rollouts`, or states [n, 80, 3 or more] of the agents of the scene.
+    The picture has the paths of all agents, and their boxes at a step (1 to 80). `rollout` is
+    one of `Results.rollouts`, or states [n, 80, 3 or more] of the agents of the scene.
     """
     if isinstance(rollout, Rollout):
         order: Sequence[str] = getattr(scene, "agents", ())

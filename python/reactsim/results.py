@@ -129,11 +129,9 @@ class Results:
         with parquet.ParquetFile(path) as file:
             for batch in file.iter_batches(batch_size=16):
                 for row in batch.to_pylist():
-                    wanted = simulator in (None, row["simulator"]) and scenario in (
-                        None,
-                        row["scenario_id"],
-                    )
-                    if wanted:
+                    if simulator not in (None, row["simulator"]):
+                        continue
+                    if scenario in (None, row["scenario_id"]):
                         yield _rollout(row)
 
     def svg(
