@@ -381,7 +381,7 @@ class Neighbor(NamedTuple):
     other_end: int
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass
 class Lane:
     """A lane, or a connector through a junction, of the map of one scene."""
 
@@ -599,7 +599,7 @@ class Scene:
         """Traffic lights; their lanes are indices in `lanes`."""
         every = self.scenes.lights
         own = every.episode == self.index
-        lanes = [self._lane_of(line) for line in every.lane[own]]
+        lanes = [self._lane_of(line) for line in every.lane[own].tolist()]
         return Lights(
             every.episode[own], np.array(lanes, np.int32), every.stop[own], every.states[own]
         )
@@ -670,47 +670,49 @@ class Scene:
 
     def _lane_of(self, line: int) -> int:
         """Returns the index in `lanes` of a line index, or -1."""
+        if line < 0:
+            return -1
         _ = self.lanes
-        return self._lane_index.get(int(line), -1)
+        return self._lane_index.get(line, -1)
+
+    def _records(self, indices: Array) -> Iterator[Tuple[int, Array, int, int, float]]:
+        """Yields index, points, class, lane and value of lines."""
+        lines = self.scenes.lines
+        points = lines.points
+        ranges = zip(lines.start[indices].tolist(), lines.start[indices + 1].tolist())
+        return zip(
+            indices.tolist(),
+            (points[first:end] for first, end in ranges),
+            lines.category[indices].tolist(),
+            lines.lane[indices].tolist(),
+            lines.value[indices].tolist(),
+        )
 
     def _lines_of(self, kind: LineType) -> List[Line]:
-        lines = self.scenes.lines
         return [
-            Line(
-                lines[i],
-                int(lines.category[i]),
-                self._lane_of(lines.lane[i]),
-                float(lines.value[i]),
-            )
-            for i in self._indices_of(kind)
+            Line(points, category, self._lane_of(lane), value)
+            for _, points, category, lane, value in self._records(self._indices_of(kind))
         ]
 
     def _make_lanes(self) -> List[Lane]:
         lines = self.scenes.lines
         own = self._line_indices()
         indices = own[lines.type[own] <= LineType.CONNECTOR]
-        self._lane_index = {int(line): k for k, line in enumerate(indices)}
-        outlines: Dict[int, int] = {
-            int(lines.lane[i]): int(i) for i in self._indices_of(LineType.LANE_OUTLINE)
+        self._lane_index = {line: k for k, line in enumerate(indices.tolist())}
+        outlines: Dict[int, Tuple[Array, float]] = {
+            lane: (points, value)
+            for _, points, _, lane, value in self._records(self._indices_of(LineType.LANE_OUTLINE))
         }
+        none = (np.empty((0, 2)), math.nan)
+        is_connector = (lines.type[indices] == LineType.CONNECTOR).tolist()
         lanes: List[Lane] = []
-        for k, i in enumerate(indices):
-            outline = outlines.get(int(i))
-            points = None if outline is None else lines[outline]
+        for line, points, category, _, limit in self._records(indices):
+            k = len(lanes)
+            ring, half_width = outlines.get(line, none)
+            outline = ring if len(ring) else None
+            links: Tuple[List[Any], ...] = ([], [], [], [])
             lanes.append(
-                Lane(
-                    index=k,
-                    points=lines[i],
-                    is_connector=bool(lines.type[i] == LineType.CONNECTOR),
-                    category=int(lines.category[i]),
-                    speed_limit=float(lines.value[i]),
-                    outline=points if points is not None and len(points) else None,
-                    half_width=math.nan if outline is None else float(lines.value[outline]),
-                    successors=[],
-                    predecessors=[],
-                    left=[],
-                    right=[],
-                )
+                Lane(k, points, is_connector[k], category, limit, outline, half_width, *links)
             )
         for row in lines.links[np.isin(lines.links[:, 0], indices)].tolist():
             lane, other = lanes[self._lane_index[row[0]]], self._lane_index.get(row[1])
