@@ -52,10 +52,9 @@ class Results:
     dictionaries otherwise.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], *, _keep: Any = None) -> None:
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
         """The run folder."""
-        self._keep = _keep
         if not (self.folder / "provenance.json").is_file():
             raise FileNotFoundError(f"`{self.folder}` is no run folder: it has no provenance.json")
 

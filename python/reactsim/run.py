@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import tempfile
 import threading
 import time
 import warnings
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any, Union, cast
@@ -83,8 +85,8 @@ def run(
     if resume and out is None:
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
     session = Session(simulator, batch=batch, on_end=_Counter() if progress else None)
-    temporary = tempfile.TemporaryDirectory(prefix="reactsim-") if out is None else None
-    folder = Path(temporary.name, "run") if temporary is not None else Path(cast(PathLike, out))
+    temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
+    folder = Path(temporary, "run") if temporary is not None else Path(cast(PathLike, out))
     title = name or getattr(session.simulator, "name", "") or session.title
     command = [find_program(), "run", *_paths(scenarios)]
     if baselines:
@@ -105,12 +107,20 @@ def run(
         if value is not None:
             command += [option, os.fspath(value) if isinstance(value, os.PathLike) else str(value)]
     command += ["--resume"] * resume + ["--reveal-ids"] * reveal_ids + list(options)
-    code, last = _carry_out(command, session, progress)
+    try:
+        code, last = _carry_out(command, session, progress)
+        results = Results(folder) if code in (0, 1) else None
+    except BaseException:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise
     error = f"\nfirst error of the simulator:\n{session.first_error}" if session.first_error else ""
-    if code not in (0, 1):
+    if temporary is not None:
+        # The folder lives as long as the results.
+        weakref.finalize(results or session, shutil.rmtree, temporary, ignore_errors=True)
+    if results is None:
         text = "\n".join(last)
         raise ReactsimError(f"`reactsim run` ended with code {code}:\n{text}{error}")
-    results = Results(folder, _keep=temporary)
     if code == 1:
         warnings.warn(
             f"{len(results.failures)} scenarios failed, see `failures`{error}", stacklevel=2

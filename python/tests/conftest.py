@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -19,12 +20,10 @@ sys.path.insert(0, str(EXAMPLES))
 @pytest.fixture(scope="session")
 def program() -> str:
     """Path of the program; tests are skipped without it."""
-    for build in ("release", "debug"):
-        built = ROOT / "target" / build / "reactsim"
-        if built.is_file():
-            found = str(built)
-            break
-    else:
+    target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+    built = [target / build / "reactsim" for build in ("release", "debug")]
+    found = next((str(path) for path in built if path.is_file()), "")
+    if not found or "REACTSIM_BINARY" in os.environ:
         try:
             found = reactsim.find_program()
         except reactsim.ReactsimError as error:
