@@ -85,10 +85,11 @@ def run(
     if resume and out is None:
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
     session = Session(simulator, batch=batch, on_end=_Counter() if progress else None)
+    program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else Path(cast(PathLike, out))
     title = name or getattr(session.simulator, "name", "") or session.title
-    command = [find_program(), "run", *_paths(scenarios)]
+    command = [program, "run", *_paths(scenarios)]
     if baselines:
         command += ["--models", baselines if isinstance(baselines, str) else ",".join(baselines)]
     command += ["--external", f"{title}=@stdio", "--out", os.fspath(folder), "--keep-rollouts"]
