@@ -77,7 +77,7 @@ FRAMES = 91  # frames of a scenario
 MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
 MAX_HEADER = 64 << 20  # bytes of a safetensors header
 MAX_FRAME = 64 << 30  # bytes of a frame
-MAX_TEXT = 100_000  # characters of an error text
+MAX_TEXT = 100_000  # characters of all error texts of an answer, of which 1 MiB is accepted
 
 
 class ProtocolError(Exception):
@@ -914,7 +914,7 @@ class _Batch:
             raise _UserError(
                 "%s returned type %s, expected float64 or float32" % (place, states.dtype)
             )
-        errors: Dict[int, str] = {int(k): _clean(str(v)) for k, v in (plan.errors or {}).items()}
+        errors: Dict[int, str] = {int(k): str(v) for k, v in (plan.errors or {}).items()}
         for index in errors:
             if not 0 <= index < batch:
                 raise _UserError(
@@ -1001,7 +1001,9 @@ class Session:
                 raise ProtocolError("`plan` without `begin`")
             seen = self.batch.observe(metadata, tensors)
             plan = self.batch.check(self.simulator.plan(seen), seen, self.title + ".plan")
-            errors = {"errors": json.dumps(plan.errors)} if plan.errors else {}
+            limit = MAX_TEXT // max(len(plan.errors), 1)
+            texts = {index: _clean(text, limit) for index, text in plan.errors.items()}
+            errors = {"errors": json.dumps(texts)} if texts else {}
             if plan.errors:
                 self.first_error = self.first_error or next(iter(plan.errors.values()))
             return "planned", errors, {"states": plan.states}
@@ -1080,10 +1082,10 @@ def _json_list(metadata: Mapping[str, str], key: str, length: int) -> Any:
     return value
 
 
-def _clean(text: str) -> str:
+def _clean(text: str, limit: int = MAX_TEXT) -> str:
     """Returns a text that is valid Unicode, shortened in the middle if it is very long."""
-    if len(text) > MAX_TEXT:
-        text = text[: MAX_TEXT // 2] + "\n[...]\n" + text[-MAX_TEXT // 2 :]
+    if len(text) > limit:
+        text = text[: limit // 2] + "\n[...]\n" + text[-(limit // 2) :]
     return text.encode("utf-8", "replace").decode("utf-8")
 
 

@@ -287,6 +287,10 @@ def test_states_that_are_not_finite(mine: Mine, parent: Local) -> None:
     assert np.isfinite(tensors["states"][1:]).all()
     mine.answer = Plan(np.zeros((3, 5, 5, 3)), {2: "too many agents"})
     assert parent.plan(5)[0]["errors"] == '{"2": "too many agents"}'
+    # Texts of all episodes together stay below the limit of an answer.
+    mine.answer = Plan(np.zeros((3, 5, 5, 3)), dict.fromkeys(range(3), '"\ud800ü' * 100_000))
+    texts = json.loads(parent.plan(5)[0]["errors"])
+    assert sum(len(json.dumps(json.dumps(text))) for text in texts.values()) < 1 << 20
     parent.end()
     # In the realism protocol slot 0 counts.
     parent.begin(make_scenes(), moves_av="1")
