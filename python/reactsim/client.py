@@ -1,0 +1,1147 @@
+"""Client of the protocol for external simulators of `reactsim`.
+
+This file needs only numpy (>= 1.17) and Python (>= 3.8), so it can be copied into any repository:
+
+    from client import Simulator, serve
+
+A simulator has a method `plan`, which receives an `Observation` and returns the future states of
+all agents. `serve` answers the program until it closes the connection.
+
+Units are metres, seconds, radians (counter-clockwise from the x axis) and m/s. Positions are box
+centres in the local frame of the scenario, whose origin is the position of the AV at the current
+frame. Frames are 0.1 s apart: frames 0 to 10 are the history, frame 10 is the current frame.
+
+In shapes, B is the number of episodes of a batch, N the largest number of agents of an episode, T
+the number of frames, S of planned steps, P of points, L of lines, E of links, K of traffic lights,
+and O of obstacles.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import json
+import math
+import os
+import sys
+import traceback
+from typing import (
+    IO,
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Tuple,
+    Union,
+)
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[Any]
+else:
+    Array = np.ndarray
+
+__all__ = [
+    "DT",
+    "Kind",
+    "Lane",
+    "Light",
+    "Lights",
+    "Line",
+    "LineType",
+    "Lines",
+    "Neighbor",
+    "Observation",
+    "Plan",
+    "ProtocolError",
+    "Relation",
+    "Scene",
+    "Scenes",
+    "Simulator",
+    "serve",
+]
+
+PROTOCOL = "1"
+DT = 0.1  # seconds between two frames
+HISTORY = 11  # frames 0 to 10
+FRAMES = 91  # frames of a scenario
+MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
+MAX_HEADER = 64 << 20  # bytes of a safetensors header
+MAX_FRAME = 64 << 30  # bytes of a frame
+MAX_TEXT = 100_000  # characters of all error texts of an answer, of which 1 MiB is accepted
+
+
+class ProtocolError(Exception):
+    """A message that does not follow the protocol."""
+
+
+class Kind(enum.IntEnum):
+    """Kind of an agent."""
+
+    VEHICLE = 0
+    PEDESTRIAN = 1
+    CYCLIST = 2
+    OTHER = 3
+    PADDING = 255
+
+
+class LineType(enum.IntEnum):
+    """Type of a line of the map."""
+
+    LANE = 0
+    CONNECTOR = 1
+    LANE_OUTLINE = 2
+    ROAD_EDGE = 3
+    PAINTED_LINE = 4
+    STOP_LINE = 5
+    CROSSWALK = 6
+    SPEED_BUMP = 7
+    DRIVEWAY = 8
+    JUNCTION = 9
+    DRIVABLE_AREA = 10
+    DRIVABLE_HOLE = 11
+
+
+class Relation(enum.IntEnum):
+    """Relation of a lane to another lane."""
+
+    SUCCESSOR = 0
+    PREDECESSOR = 1
+    LEFT = 2
+    RIGHT = 3
+
+
+class Light(enum.IntEnum):
+    """State of a traffic light, as in the Waymo Open Motion Dataset."""
+
+    UNKNOWN = 0
+    ARROW_STOP = 1
+    ARROW_CAUTION = 2
+    ARROW_GO = 3
+    STOP = 4
+    CAUTION = 5
+    GO = 6
+    FLASHING_STOP = 7
+    FLASHING_CAUTION = 8
+    NOT_OBSERVED = 255
+
+
+# --------------------------------------------------------------------------------------------------
+# Frames: a length and a safetensors document.
+
+_DTYPES: Dict[str, Any] = {
+    name: np.dtype(code)
+    for name, code in [
+        ("BOOL", "|b1"),
+        ("U8", "|u1"),
+        ("I8", "|i1"),
+        ("U16", "<u2"),
+        ("I16", "<i2"),
+        ("U32", "<u4"),
+        ("I32", "<i4"),
+        ("U64", "<u8"),
+        ("I64", "<i8"),
+        ("F16", "<f2"),
+        ("F32", "<f4"),
+        ("F64", "<f8"),
+    ]
+}
+_DTYPE_NAMES: Dict[str, str] = {dtype.str: name for name, dtype in _DTYPES.items()}
+
+
+def _unique(pairs: List[Tuple[str, Any]]) -> Dict[str, Any]:
+    """Returns a JSON object as a dictionary; refuses repeated keys."""
+    result = dict(pairs)
+    if len(result) != len(pairs):
+        raise ValueError("a key occurs twice")
+    return result
+
+
+def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
+    """Reads a safetensors document: its metadata, and its tensors as views of `document`.
+
+    Raises ProtocolError unless the tensors have known types and fill the document without gaps.
+    """
+    view = memoryview(document).cast("B")
+    if len(view) < 8:
+        raise ProtocolError("safetensors: %d bytes are too short for a header" % len(view))
+    length = int.from_bytes(view[:8], "little")
+    if length > min(len(view) - 8, MAX_HEADER):
+        raise ProtocolError(
+            "safetensors: a header of %d bytes in a document of %d" % (length, len(view))
+        )
+    try:
+        header = json.loads(bytes(view[8 : 8 + length]).decode("utf-8"), object_pairs_hook=_unique)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
+    if not isinstance(header, dict):
+        raise ProtocolError("safetensors: the header is not a JSON object")
+    metadata = header.pop("__metadata__", {})
+    if not isinstance(metadata, dict) or not all(isinstance(v, str) for v in metadata.values()):
+        raise ProtocolError("safetensors: metadata values must be strings")
+    data = view[8 + length :]
+    tensors: Dict[str, Array] = {}
+    spans: List[Tuple[int, int, str]] = []
+    for name, entry in header.items():
+        if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
+            raise ProtocolError("safetensors: tensor `%s` has an incomplete entry" % name)
+        dtype = _DTYPES.get(entry["dtype"]) if isinstance(entry["dtype"], str) else None
+        if dtype is None:
+            raise ProtocolError(
+                "safetensors: tensor `%s` has the unknown type %r" % (name, entry["dtype"])
+            )
+        shape, offsets = entry["shape"], entry["data_offsets"]
+        for numbers in (shape, offsets):
+            if not isinstance(numbers, list) or not all(
+                type(n) is int and 0 <= n < 1 << 62 for n in numbers
+            ):
+                raise ProtocolError("safetensors: tensor `%s` has a bad shape or offset" % name)
+        count = 1
+        for n in shape:
+            count *= n
+        if len(shape) > 8 or len(offsets) != 2 or offsets[1] - offsets[0] != count * dtype.itemsize:
+            raise ProtocolError(
+                "safetensors: tensor `%s` of shape %s does not fit its offsets %s"
+                % (name, shape, offsets)
+            )
+        if offsets[1] > len(data):
+            raise ProtocolError("safetensors: tensor `%s` ends after the document" % name)
+        spans.append((offsets[0], offsets[1], name))
+        try:
+            flat = (
+                np.frombuffer(data[offsets[0] : offsets[1]], dtype) if count else np.empty(0, dtype)
+            )
+            tensors[name] = flat.reshape(shape)
+        except ValueError as error:
+            raise ProtocolError(
+                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
+            ) from None
+    end = 0
+    for first, last, name in sorted(spans):
+        if first != end:
+            raise ProtocolError("safetensors: gap or overlap before tensor `%s`" % name)
+        end = last
+    if end != len(data):
+        raise ProtocolError("safetensors: %d bytes after the last tensor" % (len(data) - end))
+    return metadata, tensors
+
+
+def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array]) -> List[Any]:
+    """Returns a safetensors document as its header and one buffer per tensor, without copies."""
+    header: Dict[str, Any] = {"__metadata__": dict(metadata)}
+    parts: List[Any] = []
+    offset = 0
+    # Wide types first, so that every tensor is aligned.
+    for name in sorted(tensors, key=lambda n: (-tensors[n].dtype.itemsize, n)):
+        array = np.ascontiguousarray(tensors[name]).reshape(tensors[name].shape)
+        array = array.astype(array.dtype.newbyteorder("<"), copy=False)
+        if array.dtype.str not in _DTYPE_NAMES:
+            raise ProtocolError(
+                "safetensors: tensor `%s` has the unsupported type %s" % (name, array.dtype)
+            )
+        entry = {"dtype": _DTYPE_NAMES[array.dtype.str], "shape": list(array.shape)}
+        header[name] = dict(entry, data_offsets=[offset, offset + array.nbytes])
+        offset += array.nbytes
+        if array.nbytes:
+            parts.append(memoryview(array.reshape(-1).view(np.uint8)))
+    text = json.dumps(header, separators=(",", ":")).encode("ascii")
+    text += b" " * (-len(text) % 8)
+    return [len(text).to_bytes(8, "little") + text, *parts]
+
+
+def read_frame(stream: IO[bytes]) -> Optional[Tuple[Dict[str, str], Dict[str, Array]]]:
+    """Reads a frame; returns None at the end of the stream."""
+    prefix = np.empty(8, np.uint8)
+    n = _fill(stream, prefix)
+    if n == 0:
+        return None
+    length = int.from_bytes(prefix.tobytes(), "little")
+    if n == 8 and length > MAX_FRAME:
+        raise ProtocolError("a frame of %d bytes exceeds the limit of %d" % (length, MAX_FRAME))
+    document = np.empty(length if n == 8 else 0, np.uint8)
+    if n < 8 or _fill(stream, document) < length:
+        raise ProtocolError("the stream ended within a frame")
+    metadata, tensors = parse_safetensors(document)
+    for key in ("type", "protocol", "seq"):
+        if key not in metadata:
+            raise ProtocolError("a frame without `%s`: %r" % (key, metadata))
+    return metadata, tensors
+
+
+def write_frame(
+    stream: IO[bytes],
+    kind: str,
+    seq: str,
+    metadata: Optional[Mapping[str, str]] = None,
+    tensors: Optional[Mapping[str, Array]] = None,
+) -> None:
+    """Writes a frame of this type and flushes the stream."""
+    head = {"type": kind, "protocol": PROTOCOL, "seq": seq}
+    head.update(metadata or {})
+    parts = build_safetensors(head, tensors or {})
+    parts[0] = sum(len(p) for p in parts).to_bytes(8, "little") + parts[0]
+    for part in parts:
+        stream.write(part)
+    stream.flush()
+
+
+def _fill(stream: IO[bytes], buffer: Array) -> int:
+    """Reads until the buffer is full or the stream ends; returns the number of bytes."""
+    view, n = memoryview(buffer), 0
+    while n < len(view):
+        more = stream.readinto(view[n:])  # type: ignore[attr-defined]
+        if not more:
+            break
+        n += more
+    return n
+
+
+class _Tensors:
+    """Tensors of a message, taken with checks of type and shape.
+
+    Letters in shapes are dimensions that must agree among all tensors of a message.
+    """
+
+    def __init__(self, tensors: Dict[str, Array], **sizes: int) -> None:
+        self.tensors = tensors
+        self.sizes: Dict[str, int] = dict(sizes)
+
+    def take(self, name: str, dtype: str, *shape: Union[int, str]) -> Array:
+        """Returns a tensor as a read-only array; flags become booleans."""
+        array = self.tensors.get(name)
+        if array is None:
+            raise ProtocolError("tensor `%s` is missing" % name)
+        expected = _DTYPES["U8" if dtype == "BOOL" else dtype]
+        if array.dtype != expected:
+            raise ProtocolError(
+                "tensor `%s` has type %s, expected %s" % (name, array.dtype, expected)
+            )
+        wanted = shape
+        if array.ndim == len(shape):
+            wanted = tuple(
+                self.sizes.setdefault(s, n) if isinstance(s, str) else s
+                for s, n in zip(shape, array.shape)
+            )
+        if array.shape != wanted:
+            raise ProtocolError(
+                "tensor `%s` has shape %s, expected %s" % (name, array.shape, shape)
+            )
+        if dtype == "BOOL":
+            if array.size and int(array.max()) > 1:
+                raise ProtocolError("tensor `%s` has flags other than 0 and 1" % name)
+            array = array.view(np.bool_)
+        array.flags.writeable = False
+        return array
+
+    def take_index(self, name: str, end: int, first: int, *shape: Union[int, str]) -> Array:
+        """Returns a tensor of indices from `first` to `end` - 1."""
+        array = self.take(name, "I32", *shape)
+        if array.size and not first <= int(array.min()) <= int(array.max()) < end:
+            raise ProtocolError(
+                "tensor `%s` has an index outside %d to %d" % (name, first, end - 1)
+            )
+        return array
+
+
+# --------------------------------------------------------------------------------------------------
+# Scenes.
+
+
+class Line(NamedTuple):
+    """A line of the map of one scene."""
+
+    points: Array
+    """Points, f64 [P, 2], metres."""
+    category: int
+    """Class of the line as in the protocol: kind of a road edge or stop line, paint of a painted
+    line."""
+    lane: int
+    """Index in `Scene.lanes` of the lane that the line belongs to, or -1."""
+    value: float
+    """Arc length along the lane for stop lines, metres; NaN if unknown."""
+
+
+class Neighbor(NamedTuple):
+    """An adjacent lane in the same direction, and the adjacent sections as point indices."""
+
+    lane: int
+    """Index in `Scene.lanes`."""
+    self_start: int
+    self_end: int
+    other_start: int
+    other_end: int
+
+
+@dataclasses.dataclass
+class Lane:
+    """A lane, or a connector through a junction, of the map of one scene."""
+
+    index: int
+    """Index in `Scene.lanes`."""
+    points: Array
+    """Centre line, f64 [P, 2], metres."""
+    is_connector: bool
+    category: int
+    """0 undefined, 1 freeway, 2 surface street, 3 bike."""
+    speed_limit: float
+    """Speed limit, m/s; NaN if unknown."""
+    outline: Optional[Array]
+    """Outline, f64 [P, 2], metres; None if the map records a half-width or nothing."""
+    half_width: float
+    """Half-width around the centre line, metres; NaN if the map records an outline or nothing."""
+    successors: List[int]
+    predecessors: List[int]
+    left: List[Neighbor]
+    right: List[Neighbor]
+
+
+class Lines:
+    """Lines of the maps of all episodes of a batch, as flat arrays.
+
+    Line i has the points `points[start[i]:start[i + 1]]`; `lines[i]` returns them.
+    """
+
+    def __init__(self, tensors: _Tensors, episodes: int) -> None:
+        self.points: Array = tensors.take("points", "F64", "P", 2)
+        """Points of all lines, f64 [P, 2], metres."""
+        self.type: Array = tensors.take("line_type", "U8", "L")
+        """Type of each line, u8 [L]; see `LineType`."""
+        count = len(self.type)
+        self.start: Array = tensors.take("line_start", "I64", count + 1)
+        """Index of the first point of each line, and the number of points at the end, i64 [L +
+        1]."""
+        self.episode: Array = tensors.take_index("line_episode", episodes, 0, count)
+        """Index of the episode in the batch of each line, i32 [L]."""
+        self.category: Array = tensors.take("line_class", "U8", count)
+        """Class of each line, u8 [L]; its meaning depends on the type."""
+        self.lane: Array = tensors.take_index("line_lane", count, -1, count)
+        """Line index of the lane that a line belongs to, or -1, i32 [L]."""
+        self.value: Array = tensors.take("line_value", "F64", count)
+        """Speed limit of lanes (m/s), half-width of outlines or arc length of stop lines (m), f64
+        [L]."""
+        self.links: Array = tensors.take("link", "I32", "E", 7)
+        """Links between lanes, i32 [E, 7]: from, to (line indices), relation, self start, self end,
+        other start, other end; see `Relation`."""
+        start = self.start
+        if start[0] != 0 or start[-1] != len(self.points) or (np.diff(start) < 0).any():
+            raise ProtocolError(
+                "tensor `line_start` does not divide the %d points" % len(self.points)
+            )
+        ends = self.links[:, :2]
+        if ends.size and not 0 <= int(ends.min()) <= int(ends.max()) < count:
+            raise ProtocolError("tensor `link` has a lane outside 0 to %d" % (count - 1))
+
+        self._is_sorted = not (np.diff(self.episode) < 0).any()
+
+    def __len__(self) -> int:
+        return len(self.type)
+
+    def of_episode(self, index: int) -> Array:
+        """Returns the indices of the lines of an episode of the batch."""
+        if self._is_sorted:
+            first, end = np.searchsorted(self.episode, [index, index + 1])
+            return np.arange(first, end)
+        return np.flatnonzero(self.episode == index)
+
+    def __getitem__(self, index: int) -> Array:
+        """Points of a line, f64 [P, 2]."""
+        index = range(len(self.type))[index]
+        points: Array = self.points[self.start[index] : self.start[index + 1]]
+        return points
+
+
+class Lights:
+    """Traffic lights: of all episodes of a batch, or of one scene."""
+
+    def __init__(self, episode: Array, lane: Array, stop: Array, states: Array) -> None:
+        self.episode = episode
+        """Index of the episode in the batch, i32 [K]."""
+        self.lane = lane
+        """Controlled lane, i32 [K]: a line index in a batch, an index in `Scene.lanes` in a
+        scene."""
+        self.stop = stop
+        """Stop points, f64 [K, 2], metres."""
+        self.states = states
+        """States during the history, u8 [K, 11]; see `Light`."""
+
+    def __len__(self) -> int:
+        return len(self.lane)
+
+
+class Scenes:
+    """Agents, histories and maps of a batch of episodes. All arrays are read-only.
+
+    `len(scenes)` is the number of episodes B; `scenes[i]` is one of them without padding.
+    """
+
+    def __init__(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> None:
+        take = _Tensors(tensors)
+        self.episodes: Array = take.take("episode", "U64", "B")
+        """Handle of each episode, unique in the process, u64 [B]."""
+        batch = len(self.episodes)
+        self.seeds: Array = take.take("seed", "U64", batch)
+        """Seed of all random choices in each episode, u64 [B]; see `rng`."""
+        self.kinds: Array = take.take("kind", "U8", batch, "N")
+        """Kind of each agent, u8 [B, N]; slot 0 is the AV; see `Kind`."""
+        agents = self.kinds.shape[1]
+        self.n_agents: Array = take.take_index("n_agents", agents + 1, 1, batch)
+        """Number of agents of each episode, i32 [B]; later slots are padding."""
+        self.sizes: Array = take.take("size", "F64", batch, agents, 2)
+        """Length and width of each agent, f64 [B, N, 2], metres."""
+        self.history: Array = take.take("history", "F64", batch, agents, HISTORY, 5)
+        """States at frames 0 to 10, f64 [B, N, 11, 5]: x, y, heading, vx, vy; 0 where absent, NaN
+        velocity where unknown."""
+        self.valid: Array = take.take("valid", "BOOL", batch, agents, HISTORY)
+        """Whether each agent is present, bool [B, N, 11]."""
+        self.lines = Lines(take, batch)
+        """Lines of the maps."""
+        self.lights = Lights(
+            take.take_index("light_episode", batch, 0, "K"),
+            take.take_index("light_lane", len(self.lines), -1, "K"),
+            take.take("light_stop", "F64", "K", 2),
+            take.take("light_state", "U8", "K", HISTORY),
+        )
+        """Traffic lights."""
+        self.obstacle_episode: Array = take.take_index("obstacle_episode", batch, 0, "O")
+        """Index of the episode of each obstacle, i32 [O]."""
+        self.obstacles: Array = take.take("obstacle", "F64", "O", 5)
+        """Static obstacles, f64 [O, 5]: x, y, heading, length, width."""
+        self.moves_av = metadata.get("moves_av") == "1"
+        """Whether slot 0 of the plan is executed (realism protocol)."""
+        self.steps = _integer(metadata, "steps", 1, FRAMES) if "steps" in metadata else 0
+        """Replan interval, steps; 0 if there is none."""
+        self.scenario_ids: Optional[List[str]] = _json_list(metadata, "scenario_ids", batch)
+        """Ids of the scenarios, only with `--reveal-ids`."""
+        self.agent_ids: Optional[List[List[str]]] = _json_list(metadata, "agent_ids", batch)
+        """Ids of the agents of each episode, only with `--reveal-ids`."""
+        self.origins: Optional[List[List[float]]] = _json_list(metadata, "origins", batch)
+        """World coordinates of the local origins, metres, only with `--reveal-ids`."""
+        self.rollouts: Optional[List[int]] = _json_list(metadata, "rollouts", batch)
+        """Indices of the rollouts, only with `--reveal-ids`."""
+        self._generators: Dict[int, np.random.Generator] = {}
+
+    def __len__(self) -> int:
+        return len(self.episodes)
+
+    def __getitem__(self, index: int) -> Scene:
+        """One episode as a view without padding."""
+        return Scene(self, range(len(self))[index])
+
+    def __iter__(self) -> Iterator[Scene]:
+        return (self[index] for index in range(len(self)))
+
+    def rng(self, index: int) -> np.random.Generator:
+        """Returns the random stream of an episode; further calls continue the same stream."""
+        index = range(len(self))[index]
+        if index not in self._generators:
+            self._generators[index] = np.random.Generator(np.random.PCG64(int(self.seeds[index])))
+        return self._generators[index]
+
+
+class Scene:
+    """One episode of a batch, as a view without padding.
+
+    Lines of the map are prepared on first use.
+    """
+
+    def __init__(self, scenes: Scenes, index: int) -> None:
+        self.scenes = scenes
+        self.index = index
+        """Index of the episode in the batch."""
+        self.n_agents = int(scenes.n_agents[index])
+        """Number of agents n; agent 0 is the AV."""
+        self._lanes: Optional[List[Lane]] = None
+        self._lane_index: Dict[int, int] = {}
+        self._own: Dict[int, Array] = {}
+
+    @property
+    def kinds(self) -> Array:
+        """Kind of each agent, u8 [n]; see `Kind`."""
+        return self.scenes.kinds[self.index, : self.n_agents]
+
+    @property
+    def sizes(self) -> Array:
+        """Length and width of each agent, f64 [n, 2], metres."""
+        return self.scenes.sizes[self.index, : self.n_agents]
+
+    @property
+    def history(self) -> Array:
+        """States at frames 0 to 10, f64 [n, 11, 5]: x, y, heading, vx, vy; 0 where absent."""
+        return self.scenes.history[self.index, : self.n_agents]
+
+    @property
+    def valid(self) -> Array:
+        """Whether each agent is present, bool [n, 11]."""
+        return self.scenes.valid[self.index, : self.n_agents]
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """Random stream of the episode."""
+        return self.scenes.rng(self.index)
+
+    @property
+    def obstacles(self) -> Array:
+        """Static obstacles, f64 [O, 5]: x, y, heading, length, width."""
+        own: Array = self.scenes.obstacles[self.scenes.obstacle_episode == self.index]
+        return own
+
+    @property
+    def lights(self) -> Lights:
+        """Traffic lights; their lanes are indices in `lanes`."""
+        every = self.scenes.lights
+        own = every.episode == self.index
+        lanes = [self._lane_of(line) for line in every.lane[own].tolist()]
+        return Lights(
+            every.episode[own], np.array(lanes, np.int32), every.stop[own], every.states[own]
+        )
+
+    @property
+    def lanes(self) -> List[Lane]:
+        """Lanes and connectors, with links between them."""
+        if self._lanes is None:
+            self._lanes = self._make_lanes()
+        return self._lanes
+
+    @property
+    def road_edges(self) -> List[Line]:
+        """Road edges; the drivable side is on the left."""
+        return self._lines_of(LineType.ROAD_EDGE)
+
+    @property
+    def painted_lines(self) -> List[Line]:
+        """Painted lines; `category` is the paint."""
+        return self._lines_of(LineType.PAINTED_LINE)
+
+    @property
+    def stop_lines(self) -> List[Line]:
+        """Stop lines of two points; `category` is 0 light, 1 stop sign, 2 give way."""
+        return self._lines_of(LineType.STOP_LINE)
+
+    @property
+    def crosswalks(self) -> List[Line]:
+        """Outlines of crosswalks."""
+        return self._lines_of(LineType.CROSSWALK)
+
+    @property
+    def speed_bumps(self) -> List[Line]:
+        """Outlines of speed bumps."""
+        return self._lines_of(LineType.SPEED_BUMP)
+
+    @property
+    def driveways(self) -> List[Line]:
+        """Outlines of driveways."""
+        return self._lines_of(LineType.DRIVEWAY)
+
+    @property
+    def junctions(self) -> List[Line]:
+        """Outlines of junctions."""
+        return self._lines_of(LineType.JUNCTION)
+
+    @property
+    def drivable_areas(self) -> List[List[Array]]:
+        """Drivable polygons: lists of rings, f64 [P, 2], the outer ring first, then its holes."""
+        areas: List[List[Array]] = []
+        for line in self._line_indices():
+            if self.scenes.lines.type[line] == LineType.DRIVABLE_AREA:
+                areas.append([self.scenes.lines[line]])
+            elif self.scenes.lines.type[line] == LineType.DRIVABLE_HOLE and areas:
+                areas[-1].append(self.scenes.lines[line])
+        return areas
+
+    def _line_indices(self) -> Array:
+        if -1 not in self._own:
+            self._own[-1] = self.scenes.lines.of_episode(self.index)
+        return self._own[-1]
+
+    def _indices_of(self, kind: int) -> Array:
+        if kind not in self._own:
+            own = self._line_indices()
+            self._own[kind] = own[self.scenes.lines.type[own] == kind]
+        return self._own[kind]
+
+    def _lane_of(self, line: int) -> int:
+        """Returns the index in `lanes` of a line index, or -1."""
+        if line < 0:
+            return -1
+        _ = self.lanes
+        return self._lane_index.get(line, -1)
+
+    def _records(self, indices: Array) -> Iterator[Tuple[int, Array, int, int, float]]:
+        """Yields index, points, class, lane and value of lines."""
+        lines = self.scenes.lines
+        points = lines.points
+        ranges = zip(lines.start[indices].tolist(), lines.start[indices + 1].tolist())
+        return zip(
+            indices.tolist(),
+            (points[first:end] for first, end in ranges),
+            lines.category[indices].tolist(),
+            lines.lane[indices].tolist(),
+            lines.value[indices].tolist(),
+        )
+
+    def _lines_of(self, kind: LineType) -> List[Line]:
+        return [
+            Line(points, category, self._lane_of(lane), value)
+            for _, points, category, lane, value in self._records(self._indices_of(kind))
+        ]
+
+    def _make_lanes(self) -> List[Lane]:
+        lines = self.scenes.lines
+        own = self._line_indices()
+        indices = own[lines.type[own] <= LineType.CONNECTOR]
+        self._lane_index = {line: k for k, line in enumerate(indices.tolist())}
+        outlines: Dict[int, Tuple[Array, float]] = {
+            lane: (points, value)
+            for _, points, _, lane, value in self._records(self._indices_of(LineType.LANE_OUTLINE))
+        }
+        none = (np.empty((0, 2)), math.nan)
+        is_connector = (lines.type[indices] == LineType.CONNECTOR).tolist()
+        lanes: List[Lane] = []
+        for line, points, category, _, limit in self._records(indices):
+            k = len(lanes)
+            ring, half_width = outlines.get(line, none)
+            outline = ring if len(ring) else None
+            links: Tuple[List[Any], ...] = ([], [], [], [])
+            lanes.append(
+                Lane(k, points, is_connector[k], category, limit, outline, half_width, *links)
+            )
+        for row in lines.links[np.isin(lines.links[:, 0], indices)].tolist():
+            lane, other = lanes[self._lane_index[row[0]]], self._lane_index.get(row[1])
+            if other is None:
+                continue
+            if row[2] == Relation.SUCCESSOR:
+                lane.successors.append(other)
+            elif row[2] == Relation.PREDECESSOR:
+                lane.predecessors.append(other)
+            else:
+                neighbors = lane.left if row[2] == Relation.LEFT else lane.right
+                neighbors.append(Neighbor(other, *row[3:]))
+        return lanes
+
+
+class Observation:
+    """Everything that a simulator observes at a plan.
+
+    Arrays are read-only, cover frames 0 to `frame`, and share memory with later observations.
+    """
+
+    def __init__(
+        self,
+        scenes: Scenes,
+        frame: int,
+        steps: int,
+        n_new: int,
+        *,
+        states: Array,
+        valid: Array,
+        light_states: Array,
+        active: Array,
+        av_next: Array,
+    ) -> None:
+        self.scenes = scenes
+        """Agents and maps, as in `begin`."""
+        self.frame = frame
+        """Latest realised frame, 10 to 89."""
+        self.steps = steps
+        """Number of steps S to plan."""
+        self.n_new = n_new
+        """Number of frames since the previous plan; 11 at the first plan."""
+        self.states = states
+        """Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
+        velocity where unknown."""
+        self.valid = valid
+        """Whether each agent is present, bool [B, N, frame + 1]."""
+        self.light_states = light_states
+        """States of the traffic lights, u8 [K, frame + 1]; see `Light`."""
+        self.active = active
+        """False for episodes that have failed and are only padding, bool [B]."""
+        self.av_next = av_next
+        """State of the AV at frame + 1, f64 [B, 5]; NaN if it is not known."""
+
+    @property
+    def episodes(self) -> Array:
+        """Handle of each episode, u64 [B]."""
+        return self.scenes.episodes
+
+    @property
+    def moves_av(self) -> bool:
+        """Whether slot 0 of the plan is executed (realism protocol)."""
+        return self.scenes.moves_av
+
+
+class Plan:
+    """Future states of all agents, and errors of single episodes.
+
+    `states` is [B, N, S, 3]: x, y, heading after 1 to S steps. `errors` has a text for the index of
+    each episode that fails; the other episodes go on.
+    """
+
+    def __init__(self, states: Any, errors: Optional[Mapping[int, str]] = None) -> None:
+        self.states = states
+        self.errors: Dict[int, str] = {int(k): str(v) for k, v in (errors or {}).items()}
+
+
+class Simulator:
+    """Base class of simulators. Any object with a method `plan` will do."""
+
+    name: str = ""
+    """Name of the simulator; the name of the class by default."""
+    version: str = ""
+    weights_sha256: str = ""
+    """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
+    intervals: Sequence[int] = ()
+    """Replan intervals that are supported, steps; empty for any."""
+    batch: Optional[int] = None
+    """Number of episodes per batch, 1 to 1024; None leaves it to the program."""
+
+    def begin(self, scenes: Scenes) -> None:
+        """Receives the scenes of a new batch of episodes."""
+
+    def plan(self, seen: Observation) -> Union[Array, Plan]:
+        """Returns states after 1 to S steps, f64 or f32 [B, N, S, 3], or a `Plan`."""
+        raise NotImplementedError("a simulator needs a method `plan`")
+
+    def end(self, episodes: Array) -> None:
+        """Is called when the batch is over; `episodes` are handles, u64 [B]."""
+
+
+# --------------------------------------------------------------------------------------------------
+# Session.
+
+
+class _UserError(Exception):
+    """A value of the simulator that cannot be used."""
+
+
+class _Batch:
+    """The open batch: its scenes, and all frames that were received."""
+
+    def __init__(self, scenes: Scenes) -> None:
+        self.scenes = scenes
+        self.frame = HISTORY - 1
+        self.is_first = True
+        shape = scenes.kinds.shape
+        self.states = np.zeros((*shape, FRAMES, 5))
+        self.states[:, :, :HISTORY] = scenes.history
+        self.valid = np.zeros((*shape, FRAMES), np.bool_)
+        self.valid[:, :, :HISTORY] = scenes.valid
+        self.lights = np.zeros((len(scenes.lights), FRAMES), np.uint8)
+        self.lights[:, :HISTORY] = scenes.lights.states
+        present = np.arange(shape[1]) < scenes.n_agents[:, None]
+        if not scenes.moves_av:
+            present[:, 0] = False
+        self.planned = present
+        """Slots whose plan is executed, bool [B, N]."""
+
+    def observe(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> Observation:
+        """Appends the new frames of a request `plan`."""
+        batch, agents = self.planned.shape
+        take = _Tensors(tensors)
+        if not np.array_equal(take.take("episode", "U64", batch), self.scenes.episodes):
+            raise ProtocolError("`plan` names other episodes than `begin`")
+        active = take.take("active", "BOOL", batch)
+        states = take.take("states", "F64", batch, agents, "T", 5)
+        new = states.shape[2]
+        valid = take.take("valid", "BOOL", batch, agents, new)
+        lights = take.take("light_state", "U8", len(self.scenes.lights), new)
+        av_next = take.take("av_next", "F64", batch, 5)
+        frame = _integer(metadata, "frame", HISTORY - 1, FRAMES - 2)
+        steps = _integer(metadata, "steps", 1, FRAMES - 1)
+        if frame != self.frame + new:
+            raise ProtocolError(
+                "frame %d does not follow frame %d by %d" % (frame, self.frame, new)
+            )
+        self.states[:, :, self.frame + 1 : frame + 1] = states
+        self.valid[:, :, self.frame + 1 : frame + 1] = valid
+        self.lights[:, self.frame + 1 : frame + 1] = lights
+        self.frame = frame
+        views = [
+            self.states[:, :, : frame + 1],
+            self.valid[:, :, : frame + 1],
+            self.lights[:, : frame + 1],
+        ]
+        for view in views:
+            view.flags.writeable = False
+        n_new = HISTORY + new if self.is_first else new
+        self.is_first = False
+        return Observation(
+            self.scenes,
+            frame,
+            steps,
+            n_new,
+            states=views[0],
+            valid=views[1],
+            light_states=views[2],
+            active=active,
+            av_next=av_next,
+        )
+
+    def check(self, returned: Any, seen: Observation, place: str) -> Plan:
+        """Checks the value that `plan` returned.
+
+        States that are not finite become errors of their episodes.
+        """
+        is_plan = hasattr(returned, "states") and hasattr(returned, "errors")
+        plan = returned if is_plan else Plan(returned)
+        batch, agents = self.planned.shape
+        expected = (batch, agents, seen.steps, 3)
+        if plan.states is None:
+            raise _UserError("%s returned None, expected an array of shape %s" % (place, expected))
+        try:
+            states = np.asarray(plan.states)
+        except Exception as error:
+            text = "%s returned a %s that is no array: %s" % (
+                place,
+                type(plan.states).__name__,
+                error,
+            )
+            raise _UserError(text) from error
+        if states.shape != expected:
+            raise _UserError(
+                "%s returned an array of shape %s, expected %s = (episodes, agents, steps, 3)"
+                % (place, states.shape, expected)
+            )
+        if states.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
+            raise _UserError(
+                "%s returned type %s, expected float64 or float32" % (place, states.dtype)
+            )
+        errors: Dict[int, str] = {int(k): str(v) for k, v in (plan.errors or {}).items()}
+        for index in errors:
+            if not 0 <= index < batch:
+                raise _UserError(
+                    "%s returned an error for episode %d of %d" % (place, index, batch)
+                )
+        with np.errstate(invalid="ignore"):
+            bad = ~(np.abs(states[..., :2]) <= MAX_COORDINATE).all(axis=-1) | ~np.isfinite(
+                states[..., 2]
+            )
+        bad &= (self.planned & seen.active[:, None])[:, :, None]
+        if bad.any():
+            states = np.where(bad[..., None], states.dtype.type(0), states)
+            given = np.asarray(plan.states)
+            for index in np.flatnonzero(bad.any(axis=(1, 2))).tolist():
+                agent, step = np.argwhere(bad[index])[0].tolist()
+                x, y, heading = given[index, agent, step].tolist()
+                text = "%s returned x %g, y %g, heading %g for agent %d at step %d of %d: "
+                text += "expected finite numbers within 100 km of the origin"
+                errors.setdefault(index, text % (place, x, y, heading, agent, step + 1, seen.steps))
+        return Plan(states, errors)
+
+
+class Session:
+    """Answers the requests of the program for one simulator."""
+
+    def __init__(
+        self,
+        simulator: Any,
+        *,
+        batch: Optional[int] = None,
+        on_end: Optional[Callable[[int], None]] = None,
+    ) -> None:
+        self.simulator = simulator() if isinstance(simulator, type) else simulator
+        self.title = type(self.simulator).__name__
+        self.size = batch
+        self.on_end = on_end
+        self.batch: Optional[_Batch] = None
+        self.first_error: Optional[str] = None
+        """Text of the first `failed` answer."""
+        if not callable(getattr(self.simulator, "plan", None)):
+            raise TypeError("%s is no simulator: it has no method `plan`" % self.title)
+
+    def run(self, reader: IO[bytes], writer: IO[bytes]) -> None:
+        """Answers requests until `bye` or the end of the stream."""
+        while True:
+            frame = read_frame(reader)
+            if frame is None or frame[0]["type"] == "bye":
+                return
+            metadata, tensors = frame
+            del frame
+            try:
+                kind, answer, arrays = self._answer(metadata, tensors)
+            except (_UserError, ProtocolError) as error:
+                kind, answer, arrays = "failed", {"error": str(error)}, {}
+            except (Exception, SystemExit) as error:
+                kind, answer, arrays = "failed", {"error": self._trace(error)}, {}
+            if kind == "failed":
+                answer["error"] = _clean(answer["error"])
+                self.first_error = self.first_error or answer["error"]
+            del tensors
+            try:
+                write_frame(writer, kind, metadata["seq"], answer, arrays)
+            except BrokenPipeError:
+                return
+
+    def _answer(
+        self, metadata: Mapping[str, str], tensors: Dict[str, Array]
+    ) -> Tuple[str, Dict[str, str], Dict[str, Array]]:
+        kind = metadata["type"]
+        if metadata["protocol"] != PROTOCOL:
+            text = "version %s of the protocol is not supported, only %s"
+            raise ProtocolError(text % (metadata["protocol"], PROTOCOL))
+        if kind == "hello":
+            return "welcome", self._welcome(), {}
+        if kind == "begin":
+            if self.batch is not None:
+                raise ProtocolError("`begin` while a batch is open")
+            batch = _Batch(Scenes(metadata, tensors))
+            self._call("begin", batch.scenes)
+            self.batch = batch
+            return "begun", {}, {}
+        if kind == "plan":
+            if self.batch is None:
+                raise ProtocolError("`plan` without `begin`")
+            seen = self.batch.observe(metadata, tensors)
+            plan = self.batch.check(self.simulator.plan(seen), seen, self.title + ".plan")
+            limit = MAX_TEXT // max(len(plan.errors), 1)
+            texts = {index: _clean(text, limit) for index, text in plan.errors.items()}
+            errors = {"errors": json.dumps(texts)} if texts else {}
+            if plan.errors:
+                self.first_error = self.first_error or next(iter(plan.errors.values()))
+            return "planned", errors, {"states": plan.states}
+        if kind == "end":
+            is_open, self.batch = self.batch is not None, None
+            episodes = _Tensors(tensors).take("episode", "U64", "B")
+            if is_open:
+                self._call("end", episodes)
+            if self.on_end is not None:
+                self.on_end(len(episodes))
+            return "ended", {}, {}
+        raise ProtocolError("unknown request `%s`" % kind)
+
+    def _welcome(self) -> Dict[str, str]:
+        def text(name: str, default: str = "") -> str:
+            value = getattr(self.simulator, name, None) or default
+            if not isinstance(value, str):
+                raise _UserError("%s.%s is %r, expected text" % (self.title, name, value))
+            return _clean(value)
+
+        weights = text("weights_sha256").lower()
+        if weights and (len(weights) != 64 or set(weights) - set("0123456789abcdef")):
+            raise _UserError(
+                "%s.weights_sha256 is %r, expected 64 hex digits" % (self.title, weights)
+            )
+        intervals = [int(n) for n in getattr(self.simulator, "intervals", None) or ()]
+        if not all(1 <= n < FRAMES for n in intervals):
+            raise _UserError("%s.intervals is %s, expected 1 to 80 steps" % (self.title, intervals))
+        answer = {
+            "name": text("name", self.title),
+            "version": text("version"),
+            "weights_sha256": weights,
+            "intervals": json.dumps(intervals),
+        }
+        size = self.size if self.size is not None else getattr(self.simulator, "batch", None)
+        if size is not None:
+            if not 1 <= int(size) <= 1024:
+                raise _UserError("%s.batch is %s, expected 1 to 1024" % (self.title, size))
+            answer["batch"] = str(int(size))
+        return answer
+
+    def _call(self, method: str, argument: Any) -> None:
+        function = getattr(self.simulator, method, None)
+        if function is not None:
+            function(argument)
+
+    def _trace(self, error: BaseException) -> str:
+        """Returns the traceback of an error in the simulator, without the frames of this file."""
+        frames = error.__traceback__
+        while frames is not None and frames.tb_frame.f_code.co_filename == __file__:
+            frames = frames.tb_next
+        text = "".join(
+            traceback.format_exception(type(error), error, frames or error.__traceback__)
+        ).strip()
+        if isinstance(error, SystemExit):
+            text += "\n%s called sys.exit; raise an exception to fail a batch" % self.title
+        return text
+
+
+def _integer(metadata: Mapping[str, str], key: str, least: int, most: int) -> int:
+    text = metadata.get(key, "")
+    if not text.isdigit() or len(text) > 9 or not least <= int(text) <= most:
+        raise ProtocolError("metadata `%s` is %r, expected %d to %d" % (key, text, least, most))
+    return int(text)
+
+
+def _json_list(metadata: Mapping[str, str], key: str, length: int) -> Any:
+    if key not in metadata:
+        return None
+    try:
+        value = json.loads(metadata[key])
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError("metadata `%s` is not valid JSON: %s" % (key, error)) from None
+    if not isinstance(value, list) or len(value) != length:
+        raise ProtocolError("metadata `%s` is no list of %d elements" % (key, length))
+    return value
+
+
+def _clean(text: str, limit: int = MAX_TEXT) -> str:
+    """Returns a text that is valid Unicode, shortened in the middle if it is very long."""
+    if len(text) > limit:
+        text = text[: limit // 2] + "\n[...]\n" + text[-(limit // 2) :]
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+# --------------------------------------------------------------------------------------------------
+# Standard streams.
+
+# Name of the attribute of `sys` that holds the claimed streams, shared by all copies of this file.
+_CLAIMED = "_reactsim_streams"
+
+
+def claim_streams() -> Tuple[IO[bytes], IO[bytes]]:
+    """Takes standard input and output for the protocol; returns both as binary streams.
+
+    From then on standard output is standard error and standard input is empty, also for libraries
+    and child processes, so that nothing but frames reaches the program. Further calls return the
+    same streams.
+    """
+    streams: Optional[Tuple[IO[bytes], IO[bytes]]] = getattr(sys, _CLAIMED, None)
+    if streams is None:
+        reader = os.fdopen(os.dup(0), "rb", buffering=1 << 16)
+        writer = os.fdopen(os.dup(1), "wb", buffering=1 << 16)
+        os.dup2(2, 1)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
+        os.close(nothing)
+        # Text that was printed before, and is not yet written, goes to standard error too.
+        try:
+            sys.stdout.flush()
+            sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+        except (AttributeError, OSError, ValueError):
+            pass
+        streams = (reader, writer)
+        setattr(sys, _CLAIMED, streams)
+    return streams
+
+
+def serve(simulator: Any) -> None:
+    """Answers `reactsim` over standard input and output until the program closes the connection.
+
+    `simulator` is a `Simulator`, a class without arguments to make one, or any object with the same
+    methods. Prints of the simulator go to standard error. An exception in the simulator fails the
+    batch with the traceback, and the process goes on.
+    """
+    if not hasattr(sys, _CLAIMED) and sys.stdin is not None and sys.stdin.isatty():
+        text = "this program is a simulator for reactsim; start it with: "
+        text += "reactsim run --external 'NAME=%s %s'"
+        raise SystemExit(text % (os.path.basename(sys.executable), " ".join(sys.argv)))
+    reader, writer = claim_streams()
+    try:
+        Session(simulator).run(reader, writer)
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+    except ProtocolError as error:
+        raise SystemExit("reactsim: %s" % error) from None
+
+
+# The program sets this variable for its child processes; grandchildren must not claim anything.
+if os.environ.pop("REACTSIM_EXTERNAL", "") == "1":
+    claim_streams()

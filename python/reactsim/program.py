@@ -1,0 +1,63 @@
+"""Finds and starts the program `reactsim`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Sequence
+
+__all__ = ["ReactsimError", "call", "find_program"]
+
+
+class ReactsimError(RuntimeError):
+    """The program cannot be started, or it has failed."""
+
+
+def find_program() -> str:
+    """Returns the path of the program.
+
+    In this order: the environment variable REACTSIM_BINARY, the program installed with this
+    package, and the folders in PATH.
+    """
+    given = os.environ.get("REACTSIM_BINARY")
+    if given:
+        found = shutil.which(given)
+        if found is None:
+            raise ReactsimError(f"REACTSIM_BINARY is `{given}`, which is not an executable file")
+        return found
+    name = "reactsim.exe" if sys.platform == "win32" else "reactsim"
+    user = sysconfig.get_path("scripts", f"{os.name}_user")
+    for folder in (sysconfig.get_path("scripts"), os.path.dirname(sys.executable), user):
+        found = shutil.which(os.path.join(folder, name))
+        if found is not None:
+            return found
+    found = shutil.which(name)
+    if found is None:
+        raise ReactsimError(
+            "the program `reactsim` was not found: install it with `pip install reactsim` or"
+            " `cargo install reactsim`, or set REACTSIM_BINARY to its path"
+        )
+    return found
+
+
+def call(arguments: Sequence[str], folder: str | None = None) -> str:
+    """Runs the program with these arguments and returns its standard output.
+
+    Raises ReactsimError with the message of the program if it fails.
+    """
+    done = subprocess.run(
+        [find_program(), *arguments],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        cwd=folder,
+        check=False,
+    )
+    if done.returncode != 0:
+        text = done.stderr.decode("utf-8", "replace").strip()
+        raise ReactsimError(
+            f"`reactsim {' '.join(arguments)}` ended with code {done.returncode}:\n{text}"
+        )
+    return done.stdout.decode("utf-8")

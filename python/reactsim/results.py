@@ -1,0 +1,238 @@
+"""Results of a run: the files of a run folder."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .client import HISTORY, Array
+from .program import ReactsimError, call
+
+__all__ = ["Markdown", "Results", "Rollout"]
+
+
+class Markdown(str):
+    """Markdown text that notebooks render."""
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
+
+
+class Rollout(NamedTuple):
+    """Realised tracks of one scenario: steps 1 to 80, n agents."""
+
+    scenario: str
+    simulator: str
+    rollout: int
+    agents: list[str]
+    """Ids of the agents."""
+    states: Array
+    """States, f64 [n, 80, 5]: x, y, heading, vx, vy; NaN where absent or unknown. Metres, local
+    frame."""
+    origin: tuple[float, float]
+    """World coordinates of the local origin, metres; NaN if unknown."""
+
+    @property
+    def frames(self) -> range:
+        """Frames of the states: 11 to 90."""
+        return range(HISTORY, HISTORY + self.states.shape[1])
+
+
+class Results:
+    """Results in a run folder, written by `reactsim.run` or by `reactsim run --out FOLDER`.
+
+    `rows`, `events` and `failures` are pandas data frames where pandas is installed, and lists of
+    dictionaries otherwise.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = Path(folder)
+        """The run folder."""
+        if not (self.folder / "provenance.json").is_file():
+            raise FileNotFoundError(f"`{self.folder}` is no run folder: it has no provenance.json")
+
+    def __repr__(self) -> str:
+        return f"Results({str(self.folder)!r})"
+
+    def _repr_markdown_(self) -> str:
+        return str(self.table())
+
+    def table(self, details: bool = False) -> Markdown:
+        """Returns the results as a Markdown table.
+
+        With `details` the tables per kind of deviation and the notes follow.
+        """
+        text = self._text("summary.md")
+        return Markdown(text if details else text.split("\n\n", 1)[0].rstrip() + "\n")
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Means and intervals per simulator and metric, as in summary.json."""
+        result: dict[str, Any] = json.loads(self._text("summary.json"))
+        return result
+
+    @cached_property
+    def provenance(self) -> dict[str, Any]:
+        """Program, settings, inputs and simulators of the run, as in provenance.json."""
+        result: dict[str, Any] = json.loads(self._text("provenance.json"))
+        return result
+
+    @property
+    def simulators(self) -> list[str]:
+        """Ids of the simulators, in the order of the run."""
+        return [simulator["id"] for simulator in self.provenance["simulators"]]
+
+    @cached_property
+    def rows(self) -> Any:
+        """Metrics of every scenario, simulator and rollout, with a column per metric.
+
+        Rows without a rollout have the metrics over all rollouts of a scenario. A metric is missing
+        where nothing could be judged.
+        """
+        return _frame([_flat_row(row) for row in self._lines("rows.jsonl")])
+
+    @cached_property
+    def events(self) -> Any:
+        """Occurrences that metrics counted, with agents and steps.
+
+        Values at the event have the prefix `value_`.
+        """
+        return _frame([_flat(line, {"values": "value_"}) for line in self._lines("events.jsonl")])
+
+    @cached_property
+    def failures(self) -> Any:
+        """Scenarios without a result, with the error."""
+        columns = ["input", "record", "simulator", "file", "scenario", "error"]
+        return _frame(self._lines("failures.jsonl"), columns)
+
+    def rollouts(
+        self, *, simulator: str | None = None, scenario: str | None = None
+    ) -> Iterator[Rollout]:
+        """Iterates over the kept rollouts, of one simulator or scenario if given. Needs pyarrow."""
+        path = self.folder / "rollouts.parquet"
+        if not path.is_file():
+            raise FileNotFoundError(f"`{self.folder}` has no rollouts: run with --keep-rollouts")
+        try:
+            from pyarrow import parquet
+        except ImportError:
+            raise ImportError(
+                "reading rollouts needs pyarrow: pip install 'reactsim[pandas]'"
+            ) from None
+        with parquet.ParquetFile(path) as file:
+            for batch in file.iter_batches(batch_size=16):
+                for row in batch.to_pylist():
+                    if simulator not in (None, row["simulator"]):
+                        continue
+                    if scenario in (None, row["scenario_id"]):
+                        yield _rollout(row)
+
+    def svg(
+        self, scenario: str, simulator: str, *, source: str | None = None, step: int = 40
+    ) -> str:
+        """Returns a picture of a kept rollout, made by the program."""
+        arguments = ["inspect", *([source] if source is not None else []), "--id", scenario]
+        arguments += [
+            "--rollout",
+            os.fspath(self.folder),
+            "--simulator",
+            simulator,
+            "--steps",
+            str(step),
+        ]
+        return draw_svg(arguments)
+
+    def _text(self, name: str) -> str:
+        path = self.folder / name
+        if not path.is_file():
+            raise FileNotFoundError(f"`{self.folder}` has no {name}: the run is not finished")
+        return path.read_text("utf-8")
+
+    def _lines(self, name: str) -> list[dict[str, Any]]:
+        lines = self._text(name).split("\n")
+        # A last line without a line end was truncated by an interruption.
+        return [json.loads(line) for line in lines[:-1] if line]
+
+
+class Svg(str):
+    """A picture as SVG text that notebooks render."""
+
+    def _repr_svg_(self) -> str:
+        return str(self)
+
+
+def draw_svg(arguments: list[str]) -> Svg:
+    """Lets the program draw a picture; `arguments` are those of `reactsim inspect`."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
+        path = Path(folder, "picture.svg")
+        call([*arguments, "--svg", str(path)])
+        if not path.is_file():
+            raise ReactsimError(f"`reactsim {' '.join(arguments)}` wrote no picture")
+        return Svg(path.read_text("utf-8"))
+
+
+def _rollout(row: dict[str, Any]) -> Rollout:
+    columns: list[Array] = []
+    for name in ("x", "y", "heading", "vx", "vy"):
+        values = row.get(name)
+        if values is None:
+            columns.append(np.full_like(columns[0], np.nan))
+        else:
+            columns.append(np.array(values, dtype=float).reshape(len(values), -1))
+    origin = (row.get("origin_x"), row.get("origin_y"))
+    x, y = (float("nan") if value is None else float(value) for value in origin)
+    states = np.stack(columns, axis=-1)
+    return Rollout(
+        row["scenario_id"],
+        row["simulator"],
+        row.get("rollout") or 0,
+        row["agent_id"],
+        states,
+        (x, y),
+    )
+
+
+def _value(metric: dict[str, Any] | None) -> float | None:
+    """Returns the number of a metric, which is stored with its components."""
+    if metric is None:
+        return None
+    ((kind, value),) = metric.items()
+    if kind in ("rate", "mean"):
+        return value[0] / value[1] if value[1] else None
+    return float(value)
+
+
+def _flat(line: dict[str, Any], prefixes: dict[str, str]) -> dict[str, Any]:
+    """Moves the entries of nested objects to the line."""
+    flat = {key: value for key, value in line.items() if key not in prefixes}
+    for key, prefix in prefixes.items():
+        flat.update({prefix + name: value for name, value in (line.get(key) or {}).items()})
+    return flat
+
+
+def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
+    metrics = {name: _value(value) for name, value in row["metrics"].items()}
+    prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_"}
+    return _flat({**row, "metrics": metrics}, prefixes)
+
+
+def _frame(lines: list[dict[str, Any]], columns: list[str] | None = None) -> Any:
+    """Returns a pandas data frame if pandas is installed, else the lines."""
+    if importlib.util.find_spec("pandas") is None:
+        return lines
+    import pandas
+
+    if columns is None:
+        columns = list(dict.fromkeys(key for line in lines for key in line))
+    frame = pandas.DataFrame(lines, columns=columns)
+    if "rollout" in frame:
+        frame["rollout"] = frame["rollout"].astype("Int64")
+    return frame

@@ -1,0 +1,225 @@
+"""Runs a simulator of this process on the benchmark."""
+
+from __future__ import annotations
+
+import collections
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import warnings
+import weakref
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO, Any, Union, cast
+
+from .client import ProtocolError, Session
+from .program import ReactsimError, find_program
+from .results import Results
+
+__all__ = ["run"]
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+LAST_LINES = 30  # lines of standard error in a message
+INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to write what is finished
+
+
+def run(
+    simulator: Any,
+    scenarios: PathLike | Sequence[PathLike] | None = None,
+    *,
+    name: str | None = None,
+    av: str | None = None,
+    deviations: PathLike | None = None,
+    protocol: str = "reactive",
+    replan: str = "2hz",
+    baselines: Sequence[str] = (),
+    rollouts: int = 1,
+    seed: int = 0,
+    limit: int | None = None,
+    batch: int | None = None,
+    out: PathLike | None = None,
+    resume: bool = False,
+    options: Sequence[str] = (),
+    reveal_ids: bool = False,
+    jobs: int | None = None,
+    progress: bool = True,
+) -> Results:
+    """Runs a simulator, and baselines next to it, and returns the results.
+
+    The program `reactsim` is started as a child process; it asks the simulator, which stays in this
+    process, so breakpoints, prints and notebooks work.
+
+    Args:
+        simulator: A `Simulator`, a class without arguments to make one, or any object with the same
+            methods.
+        scenarios: Files or folders of scenarios; the shipped benchmark by default.
+        name: Name in tables; the simulator's name by default.
+        av: Driver of the AV: "deviated", "log", "constant-velocity", "brake:4", "retime:0.8",
+            "shift:2" or "file:PATH".
+        deviations: File of deviated AVs.
+        protocol: "reactive", or "realism", in which the simulator also moves the AV.
+        replan: Replan rate or interval, such as "2hz" or "5steps".
+        baselines: Ids of baselines to run next to the simulator, such as "idm".
+        rollouts: Rollouts per scenario and simulator.
+        seed: Seed of all random choices.
+        limit: Only the first `limit` scenarios of every file.
+        batch: Number of episodes per batch; the simulator's `batch` by default.
+        out: Run folder to write; a temporary folder by default, which lives as long as the results.
+        resume: Continue the interrupted run in `out`.
+        options: Further arguments of `reactsim run`.
+        reveal_ids: Give the simulator the ids of scenarios and agents; tables mark it.
+        jobs: Number of threads of the program.
+        progress: Show the number of finished episodes, and the messages of the program.
+
+    Raises:
+        ReactsimError: The program could not be started or failed; the message has its last lines.
+            Failed scenarios only cause a warning; `Results.failures` lists them.
+
+    """
+    if resume and out is None:
+        raise ValueError("`resume` needs the folder `out` of the interrupted run")
+    session = Session(simulator, batch=batch, on_end=_Counter() if progress else None)
+    program = find_program()
+    temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
+    folder = Path(temporary, "run") if temporary is not None else Path(cast(PathLike, out))
+    title = name or getattr(session.simulator, "name", "") or session.title
+    command = [program, "run", *_paths(scenarios)]
+    if baselines:
+        command += ["--models", baselines if isinstance(baselines, str) else ",".join(baselines)]
+    command += ["--external", f"{title}=@stdio", "--out", os.fspath(folder), "--keep-rollouts"]
+    command += [
+        "--protocol",
+        protocol,
+        "--replan",
+        replan,
+        "--rollouts",
+        str(rollouts),
+        "--seed",
+        str(seed),
+    ]
+    given = [("--av", av), ("--deviations", deviations), ("--limit", limit), ("--jobs", jobs)]
+    for option, value in given:
+        if value is not None:
+            command += [option, os.fspath(value) if isinstance(value, os.PathLike) else str(value)]
+    command += ["--resume"] * resume + ["--reveal-ids"] * reveal_ids + list(options)
+    try:
+        code, last = _carry_out(command, session, progress)
+        results = Results(folder) if code in (0, 1) else None
+    except BaseException:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    error = f"\nfirst error of the simulator:\n{session.first_error}" if session.first_error else ""
+    if temporary is not None:
+        # The folder lives as long as the results.
+        weakref.finalize(results or session, shutil.rmtree, temporary, ignore_errors=True)
+    if results is None:
+        text = "\n".join(last)
+        raise ReactsimError(f"`reactsim run` ended with code {code}:\n{text}{error}")
+    if code == 1:
+        warnings.warn(
+            f"{len(results.failures)} scenarios failed, see `failures`{error}", stacklevel=2
+        )
+    return results
+
+
+def _paths(scenarios: PathLike | Sequence[PathLike] | None) -> list[str]:
+    if scenarios is None:
+        return []
+    if isinstance(scenarios, (str, os.PathLike)):
+        return [os.fspath(scenarios)]
+    return [os.fspath(path) for path in scenarios]
+
+
+def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[int, list[str]]:
+    """Starts the program and answers its requests; returns its exit code and its last lines."""
+    program = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        # An interrupt reaches this process alone, which passes it on.
+        start_new_session=True,
+    )
+    requests, answers, errors = (
+        cast("IO[bytes]", stream) for stream in (program.stdout, program.stdin, program.stderr)
+    )
+    last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
+    messages = threading.Thread(target=_pass_on, args=(errors, last, progress), daemon=True)
+    messages.start()
+    try:
+        try:
+            session.run(requests, answers)
+        except ProtocolError as error:
+            program.kill()
+            last.append(f"error: {error}")
+        _close(answers)
+        # After `bye` the program writes its tables and ends.
+        requests.read()
+        code = program.wait()
+        messages.join(5.0)
+        return code, list(last)
+    except BaseException:
+        _interrupt(program)
+        raise
+    finally:
+        _close(answers)
+        if program.poll() is None:
+            program.kill()
+            program.wait()
+        messages.join(5.0)
+        if not messages.is_alive():
+            _close(errors)
+        _close(requests)
+
+
+def _interrupt(program: subprocess.Popen[bytes]) -> None:
+    """Asks the program to write what is finished, and waits for it."""
+    try:
+        program.send_signal(signal.SIGINT)
+        if program.stdin is not None:
+            _close(program.stdin)
+        program.wait(INTERRUPT_LIMIT)
+    except (OSError, ValueError, subprocess.TimeoutExpired, KeyboardInterrupt):
+        pass
+
+
+def _close(stream: IO[bytes]) -> None:
+    try:
+        stream.close()
+    except OSError:
+        pass
+
+
+def _pass_on(stream: IO[bytes], last: collections.deque[str], show: bool) -> None:
+    """Copies the messages of the program to standard error and keeps the last ones."""
+    for line in stream:
+        text = line.decode("utf-8", "replace").rstrip()
+        last.append(text)
+        if show:
+            print(text, file=sys.stderr, flush=True)
+
+
+class _Counter:
+    """Shows the number of finished episodes where somebody watches."""
+
+    INTERVAL = 0.5  # seconds between two outputs
+
+    def __init__(self) -> None:
+        self.done = 0
+        self.shown = 0.0
+        self.watched = "ipykernel" in sys.modules or (
+            sys.stderr is not None and sys.stderr.isatty()
+        )
+
+    def __call__(self, episodes: int) -> None:
+        self.done += episodes
+        if self.watched and time.monotonic() - self.shown > self.INTERVAL:
+            self.shown = time.monotonic()
+            print(f"\r{self.done} episodes\r", end="", file=sys.stderr, flush=True)

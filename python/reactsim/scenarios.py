@@ -1,0 +1,157 @@
+"""Reads scenarios of all formats of the program as numpy arrays."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Union, cast
+
+import numpy as np
+
+from .client import Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
+from .program import ReactsimError, find_program
+from .results import Svg, draw_svg
+
+__all__ = ["Scenario", "scenarios"]
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+STEPS = 80  # steps after the current frame
+
+
+class Scenario(Scene):
+    """A scenario with its logged future: agents, history, map, lights, and the deviated AV."""
+
+    def __init__(
+        self, scenes: Scenes, tensors: dict[str, Array], source: str | None = None
+    ) -> None:
+        super().__init__(scenes, 0)
+        if scenes.scenario_ids is None or scenes.agent_ids is None or scenes.origins is None:
+            raise ProtocolError("a scenario without ids")
+        if len(scenes) != 1:
+            raise ProtocolError(f"{len(scenes)} scenarios in one message, expected 1")
+        self.id: str = scenes.scenario_ids[0]
+        """Id of the scenario."""
+        self.agents: list[str] = scenes.agent_ids[0]
+        """Ids of the agents; the first one is the AV."""
+        self.origin: tuple[float, float] = (scenes.origins[0][0], scenes.origins[0][1])
+        """World coordinates of the local origin, metres."""
+        self.source = source
+        """File or folder that was read; None for the shipped benchmark."""
+        take = _Tensors(tensors)
+        shape = scenes.kinds.shape
+        n = self.n_agents
+        self.future: Array | None = None
+        """Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
+        absent."""
+        self.future_valid: Array | None = None
+        """Whether each agent is present at frames 11 to 90, bool [n, 80]."""
+        self.light_future: Array | None = None
+        """States of the traffic lights at frames 11 to 90, u8 [K, 80]."""
+        self.av: Array | None = None
+        """Deviated AV at frames 11 to 90, f64 [80, 5]; None if the scenario has none."""
+        if "future" in tensors:
+            self.future = take.take("future", "F64", *shape, STEPS, 5)[0, :n]
+            self.future_valid = take.take("future_valid", "BOOL", *shape, STEPS)[0, :n]
+            self.light_future = take.take("light_future", "U8", len(scenes.lights), STEPS)
+        if "av" in tensors:
+            self.av = take.take("av", "F64", STEPS, 5)
+
+    def __repr__(self) -> str:
+        return f"Scenario({self.id!r}, {self.n_agents} agents)"
+
+    @property
+    def states(self) -> Array:
+        """Logged states at all 91 frames, f64 [n, 91, 5]."""
+        if self.future is None:
+            raise ValueError("read the scenario with `future=True`")
+        return np.concatenate([self.history, self.future], axis=1)
+
+    @property
+    def present(self) -> Array:
+        """Whether each agent is present at each of the 91 frames, bool [n, 91]."""
+        if self.future_valid is None:
+            raise ValueError("read the scenario with `future=True`")
+        return np.concatenate([self.valid, self.future_valid], axis=1)
+
+    def svg(self, *, radius: float | None = None) -> Svg:
+        """Returns a picture at the current frame, made by the program; `radius` in metres."""
+        arguments = [
+            "inspect",
+            *([self.source] if self.source is not None else []),
+            "--id",
+            self.id,
+        ]
+        return draw_svg(arguments + (["--radius", str(radius)] if radius is not None else []))
+
+
+def scenarios(
+    source: PathLike | None = None,
+    *,
+    deviations: PathLike | None = None,
+    limit: int | None = None,
+    future: bool = True,
+) -> Iterator[Scenario]:
+    """Iterates over scenarios, one in memory at a time.
+
+    Args:
+        source: File or folder of scenarios of any format that the program reads; the shipped
+        benchmark by
+            default.
+        deviations: File of deviated AVs.
+        limit: Only the first `limit` scenarios of every file.
+        future: Read the logged future and the deviated AV too.
+
+    Raises:
+        ReactsimError: The program could not be started, or failed; the message is its own.
+
+    """
+    command = [find_program(), "scenes"]
+    path = None if source is None else os.fspath(source)
+    if path is not None:
+        command.append(path)
+    if deviations is not None:
+        command += ["--deviations", os.fspath(deviations)]
+    if limit is not None:
+        command += ["--limit", str(limit)]
+    if future:
+        command.append("--future")
+    return _read(command, path)
+
+
+def _read(command: list[str], path: str | None) -> Iterator[Scenario]:
+    with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
+        log = Path(folder, "stderr")
+        with log.open("wb") as errors:
+            program = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
+            )
+        stream = cast("IO[bytes]", program.stdout)
+        is_complete = False
+        problem = "it ended before the message `bye`"
+        try:
+            while True:
+                try:
+                    frame = read_frame(stream)
+                except ProtocolError as error:
+                    problem = str(error)
+                    break
+                if frame is None or frame[0]["type"] == "bye":
+                    is_complete = frame is not None
+                    break
+                if frame[0]["type"] != "scene":
+                    problem = f"unknown message `{frame[0]['type']}`"
+                    break
+                yield Scenario(Scenes(*frame), frame[1], path)
+        finally:
+            stream.close()
+            if not is_complete and program.poll() is None:
+                program.terminate()
+            code = program.wait()
+        # Exit code 1: some records could not be read.
+        if not is_complete or code not in (0, 1):
+            text = log.read_text("utf-8", "replace").strip()
+            raise ReactsimError(f"`reactsim {' '.join(command[1:])}` failed ({problem}):\n{text}")

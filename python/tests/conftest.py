@@ -1,0 +1,55 @@
+"""Fixtures of the tests."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import reactsim
+from fakes import EXAMPLES, ROOT
+
+sys.path.insert(0, str(EXAMPLES))
+
+
+@pytest.fixture(scope="session")
+def program() -> str:
+    """Path of the program; tests are skipped without it."""
+    target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+    built = [target / build / "reactsim" for build in ("release", "debug")]
+    found = next((str(path) for path in built if path.is_file()), "")
+    if not found or "REACTSIM_BINARY" in os.environ:
+        try:
+            found = reactsim.find_program()
+        except reactsim.ReactsimError as error:
+            pytest.skip(str(error))
+    text = subprocess.run(
+        [found, "run", "--help"], capture_output=True, text=True, check=False
+    ).stdout
+    if "--external" not in text:
+        pytest.skip(f"{found} does not support external simulators")
+    return found
+
+
+@pytest.fixture
+def with_program(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Makes the package use the program of the tests."""
+    monkeypatch.setenv("REACTSIM_BINARY", program)
+
+
+@pytest.fixture
+def fake_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A stand-in for the program that the package starts; returns the folder of its notes."""
+    path = tmp_path / "reactsim"
+    script = Path(__file__).with_name("fake_program.py")
+    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
+    path.chmod(0o755)
+    monkeypatch.setenv("REACTSIM_BINARY", str(path))
+    monkeypatch.setenv("FAKE_NOTES", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "python"))
+    return tmp_path

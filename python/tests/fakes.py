@@ -1,0 +1,191 @@
+"""A stand-in for the program: makes scenes, and plays its side of the protocol."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Dict, List, Optional, Tuple
+
+import numpy as np
+from reactsim.client import Array, read_frame, write_frame
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "python"
+EXAMPLES = PACKAGE / "examples"
+
+Message = Tuple[Dict[str, str], Dict[str, Array]]
+
+
+def make_scenes(
+    episodes: int = 3, agents: int = 5, seed: int = 0, points: int = 20
+) -> Dict[str, Array]:
+    """Returns the tensors of `begin`: episodes with fewer and fewer agents and two linked lanes
+    each."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    n_agents = np.maximum(agents - np.arange(episodes), 1).astype(np.int32)
+    used = np.arange(agents) < n_agents[:, None]
+    history = rng.normal(0.0, 20.0, (episodes, agents, 11, 5))
+    valid = used[:, :, None] & (rng.random((episodes, agents, 11)) < 0.9)
+    valid[:, :, 10] = used
+    history[~valid] = 0.0
+    if agents > 1:
+        history[:, 1, :, 3:] = np.nan
+    # Lines of an episode: two lanes, the outline of one, a half-width, an edge, a stop line, two
+    # rings.
+    types = np.array([0, 1, 2, 2, 3, 5, 10, 11], np.uint8)
+    lanes = np.array([-1, -1, 0, 1, -1, 0, -1, -1], np.int32)
+    values = np.array([13.9, np.nan, np.nan, 1.75, np.nan, 7.5, np.nan, np.nan])
+    counts = np.array([points, points, 4, 0, points, 2, 4, 3])
+    lines = len(types)
+    base = lines * np.arange(episodes, dtype=np.int32)
+    links = np.array(
+        [[0, 1, 0, 0, 0, 0, 0], [1, 0, 1, 0, 0, 0, 0], [0, 1, 2, 1, 2, 3, 4]], np.int32
+    )
+    link = np.concatenate([links + np.array([b, b, 0, 0, 0, 0, 0], np.int32) for b in base])
+    start = np.concatenate([[0], np.cumsum(np.tile(counts, episodes))]).astype(np.int64)
+    return {
+        "episode": np.arange(100, 100 + episodes, dtype=np.uint64),
+        "seed": np.arange(episodes, dtype=np.uint64) + np.uint64(2**63),
+        "n_agents": n_agents,
+        "kind": np.where(used, 0, 255).astype(np.uint8),
+        "size": np.where(used[..., None], [4.5, 2.0], 0.0),
+        "history": history,
+        "valid": valid.astype(np.uint8),
+        "points": rng.normal(0.0, 50.0, (int(start[-1]), 2)),
+        "line_start": start,
+        "line_episode": np.repeat(np.arange(episodes, dtype=np.int32), lines),
+        "line_type": np.tile(types, episodes),
+        "line_class": np.tile(np.array([2, 2, 0, 0, 1, 1, 0, 0], np.uint8), episodes),
+        "line_lane": (
+            np.tile(lanes, episodes) + np.repeat(base, lines) * (np.tile(lanes, episodes) >= 0)
+        ).astype(np.int32),
+        "line_value": np.tile(values, episodes),
+        "link": link,
+        "light_episode": np.arange(episodes, dtype=np.int32),
+        "light_lane": base + np.int32(1),
+        "light_stop": rng.normal(0.0, 50.0, (episodes, 2)),
+        "light_state": np.full((episodes, 11), 4, np.uint8),
+        "obstacle_episode": np.zeros(1, np.int32),
+        "obstacle": np.array([[1.0, 2.0, 0.5, 3.0, 1.0]]),
+    }
+
+
+class Parent:
+    """Plays the program for one simulator over two streams."""
+
+    def __init__(self, reader: Any, writer: Any) -> None:
+        self.reader, self.writer = reader, writer
+        self.seq = 0
+        self.moves_av = False
+
+    def ask(
+        self,
+        kind: str,
+        metadata: Optional[Dict[str, str]] = None,
+        tensors: Optional[Dict[str, Array]] = None,
+    ) -> Message:
+        """Sends a request and returns the answer."""
+        write_frame(self.writer, kind, str(self.seq), metadata, tensors)
+        answer = read_frame(self.reader)
+        assert answer is not None, "the simulator ended"
+        assert answer[0]["seq"] == str(self.seq)
+        self.seq += 1
+        return answer
+
+    def hello(self) -> Dict[str, str]:
+        """Sends `hello` and returns the metadata of the answer."""
+        metadata = {
+            "program": "reactsim 0.0.0",
+            "protocols": "[1]",
+            "name": "mine",
+            "replan_steps": "[5]",
+            "protocol_name": '["reactive"]',
+            "reveals_ids": "0",
+        }
+        return self.ask("hello", metadata)[0]
+
+    def begin(self, tensors: Dict[str, Array], steps: int = 5, **metadata: str) -> Message:
+        """Opens a batch."""
+        self.scenes = tensors
+        shape = tensors["kind"].shape
+        self.states = np.zeros((*shape, 91, 5))
+        self.states[:, :, :11] = tensors["history"]
+        self.frame = 10
+        self.new = 0
+        self.moves_av = metadata.get("moves_av") == "1"
+        return self.ask("begin", {"moves_av": "0", "steps": str(steps), **metadata}, tensors)
+
+    def plan(self, steps: int, active: Optional[Array] = None) -> Message:
+        """Asks for a plan and executes it."""
+        batch, agents = self.scenes["kind"].shape
+        used = np.arange(agents) < self.scenes["n_agents"][:, None]
+        new = slice(self.frame + 1 - self.new, self.frame + 1)
+        tensors = {
+            "episode": self.scenes["episode"],
+            "active": np.ones(batch, np.uint8) if active is None else active,
+            "states": self.states[:, :, new],
+            "valid": np.repeat(used[:, :, None], self.new, axis=2).astype(np.uint8),
+            "light_state": np.full((len(self.scenes["light_lane"]), self.new), 6, np.uint8),
+            "av_next": np.full((batch, 5), np.nan),
+        }
+        answer = self.ask("plan", {"frame": str(self.frame), "steps": str(steps)}, tensors)
+        if answer[0]["type"] == "planned":
+            plan = answer[1]["states"].astype(float)
+            first = self.frame + 1
+            self.states[:, :, first : first + steps, :3] = plan
+            moved = np.diff(self.states[:, :, self.frame : first + steps, :2], axis=2)
+            self.states[:, :, first : first + steps, 3:] = moved / 0.1
+            self.frame += steps
+            self.new = steps
+        return answer
+
+    def end(self) -> Message:
+        """Closes the batch."""
+        return self.ask("end", {}, {"episode": self.scenes["episode"]})
+
+    def bye(self) -> None:
+        """Sends `bye`."""
+        write_frame(self.writer, "bye", str(self.seq))
+
+
+class Child(Parent):
+    """Plays the program for a simulator in a child process."""
+
+    def __init__(self, *command: str, env: Optional[Dict[str, str]] = None) -> None:
+        environment = {**os.environ, "PYTHONPATH": str(PACKAGE), **(env or {})}
+        self.process = subprocess.Popen(
+            [sys.executable, *command],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment,
+        )
+        super().__init__(self.process.stdout, self.process.stdin)
+
+    def wait(self) -> Tuple[int, str]:
+        """Closes standard input; returns the exit code and standard error."""
+        out, errors = self.process.communicate(timeout=30)
+        assert out == b""
+        return self.process.returncode, errors.decode()
+
+    def __enter__(self) -> Child:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+
+
+def roll_out(parent: Parent, tensors: Dict[str, Array], steps: int = 5) -> List[Array]:
+    """Plays a whole batch; returns all plans."""
+    assert parent.begin(tensors, steps)[0]["type"] == "begun"
+    plans = []
+    while parent.frame < 90:
+        metadata, answer = parent.plan(min(steps, 90 - parent.frame))
+        assert metadata["type"] == "planned", metadata
+        plans.append(answer["states"])
+    assert parent.end()[0]["type"] == "ended"
+    return plans

@@ -1,0 +1,211 @@
+"""Simulators as child processes, driven over their standard streams."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fakes import EXAMPLES, PACKAGE, Child, make_scenes, roll_out
+
+NOISY = """
+import os
+import subprocess
+import sys
+import reactsim
+print("print at import")
+os.write(1, b"raw write at import\\n")
+
+class Noisy(reactsim.Simulator):
+    name = "noisy"
+
+    def begin(self, scenes):
+        print("print in begin")
+        sys.stdout.write("without line end")
+
+    def plan(self, seen):
+        os.write(1, b"raw write in plan\\n")
+        subprocess.run([sys.executable, "-c", "print('grandchild', input.__name__)"], check=True)
+        assert sys.stdin.read() == ""
+        if seen.frame == 20:
+            raise RuntimeError("broken at frame 20")
+        import numpy as np
+        return np.repeat(seen.states[:, :, -1:, :3], seen.steps, axis=2)
+
+if __name__ == "__main__":
+    print("print before serve")
+    reactsim.serve(Noisy())
+"""
+
+
+def constant_velocity(states: np.ndarray, steps: int) -> np.ndarray:
+    """Computes like the baseline of the program, one agent after the other."""
+    plan = np.zeros((*states.shape[:2], steps, 3))
+    for b, agents in enumerate(states):
+        for n, (x, y, heading, vx, vy) in enumerate(agents.tolist()):
+            if not (np.isfinite(vx) and np.isfinite(vy)):
+                vx = vy = 0.0
+            for k in range(steps):
+                time = 0.1 * float(k + 1)
+                plan[b, n, k] = x + vx * time, y + vy * time, heading
+    return plan
+
+
+def stop(states: np.ndarray, steps: int) -> np.ndarray:
+    """Computes like the baseline of the program, one agent after the other."""
+    plan = np.zeros((*states.shape[:2], steps, 3))
+    for b, agents in enumerate(states):
+        for n, (x, y, heading, vx, vy) in enumerate(agents.tolist()):
+            if not (np.isfinite(vx) and np.isfinite(vy)):
+                vx = vy = 0.0
+            for k in range(steps):
+                speed = (vx * vx + vy * vy) ** 0.5
+                slower = max(speed - 3.4 * 0.1, 0.0)
+                if speed > 0.0:
+                    vx, vy = vx * (slower / speed), vy * (slower / speed)
+                x, y = x + vx * 0.1, y + vy * 0.1
+                plan[b, n, k] = x, y, heading
+    return plan
+
+
+@pytest.mark.parametrize(
+    ("example", "reference"), [("constant_velocity", constant_velocity), ("stop", stop)]
+)
+@pytest.mark.parametrize("steps", [1, 5, 40])
+def test_examples(example: str, reference: object, steps: int) -> None:
+    assert callable(reference)
+    with Child(str(EXAMPLES / f"{example}.py")) as child:
+        assert child.hello()["type"] == "welcome"
+        for seed in range(2):
+            tensors = make_scenes(seed=seed)
+            plans = roll_out(child, tensors, steps)
+            states = child.states
+            # The states that the simulator saw at each plan, and its answer, to the last bit.
+            for k, plan in enumerate(plans):
+                seen = states[:, :, 10 + k * steps]
+                expected = reference(seen, plan.shape[2])
+                used = np.arange(seen.shape[1]) < tensors["n_agents"][:, None]
+                assert plan[used].tobytes() == expected[used].tobytes()
+        child.bye()
+        assert child.wait() == (0, "")
+
+
+def test_end_of_input() -> None:
+    with Child(str(EXAMPLES / "stop.py")) as child:
+        child.hello()
+        assert child.wait() == (0, "")
+
+
+@pytest.mark.parametrize("how", ["variable", "serve", "module", "file"])
+def test_prints_do_not_break_the_protocol(how: str, tmp_path: Path) -> None:
+    # Without the variable, only what is written before `serve` and is not buffered can get through.
+    text = NOISY
+    if how == "serve":
+        text = text.replace('os.write(1, b"raw write at import\\n")', "")
+        assert "raw write at import" not in text
+    (tmp_path / "noisy.py").write_text(text)
+    env = {"PYTHONPATH": os.pathsep.join([str(PACKAGE), str(tmp_path)]), "PYTHONUNBUFFERED": ""}
+    if how == "variable":
+        env["REACTSIM_EXTERNAL"] = "1"
+    command = {
+        "module": ["-m", "reactsim.serve", "noisy:Noisy"],
+        "file": ["-m", "reactsim.serve", str(tmp_path / "noisy.py") + ":Noisy"],
+    }.get(how, [str(tmp_path / "noisy.py")])
+    with Child(*command, env=env) as child:
+        assert child.hello()["name"] == "noisy"
+        assert child.begin(make_scenes())[0]["type"] == "begun"
+        assert child.plan(5)[0]["type"] == "planned"
+        assert child.plan(5)[0]["type"] == "planned"
+        metadata, _ = child.plan(5)
+        assert metadata["type"] == "failed"
+        assert "RuntimeError: broken at frame 20" in metadata["error"]
+        assert child.end()[0]["type"] == "ended"
+        # The process goes on.
+        assert child.begin(make_scenes())[0]["type"] == "begun"
+        assert child.plan(5)[0]["type"] == "planned"
+        child.bye()
+        code, errors = child.wait()
+    assert code == 0
+    for part in (
+        "print at import",
+        "print in begin\n",
+        "without line end",
+        "raw write in plan",
+        "grandchild",
+    ):
+        assert part in errors
+
+
+def test_copied_client(tmp_path: Path) -> None:
+    """The client works as a single file in another repository."""
+    shutil.copy(PACKAGE / "reactsim" / "client.py", tmp_path / "client.py")
+    text = (EXAMPLES / "stop.py").read_text()
+    text = text.replace("import reactsim", "import client as reactsim")
+    (tmp_path / "mine.py").write_text(text)
+    with Child(str(tmp_path / "mine.py"), env={"PYTHONPATH": str(tmp_path)}) as child:
+        assert child.hello()["name"] == "stop-py"
+        roll_out(child, make_scenes())
+        child.bye()
+        assert child.wait() == (0, "")
+
+
+def test_two_copies_of_the_client(tmp_path: Path) -> None:
+    """A copy of the client that did not claim the streams uses those of the copy that did."""
+    shutil.copy(PACKAGE / "reactsim" / "client.py", tmp_path / "client.py")
+    text = "import client\n" + (EXAMPLES / "stop.py").read_text()
+    (tmp_path / "mine.py").write_text(text)
+    with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
+        assert child.hello()["name"] == "stop-py"
+        assert child.wait() == (0, "")
+
+
+def test_broken_frames() -> None:
+    with Child(str(EXAMPLES / "stop.py")) as child:
+        child.writer.write(b"\x08" + bytes(7) + b"not safe")
+        code, errors = child.wait()
+        assert code == 1
+        assert errors.startswith("reactsim: safetensors:")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_interrupt() -> None:
+    with Child(str(EXAMPLES / "stop.py")) as child:
+        child.hello()
+        child.process.send_signal(signal.SIGINT)
+        code, errors = child.wait()
+        assert code == 130
+        assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ("noisy", "write MODULE:NAME"),
+        ("stop:Missing", "has no `Missing`"),
+        ("not_there:Stop", "No module named 'not_there'"),
+    ],
+)
+def test_wrong_targets(target: str, message: str) -> None:
+    env = {"PYTHONPATH": os.pathsep.join([str(PACKAGE), str(EXAMPLES)])}
+    with Child("-m", "reactsim.serve", target, env=env) as child:
+        code, errors = child.wait()
+        assert code == 1
+        assert message in errors
+
+
+def test_serve_is_a_function_and_a_module() -> None:
+    code = "import reactsim.serve, sys; reactsim.serve(type('A', (), {'plan': lambda s, o: None}))"
+    with Child("-c", code) as child:
+        assert child.hello()["name"] == "A"
+        assert child.wait() == (0, "")
+
+
+def test_import_needs_only_numpy() -> None:
+    optional = "{'pandas', 'pyarrow', 'matplotlib'}"
+    code = f"import reactsim, sys; assert not {optional} & set(sys.modules)"
+    with Child("-c", code) as child:
+        assert child.wait() == (0, "")

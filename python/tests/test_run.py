@@ -1,0 +1,182 @@
+"""`reactsim.run`, `reactsim.scenarios` and pictures, with a stand-in for the program."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, List
+
+import numpy as np
+import pytest
+import reactsim
+from stop import Stop
+
+
+def arguments(notes: Path) -> List[str]:
+    result: List[str] = json.loads((notes / "arguments.json").read_text())
+    return result
+
+
+def test_run(fake_program: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    results = reactsim.run(Stop(), batch=7)
+    folder = str(results.folder)
+    assert arguments(fake_program) == [
+        *("run", "--external", "stop-py=@stdio", "--out", folder, "--keep-rollouts"),
+        *("--protocol", "reactive", "--replan", "2hz", "--rollouts", "1", "--seed", "0"),
+    ]
+    assert json.loads((fake_program / "welcome.json").read_text())["batch"] == "7"
+    assert results.simulators == ["idm", "mine"]
+    assert results.table() == "| Method |\n|---|\n| IDM |\n"
+    del results
+    assert not Path(folder).exists()
+
+    out = tmp_path / "out"
+    results = reactsim.run(
+        Stop,
+        [tmp_path / "a", "b"],
+        name="mine",
+        av="brake:4",
+        deviations=tmp_path / "d",
+        protocol="realism",
+        replan="5steps",
+        baselines=["idm", "stop"],
+        rollouts=2,
+        seed=3,
+        limit=4,
+        out=out,
+        resume=True,
+        options=["--av-lookahead", "0"],
+        reveal_ids=True,
+        jobs=2,
+        progress=False,
+    )
+    assert arguments(fake_program) == [
+        *("run", str(tmp_path / "a"), "b", "--models", "idm,stop", "--external", "mine=@stdio"),
+        *("--out", str(out), "--keep-rollouts", "--protocol", "realism", "--replan", "5steps"),
+        *("--rollouts", "2", "--seed", "3", "--av", "brake:4", "--deviations", str(tmp_path / "d")),
+        *("--limit", "4", "--jobs", "2", "--resume", "--reveal-ids", "--av-lookahead", "0"),
+    ]
+    assert results.folder == out
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(ValueError, match="needs the folder"):
+        reactsim.run(Stop, resume=True)
+
+
+class Failing(Stop):  # type: ignore[misc]
+    def plan(self, seen: reactsim.Observation) -> Any:
+        raise ZeroDivisionError("nothing to divide")
+
+
+def test_failed_scenarios(fake_program: Path) -> None:
+    with pytest.warns(UserWarning, match=r"1 scenarios failed(.|\n)*ZeroDivisionError: nothing"):
+        results = reactsim.run(Failing())
+    failures = results.failures
+    rows = failures if isinstance(failures, list) else failures.to_dict("records")
+    assert [(r["scenario"], r["error"]) for r in rows] == [("second", "it is broken")]
+
+
+def test_failed_runs(fake_program: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(reactsim.ReactsimError, match=r"code 2:\nerror: the scenarios"):
+        reactsim.run(Stop(), options=["broken"])
+    assert "the scenarios cannot be read" in capfd.readouterr().err
+    with pytest.raises(reactsim.ReactsimError, match="a frame of"):
+        reactsim.run(Stop(), options=["garbage"], progress=False)
+
+
+class Interrupted(Stop):  # type: ignore[misc]
+    def plan(self, seen: reactsim.Observation) -> Any:
+        raise KeyboardInterrupt
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_interrupts(fake_program: Path, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        reactsim.run(Interrupted(), out=tmp_path / "out", progress=False)
+    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        reactsim.run(Stop(), options=["slow"], progress=False)
+    assert time.monotonic() - start < 20
+    assert (fake_program / "interrupted").exists()
+
+
+def test_missing_program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("REACTSIM_BINARY", str(tmp_path / "none"))
+    with pytest.raises(reactsim.ReactsimError, match="not an executable file"):
+        reactsim.run(Stop())
+    monkeypatch.delenv("REACTSIM_BINARY")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr("sysconfig.get_path", lambda *_: str(tmp_path))
+    with pytest.raises(reactsim.ReactsimError, match="was not found"):
+        reactsim.scenarios()
+    done = tmp_path / "reactsim"
+    done.write_text("#!/bin/sh\n")
+    done.chmod(0o755)
+    assert reactsim.find_program() == str(done)
+
+
+def test_program_as_module(fake_program: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "reactsim", "scenes", "missing"], capture_output=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr == b"error: missing: no such file\n"
+
+
+def test_scenarios(fake_program: Path) -> None:
+    scenarios = list(reactsim.scenarios())
+    assert arguments(fake_program) == ["scenes", "--future"]
+    assert [s.id for s in scenarios] == ["scenario-0", "scenario-1", "scenario-2"]
+    first, second, _ = scenarios
+    assert first.agents == ["av", "b", "c", "d"]
+    assert first.origin == (100.0, 200.0)
+    assert first.states.shape == (4, 91, 5)
+    assert first.present.shape == (4, 91)
+    assert first.light_future is not None
+    assert first.light_future.shape == (1, 80)
+    assert first.av is None
+    assert second.av is not None
+    assert second.av.shape == (80, 5)
+    assert len(second.lanes) == 2
+    assert repr(first) == "Scenario('scenario-0', 4 agents)"
+    assert first.svg(radius=30) == "<svg></svg>"
+    assert arguments(fake_program)[:5] == ["inspect", "--id", "scenario-0", "--radius", "30"]
+
+    source = reactsim.scenarios(Path("logs"), deviations="d", limit=2, future=False)
+    scenario = next(iter(source))
+    assert arguments(fake_program) == ["scenes", "logs", "--deviations", "d", "--limit", "2"]
+    assert scenario.future is None
+    with pytest.raises(ValueError, match="future=True"):
+        _ = scenario.states
+
+
+def test_failed_scenes(fake_program: Path) -> None:
+    with pytest.raises(reactsim.ReactsimError, match="missing: no such file"):
+        list(reactsim.scenarios("missing"))
+    with pytest.raises(reactsim.ReactsimError, match="before the message `bye`"):
+        list(reactsim.scenarios("truncated"))
+
+
+def test_pictures(fake_program: Path) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("agg")
+    scenario = next(iter(reactsim.scenarios()))
+    ax = reactsim.plot_scene(scenario, frame=50)
+    assert len(ax.patches) == 4
+    states = np.zeros((2, 80, 5))
+    rollout = reactsim.Rollout("scenario-0", "idm", 0, ["av", "d"], states, (0.0, 0.0))
+    assert rollout.frames == range(11, 91)
+    assert len(reactsim.plot_rollout(scenario, rollout).patches) == 2
+    assert len(reactsim.plot_rollout(scenario, np.zeros((4, 80, 3)), step=80).patches) == 4
+    for step in (0, 81):
+        with pytest.raises(ValueError, match="do not fit"):
+            reactsim.plot_rollout(scenario, np.zeros((4, 80, 3)), step=step)
+    with pytest.raises(ValueError, match="frame 91"):
+        reactsim.plot_scene(scenario, frame=91)

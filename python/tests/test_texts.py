@@ -1,0 +1,29 @@
+"""Texts and examples agree with the code."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import reactsim
+from fakes import EXAMPLES, PACKAGE, ROOT
+
+
+def test_readme_contains_the_example() -> None:
+    example = (EXAMPLES / "constant_velocity.py").read_text("utf-8")
+    assert len(example.splitlines()) <= 30
+    assert f"```python\n{example}```\n" in (PACKAGE / "README.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("path", ["python/README.md", "docs/guides/external-simulators.md"])
+def test_texts_name_what_exists(path: str) -> None:
+    names = re.findall(r"\breactsim\.([A-Za-z_]\w*)\(", (ROOT / path).read_text("utf-8"))
+    assert len(names) >= 2
+    for name in names:
+        assert hasattr(reactsim, name), name
+
+
+def test_all_names_exist() -> None:
+    assert len(set(reactsim.__all__)) == len(reactsim.__all__)
+    for name in reactsim.__all__:
+        assert hasattr(reactsim, name)
