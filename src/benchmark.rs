@@ -169,6 +169,7 @@ impl Benchmark {
             parameters: BTreeMap::new(),
             weights: None,
             backend: None,
+            external: None,
             controller,
         }));
         self

@@ -25,6 +25,8 @@ pub mod training;
 #[cfg(feature = "web")]
 pub mod web;
 
+#[cfg(feature = "external")]
+pub mod external;
 #[cfg(feature = "generation")]
 pub mod generation;
 pub mod metrics;

@@ -1,7 +1,7 @@
 //! A simulator followed by the stage.
 
-use reactsim::rollout::{Controller, Episode, JointPlan, Memory, PlanError, Simulator, Stream};
-use reactsim::scene::{AgentState, Start};
+use reactsim::rollout::{Beginning, Controller, Episode, JointPlan, Memory, PlanError, Simulator};
+use reactsim::scene::AgentState;
 
 use super::mode::Mode;
 use super::settings::Settings;
@@ -93,9 +93,23 @@ struct EpisodeMemory {
 }
 
 impl Simulator for Smoothed {
-    fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
-        let stage = Stage::new(&self.settings, self.keep_clear);
-        Memory::new(EpisodeMemory { inner: self.inner.begin(start, stream), stage })
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        self.inner.begin_batch(batch)?;
+        for episode in batch {
+            let inner = std::mem::replace(&mut episode.memory, Memory::NONE);
+            let stage = Stage::new(&self.settings, self.keep_clear);
+            episode.memory = Memory::new(EpisodeMemory { inner, stage });
+        }
+        Ok(())
+    }
+
+    fn wants_identity(&self) -> bool {
+        self.inner.wants_identity()
+    }
+
+    fn end_batch(&self, memories: Vec<Memory>) {
+        let inner = |mut memory: Memory| memory.take::<EpisodeMemory>().map(|m| m.inner);
+        self.inner.end_batch(memories.into_iter().filter_map(inner).collect());
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {

@@ -5,6 +5,8 @@ mod also;
 mod compare;
 mod convert;
 mod curate;
+mod duration;
+mod external;
 mod finished;
 mod futures;
 mod gallery;
@@ -16,6 +18,7 @@ mod progress;
 mod reference;
 mod report;
 mod run;
+mod scenes;
 mod score;
 mod shell;
 mod study;
@@ -82,6 +85,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Describe and draw a scenario
     Inspect(inspect::InspectArgs),
+    /// Write scenarios as frames that the Python package reads
+    Scenes(scenes::ScenesArgs),
     /// List models, metrics, formats, weights, map types, case studies or backends
     List(list::ListArgs),
     /// Print a completion script for a shell
@@ -136,6 +141,7 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::view(&args),
         Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),
+        Command::Scenes(args) => scenes::scenes(&args),
         Command::List(args) => list::list(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
@@ -216,6 +222,7 @@ fn stop_on_interrupt(then: &'static str) -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
+            crate::external::end_all();
             #[expect(clippy::exit, reason = "second interrupt by the user; files are replaced whole")]
             std::process::exit(130);
         }

@@ -1,17 +1,20 @@
 //! `reactsim run`: runs simulators on scenarios.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::Args;
 
 use super::also::ExtraColumns;
+use super::external::{check_batches, keep_stderr};
 use super::finished::{outcomes, put_table, report_left_out};
 use super::progress::Progress;
 use super::report::formats as table_formats;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::{ExitStatus, say, stop_on_interrupt, write_result};
-use crate::evaluation::{self, Outcome, Plan, PlannedSimulator, RunFolder, Summary};
+use crate::evaluation::{self, Outcome, Plan, RunFolder, Summary};
+use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::qp::Smoothing;
 use crate::report::{Run, exporter};
 use crate::rollout::{Replan, Settings};
@@ -49,6 +52,10 @@ pub(super) struct RunArgs {
     /// Continue the interrupted run in --out
     #[arg(long, requires = "out")]
     resume: bool,
+    /// Repeat the first K scenarios of external simulators singly after the run, and report the
+    /// largest difference to their batches
+    #[arg(long, value_name = "K", requires = "external", help_heading = "External simulators")]
+    check_batch: Option<NonZeroUsize>,
     /// Keep the rollouts in the run folder
     #[arg(long, requires = "out")]
     keep_rollouts: bool,
@@ -63,7 +70,10 @@ pub(super) struct RunArgs {
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
-    let plan = plan(&args)?;
+    if args.subject.external.takes_stdout() && args.out.is_none() {
+        bail!("--external …=@stdio: standard output belongs to the simulator: give --out FOLDER");
+    }
+    let (plan, external) = plan(&args)?;
     let mut tally = plan.tally();
     let provenance = plan.provenance();
     let folder = match &args.out {
@@ -71,6 +81,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
         Some(path) => Some(RunFolder::create(path, &provenance)?),
         None => None,
     };
+    keep_stderr(&external, args.out.as_deref())?;
     let stop = stop_on_interrupt(if args.out.is_some() { "writing what is finished" } else { "stopping" })?;
     let progress = Progress::new();
     let execution = args.work.execution();
@@ -87,7 +98,12 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
             }
             Ok(ExitStatus::Interrupted)
         }
-        Outcome::Finished(summary) => finish(&args, folder.as_ref(), &summary),
+        Outcome::Finished(summary) => {
+            if let Some(count) = args.check_batch {
+                check_batches(&plan, &external, count)?;
+            }
+            finish(&args, folder.as_ref(), &summary)
+        }
     }
 }
 
@@ -100,7 +116,7 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }
-    if let Some(exporter) = exporter(&args.format) {
+    if let Some(exporter) = exporter(&args.format).filter(|_| !args.subject.external.takes_stdout()) {
         write_result(None, |out| {
             exporter.export(&[Run { name: "", summary }], args.also.columns(), out)?;
             let below = if args.format == "markdown" { outcomes(summary) } else { String::new() };
@@ -115,16 +131,19 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
     Ok(ExitStatus::Done)
 }
 
-fn plan(args: &RunArgs) -> anyhow::Result<Plan> {
+fn plan(args: &RunArgs) -> anyhow::Result<(Plan, Vec<ExternalSimulator>)> {
     let subject = &args.subject;
-    let simulators = PlannedSimulator::adjusted(&subject.models, &subject.adjustments(args.smooth)?)?;
     let settings = Settings {
         protocol: args.protocol.into(),
         replan: args.replan,
         av_lookahead: args.av_lookahead == "1",
         seed: subject.seed,
     };
-    subject.plan(simulators, settings, args.rollouts, args.keep_rollouts)
+    let outline =
+        RunOutline { intervals: vec![args.replan.steps()], protocols: vec![settings.protocol.name()] };
+    let (simulators, external) = subject.simulators(args.smooth, &outline)?;
+    let plan = subject.plan(simulators, settings, args.rollouts, args.keep_rollouts)?;
+    Ok((plan, external))
 }
 
 /// Parses the name of a stage; `off` is none.

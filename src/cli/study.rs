@@ -12,6 +12,8 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 use super::also::ExtraColumns;
 use super::subject::{EvaluationArgs, ExecutionArgs};
+use crate::evaluation::StudyPlan;
+use crate::external::ExternalSimulator;
 
 const AFTER: &str = "\
 Examples:
@@ -40,6 +42,9 @@ enum StudyCommand {
     /// Ablation of the parts of simulators: projection, keeping clear, QP stage, AV look-ahead
     Guards(guards::GuardsArgs),
 }
+
+/// A study, and the external simulators in it.
+type PlannedStudy = (StudyPlan, Vec<ExternalSimulator>);
 
 /// Arguments common to all studies.
 #[derive(Debug, Args)]

@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
+use super::external::ExternalArgs;
 use super::{ReadingArgs, metric_options};
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
 };
+use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::nn::Backend;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
@@ -46,6 +48,8 @@ pub(super) struct EvaluationArgs {
     /// Only the first N scenarios of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
+    #[command(flatten)]
+    pub(super) external: ExternalArgs,
     #[command(flatten)]
     reading: ReadingArgs,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated
@@ -106,6 +110,24 @@ impl EvaluationArgs {
             ));
         }
         Ok(adjustments)
+    }
+
+    /// Creates the simulators: baselines with the requested weights and parameters, then external ones, each
+    /// with this stage behind it. The second list gives access to the external ones.
+    pub(super) fn simulators(
+        &self,
+        smoothing: Option<Smoothing>,
+        outline: &RunOutline,
+    ) -> anyhow::Result<(Vec<PlannedSimulator>, Vec<ExternalSimulator>)> {
+        let external_only = self.external.is_any() && self.models.is_empty();
+        let adjustments = self.adjustments(smoothing)?;
+        let mut simulators =
+            if external_only { Vec::new() } else { PlannedSimulator::adjusted(&self.models, &adjustments)? };
+        let external = self.external.start(outline)?;
+        for simulator in &external {
+            simulators.push(PlannedSimulator::external(simulator.clone(), smoothing)?);
+        }
+        Ok((simulators, external))
     }
 
     /// Plans these simulators on the scenarios. Every input error is reported here, before the first

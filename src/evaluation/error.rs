@@ -10,6 +10,17 @@ use crate::models::ModelError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
+    /// The batches of external simulators have no common size.
+    #[error(
+        "external simulators with batches of {batches:?} episodes: their least common multiple exceeds {most}; \
+         give --external-batch"
+    )]
+    UnevenBatches {
+        /// Sizes of the batches.
+        batches: Vec<usize>,
+        /// Largest possible common multiple.
+        most: usize,
+    },
     /// A file cannot be read.
     #[error("could not read {path}")]
     Read {

@@ -20,6 +20,7 @@
 //! simulators and rollouts, so that no byte depends on threads, batches or interruptions.
 
 mod archive;
+mod access;
 mod av;
 mod benchmarks;
 mod case_study;
@@ -48,6 +49,7 @@ mod study;
 mod summary;
 mod tally;
 
+pub use access::Access;
 pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
@@ -63,7 +65,8 @@ pub use foreign_rollout::ForeignRollout;
 pub use known_deviation::KnownDeviation;
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use provenance::{
-    Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, program_version,
+    ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
+    program_version,
 };
 pub use recorded::Recorded;
 pub use rollouts::recorded_tracks;

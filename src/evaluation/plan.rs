@@ -122,6 +122,7 @@ impl Plan {
                     card: blake3::hash(s.card.as_bytes()).to_hex().to_string(),
                     parameters: s.parameters.clone(),
                     weights: s.weights.clone(),
+                    external: s.external.clone(),
                 })
                 .collect(),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),

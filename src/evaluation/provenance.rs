@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::access::Access;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
+use crate::external::{self, ExternalSimulator};
 use crate::models::WeightsFile;
 
 /// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
@@ -99,9 +101,59 @@ pub struct SimulatorRecord {
     /// Weights, if the simulator has any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<WeightsRecord>,
+    /// The external program that is the simulator, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external: Option<ExternalRecord>,
+}
+
+/// An external simulator, as it states itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExternalRecord {
+    /// Command line, or `@stdio`.
+    pub command: String,
+    /// Version of the protocol.
+    pub protocol: String,
+    /// Stated name.
+    pub name: String,
+    /// Stated version; may be empty.
+    pub version: String,
+    /// Stated SHA-256 digest of its weights, if it has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights_sha256: Option<String>,
+    /// Number of episodes per batch, which can change the last bits of a network.
+    pub batch: usize,
+    /// Whether it receives ids and world coordinates.
+    pub reveals_ids: bool,
+}
+
+impl ExternalRecord {
+    /// Creates the record of a simulator.
+    pub fn of(simulator: &ExternalSimulator) -> Self {
+        let stated = simulator.description();
+        Self {
+            command: simulator.command().text().to_owned(),
+            protocol: external::PROTOCOL.to_owned(),
+            name: stated.name.clone(),
+            version: stated.version.clone(),
+            weights_sha256: stated.weights_sha256.clone(),
+            batch: simulator.batch(),
+            reveals_ids: simulator.reveals_ids(),
+        }
+    }
 }
 
 impl SimulatorRecord {
+    /// Returns what the simulator can know beyond its observations.
+    pub fn access(&self) -> Access {
+        match &self.external {
+            _ if self.oracle => Access::Oracle,
+            None => Access::Blind,
+            Some(external) if external.reveals_ids => Access::Ids,
+            Some(_) => Access::BlindByMessage,
+        }
+    }
+
     /// Returns whether the simulator runs a network.
     pub fn is_network(&self) -> bool {
         self.weights.is_some()

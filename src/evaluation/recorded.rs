@@ -77,6 +77,7 @@ impl Recorded {
             card: String::new(),
             parameters: BTreeMap::new(),
             weights: None,
+            external: None,
         };
         self.tally.simulators.iter().map(record).collect()
     }

@@ -11,6 +11,7 @@ use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::plan::Plan;
 use super::row::{EventLine, Failure, Place, Row};
+use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
 use super::summary::Summary;
 use super::tally::Tally;
@@ -67,6 +68,7 @@ pub fn run(
     let runner = Runner {
         plan,
         execution,
+        records: records_at_once(plan, execution)?,
         folder,
         observer,
         stop,
@@ -119,6 +121,28 @@ pub fn run(
     Ok(Outcome::Finished(Box::new(summary)))
 }
 
+/// Largest number of records that a thread takes at once.
+const MOST_RECORDS: usize = 4096;
+
+/// Returns the number of records that a thread takes at once: whole batches of every external simulator,
+/// whose composition must not depend on threads or interruptions.
+fn records_at_once(plan: &Plan, execution: Execution) -> Result<usize, EvaluationError> {
+    let batches = || plan.simulators.iter().filter_map(PlannedSimulator::batch);
+    let Some(records) = batches().reduce(least_common_multiple) else { return Ok(execution.batch) };
+    if records > MOST_RECORDS {
+        return Err(EvaluationError::UnevenBatches { batches: batches().collect(), most: MOST_RECORDS });
+    }
+    Ok(records)
+}
+
+fn least_common_multiple(a: usize, b: usize) -> usize {
+    let (mut x, mut y) = (a, b);
+    while y != 0 {
+        (x, y) = (y, x % y);
+    }
+    (a / x.max(1)).saturating_mul(b)
+}
+
 /// Removes scenarios with the id of an earlier one and returns their failures. Only the order of the inputs
 /// decides which one is earlier.
 fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
@@ -163,6 +187,8 @@ fn failure(
 struct Runner<'a> {
     plan: &'a Plan,
     execution: Execution,
+    /// Number of records that a thread takes at once.
+    records: usize,
     folder: Option<&'a RunFolder>,
     observer: &'a dyn RunObserver,
     stop: &'a AtomicBool,
@@ -198,7 +224,7 @@ impl Runner<'_> {
     /// Processes batches until the sources are exhausted or the run stops; the main function of each thread.
     fn work(&self) {
         while !self.stopped() {
-            let Some(items) = self.supply.take(self.execution.batch) else { return };
+            let Some(items) = self.supply.take(self.records) else { return };
             let result = self.batch(items);
             if let Err(error) = result {
                 self.broken.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
@@ -209,8 +235,9 @@ impl Runner<'_> {
     fn batch(&self, items: Vec<UndecodedRecord>) -> Result<(), EvaluationError> {
         let records = items.len();
         let mut ready = Vec::with_capacity(records);
+        let places: Vec<Place> = items.iter().map(|item| item.place).collect();
         for item in items {
-            if (0..self.names.len()).all(|s| self.before.has(item.place, s)) {
+            if !(0..self.names.len()).any(|s| self.is_needed(item.place, s, &places)) {
                 continue;
             }
             match self.prepare(item) {
@@ -224,12 +251,36 @@ impl Runner<'_> {
                 return Ok(());
             }
             let todo: Vec<&PreparedScenario> =
-                ready.iter().filter(|r| !self.before.has(r.place, simulator)).collect();
-            self.simulate(&todo, simulator)?;
+                ready.iter().filter(|r| self.is_needed(r.place, simulator, &places)).collect();
+            match self.plan.simulators[simulator].batch() {
+                None => {
+                    for part in todo.chunks(self.execution.batch.max(1)) {
+                        self.simulate(part, simulator)?;
+                    }
+                }
+                Some(size) => {
+                    let batches = todo.chunk_by(|a, b| a.place.record / size == b.place.record / size);
+                    batches.into_iter().try_for_each(|batch| self.simulate(batch, simulator))?;
+                }
+            }
         }
         let done = self.done.fetch_add(records, Ordering::Relaxed) + records;
         self.observer.scenario_done(done);
         Ok(())
+    }
+
+    /// Returns whether a simulator has to run a record, one of these `places`: there are no rows of an earlier
+    /// run, or, in a batch of an external simulator, none for some record of the batch. Batches are always
+    /// repeated as a whole.
+    fn is_needed(&self, place: Place, simulator: usize, places: &[Place]) -> bool {
+        let lacks_rows = |place: &Place| !self.before.has(*place, simulator);
+        match self.plan.simulators[simulator].batch() {
+            None => lacks_rows(&place),
+            Some(size) => {
+                let of_batch = |other: &&Place| other.record / size == place.record / size;
+                places.iter().filter(of_batch).any(lacks_rows)
+            }
+        }
     }
 
     /// Decodes a scenario and checks that it has an AV. `None` for a scenario that is skipped.
@@ -276,6 +327,10 @@ impl Runner<'_> {
             }
         }
         for ((ready, rollouts), error) in todo.iter().zip(finished).zip(failed) {
+            // Part of a batch that is repeated for another record.
+            if self.before.has(ready.place, simulator) {
+                continue;
+            }
             match error {
                 None => self.keep(ready, simulator, rollouts)?,
                 Some(error) => {

@@ -5,7 +5,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::EvaluationError;
-use super::provenance::WeightsRecord;
+use super::provenance::{ExternalRecord, WeightsRecord};
+use crate::external::ExternalSimulator;
 use crate::models::nn::Backend;
 use crate::models::qp::{self, Smoothing};
 use crate::models::{self, Baseline, Card, MODELS, ModelError, WeightsFile};
@@ -25,6 +26,8 @@ pub struct PlannedSimulator {
     pub weights: Option<WeightsRecord>,
     /// Backend of its network, if it has one.
     pub backend: Option<Backend>,
+    /// The external program that it is, if it is one.
+    pub external: Option<ExternalRecord>,
     /// The simulator.
     pub controller: Controller,
 }
@@ -110,6 +113,36 @@ impl PlannedSimulator {
         all.into_iter().map(make).collect()
     }
 
+    /// Creates the entry of an external simulator, with a stage behind it if requested.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a baseline has its name.
+    pub fn external(
+        simulator: ExternalSimulator,
+        smoothing: Option<Smoothing>,
+    ) -> Result<Self, EvaluationError> {
+        let mut id = simulator.name().to_owned();
+        if named(&id).is_ok() {
+            return Err(EvaluationError::RepeatedSimulator { id });
+        }
+        let (mut title, mut card) = (id.clone(), String::new());
+        let external = Some(ExternalRecord::of(&simulator));
+        let mut controller = Controller::Fair(Box::new(simulator));
+        if let Some(smoothing) = smoothing {
+            controller = smoothing.behind("external", controller)?;
+            (title, id) = (format!("{title} + {}", smoothing.name()), smoothing.id(&id));
+            card.push_str(qp::CARD);
+        }
+        let parameters = BTreeMap::new();
+        Ok(Self { id, title, card, parameters, weights: None, backend: None, external, controller })
+    }
+
+    /// Returns the number of scenarios of a file that are always rolled out together: the batch of an
+    /// external simulator.
+    pub(super) fn batch(&self) -> Option<usize> {
+        self.external.as_ref().map(|external| external.batch)
+    }
+
     fn make<'a>(
         selected: &SelectedSimulator,
         weights: Option<&PathBuf>,
@@ -151,7 +184,16 @@ impl PlannedSimulator {
             controller = smoothing.behind(id, controller)?;
             card.push_str(qp::CARD);
         }
-        Ok(Self { id: selected.id.clone(), title, card, parameters, weights, backend, controller })
+        Ok(Self {
+            id: selected.id.clone(),
+            title,
+            card,
+            parameters,
+            weights,
+            backend,
+            external: None,
+            controller,
+        })
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::access::Access;
 use super::provenance::Provenance;
 use super::row::Failure;
 use super::statistics::{Estimate, mean};
@@ -37,6 +38,9 @@ pub struct SimulatorSummary {
     pub failed: usize,
     /// Whether the simulator gets the log's future (†).
     pub oracle: bool,
+    /// What an external simulator can know; `None` for others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external: Option<Access>,
     /// Estimate per metric, by id.
     pub metrics: BTreeMap<String, Estimate>,
     /// Results per category of deviation.
@@ -101,6 +105,13 @@ fn is_zero(n: &usize) -> bool {
     *n == 0
 }
 
+impl SimulatorSummary {
+    /// Returns what the simulator can know beyond its observations.
+    pub fn access(&self) -> Access {
+        if self.oracle { Access::Oracle } else { self.external.unwrap_or(Access::Blind) }
+    }
+}
+
 impl Summary {
     /// Summarizes a run. `failures` are in canonical order.
     pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
@@ -117,6 +128,7 @@ impl Summary {
                 scenarios: done.len(),
                 failed: failed(failures, &simulator.id),
                 oracle: simulator.oracle,
+                external: simulator.external.as_ref().map(|_| simulator.access()),
                 metrics: estimates(&tally.metrics, &done, seed, |_, cell, m| cell.values[m]),
                 by_category: parts(tally, &done, seed, |entry| entry.category.as_ref()),
                 by_difficulty: parts(tally, &done, seed, |entry| entry.difficulty.as_ref()),

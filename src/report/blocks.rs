@@ -144,7 +144,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
         lines.push(Line {
             run: None,
             title,
-            oracle: simulator.oracle,
+            access: simulator.access(),
             scenarios: of_part.scenarios,
             failed: 0,
             metrics: &of_part.metrics,

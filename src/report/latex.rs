@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use super::table::{self, Column, Line};
 use super::{Exporter, Run};
-use crate::evaluation::Estimate;
+use crate::evaluation::{Access, Estimate};
 
 /// The LaTeX format.
 pub(super) struct Latex;
@@ -41,7 +41,7 @@ impl Exporter for Latex {
         writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
         for (i, line) in lines.iter().enumerate() {
             // The paper separates the oracles.
-            if i > 0 && lines[i - 1].oracle && !line.oracle {
+            if i > 0 && lines[i - 1].access == Access::Oracle && line.access != Access::Oracle {
                 writeln!(out, "    \\midrule")?;
             }
             writeln!(out, "    {} \\\\", row(&columns, line))?;
@@ -58,7 +58,16 @@ fn head(column: &Column) -> String {
 
 fn row(columns: &[Column], line: &Line<'_>) -> String {
     let mut cells: Vec<String> = line.run.map(escape).into_iter().collect();
-    cells.push(format!("{}{}", escape(line.title), if line.oracle { "$^\\dagger$" } else { "" }));
+    cells.push(format!(
+        "{}{}",
+        escape(line.title),
+        match line.access {
+            Access::Blind => "",
+            Access::BlindByMessage => "$^\\ddagger$",
+            Access::Ids => "$^\\S$",
+            Access::Oracle => "$^\\dagger$",
+        }
+    ));
     cells.extend(columns.iter().map(|c| match line.metrics.get(c.metric) {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
             format!("{} {{\\scriptsize $\\pm${}}}", c.number(*mean), c.number((high - low) / 2.0))

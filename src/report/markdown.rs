@@ -1,10 +1,11 @@
 //! Markdown tables, aligned for terminals.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 
 use super::table::{self, Column, Division, Line};
 use super::{Exporter, Run};
-use crate::evaluation::Estimate;
+use crate::evaluation::{Access, Estimate};
 
 /// The Markdown format.
 pub(super) struct Markdown;
@@ -33,7 +34,7 @@ impl Exporter for Markdown {
             }
         }
         writeln!(out)?;
-        legend(out, lines.iter().any(|l| l.oracle))?;
+        legend(out, lines.iter().map(|l| l.access))?;
         for run in runs {
             let name = if runs.len() > 1 { format!("{}: ", escape(run.name)) } else { String::new() };
             writeln!(out, "{name}{}.", escape(&table::provenance(run)))?;
@@ -55,7 +56,7 @@ pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line
     let mut rows = vec![head];
     for line in lines {
         let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
-        row.push(method(line.title, line.oracle));
+        row.push(method(line.title, line.access));
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
         row.extend(with_failed.then(|| line.failed.to_string()));
         rows.push(row);
@@ -64,9 +65,9 @@ pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line
 }
 
 /// Writes the explanation of the marks of a table.
-pub(super) fn legend(out: &mut dyn Write, with_oracles: bool) -> io::Result<()> {
-    if with_oracles {
-        writeln!(out, "† is shown the log's future.")?;
+pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Access>) -> io::Result<()> {
+    for text in marks(of) {
+        writeln!(out, "{text}.")?;
     }
     writeln!(
         out,
@@ -74,9 +75,16 @@ pub(super) fn legend(out: &mut dyn Write, with_oracles: bool) -> io::Result<()> 
     )
 }
 
-/// Returns the name of a simulator, with a mark for oracles.
-pub(super) fn method(title: &str, oracle: bool) -> String {
-    format!("{}{}", escape(title), if oracle { " †" } else { "" })
+/// Returns the marks of these simulators with their explanations.
+pub(super) fn marks(of: impl IntoIterator<Item = Access>) -> Vec<String> {
+    let found: BTreeSet<Access> = of.into_iter().collect();
+    let used = Access::MARKED.into_iter().filter(|access| found.contains(access));
+    used.map(|access| format!("{} {}", access.mark(), access.meaning())).collect()
+}
+
+/// Returns the name of a simulator with the mark of what it can know.
+pub(super) fn method(title: &str, access: Access) -> String {
+    format!("{} {}", escape(title), access.mark()).trim_end().to_owned()
 }
 
 /// Writes rows of equal length as a table; the first row is the head. The first `texts` columns hold text

@@ -75,7 +75,7 @@ fn write_tables(results: &StudyResults, also: &[Column], out: &mut dyn Write) ->
     }
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;
-    legend(out, all().any(|s| s.oracle))?;
+    legend(out, all().map(SimulatorSummary::access))?;
     if results.study.kind == StudyKind::Guards {
         writeln!(
             out,
@@ -102,7 +102,7 @@ fn replan(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::R
         let mut rows: Vec<Vec<String>> = vec![std::iter::once("Method".to_owned()).chain(steps).collect()];
         for (id, title, simulator) in first.order() {
             let numbers = results.summaries.iter().map(|summary| number(summary, id, &column));
-            rows.push(std::iter::once(method(title, simulator.oracle)).chain(numbers).collect());
+            rows.push(std::iter::once(method(title, simulator.access())).chain(numbers).collect());
         }
         write_aligned(out, &rows, 1)?;
     }
@@ -120,7 +120,7 @@ fn realism(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::
     }
     let mut rows = vec![head];
     for (id, title, simulator) in first.order() {
-        let mut row = vec![method(title, simulator.oracle)];
+        let mut row = vec![method(title, simulator.access())];
         for (member, summary) in members(results) {
             row.extend(columns(kind, member, also).iter().map(|c| number(summary, id, c)));
         }
@@ -137,7 +137,7 @@ fn guards(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::R
     let head: Vec<String> = titles.chain(columns.iter().map(Column::head)).collect();
     let (mut values, mut differences) = (vec![head.clone()], vec![head]);
     for (original, title, simulator) in first.order() {
-        let method = method(title, simulator.oracle);
+        let method = method(title, simulator.access());
         for (i, (member, summary)) in members(results).enumerate() {
             for (id, _) in member.originals.iter().filter(|(_, of)| *of == original) {
                 let about = [method.clone(), member.label.clone()].into_iter();

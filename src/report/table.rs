@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{CategorySummary, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary};
+use crate::evaluation::{
+    Access, CategorySummary, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary,
+};
 use crate::metrics::{self, Unit};
 use crate::scene::Difficulty;
 
@@ -114,7 +116,7 @@ pub(super) struct Line<'a> {
     /// Name of the run, if the table has several runs.
     pub(super) run: Option<&'a str>,
     pub(super) title: &'a str,
-    pub(super) oracle: bool,
+    pub(super) access: Access,
     pub(super) scenarios: usize,
     pub(super) failed: usize,
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
@@ -127,7 +129,7 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
         run.summary.order().map(move |(_, title, s)| Line {
             run: several.then_some(run.name),
             title,
-            oracle: s.oracle,
+            access: s.access(),
             scenarios: s.scenarios,
             failed: s.failed,
             metrics: &s.metrics,
@@ -184,7 +186,7 @@ pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, par
         Some(Line {
             run: several.then_some(run.name),
             title,
-            oracle: simulator.oracle,
+            access: simulator.access(),
             scenarios: part.scenarios,
             failed: 0,
             metrics: &part.metrics,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::episode::{Controller, Episode, JointPlan, Memory, PlanError};
+use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError};
 use super::{AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
 use crate::scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
 
@@ -79,17 +79,49 @@ struct ScenarioRollout<'a> {
     failed: Option<RolloutError>,
 }
 
+/// Outcome of an episode of a batch that the simulator broke off twice, so that it was rolled out alone.
+const PLANNED_ALONE: &str = "planned-alone";
+
 /// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
-/// the batch.
+/// the batch, unless the simulator breaks off the whole batch ([`PlanError::BrokenOff`]): then the batch is
+/// repeated once, and after that its scenarios are rolled out singly.
 pub fn roll_out(
     batch: Vec<Request<'_>>,
     controller: &Controller,
     settings: &Settings,
 ) -> Vec<Result<Rollout, RolloutError>> {
-    let mut running: Vec<ScenarioRollout<'_>> =
-        batch.into_iter().map(|request| ScenarioRollout::begin(request, controller, settings)).collect();
+    let first = attempt(&batch, controller, settings);
+    if !is_broken_off(&first) {
+        return first;
+    }
+    let second = attempt(&batch, controller, settings);
+    if batch.len() == 1 || !is_broken_off(&second) {
+        return second;
+    }
+    let alone = |request| {
+        let mut result = attempt(std::slice::from_ref(request), controller, settings).remove(0);
+        if let Ok(rollout) = &mut result {
+            *rollout.outcomes.entry(PLANNED_ALONE).or_default() += 1;
+        }
+        result
+    };
+    batch.iter().map(alone).collect()
+}
+
+fn is_broken_off(results: &[Result<Rollout, RolloutError>]) -> bool {
+    let broken = |r: &_| matches!(r, Err(RolloutError::Plan { source: PlanError::BrokenOff(_), .. }));
+    results.iter().any(broken)
+}
+
+/// Rolls out a batch once.
+fn attempt(
+    batch: &[Request<'_>],
+    controller: &Controller,
+    settings: &Settings,
+) -> Vec<Result<Rollout, RolloutError>> {
+    let mut running = begin(batch, controller, settings);
     let mut step = 0;
-    while step < FUTURE {
+    while step < FUTURE && running.iter().any(|r| r.failed.is_none()) {
         let steps = settings.replan.steps().min(FUTURE - step);
         plan_all(&mut running, controller, settings, steps);
         for k in 0..steps {
@@ -99,6 +131,10 @@ pub fn roll_out(
         }
         step += steps;
     }
+    if let Controller::Fair(simulator) = controller {
+        let memories = running.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect();
+        simulator.end_batch(memories);
+    }
     running
         .into_iter()
         .map(|r| match r.failed {
@@ -106,6 +142,44 @@ pub fn roll_out(
             None => Ok(Rollout { tracks: r.tracks, outcomes: r.outcomes }),
         })
         .collect()
+}
+
+/// Begins the episodes of a batch.
+fn begin<'a>(
+    batch: &[Request<'a>],
+    controller: &Controller,
+    settings: &Settings,
+) -> Vec<ScenarioRollout<'a>> {
+    let mut running: Vec<_> = batch.iter().map(|r| ScenarioRollout::new(r, controller, settings)).collect();
+    let simulator = match controller {
+        Controller::Fair(simulator) => simulator,
+        Controller::Oracle(oracle) => {
+            running.iter_mut().for_each(|r| r.memory = oracle.begin(r.scenario));
+            return running;
+        }
+    };
+    let mut episodes: Vec<Beginning<'_>> = batch
+        .iter()
+        .map(|&Request { scenario, rollout, .. }| Beginning {
+            start: &scenario.start,
+            stream: stream(settings.seed, &scenario.id, rollout, Purpose::Begin),
+            moves_av: settings.protocol == Protocol::Realism,
+            steps: settings.replan.steps(),
+            identity: simulator.wants_identity().then_some(Identity {
+                scenario: &scenario.id,
+                origin: scenario.origin,
+                rollout,
+            }),
+            memory: Memory::NONE,
+        })
+        .collect();
+    let begun = simulator.begin_batch(&mut episodes);
+    let memories: Vec<Memory> = episodes.into_iter().map(|e| e.memory).collect();
+    for (scenario, memory) in running.iter_mut().zip(memories) {
+        scenario.memory = memory;
+        scenario.failed = begun.as_ref().err().map(|error| scenario.plan_error(error.for_each_episode()));
+    }
+    running
 }
 
 /// Calls the controller once for the plans of all scenarios that have not failed.
@@ -137,28 +211,19 @@ fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settin
         Controller::Fair(simulator) => simulator.plan(&mut episodes),
         Controller::Oracle(oracle) => oracle.plan(&mut episodes),
     };
-    let batch_error = batch_error.err().map(|e| e.to_string());
     let done: Vec<_> = episodes.into_iter().map(|e| (e.plan, e.outcomes, e.error)).collect();
     for (scenario, (plan, outcomes, error)) in active.into_iter().zip(done) {
         scenario.plan = plan;
         scenario.outcomes = outcomes;
-        let error = error.or_else(|| batch_error.clone().map(PlanError::Failed));
-        scenario.failed = error.map(|source| RolloutError::Plan {
-            scenario: scenario.scenario.id.clone(),
-            step: scenario.tracks[0].len() - 1 - CURRENT,
-            source,
-        });
+        let of_batch = batch_error.as_ref().err().map(PlanError::for_each_episode);
+        // The failure of the batch decides whether it is repeated.
+        scenario.failed = of_batch.or(error).map(|source| scenario.plan_error(source));
     }
 }
 
 impl<'a> ScenarioRollout<'a> {
-    fn begin(request: Request<'a>, controller: &Controller, settings: &Settings) -> Self {
+    fn new(request: &Request<'a>, controller: &Controller, settings: &Settings) -> Self {
         let scenario = request.scenario;
-        let name = |purpose| stream(settings.seed, &scenario.id, request.rollout, purpose);
-        let memory = match controller {
-            Controller::Fair(simulator) => simulator.begin(&scenario.start, &mut name(Purpose::Begin)),
-            Controller::Oracle(oracle) => oracle.begin(scenario),
-        };
         let with_room = |history: &Vec<Frame>| {
             let mut track = Vec::with_capacity(FRAMES);
             track.extend_from_slice(history);
@@ -167,16 +232,21 @@ impl<'a> ScenarioRollout<'a> {
         Self {
             tracks: scenario.start.history.iter().map(with_room).collect(),
             lights: scenario.start.light_history.clone(),
-            memory,
-            stream: name(Purpose::Plan),
+            memory: Memory::NONE,
+            stream: stream(settings.seed, &scenario.id, request.rollout, Purpose::Plan),
             outcomes: BTreeMap::new(),
             av_next: None,
             plan: JointPlan::new(0, 0),
             failed: None,
-            replayed: matches!(controller, Controller::Oracle(_)),
-            av: request.av,
+            replayed: controller.is_oracle(),
+            av: request.av.copy(),
             scenario,
         }
+    }
+
+    fn plan_error(&self, source: PlanError) -> RolloutError {
+        let step = self.tracks[0].len() - 1 - CURRENT;
+        RolloutError::Plan { scenario: self.scenario.id.clone(), step, source }
     }
 
     /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time

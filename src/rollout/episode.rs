@@ -4,6 +4,7 @@ use std::any::Any;
 use std::collections::BTreeMap;
 
 use super::{Observation, Stream};
+use crate::geometry::Vec2;
 use crate::scene::{Frame, Scenario, Start};
 
 /// Data that a simulator keeps between the plans of one episode, such as routes and caches.
@@ -21,6 +22,17 @@ impl Memory {
     /// Returns the value if it has this type.
     pub fn get<T: Any>(&mut self) -> Option<&mut T> {
         self.0.as_mut()?.downcast_mut()
+    }
+
+    /// Takes the value out if it has this type.
+    pub fn take<T: Any>(&mut self) -> Option<T> {
+        match self.0.take()?.downcast() {
+            Ok(value) => Some(*value),
+            Err(other) => {
+                self.0 = Some(other);
+                None
+            }
+        }
     }
 }
 
@@ -68,9 +80,23 @@ pub enum PlanError {
     /// The simulator found no plan; the text gives the subject and the reason.
     #[error("{0}")]
     Failed(String),
+    /// The simulator broke off the whole batch, for instance because its process crashed. The engine
+    /// repeats the batch once, then rolls out its episodes singly, so that only those fail that cause it.
+    #[error("{0}")]
+    BrokenOff(String),
     /// The simulator received an episode that it had not begun.
     #[error("simulator `{0}` received the memory of another simulator")]
     ForeignMemory(&'static str),
+}
+
+impl PlanError {
+    /// Returns the failure of one episode of a batch that failed as a whole.
+    pub(super) fn for_each_episode(&self) -> Self {
+        match self {
+            Self::BrokenOff(text) => Self::BrokenOff(text.clone()),
+            other => Self::Failed(other.to_string()),
+        }
+    }
 }
 
 /// One scenario during a rollout, as passed to a simulator.
@@ -92,12 +118,59 @@ pub struct Episode<'a> {
     pub error: Option<PlanError>,
 }
 
+/// An episode that begins.
+pub struct Beginning<'a> {
+    /// The information known at the current frame.
+    pub start: &'a Start,
+    /// Random stream for choices made once per episode.
+    pub stream: Stream,
+    /// Whether the simulator will move the AV too (realism protocol).
+    pub moves_av: bool,
+    /// Number of steps between two plans.
+    pub steps: usize,
+    /// Names of the episode, for simulators that ask for them with [`Simulator::wants_identity`].
+    pub identity: Option<Identity<'a>>,
+    /// The memory to fill in.
+    pub memory: Memory,
+}
+
+/// Names of an episode, which simulators normally do not receive.
+#[derive(Clone, Copy, Debug)]
+pub struct Identity<'a> {
+    /// Id of the scenario.
+    pub scenario: &'a str,
+    /// World point that is the origin of the scenario's coordinates, metres.
+    pub origin: Vec2,
+    /// Index among the rollouts of the scenario.
+    pub rollout: u32,
+}
+
 /// A simulator: moves every agent except the AV (in the realism protocol, the AV too).
 pub trait Simulator: Send + Sync {
     /// Creates the memory of an episode; called once before its first plan.
     fn begin(&self, _start: &Start, _stream: &mut Stream) -> Memory {
         Memory::NONE
     }
+
+    /// Creates the memories of a batch of episodes that are planned together.
+    ///
+    /// # Errors
+    /// Only for failures of the whole batch.
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        for episode in batch {
+            episode.memory = self.begin(episode.start, &mut episode.stream);
+        }
+        Ok(())
+    }
+
+    /// Returns whether [`Beginning::identity`] is to be filled in. A simulator that needs names of
+    /// scenarios, for instance for caches, must say so in its results.
+    fn wants_identity(&self) -> bool {
+        false
+    }
+
+    /// Takes the memories of a batch back when its episodes are over, however they ended.
+    fn end_batch(&self, _memories: Vec<Memory>) {}
 
     /// Fills the plan of every episode in the batch. An episode's plan may depend on this episode only.
     ///

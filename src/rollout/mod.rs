@@ -11,7 +11,8 @@ mod stream;
 pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
 pub use engine::{Request, Rollout, RolloutError, roll_out};
 pub use episode::{
-    Controller, Episode, JointPlan, Memory, Oracle, PlanError, Planning, Simulator, SingleEpisode,
+    Beginning, Controller, Episode, Identity, JointPlan, Memory, Oracle, PlanError, Planning, Simulator,
+    SingleEpisode,
 };
 pub use observation::Observation;
 pub use settings::{ParseReplanError, Protocol, Replan, Settings};

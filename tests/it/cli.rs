@@ -197,7 +197,7 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
         error(&["inspect", text(&plain), "--rollout", "HOME", "--simulator", "idm"]).contains("--svg <FILE>")
     );
     #[cfg(unix)]
-    assert!(error(&["convert", text(&plain), "--out", "/dev/null"]).contains("is no regular file"));
+    assert!(error(&["convert", text(&plain), "--out", "/dev/null"]).contains("is not a regular file"));
     assert!(error(&["run", "HOME/absent"]).contains("HOME/absent"));
     assert!(error(&["run", text(&plain), "--deviations", "absent.json"]).contains("absent.json"));
     // The folder stands where a file is.

@@ -13,6 +13,7 @@ mod cli;
 mod compare;
 mod curation;
 mod evaluation;
+mod external;
 mod formats;
 mod generate;
 mod generated;

@@ -2,18 +2,23 @@
 
 use anyhow::{Context, bail};
 
-use super::SharedArgs;
+use super::{PlannedStudy, SharedArgs};
+use crate::cli::external::keep_stderr;
 use crate::cli::finished::{put_table, report_left_out};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
-use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyPlan, StudyResults};
+use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyResults};
 use crate::report::study_tables;
 
-pub(super) fn carry_out(mut plan: StudyPlan, shared: &SharedArgs) -> anyhow::Result<ExitStatus> {
+pub(super) fn carry_out(
+    (mut plan, external): PlannedStudy,
+    shared: &SharedArgs,
+) -> anyhow::Result<ExitStatus> {
     let folder = match shared.resume {
         true => StudyFolder::resume(&shared.out, &mut plan)?,
         false => StudyFolder::create(&shared.out, plan.study())?,
     };
+    keep_stderr(&external, Some(folder.path()))?;
     let stop = stop_on_interrupt("writing what is finished")?;
     let members = plan.study().members.clone();
     let mut failed = 0;

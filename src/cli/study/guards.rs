@@ -2,8 +2,9 @@
 
 use clap::Args;
 
-use super::SharedArgs;
-use crate::evaluation::{PlannedSimulator, StudyPlan};
+use super::{PlannedStudy, SharedArgs};
+use crate::evaluation::StudyPlan;
+use crate::external::RunOutline;
 use crate::rollout::{Replan, Settings};
 
 const AFTER: &str = "\
@@ -26,11 +27,12 @@ pub(super) struct GuardsArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &GuardsArgs) -> anyhow::Result<StudyPlan> {
+pub(super) fn plan(args: &GuardsArgs) -> anyhow::Result<PlannedStudy> {
     let subject = &args.shared.subject;
     let adjustments = subject.adjustments(None)?;
-    let simulators = PlannedSimulator::adjusted(&subject.models, &adjustments)?;
+    let outline = RunOutline { intervals: vec![args.replan.steps()], protocols: vec!["reactive"] };
+    let (simulators, external) = subject.simulators(None, &outline)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
     let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
-    Ok(StudyPlan::guards(plan, &adjustments)?)
+    Ok((StudyPlan::guards(plan, &adjustments)?, external))
 }

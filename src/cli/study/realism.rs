@@ -2,8 +2,9 @@
 
 use clap::Args;
 
-use super::SharedArgs;
-use crate::evaluation::{PlannedSimulator, StudyPlan};
+use super::{PlannedStudy, SharedArgs};
+use crate::evaluation::StudyPlan;
+use crate::external::RunOutline;
 use crate::rollout::{Replan, Settings};
 
 /// Arguments of `study realism`.
@@ -24,10 +25,12 @@ pub(super) struct RealismArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<StudyPlan> {
+pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
     let subject = &args.shared.subject;
-    let simulators = PlannedSimulator::adjusted(&subject.models, &subject.adjustments(None)?)?;
+    let protocols = vec!["reactive", "realism"];
+    let outline = RunOutline { intervals: vec![args.replan.steps()], protocols };
+    let (simulators, external) = subject.simulators(None, &outline)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
     let plan = subject.plan(simulators, settings, args.reactive_rollouts, args.shared.keep_rollouts)?;
-    Ok(StudyPlan::realism(plan, args.rollouts))
+    Ok((StudyPlan::realism(plan, args.rollouts), external))
 }

@@ -3,10 +3,11 @@
 use anyhow::bail;
 use clap::Args;
 
-use super::SharedArgs;
+use super::{PlannedStudy, SharedArgs};
 use crate::cli::subject::ProtocolName;
-use crate::evaluation::{PlannedSimulator, StudyPlan};
-use crate::rollout::{Replan, Settings};
+use crate::evaluation::StudyPlan;
+use crate::external::RunOutline;
+use crate::rollout::{Protocol, Replan, Settings};
 
 const AFTER: &str = "\
 Without --models, oracles are left out: their motion does not depend on the replan interval.";
@@ -30,18 +31,21 @@ pub(super) struct ReplanArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<StudyPlan> {
+pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<PlannedStudy> {
     let mut intervals = args.intervals.clone();
     intervals.sort_by_key(|i| i.steps());
     if let Some(repeated) = intervals.windows(2).find(|w| w[0] == w[1]) {
         bail!("--intervals has {} steps twice: give each interval once", repeated[0].steps());
     }
     let subject = &args.shared.subject;
-    let mut simulators = PlannedSimulator::adjusted(&subject.models, &subject.adjustments(None)?)?;
+    let protocol: Protocol = args.protocol.into();
+    let steps = intervals.iter().map(|interval| interval.steps()).collect();
+    let outline = RunOutline { intervals: steps, protocols: vec![protocol.name()] };
+    let (mut simulators, external) = subject.simulators(None, &outline)?;
     if subject.models.is_empty() {
         simulators.retain(|s| !s.controller.is_oracle());
     }
-    let settings = Settings { protocol: args.protocol.into(), seed: subject.seed, ..Settings::default() };
+    let settings = Settings { protocol, seed: subject.seed, ..Settings::default() };
     let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
-    Ok(StudyPlan::replan(plan, &intervals))
+    Ok((StudyPlan::replan(plan, &intervals), external))
 }

@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 
 use super::data::Data;
 use super::progress::{CURVES, Progress};
+use crate::cli::duration::duration;
 use crate::cli::{ExitStatus, say, stop_on_interrupt};
 use crate::evaluation::{program_commit, program_version};
 use crate::models::nn::{Backend, BackendError};
@@ -115,20 +116,6 @@ impl SessionArgs {
             ..Settings::default()
         }
     }
-}
-
-/// Parses a time with its unit.
-fn duration(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("`{text}` is not a time: write a number with its unit, such as 90s, 3m or 1h");
-    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(wrong)?;
-    let seconds = match unit {
-        "s" => 1.0,
-        "m" => 60.0,
-        "h" => 3600.0,
-        _ => return Err(wrong()),
-    };
-    let number: f64 = number.parse().map_err(|_| wrong())?;
-    Duration::try_from_secs_f64(number * seconds).map_err(|_| wrong())
 }
 
 /// Trains a network with the settings of the arguments.

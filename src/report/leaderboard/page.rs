@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest, Sha256};
 
-use super::super::markdown::cell;
+use super::super::markdown::{cell, marks};
 use super::super::table::Column;
 use super::{Line, about, columns, lines, status_legend};
 use crate::evaluation::reference::Entry;
@@ -49,8 +49,8 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         row(out, &columns, line)?;
     }
     writeln!(out, "</tbody>\n</table></div>")?;
-    if lines.iter().any(|l| l.oracle) {
-        writeln!(out, "<p>† is shown the log's future.</p>")?;
+    for text in marks(lines.iter().map(|l| l.access)) {
+        writeln!(out, "<p>{text}.</p>")?;
     }
     writeln!(
         out,
@@ -64,7 +64,8 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn row(out: &mut dyn Write, columns: &[Column], line: &Line<'_>) -> io::Result<()> {
-    let mark = if line.oracle { " †" } else { "" };
+    let mark = format!(" {}", line.access.mark());
+    let mark = mark.trim_end();
     let status = line.entry.status.name();
     write!(
         out,

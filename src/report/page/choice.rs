@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::gallery::Gallery;
+use crate::evaluation::Access;
 
 /// Metrics by which simulators are contrasted, most important first.
 const CONTRAST_METRICS: [&str; 4] = ["aav-collision", "aav-ttc", "aa-collision", "offroad"];
@@ -31,7 +32,7 @@ impl Gallery {
         let mut weight = 1.0;
         let mut contrast = 0.0;
         for metric in CONTRAST_METRICS {
-            let counts = self.subjects.iter().filter(|s| !s.oracle).filter_map(|subject| {
+            let counts = self.subjects.iter().filter(|s| s.access != Access::Oracle).filter_map(|subject| {
                 let place = self.scenarios[index].places[subject.run]?;
                 let archive = &self.runs[subject.run].archive;
                 let done = archive.tally().has(place, subject.simulator);

@@ -7,7 +7,7 @@ use serde_json::value::RawValue;
 
 use super::PageError;
 use super::gallery::Gallery;
-use crate::evaluation::{Summary, program_commit, program_version};
+use crate::evaluation::{Access, Summary, program_commit, program_version};
 use crate::metrics::{METRICS, Unit};
 use crate::report::table::{self, Column};
 use crate::report::{Run, exporter, study_tables};
@@ -67,6 +67,8 @@ struct SubjectData<'a> {
     id: &'a str,
     title: &'a str,
     oracle: bool,
+    mark: &'static str,
+    meaning: &'static str,
 }
 
 /// The scenarios, column by column.
@@ -147,7 +149,14 @@ impl Gallery {
             subjects: self
                 .subjects
                 .iter()
-                .map(|s| SubjectData { run: s.run, id: &s.id, title: &s.title, oracle: s.oracle })
+                .map(|s| SubjectData {
+                    run: s.run,
+                    id: &s.id,
+                    title: &s.title,
+                    oracle: s.access == Access::Oracle,
+                    mark: s.access.mark(),
+                    meaning: s.access.meaning(),
+                })
                 .collect(),
             scenarios: self.scenario_data(scenes),
             studies: self.study_data()?,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::PageError;
 use super::scene::{SubjectRollout, scene};
-use crate::evaluation::{Archive, Place, Shelf, StudyResults};
+use crate::evaluation::{Access, Archive, Place, Shelf, StudyResults};
 
 /// A run to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,7 +43,7 @@ pub(super) struct Subject {
     pub(super) simulator: usize,
     pub(super) id: String,
     pub(super) title: String,
-    pub(super) oracle: bool,
+    pub(super) access: Access,
 }
 
 /// A scenario of one or several runs.
@@ -84,7 +84,7 @@ impl Gallery {
                 let tally = run.archive.tally();
                 let Some(simulator) = tally.simulators.iter().position(|s| *s == record.id) else { continue };
                 let (id, title) = (record.id.clone(), record.title.clone());
-                subjects.push(Subject { run: number, simulator, id, title, oracle: record.oracle });
+                subjects.push(Subject { run: number, simulator, id, title, access: record.access() });
             }
             for (place, entry) in &run.archive.tally().entries {
                 let key = (entry.scenario.clone(), entry.digest.clone());

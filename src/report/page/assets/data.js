@@ -15,7 +15,7 @@ const several = runs.length > 1;
 export const subjects = data.subjects.map((s, i) => ({
   ...s,
   index: i,
-  name: `${s.title}${s.oracle ? " †" : ""}${several ? ` · ${runs[s.run].name}` : ""}`,
+  name: `${s.title}${s.mark && ` ${s.mark}`}${several ? ` · ${runs[s.run].name}` : ""}`,
   summary: runs[s.run].summary.simulators[s.id],
   settings: runs[s.run].summary.provenance.settings,
 }));

@@ -5,6 +5,8 @@ import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 
 const several = runs.length > 1;
+/** Explanations of the marks behind names of simulators. */
+const marks = [...new Set(subjects.filter((s) => s.mark).map((s) => ` ${s.mark} ${s.meaning}.`))].join("");
 /** Metrics in the table of events, in the order of the columns. */
 const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
 
@@ -84,12 +86,12 @@ function show() {
       failed ? el("th", { scope: "col", class: "number" }, "Failed") : null)),
     el("tbody", {}, ...rows.map((s) => el("tr", { "data-subject": s.index },
       several ? el("td", {}, runs[s.run].name) : null,
-      el("th", { scope: "row" }, s.title, s.oracle ? el("abbr", { title: "is shown the log's future" }, " †") : null),
+      el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null),
       ...columns.map((c, i) => cell(s, c, tops[i])),
       failed ? el("td", { class: "number" }, String(s.summary.failed)) : null))),
   );
   for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
-  $("main-about").textContent = `${count(part.size, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles. † is shown the log's future.`;
+  $("main-about").textContent = `${count(part.size, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles.${marks}`;
 }
 
 /** Table of events per scenario, and the share of scenarios with at least one. */

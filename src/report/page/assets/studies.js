@@ -13,7 +13,7 @@ const ABOUT = {
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
 const TEXTS = ["Method", "Variant"];
 const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n) => el("th", { scope: "col", class: TEXTS.includes(n) ? null : "number" }, n))));
-const method = (s) => el("th", { scope: "row" }, s.title, s.oracle ? el("abbr", { title: "is shown the log's future" }, " †") : null);
+const method = (s) => el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null);
 
 function cell(m, estimate) {
   if (!estimate || estimate.mean === null) return el("td", { class: "number" }, "–");

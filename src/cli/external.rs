@@ -1,0 +1,150 @@
+//! External simulators on the command line.
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+use super::duration::duration;
+use super::say;
+use crate::evaluation::Plan;
+use crate::external::{Command, ExternalSettings, ExternalSimulator, RunOutline, StderrTarget, TimeLimits};
+use crate::rollout::Request;
+
+/// Command that stands for our own standard input and output.
+const STDIO: &str = "@stdio";
+
+/// Arguments for external simulators.
+#[derive(Debug, Args)]
+pub(super) struct ExternalArgs {
+    /// External simulator: a command that speaks the protocol over standard input and output, such as
+    /// mine='python mine.py', or @stdio for the parent process; may be repeated. Without --models,
+    /// only external simulators run
+    #[arg(long, value_name = "NAME=COMMAND", help_heading = HEADING)]
+    external: Vec<String>,
+    /// Processes per external simulator; they do not change any result
+    #[arg(long, default_value_t = 1, value_name = "N", help_heading = HEADING)]
+    external_workers: usize,
+    /// Scenarios per batch of an external simulator; part of the provenance [default: what it asks
+    /// for, else 16]
+    #[arg(long, value_name = "N", help_heading = HEADING)]
+    external_batch: Option<usize>,
+    /// Time until an external simulator greets, such as 300s or 10m [default: 300s, none for @stdio]
+    #[arg(long, value_name = "TIME", value_parser = duration, help_heading = HEADING)]
+    external_start_limit: Option<Duration>,
+    /// Time for the first batch and its first plan in a process [default: 300s, none for @stdio]
+    #[arg(long, value_name = "TIME", value_parser = duration, help_heading = HEADING)]
+    external_first_limit: Option<Duration>,
+    /// Time for every later answer [default: 60s, none for @stdio]
+    #[arg(long, value_name = "TIME", value_parser = duration, help_heading = HEADING)]
+    external_limit: Option<Duration>,
+    /// Pass ids of scenarios and agents and world coordinates to external simulators; every table
+    /// marks them with §
+    #[arg(long, requires = "external", help_heading = HEADING)]
+    reveal_ids: bool,
+}
+
+const HEADING: &str = "External simulators";
+
+impl ExternalArgs {
+    /// Returns whether there is any.
+    pub(super) fn is_any(&self) -> bool {
+        !self.external.is_empty()
+    }
+
+    /// Returns whether our standard output belongs to a simulator.
+    pub(super) fn takes_stdout(&self) -> bool {
+        self.external.iter().any(|text| text.ends_with(&format!("={STDIO}")))
+    }
+
+    /// Starts the simulators.
+    pub(super) fn start(&self, outline: &RunOutline) -> anyhow::Result<Vec<ExternalSimulator>> {
+        let mut simulators: Vec<ExternalSimulator> = Vec::new();
+        for text in &self.external {
+            let Some((name, command)) = text.split_once('=') else {
+                bail!("--external `{text}`: write NAME=COMMAND, such as mine='python mine.py'");
+            };
+            let command = match command.trim() {
+                STDIO => Command::Stdio,
+                line => Command::Shell(line.to_owned()),
+            };
+            if command == Command::Stdio && simulators.iter().any(|s| *s.command() == Command::Stdio) {
+                bail!("--external `{text}`: only one simulator can be the parent process");
+            }
+            if simulators.iter().any(|s| s.name() == name) {
+                bail!("--external `{text}`: the name is given twice");
+            }
+            let limits = self.limits(&command);
+            let settings = ExternalSettings {
+                workers: self.external_workers,
+                batch: self.external_batch,
+                limits,
+                reveal_ids: self.reveal_ids,
+                ..ExternalSettings::new(name, command)
+            };
+            simulators.push(ExternalSimulator::start(settings, outline.clone())?);
+        }
+        Ok(simulators)
+    }
+
+    fn limits(&self, command: &Command) -> TimeLimits {
+        // A parent process may be stopped in a debugger.
+        let default = if *command == Command::Stdio { TimeLimits::none() } else { TimeLimits::default() };
+        TimeLimits {
+            start: self.external_start_limit.unwrap_or(default.start),
+            first: self.external_first_limit.unwrap_or(default.first),
+            plan: self.external_limit.unwrap_or(default.plan),
+        }
+    }
+}
+
+/// Stores the standard error of external simulators in the folder of the run; without a folder, it is passed
+/// on with the name of the simulator.
+pub(super) fn keep_stderr(simulators: &[ExternalSimulator], folder: Option<&Path>) -> anyhow::Result<()> {
+    for simulator in simulators {
+        let name = simulator.name().to_owned();
+        let target = match folder {
+            Some(folder) => StderrTarget::File(folder.join(format!("external-{name}.log"))),
+            None => StderrTarget::Lines(Box::new(move |line| say(format_args!("{name}: {line}")))),
+        };
+        simulator.set_stderr(target).context("could not write the log of an external simulator")?;
+    }
+    Ok(())
+}
+
+/// Repeats the first `count` scenarios singly and reports the largest difference to their batches.
+pub(super) fn check_batches(
+    plan: &Plan,
+    simulators: &[ExternalSimulator],
+    count: NonZeroUsize,
+) -> anyhow::Result<()> {
+    let mut scenarios = Vec::new();
+    for source in &plan.sources {
+        let records = (source.open)()?;
+        let readable = records.filter_map(|record| record.and_then(|decode| decode()).ok());
+        let with_av = readable.filter(|scenario| plan.av(scenario).is_ok());
+        scenarios.extend(with_av.take(count.get() - scenarios.len()));
+        if scenarios.len() == count.get() {
+            break;
+        }
+    }
+    for simulator in simulators {
+        let (mut compared, mut largest) = (0, 0.0_f64);
+        for batch in scenarios.chunks(simulator.batch()) {
+            let requests =
+                batch.iter().map(|scenario| Ok(Request { scenario, av: plan.av(scenario)?.0, rollout: 0 }));
+            let requests = requests.collect::<anyhow::Result<Vec<_>>>()?;
+            let difference = simulator.compare_batches(&requests, &plan.settings.rollout);
+            compared += difference.scenarios;
+            largest = largest.max(difference.largest);
+        }
+        say(format_args!(
+            "{}: {compared} scenarios together, at most {} per batch, and singly: positions differ by at most {largest} m",
+            simulator.name(),
+            simulator.batch(),
+        ));
+    }
+    Ok(())
+}

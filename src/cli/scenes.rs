@@ -1,0 +1,105 @@
+//! `reactsim scenes`: scenarios as frames of the protocol for external simulators.
+
+use std::io::{self, Write};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{ExitStatus, ReadingArgs, say, write_result};
+use crate::evaluation::{Deviations, Source};
+use crate::external::{FrameWriter, SceneExtras, scene_frame};
+use crate::scene::Scenario;
+
+const AFTER: &str = "\
+Writes one message of type `scene` per scenario and a final `bye` to standard output; the Python
+package reads them (`reactsim.scenarios`). Without --future, nothing after the current frame is
+written. The protocol is described in docs/external-protocol.md.";
+
+/// Arguments of `scenes`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct ScenesArgs {
+    /// Files or folders of scenarios [default: the shipped benchmark]
+    #[arg(value_name = "SCENARIOS")]
+    scenarios: Vec<PathBuf>,
+    /// Deviated AVs by scenario id, Parquet or JSON; other scenarios are skipped
+    #[arg(long, value_name = "FILE")]
+    deviations: Option<PathBuf>,
+    /// Only the first N scenarios of every file [default: all]
+    #[arg(long, value_name = "N")]
+    limit: Option<NonZeroUsize>,
+    /// Also write the logged future and the deviated AV
+    #[arg(long)]
+    future: bool,
+    #[command(flatten)]
+    reading: ReadingArgs,
+}
+
+pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
+    let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
+    let sources = match args.scenarios.is_empty() {
+        true => vec![Source::shipped(most)],
+        false => Source::of_inputs(args.reading.find_inputs(&args.scenarios)?, most)?,
+    };
+    let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
+    let mut failed = 0;
+    write_result(None, |out| {
+        let mut number = 0;
+        for source in &sources {
+            let records = match (source.open)() {
+                Ok(records) => records,
+                Err(error) => {
+                    say(format_args!("warning: {error}"));
+                    failed += 1;
+                    continue;
+                }
+            };
+            for record in records {
+                let scenario = match record.and_then(|decode| decode()) {
+                    Ok(scenario) => scenario,
+                    Err(error) => {
+                        say(format_args!("warning: {error}"));
+                        failed += 1;
+                        continue;
+                    }
+                };
+                let Some(av) = chosen_av(&scenario, deviations.as_ref()) else { continue };
+                write_scene(&scenario, av, args.future, number, out)?;
+                number += 1;
+            }
+        }
+        let mut bye = FrameWriter::new("bye");
+        bye.text("seq", number.to_string());
+        out.write_all(&bye.to_frame())
+    })?;
+    if failed > 0 {
+        say(format_args!("warning: {failed} failed; the others are written"));
+        return Ok(ExitStatus::SomeFailed);
+    }
+    Ok(ExitStatus::Done)
+}
+
+/// States of a deviated AV at the steps 1 to 80, if there is one.
+type AvTrack = Option<Vec<crate::scene::AgentState>>;
+
+/// Returns the deviated AV of a scenario; `None` if a file of deviations leaves the scenario out.
+fn chosen_av(scenario: &Scenario, deviations: Option<&Deviations>) -> Option<AvTrack> {
+    match deviations {
+        Some(deviations) => Some(Some(deviations.tracks.get(&scenario.id)?.track_in(scenario.origin))),
+        None => Some(scenario.deviation.as_ref().map(|deviation| deviation.track.clone())),
+    }
+}
+
+fn write_scene(
+    scenario: &Scenario,
+    av: AvTrack,
+    future: bool,
+    number: u64,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let extras = if future { SceneExtras::Future { av } } else { SceneExtras::None };
+    let mut frame = scene_frame(scenario, number, extras);
+    frame.text("seq", number.to_string());
+    out.write_all(&frame.to_frame())
+}

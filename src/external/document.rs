@@ -1,0 +1,272 @@
+//! The content of a frame: tensors and texts by name, as a safetensors document behind its length.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, Read};
+
+use safetensors::tensor::{Dtype, SafeTensors, View};
+
+/// A reason why a document is refused; the text names the field.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct DocumentError(pub String);
+
+/// A document that is being written.
+#[derive(Clone, Debug, Default)]
+pub struct FrameWriter {
+    texts: HashMap<String, String>,
+    tensors: BTreeMap<&'static str, Values>,
+}
+
+/// A tensor of a document: numbers in row-major order with their shape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Values {
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Values {
+    fn of<const N: usize>(dtype: Dtype, shape: &[usize], numbers: impl Iterator<Item = [u8; N]>) -> Self {
+        let mut bytes = Vec::with_capacity(shape.iter().product::<usize>() * N);
+        numbers.for_each(|number| bytes.extend_from_slice(&number));
+        Self { dtype, shape: shape.to_vec(), bytes }
+    }
+
+    /// Creates a tensor of `f64`.
+    pub fn f64(shape: &[usize], numbers: impl IntoIterator<Item = f64>) -> Self {
+        Self::of(Dtype::F64, shape, numbers.into_iter().map(f64::to_le_bytes))
+    }
+
+    /// Creates a tensor of `i32`.
+    pub fn i32(shape: &[usize], numbers: impl IntoIterator<Item = i32>) -> Self {
+        Self::of(Dtype::I32, shape, numbers.into_iter().map(i32::to_le_bytes))
+    }
+
+    /// Creates a tensor of `i64`.
+    pub fn i64(shape: &[usize], numbers: impl IntoIterator<Item = i64>) -> Self {
+        Self::of(Dtype::I64, shape, numbers.into_iter().map(i64::to_le_bytes))
+    }
+
+    /// Creates a tensor of `u64`.
+    pub fn u64(shape: &[usize], numbers: impl IntoIterator<Item = u64>) -> Self {
+        Self::of(Dtype::U64, shape, numbers.into_iter().map(u64::to_le_bytes))
+    }
+
+    /// Creates a tensor of `u8`.
+    pub fn u8(shape: &[usize], numbers: impl IntoIterator<Item = u8>) -> Self {
+        Self::of(Dtype::U8, shape, numbers.into_iter().map(|n| [n]))
+    }
+}
+
+impl View for &Values {
+    fn dtype(&self) -> Dtype {
+        self.dtype
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Borrowed(&self.bytes)
+    }
+
+    fn data_len(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl FrameWriter {
+    /// Begins a document of a message type.
+    pub fn new(kind: &str) -> Self {
+        let mut document = Self::default();
+        document.text("type", kind).text("protocol", super::PROTOCOL);
+        document
+    }
+
+    /// Sets a text.
+    pub fn text(&mut self, key: &str, value: impl Into<String>) -> &mut Self {
+        self.texts.insert(key.to_owned(), value.into());
+        self
+    }
+
+    /// Sets a tensor.
+    pub fn tensor(&mut self, name: &'static str, values: Values) -> &mut Self {
+        debug_assert_eq!(
+            values.shape.iter().product::<usize>() * values.dtype.bitsize() / 8,
+            values.bytes.len(),
+            "{name}"
+        );
+        self.tensors.insert(name, values);
+        self
+    }
+
+    /// Returns the frame: the length, `u64` little-endian, and the document.
+    pub fn to_frame(&self) -> Vec<u8> {
+        let document = safetensors::serialize(self.tensors.iter(), Some(self.texts.clone()));
+        // Shapes fit their bytes by construction, and nothing else can fail.
+        let document = document.expect("tensors have the sizes that their shapes say");
+        let mut frame = Vec::with_capacity(8 + document.len());
+        frame.extend_from_slice(&(document.len() as u64).to_le_bytes());
+        frame.extend_from_slice(&document);
+        frame
+    }
+}
+
+/// Reads the bytes of one frame, without its length. `Ok(None)` at the end of the stream. `most` is asked when
+/// the length is known: a frame may be awaited before it is clear how long it can be.
+///
+/// # Errors
+/// If the stream ends inside a frame, or the frame has more than `most` bytes.
+pub fn read_frame(from: &mut dyn Read, most: impl Fn() -> u64) -> io::Result<Option<Vec<u8>>> {
+    let mut length = [0; 8];
+    let mut filled = 0;
+    while filled < length.len() {
+        match from.read(&mut length[filled..]) {
+            Ok(0) if filled == 0 => return Ok(None),
+            Ok(0) => return Err(io::Error::other("the output ends inside the length of a frame")),
+            Ok(n) => filled += n,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    let (length, most) = (u64::from_le_bytes(length), most());
+    if length > most {
+        let text = if length.to_le_bytes().iter().all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace()) {
+            let start = String::from_utf8_lossy(&length.to_le_bytes()).into_owned();
+            format!(
+                "the output begins with the text {start:?}: only frames may be written to standard output"
+            )
+        } else {
+            format!("a frame of {length} bytes was announced; at most {most} are possible here")
+        };
+        return Err(io::Error::other(text));
+    }
+    let mut bytes = Vec::new();
+    from.take(length).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 != length {
+        let text = format!("the output ends after {} of {length} bytes of a frame", bytes.len());
+        return Err(io::Error::other(text));
+    }
+    Ok(Some(bytes))
+}
+
+/// A document that was received.
+pub struct Frame<'a> {
+    texts: HashMap<String, String>,
+    tensors: SafeTensors<'a>,
+}
+
+impl<'a> Frame<'a> {
+    /// Reads a document.
+    ///
+    /// # Errors
+    /// [`DocumentError`] if it is not safetensors, has no `type`, or is of another version of the protocol.
+    pub fn read(bytes: &'a [u8]) -> Result<Self, DocumentError> {
+        let refuse = |e| DocumentError(format!("the frame is not a safetensors document: {e}"));
+        let tensors = SafeTensors::deserialize(bytes).map_err(refuse)?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(refuse)?;
+        let texts = header.metadata().clone().unwrap_or_default();
+        let frame = Self { texts, tensors };
+        let found = frame.text("protocol")?;
+        if found != super::PROTOCOL {
+            let own = super::PROTOCOL;
+            return Err(DocumentError(format!(
+                "the frame is of version {found:?} of the protocol; this program speaks {own}"
+            )));
+        }
+        frame.text("type")?;
+        Ok(frame)
+    }
+
+    /// Returns a text.
+    ///
+    /// # Errors
+    /// [`DocumentError`] if it is missing.
+    pub fn text(&self, key: &str) -> Result<&str, DocumentError> {
+        let missing = || DocumentError(format!("the metadata has no `{key}`"));
+        self.texts.get(key).map(String::as_str).ok_or_else(missing)
+    }
+
+    /// Returns a text that may be missing.
+    pub fn optional_text(&self, key: &str) -> Option<&str> {
+        self.texts.get(key).map(String::as_str)
+    }
+
+    /// Returns the numbers of a tensor of `f64` or `f32` with this shape.
+    ///
+    /// # Errors
+    /// [`DocumentError`] naming the tensor with the expected and the found type or shape.
+    pub fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f64>, DocumentError> {
+        let missing = |_| DocumentError(format!("there is no tensor `{name}`"));
+        let tensor = self.tensors.tensor(name).map_err(missing)?;
+        if tensor.shape() != shape {
+            let found = tensor.shape();
+            return Err(DocumentError(format!("`{name}` has the shape {found:?} instead of {shape:?}")));
+        }
+        match tensor.dtype() {
+            Dtype::F64 => Ok(numbers(tensor.data(), f64::from_le_bytes)),
+            Dtype::F32 => Ok(numbers(tensor.data(), |b| f64::from(f32::from_le_bytes(b)))),
+            other => Err(DocumentError(format!("`{name}` has the type {other:?} instead of F64 or F32"))),
+        }
+    }
+}
+
+fn numbers<const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+    bytes.as_chunks::<N>().0.iter().map(|chunk| number(*chunk)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written() -> Vec<u8> {
+        let mut document = FrameWriter::new("planned");
+        document.text("seq", "3");
+        document.tensor("states", Values::f64(&[1, 2], [0.1, f64::MIN_POSITIVE]));
+        document.tensor("kind", Values::u8(&[3], [1, 2, 255]));
+        document.to_frame()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let bytes = written();
+        let document = read_frame(&mut bytes.as_slice(), || 1 << 20).unwrap().unwrap();
+        let frame = Frame::read(&document).unwrap();
+        assert_eq!(frame.text("type").unwrap(), "planned");
+        assert_eq!(frame.floats("states", &[1, 2]).unwrap(), [0.1, f64::MIN_POSITIVE]);
+        let text = |shape: &[usize], name| frame.floats(name, shape).unwrap_err().0;
+        assert_eq!(text(&[2, 1], "states"), "`states` has the shape [1, 2] instead of [2, 1]");
+        assert_eq!(text(&[3], "kind"), "`kind` has the type U8 instead of F64 or F32");
+        assert_eq!(text(&[3], "x"), "there is no tensor `x`");
+        assert_eq!(frame.text("error").unwrap_err().0, "the metadata has no `error`");
+    }
+
+    #[test]
+    fn broken_streams_are_told_from_their_end() {
+        let bytes = written();
+        let read = |bytes: &[u8], most| read_frame(&mut &*bytes, || most).map_err(|e| e.to_string());
+        assert_eq!(read(&[], 10), Ok(None));
+        assert!(read(&bytes[..5], 1 << 20).unwrap_err().contains("inside the length"));
+        assert!(read(&bytes[..50], 1 << 20).unwrap_err().contains("ends after 42 of"));
+        assert!(read(&bytes, 9).unwrap_err().contains("at most 9 are possible"));
+        let printed = read(b"Loading weights ...\n", 1 << 20).unwrap_err();
+        assert!(printed.contains("begins with the text \"Loading \""), "{printed}");
+    }
+
+    #[test]
+    fn changed_bytes_are_refused_or_read() {
+        let bytes = written();
+        for at in 8..bytes.len() {
+            for change in [1, 0x20, 0x80, 0xff] {
+                let mut changed = bytes[8..].to_vec();
+                changed[at - 8] ^= change;
+                // No panic, whatever the document holds.
+                if let Ok(frame) = Frame::read(&changed) {
+                    let _ = frame.floats("states", &[1, 2]);
+                }
+            }
+        }
+    }
+}

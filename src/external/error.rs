@@ -1,0 +1,37 @@
+//! Reasons why an external simulator cannot be used.
+
+/// Error in starting or using an external simulator.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExternalError {
+    /// A setting is wrong.
+    #[error("external simulator `{name}`: {reason}")]
+    Setting {
+        /// Name of the simulator.
+        name: String,
+        /// The setting, and what it may be.
+        reason: String,
+    },
+    /// Its process does not start or does not greet.
+    #[error("external simulator `{name}` did not start: {reason}")]
+    Start {
+        /// Name of the simulator.
+        name: String,
+        /// What happened, with the last lines of its standard error.
+        reason: String,
+    },
+    /// It does not support the settings of the run.
+    #[error(
+        "external simulator `{name}` plans every {supported} steps, this run every {asked}: give --replan {hint}steps"
+    )]
+    Interval {
+        /// Name of the simulator.
+        name: String,
+        /// Supported intervals, steps.
+        supported: String,
+        /// Interval of the run, steps.
+        asked: usize,
+        /// A supported interval, steps.
+        hint: usize,
+    },
+}

@@ -1,0 +1,167 @@
+//! The standard error of child processes.
+
+use std::collections::VecDeque;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Number of lines that messages repeat.
+const LAST_LINES: usize = 12;
+
+/// Length to which a line is cut in messages, bytes.
+const LINE_LENGTH: usize = 400;
+
+/// Bytes kept until a target is set; later ones are dropped.
+const MOST_BUFFERED: usize = 1 << 20;
+
+/// Bytes written to a file; later ones are dropped.
+const MOST_WRITTEN: u64 = 64 << 20;
+
+/// Where the standard error of child processes goes.
+pub enum StderrTarget {
+    /// Appended to this file.
+    File(PathBuf),
+    /// Passed to a function line by line.
+    Lines(Box<dyn Fn(&str) + Send>),
+}
+
+/// Standard error of all processes of one simulator: the last lines for messages, everything for the target.
+#[derive(Clone, Default)]
+pub(super) struct Stderr(Arc<Mutex<State>>);
+
+#[derive(Default)]
+struct State {
+    /// Bytes that came before the target was set.
+    early: Vec<u8>,
+    target: Option<Open>,
+}
+
+enum Open {
+    File { file: File, written: u64 },
+    Lines(Box<dyn Fn(&str) + Send>),
+}
+
+/// The last lines of one process.
+#[derive(Clone, Default)]
+pub(super) struct LastLines(Arc<Mutex<VecDeque<String>>>);
+
+impl LastLines {
+    /// Returns the lines as a text to append to a message.
+    pub(super) fn text(&self) -> String {
+        let lines = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if lines.is_empty() {
+            return String::new();
+        }
+        let lines: Vec<String> = lines.iter().map(|line| format!("\n    {line}")).collect();
+        format!("; the end of its standard error:{}", lines.concat())
+    }
+
+    fn push(&self, line: &[u8]) {
+        let text = String::from_utf8_lossy(&line[..line.len().min(LINE_LENGTH)]);
+        // Control characters would disturb the terminal.
+        let text: String = text.chars().filter(|c| !c.is_control() || *c == '\t').collect();
+        let mut lines = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if lines.len() == LAST_LINES {
+            lines.pop_front();
+        }
+        lines.push_back(text);
+    }
+}
+
+impl Stderr {
+    /// Sends everything, also what came before, to a target.
+    ///
+    /// # Errors
+    /// If the file cannot be opened.
+    pub(super) fn set_target(&self, target: StderrTarget) -> io::Result<()> {
+        let open = match target {
+            StderrTarget::File(path) => {
+                let file = OpenOptions::new().create(true).append(true).open(path)?;
+                Open::File { file, written: 0 }
+            }
+            StderrTarget::Lines(pass) => Open::Lines(pass),
+        };
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        state.target = Some(open);
+        let early = std::mem::take(&mut state.early);
+        early.split_inclusive(|b| *b == b'\n').for_each(|line| state.put(line));
+        Ok(())
+    }
+
+    /// Reads a stream to its end. What is read is never kept back, so that the child cannot block on it.
+    pub(super) fn drain(&self, mut from: impl Read, last: &LastLines) {
+        let mut line: Vec<u8> = Vec::new();
+        let mut buffer = [0; 8192];
+        loop {
+            let n = match from.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(n) => n,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(_) => break,
+            };
+            for part in buffer[..n].split_inclusive(|b| *b == b'\n') {
+                line.extend_from_slice(part);
+                if part.ends_with(b"\n") || line.len() >= buffer.len() {
+                    self.put(&line, last);
+                    line.clear();
+                }
+            }
+        }
+        if !line.is_empty() {
+            self.put(&line, last);
+        }
+    }
+
+    fn put(&self, line: &[u8], last: &LastLines) {
+        last.push(line.strip_suffix(b"\n").unwrap_or(line));
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &state.target {
+            Some(_) => state.put(line),
+            None if state.early.len() < MOST_BUFFERED => state.early.extend_from_slice(line),
+            None => {}
+        }
+    }
+}
+
+impl State {
+    fn put(&mut self, line: &[u8]) {
+        match &mut self.target {
+            Some(Open::File { file, written }) if *written < MOST_WRITTEN => {
+                *written += line.len() as u64;
+                // A full disk loses the log of the child, not the run.
+                file.write_all(line).ok();
+                if *written >= MOST_WRITTEN {
+                    file.write_all(b"\n[further output is not stored]\n").ok();
+                }
+            }
+            Some(Open::Lines(pass)) => pass(String::from_utf8_lossy(line).trim_end()),
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+
+    #[test]
+    fn the_last_lines_are_kept_and_all_lines_passed_on() {
+        let (stderr, last) = (Stderr::default(), LastLines::default());
+        assert_eq!(last.text(), "");
+        stderr.drain("early\n".as_bytes(), &last);
+        let (send, lines) = mpsc::channel();
+        let pass = move |line: &str| send.send(line.to_owned()).unwrap();
+        stderr.set_target(StderrTarget::Lines(Box::new(pass))).unwrap();
+        let text: String = (0..20).map(|i| format!("line {i}\x1b\n")).collect();
+        stderr.drain(text.as_bytes(), &last);
+        stderr.drain(&[b'x'; 20_000][..], &last);
+        let passed: Vec<String> = lines.try_iter().collect();
+        assert_eq!((passed[0].as_str(), passed.len()), ("early", 24));
+        let text = last.text();
+        assert!(text.contains("\n    line 19\n") && !text.contains("line 2\n"), "{text}");
+        assert!(!text.contains('\x1b') && text.len() < 2000, "{text}");
+    }
+}

@@ -1,0 +1,165 @@
+//! The processes of a simulator, handed out to threads.
+
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::connection::{Connection, RequestError};
+use super::document::FrameWriter;
+use super::replies::Description;
+use super::settings::{Command, ExternalSettings, RunOutline};
+use super::stderr::Stderr;
+
+/// Number of failed starts in a row after which no further process is started.
+const MOST_FAILED_STARTS: u32 = 3;
+
+/// Time in which a process must end after `bye`.
+const TIME_TO_CLOSE: Duration = Duration::from_secs(5);
+
+/// A connection and its state.
+pub(super) struct Worker {
+    pub(super) connection: Connection,
+    /// Whether it has answered a plan: later answers have less time.
+    pub(super) has_planned: bool,
+    /// Handle of the next episode.
+    next_episode: u64,
+}
+
+impl Worker {
+    /// Returns handles for new episodes.
+    pub(super) fn handles(&mut self, count: usize) -> Vec<u64> {
+        let first = self.next_episode;
+        self.next_episode += count as u64;
+        (first..self.next_episode).collect()
+    }
+}
+
+/// The workers of one simulator. Those that no thread uses wait here; a worker that broke is replaced when the
+/// next batch begins.
+pub(super) struct Workers {
+    settings: ExternalSettings,
+    outline: RunOutline,
+    pub(super) stderr: Stderr,
+    state: Mutex<State>,
+    returned: Condvar,
+}
+
+struct State {
+    /// Workers that are free; `None` is one that must be started.
+    free: Vec<Option<Worker>>,
+    /// Statement of the first process, with which all others must agree.
+    description: Option<Description>,
+    failed_starts: u32,
+    /// Reason why no further process is started.
+    given_up: Option<String>,
+}
+
+impl Workers {
+    pub(super) fn new(settings: ExternalSettings, outline: RunOutline) -> Self {
+        let count = if settings.command == Command::Stdio { 1 } else { settings.workers };
+        let free = (0..count).map(|_| None).collect();
+        let state = State { free, description: None, failed_starts: 0, given_up: None };
+        let (stderr, returned) = (Stderr::default(), Condvar::new());
+        Self { settings, outline, stderr, state: Mutex::new(state), returned }
+    }
+
+    /// Waits for a free worker and starts it if it is not running.
+    pub(super) fn take(&self) -> Result<Worker, String> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if let Some(reason) = &state.given_up {
+                return Err(format!("it was given up: {reason}"));
+            }
+            // Running ones first.
+            let running = state.free.iter().position(Option::is_some);
+            if let Some(at) = running.or_else(|| (!state.free.is_empty()).then_some(0)) {
+                let slot = state.free.swap_remove(at);
+                drop(state);
+                return match slot {
+                    Some(worker) => Ok(worker),
+                    None => self.start(),
+                };
+            }
+            state = self.returned.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Takes a worker back; `None` if it broke.
+    pub(super) fn put_back(&self, worker: Option<Worker>) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if worker.is_none() && self.settings.command == Command::Stdio {
+            state.given_up.get_or_insert_with(|| "the connection to the parent process broke".to_owned());
+        }
+        state.free.push(worker);
+        drop(state);
+        self.returned.notify_all();
+    }
+
+    fn start(&self) -> Result<Worker, String> {
+        let started = self.greet();
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let result = match started {
+            Ok((connection, description)) => match &state.description {
+                Some(first) if *first != description => Err(format!(
+                    "a new process states {description:?}, the first one stated {first:?}; all must be the same"
+                )),
+                _ => {
+                    state.description.get_or_insert(description);
+                    Ok(Worker { connection, has_planned: false, next_episode: 0 })
+                }
+            },
+            Err(reason) => Err(reason),
+        };
+        match result {
+            Ok(worker) => {
+                state.failed_starts = 0;
+                Ok(worker)
+            }
+            Err(reason) => {
+                state.failed_starts += 1;
+                if state.failed_starts >= MOST_FAILED_STARTS || self.settings.command == Command::Stdio {
+                    state.given_up = Some(reason.clone());
+                }
+                state.free.push(None);
+                drop(state);
+                self.returned.notify_all();
+                Err(reason)
+            }
+        }
+    }
+
+    /// Opens a connection and exchanges greetings.
+    fn greet(&self) -> Result<(Connection, Description), String> {
+        let Self { settings, outline, stderr, .. } = self;
+        let opened = Connection::open(&settings.command, stderr);
+        let mut connection = opened.map_err(|e| format!("`{}`: {e}", settings.command.text()))?;
+        let mut hello = FrameWriter::new("hello");
+        hello
+            .text("program", format!("reactsim {}", env!("CARGO_PKG_VERSION")))
+            .text("protocols", format!("[\"{}\"]", super::PROTOCOL))
+            .text("name", settings.name.clone())
+            .text("replan_steps", format!("{:?}", outline.intervals))
+            .text("protocol_name", format!("{:?}", outline.protocols))
+            .text("reveals_ids", if settings.reveal_ids { "1" } else { "0" });
+        let read = |connection: &mut Connection| {
+            let answer = connection.request(hello, "welcome", 0, settings.limits.start)?;
+            let frame = answer.frame()?;
+            Description::read(&frame).map_err(|e| RequestError::Broken(e.to_string()))
+        };
+        let description = read(&mut connection).map_err(RequestError::text)?;
+        Ok((connection, description))
+    }
+
+    /// Returns the statement of the simulator, once it has started.
+    pub(super) fn description(&self) -> Option<Description> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).description.clone()
+    }
+}
+
+impl Drop for Workers {
+    fn drop(&mut self) {
+        let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for worker in state.free.drain(..).flatten() {
+            worker.connection.close(TIME_TO_CLOSE);
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! External simulators: the same numbers as baselines, and no fault that stalls or falsifies a run.
+
+mod faults;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command as Process;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use reactsim::evaluation::{
+    self, AvChoice, Execution, Failure, Outcome, Plan, PlannedSimulator, Row, RunFolder, RunObserver,
+    RunSettings, Source,
+};
+use reactsim::external::{
+    Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline, TimeLimits,
+};
+use reactsim::metrics::Options;
+use reactsim::rollout::{Protocol, Purpose, Settings, stream};
+use serde_json::Value;
+
+const CHILD: &str = include_str!("external/child.py");
+
+/// A copy of the child with a path of its own, by which its processes are recognised.
+pub(super) struct Child {
+    folder: tempfile::TempDir,
+}
+
+impl Child {
+    /// `None`, with a message, where there is no Python.
+    pub(super) fn new() -> Option<Self> {
+        if !Process::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
+            eprintln!("passed over: there is no python3");
+            return None;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("child.py"), CHILD).unwrap();
+        Some(Self { folder })
+    }
+
+    pub(super) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The command with a fault, such as `nan plan 0 once:FILE`.
+    pub(super) fn command(&self, fault: &str) -> Command {
+        // Some shells would stay between the program and the child.
+        Command::Shell(format!("exec python3 {} {fault}", self.path("child.py").display()))
+    }
+
+    pub(super) fn settings(&self, fault: &str, limit: Duration) -> ExternalSettings {
+        let limits = TimeLimits { start: limit, first: limit, plan: limit };
+        ExternalSettings { limits, ..ExternalSettings::new("mine", self.command(fault)) }
+    }
+
+    /// Processes of this child that still run.
+    pub(super) fn left_over(&self) -> usize {
+        let mark = self.folder.path().display().to_string();
+        let is_ours = |entry: &fs::DirEntry| {
+            let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
+            String::from_utf8_lossy(&line).contains(&mark)
+        };
+        // Where there is no /proc, this cannot be checked.
+        fs::read_dir("/proc").map_or(0, |all| all.flatten().filter(is_ours).count())
+    }
+}
+
+const LONG: Duration = Duration::from_secs(60);
+
+fn outline(protocol: Protocol) -> RunOutline {
+    RunOutline { intervals: vec![5], protocols: vec![protocol.name()] }
+}
+
+fn start(settings: ExternalSettings) -> Result<PlannedSimulator, ExternalError> {
+    let simulator = ExternalSimulator::start(settings, outline(Protocol::Reactive))?;
+    Ok(PlannedSimulator::external(simulator, None).unwrap())
+}
+
+pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> Plan {
+    let sources = vec![Source::shipped(12)];
+    let settings = RunSettings {
+        rollout: Settings { protocol, ..Settings::default() },
+        av: if protocol == Protocol::Realism { AvChoice::Log } else { AvChoice::Deviated },
+        rollouts: 1,
+        options: Options::default(),
+        limit: None,
+    };
+    Plan { sources, simulators, deviations: None, settings, keep_rollouts: false }
+}
+
+#[derive(Default)]
+pub(super) struct Collector {
+    pub(super) rows: Mutex<Vec<Row>>,
+    pub(super) failures: Mutex<Vec<Failure>>,
+}
+
+impl RunObserver for Collector {
+    fn rows(&self, rows: &[Row]) {
+        self.rows.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(rows);
+    }
+
+    fn failed(&self, failure: &Failure) {
+        self.failures.lock().unwrap_or_else(PoisonError::into_inner).push(failure.clone());
+    }
+}
+
+/// Rows by scenario, without the name of the simulator and how plans ended; failures by scenario.
+pub(super) type Results = (BTreeMap<String, Value>, BTreeMap<String, String>);
+
+pub(super) fn run(plan: &Plan, jobs: usize) -> Results {
+    let collector = Collector::default();
+    let execution = Execution { jobs, batch: 3 };
+    let stop = AtomicBool::new(false);
+    let outcome = evaluation::run(plan, execution, None, plan.tally(), &collector, &stop).unwrap();
+    assert!(matches!(outcome, Outcome::Finished(_)));
+    results(collector)
+}
+
+fn results(collector: Collector) -> Results {
+    let rows = collector.rows.into_inner().unwrap();
+    let rows = rows.iter().map(|row| {
+        let mut value = serde_json::to_value(row).unwrap();
+        let fields = value.as_object_mut().unwrap();
+        fields.remove("simulator");
+        fields.remove("outcomes");
+        (row.scenario.clone(), value)
+    });
+    let failures = collector.failures.into_inner().unwrap();
+    let failures = failures.into_iter().map(|f| (f.scenario.unwrap(), f.error));
+    (rows.collect(), failures.collect())
+}
+
+fn baseline(protocol: Protocol) -> BTreeMap<String, Value> {
+    let baseline = PlannedSimulator::by_ids(&["constant-velocity".to_owned()]).unwrap();
+    let (rows, failures) = run(&plan_of(baseline, protocol), 1);
+    assert!(rows.len() >= 12 && failures.is_empty());
+    rows
+}
+
+#[test]
+fn it_gives_the_rows_of_the_baseline_on_any_number_of_workers_and_threads() {
+    let Some(child) = Child::new() else { return };
+    for protocol in [Protocol::Reactive, Protocol::Realism] {
+        let wanted = baseline(protocol);
+        for (batch, workers, jobs) in [(1, 1, 1), (4, 2, 3), (5, 3, 2), (100, 1, 2)] {
+            let settings = ExternalSettings { batch: Some(batch), workers, ..child.settings("", LONG) };
+            let simulator = ExternalSimulator::start(settings, outline(protocol)).unwrap();
+            assert_eq!((simulator.batch(), simulator.description().name.as_str()), (batch, "child"));
+            let plan = plan_of(vec![PlannedSimulator::external(simulator, None).unwrap()], protocol);
+            let (rows, failures) = run(&plan, jobs);
+            assert_eq!(failures, BTreeMap::new());
+            assert_eq!(rows, wanted, "batch {batch}, {workers} workers, {jobs} threads");
+        }
+    }
+    assert_eq!(child.left_over(), 0);
+}
+
+#[test]
+fn a_stage_behind_it_acts_as_behind_the_baseline() {
+    let Some(child) = Child::new() else { return };
+    let smoothing = reactsim::models::qp::Smoothing::Full;
+    let simulator = ExternalSimulator::start(child.settings("", LONG), outline(Protocol::Reactive)).unwrap();
+    let external = PlannedSimulator::external(simulator, Some(smoothing)).unwrap();
+    assert_eq!(external.id, "mine+qp");
+    let theirs = run(&plan_of(vec![external], Protocol::Reactive), 2);
+    let own = PlannedSimulator::by_ids(&["constant-velocity+qp".to_owned()]).unwrap();
+    assert_eq!(theirs, run(&plan_of(own, Protocol::Reactive), 2));
+}
+
+#[test]
+fn an_interrupted_run_is_resumed_to_the_same_rows() {
+    let Some(child) = Child::new() else { return };
+    let out = child.path("run");
+    // The run is interrupted after its first rows.
+    struct StopAfterRows<'a>(&'a AtomicBool);
+    impl RunObserver for StopAfterRows<'_> {
+        fn rows(&self, _rows: &[Row]) {
+            self.0.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+    }
+    let plan = plan_of(vec![start(child.settings("", LONG)).unwrap()], Protocol::Reactive);
+    let (execution, stop) = (Execution { jobs: 1, batch: 3 }, AtomicBool::new(false));
+    let folder = RunFolder::create(&out, &plan.provenance()).unwrap();
+    let outcome =
+        evaluation::run(&plan, execution, Some(&folder), plan.tally(), &StopAfterRows(&stop), &stop);
+    assert!(matches!(outcome.unwrap(), Outcome::Interrupted));
+    drop((folder, plan));
+    // One row of a batch is lost, as if the program had been killed while writing.
+    let rows = fs::read_to_string(out.join("rows.jsonl")).unwrap();
+    let kept: Vec<&str> = rows.lines().collect();
+    assert_eq!(kept.len(), 2 * 4, "one batch, with a row of the rollout and a row of all rollouts");
+    fs::write(out.join("rows.jsonl"), format!("{}\n", kept[..7].join("\n"))).unwrap();
+
+    let plan = plan_of(vec![start(child.settings("", LONG)).unwrap()], Protocol::Reactive);
+    let mut tally = plan.tally();
+    let folder = RunFolder::resume(&out, &plan.provenance(), &mut tally).unwrap();
+    let (collector, stop) = (Collector::default(), AtomicBool::new(false));
+    evaluation::run(&plan, execution, Some(&folder), tally, &collector, &stop).unwrap();
+    let (rows, failures) = results(collector);
+    let wanted = baseline(Protocol::Reactive);
+    assert_eq!((rows.len(), failures.len()), (wanted.len() - 3, 0));
+    rows.iter().for_each(|(scenario, row)| assert_eq!(row, &wanted[scenario]));
+    let lines = fs::read_to_string(out.join("rows.jsonl")).unwrap().lines().count();
+    assert_eq!(lines, 2 * wanted.len(), "no row twice");
+
+    // Another batch is another run.
+    let other = ExternalSettings { batch: Some(5), ..child.settings("", LONG) };
+    let plan = plan_of(vec![start(other).unwrap()], Protocol::Reactive);
+    let refused = RunFolder::resume(&out, &plan.provenance(), &mut plan.tally()).err().unwrap().to_string();
+    assert!(refused.contains("batch"), "{refused}");
+}
+
+#[test]
+fn only_the_culprit_of_a_batch_fails() {
+    let Some(child) = Child::new() else { return };
+    let wanted = baseline(Protocol::Reactive);
+    let culprit = wanted.keys().nth(5).unwrap();
+    let seed = rand::Rng::next_u64(&mut stream(0, culprit, 0, Purpose::Begin));
+    for (fault, message, part) in [
+        ("exit3", "plan 7", "it ended with exit code 3"),
+        ("kill", "begin any", "it was ended by signal 9"),
+        ("stderr-and-exit", "plan 0", "CUDA error: out of memory"),
+        ("failed", "plan 2", "not today"),
+        ("shape", "plan 15", "`planned` cannot be used: `states` has the shape ["),
+        ("cut-and-hang", "plan 3", "no `planned` within 2 s; it was ended"),
+    ] {
+        let arguments = format!("{fault} {message} seed:{seed}");
+        let limit = if fault.contains("hang") { Duration::from_secs(2) } else { LONG };
+        let simulator = start(child.settings(&arguments, limit)).unwrap();
+        let (rows, failures) = run(&plan_of(vec![simulator], Protocol::Reactive), 2);
+        let text = failures.values().next().map_or("", String::as_str);
+        assert!(text.contains(part), "{fault}: {failures:?}");
+        assert_eq!(failures.keys().collect::<Vec<_>>(), [culprit], "{fault}");
+        assert_eq!(rows.len(), wanted.len() - 1, "{fault}");
+        rows.iter().for_each(|(scenario, row)| assert_eq!(row, &wanted[scenario], "{fault}"));
+    }
+    assert_eq!(child.left_over(), 0);
+}
+
+#[test]
+fn simulators_that_cannot_start_are_refused_with_their_reason() {
+    let Some(child) = Child::new() else { return };
+    let refusal = |settings: ExternalSettings| start(settings).err().unwrap().to_string();
+    let of = |fault: &str| refusal(child.settings(fault, LONG));
+    for (fault, part) in [
+        ("exit2 hello", "it ended with exit code 2"),
+        ("raise hello", "ValueError: the child fails on purpose"),
+        ("print hello", "begins with the text \"Loading \": only frames may be written to standard output"),
+        ("version hello", "of version \"2\" of the protocol; this program speaks 1"),
+        ("failed hello", "not today"),
+        ("name hello", "`welcome`: `name` is missing or empty"),
+        ("digest hello", "`weights_sha256` is \"abc\" instead of 64 hexadecimal digits"),
+        ("intervals hello", "`intervals` has 0: 1 to 80 steps are possible"),
+        ("batch hello", "`batch` is \"0\" instead of 1 to 1024"),
+        ("type hello", "it answered `pong` instead of `welcome`"),
+        ("sequence hello", "`welcome` answers request 999 instead of request 0"),
+    ] {
+        let text = of(fault);
+        assert!(text.starts_with("external simulator `mine` did not start: "), "{fault}: {text}");
+        assert!(text.contains(part), "{fault}: {text}");
+    }
+    let missing = refusal(ExternalSettings::new("mine", Command::Shell("no-such-program-here".to_owned())));
+    assert!(missing.contains("it ended with exit code 127") && missing.contains("not found"), "{missing}");
+    let hanging = refusal(child.settings("hang hello", Duration::from_millis(300)));
+    assert!(hanging.contains("no `welcome` within 0.3 s"), "{hanging}");
+    for (settings, part) in [
+        (ExternalSettings::new("a b", child.command("")), "a name has 1 to 64 letters"),
+        (ExternalSettings::new("mine", Command::Shell(" ".to_owned())), "the command is empty"),
+        (ExternalSettings { workers: 0, ..child.settings("", LONG) }, "0 workers: 1 to 256"),
+        (ExternalSettings { batch: Some(2000), ..child.settings("", LONG) }, "batches of 2000: 1 to 1024"),
+    ] {
+        let text = refusal(settings);
+        assert!(text.contains(part), "{text}");
+    }
+    let simulator = ExternalSimulator::start(
+        ExternalSettings { name: "idm".to_owned(), ..child.settings("", LONG) },
+        outline(Protocol::Reactive),
+    );
+    assert!(PlannedSimulator::external(simulator.unwrap(), None).is_err(), "the name of a baseline");
+    assert_eq!(child.left_over(), 0);
+}
+
+#[test]
+fn batches_and_single_episodes_are_compared() {
+    let Some(child) = Child::new() else { return };
+    let simulator = ExternalSimulator::start(child.settings("", LONG), outline(Protocol::Reactive)).unwrap();
+    let plan = plan_of(Vec::new(), Protocol::Reactive);
+    let scenarios: Vec<_> = (plan.sources[0].open)().unwrap().map(|r| r.unwrap()().unwrap()).collect();
+    let requests: Vec<_> = scenarios
+        .iter()
+        .map(|scenario| reactsim::rollout::Request { scenario, av: plan.av(scenario).unwrap().0, rollout: 0 })
+        .collect();
+    let difference = simulator.compare_batches(&requests, &plan.settings.rollout);
+    assert_eq!((difference.scenarios, difference.largest), (scenarios.len(), 0.0));
+}

@@ -1,0 +1,249 @@
+"""A simulator for tests, of the standard library only: constant velocity, with one fault on request.
+
+child.py [FAULT MESSAGE [COUNT [CONDITION]]]
+
+FAULT happens at the COUNT-th message of type MESSAGE (from 0; `any` for every one). CONDITION is `seed:N`, only in batches
+with this seed, or `once:FILE`, only if FILE does not exist; it is then made.
+"""
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+
+SIZES = {"F64": 8, "F32": 4, "I64": 8, "U64": 8, "I32": 4, "U8": 1}
+CODES = {"F64": "d", "F32": "f", "I64": "q", "U64": "Q", "I32": "i", "U8": "B"}
+out = sys.stdout.buffer
+
+
+def read_exactly(n):
+    data = sys.stdin.buffer.read(n)
+    if len(data) < n:
+        sys.exit(0)
+    return data
+
+
+def read_frame():
+    (length,) = struct.unpack("<Q", read_exactly(8))
+    data = read_exactly(length)
+    (n,) = struct.unpack("<Q", data[:8])
+    header = json.loads(data[8 : 8 + n])
+    texts = header.pop("__metadata__", {})
+    tensors = {}
+    for name, about in header.items():
+        begin, end = about["data_offsets"]
+        raw = data[8 + n + begin : 8 + n + end]
+        count = len(raw) // SIZES[about["dtype"]]
+        tensors[name] = (about["shape"], struct.unpack("<%d%s" % (count, CODES[about["dtype"]]), raw))
+    return texts, tensors
+
+
+def document(texts, tensors):
+    header, data = {"__metadata__": texts}, b""
+    for name, (dtype, shape, values) in tensors.items():
+        raw = struct.pack("<%d%s" % (len(values), CODES[dtype]), *values)
+        header[name] = {"dtype": dtype, "shape": shape, "data_offsets": [len(data), len(data) + len(raw)]}
+        data += raw
+    head = json.dumps(header).encode()
+    head += b" " * (-len(head) % 8)
+    return struct.pack("<Q", len(head)) + head + data
+
+
+def send(content):
+    out.write(struct.pack("<Q", len(content)) + content)
+    out.flush()
+
+
+def plan(texts, tensors, last):
+    """Constant velocity with the operations of the baseline, in their order."""
+    b, n, t, _ = tensors["states"][0]
+    steps = int(texts["steps"])
+    states = tensors["states"][1]
+    if t:
+        for i in range(b * n):
+            last[i] = states[(i * t + t - 1) * 5 : (i * t + t) * 5]
+    planned = []
+    for x, y, heading, vx, vy in last:
+        known = abs(vx) < 1e300 and abs(vy) < 1e300
+        vx, vy = (vx, vy) if known else (0.0, 0.0)
+        for k in range(steps):
+            time_ahead = 0.1 * (k + 1)
+            planned += [x + vx * time_ahead, y + vy * time_ahead, heading]
+    return {"states": ["F64", [b, n, steps, 3], planned]}
+
+
+def fault(kind, answer, seq, texts, tensors):
+    """Does something wrong in place of an answer. Returns whether the answer is still to be sent."""
+    whole = document(texts, tensors)
+    if kind.startswith("exit"):
+        os._exit(int(kind[4:]))
+    elif kind == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    elif kind == "raise":
+        raise ValueError("the child fails on purpose")
+    elif kind == "hang":
+        time.sleep(600)
+    elif kind == "stop":
+        os.kill(os.getpid(), signal.SIGSTOP)
+    elif kind == "ignore-signals":
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        time.sleep(600)
+    elif kind == "close-stdout":
+        os.close(1)
+        time.sleep(600)
+    elif kind == "close-stdin":
+        os.close(0)
+        time.sleep(600)
+    elif kind == "close-both":
+        os.close(0)
+        os.close(1)
+        time.sleep(600)
+    elif kind == "print":
+        out.write(b"Loading weights ...\n")
+        out.flush()
+        return True
+    elif kind == "garbage":
+        out.write(bytes((i * 37 + 11) % 251 for i in range(4096)))
+        out.flush()
+        time.sleep(600)
+    elif kind == "zeros":
+        out.write(bytes(4096))
+        out.flush()
+        time.sleep(600)
+    elif kind.startswith("cut") and kind != "cut-and-hang":
+        frame = struct.pack("<Q", len(whole)) + whole
+        out.write(frame[: len(frame) * int(kind[3:]) // 100])
+        out.flush()
+        os._exit(0)
+    elif kind == "cut-and-hang":
+        out.write(struct.pack("<Q", len(whole)) + whole[: len(whole) // 2])
+        out.flush()
+        time.sleep(600)
+    elif kind == "huge":
+        out.write(struct.pack("<Q", 1 << 60))
+        out.flush()
+        time.sleep(600)
+    elif kind == "large":
+        send(document({**texts, "more": "x" * (64 << 20)}, tensors))
+    elif kind == "empty":
+        send(b"")
+    elif kind == "no-metadata":
+        send(document({}, tensors))
+    elif kind == "version":
+        send(document({**texts, "protocol": "2"}, tensors))
+    elif kind == "type":
+        send(document({**texts, "type": "pong"}, tensors))
+    elif kind == "sequence":
+        send(document({**texts, "seq": "999"}, tensors))
+    elif kind == "no-sequence":
+        send(document({k: v for k, v in texts.items() if k != "seq"}, tensors))
+    elif kind == "twice":
+        send(whole)
+        return True
+    elif kind == "flood":
+        while True:
+            send(whole)
+    elif kind == "header":
+        send(struct.pack("<Q", 1 << 40) + whole[8:])
+    elif kind == "not-json":
+        send(struct.pack("<Q", 16) + b"{" * 16)
+    elif kind == "failed":
+        send(document({"type": "failed", "protocol": "1", "seq": seq, "error": "not today"}, {}))
+    elif kind == "failed-silently":
+        send(document({"type": "failed", "protocol": "1", "seq": seq}, {}))
+    elif kind == "missing":
+        send(document(texts, {}))
+    elif kind == "shape":
+        dtype, shape, values = tensors["states"]
+        send(document(texts, {"states": [dtype, [len(values)], values]}))
+    elif kind == "short":
+        dtype, shape, values = tensors["states"]
+        n = shape[1] * shape[2] * shape[3]
+        send(document(texts, {"states": [dtype, [shape[0] - 1] + shape[1:], values[n:]]}))
+    elif kind == "dtype":
+        dtype, shape, values = tensors["states"]
+        send(document(texts, {"states": ["I32", shape, [0] * len(values)]}))
+    elif kind in ("nan", "inf", "-inf", "1e9"):
+        dtype, shape, values = tensors["states"]
+        send(document(texts, {"states": [dtype, shape, [float(kind)] * len(values)]}))
+    elif kind == "errors":
+        send(document({**texts, "errors": json.dumps({"0": "not this one"})}, tensors))
+    elif kind == "errors-wrong":
+        send(document({**texts, "errors": "[1, 2]"}, tensors))
+    elif kind == "errors-far":
+        send(document({**texts, "errors": json.dumps({"99": "who?"})}, tensors))
+    elif kind == "stderr":
+        for _ in range(200):
+            sys.stderr.write("x" * 100_000)
+        sys.stderr.write("\nthe last line\n")
+        sys.stderr.flush()
+        return True
+    elif kind == "stderr-and-exit":
+        sys.stderr.write("CUDA error: out of memory\n")
+        sys.stderr.flush()
+        os._exit(1)
+    elif kind == "grandchild":
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)  # " + sys.argv[0]])
+        os._exit(0)
+    elif kind == "slow":
+        time.sleep(0.05)
+        return True
+    elif kind == "name":
+        send(document({**texts, "name": ""}, tensors))
+    elif kind == "digest":
+        send(document({**texts, "weights_sha256": "abc"}, tensors))
+    elif kind == "intervals":
+        send(document({**texts, "intervals": "[0]"}, tensors))
+    elif kind == "batch":
+        send(document({**texts, "batch": "0"}, tensors))
+    else:
+        raise SystemExit("no fault " + kind)
+    return False
+
+
+def is_due(condition, seeds):
+    kind, _, value = condition.partition(":")
+    if kind == "seed":
+        return int(value) in seeds
+    if kind == "once":
+        if os.path.exists(value):
+            return False
+        open(value, "w").close()
+    return True
+
+
+def main():
+    wrong, when, count, condition = (sys.argv[1:] + ["", "", "0", ""][len(sys.argv) - 1 :])[:4]
+    answers = {"hello": "welcome", "begin": "begun", "plan": "planned", "end": "ended"}
+    counts, seeds, last = {}, (), []
+    while True:
+        texts, tensors = read_frame()
+        kind = texts["type"]
+        if kind == "bye":
+            if wrong == "ignore-bye":
+                time.sleep(600)
+            return
+        if kind == "begin":
+            seeds = tensors["seed"][1]
+            b, n, t, _ = tensors["history"][0]
+            history = tensors["history"][1]
+            last = [history[(i * t + t - 1) * 5 : (i * t + t) * 5] for i in range(b * n)]
+            counts["plan"] = 0
+        reply = {"type": answers[kind], "protocol": "1", "seq": texts["seq"]}
+        numbers = plan(texts, tensors, last) if kind == "plan" else {}
+        if kind == "hello":
+            reply.update(name="child", version="1", batch="4")
+        number = counts.get(kind, 0)
+        counts[kind] = number + 1
+        is_fault = wrong and kind == when and (count == "any" or number == int(count))
+        if is_fault and (not condition or is_due(condition, seeds)):
+            if not fault(wrong, kind, texts["seq"], reply, numbers):
+                continue
+        send(document(reply, numbers))
+
+
+main()
