@@ -252,7 +252,7 @@ def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array])
         header[name] = dict(entry, data_offsets=[offset, offset + array.nbytes])
         offset += array.nbytes
         if array.nbytes:
-            parts.append(memoryview(array.reshape(-1).view(np.uint8)))
+            parts.append(array.reshape(-1).view(np.uint8).data)
     text = json.dumps(header, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 8)
     return [len(text).to_bytes(8, "little") + text, *parts]
@@ -296,7 +296,7 @@ def write_frame(
 
 def _fill(stream: IO[bytes], buffer: Array) -> int:
     """Reads until the buffer is full or the stream ends; returns the number of bytes."""
-    view, n = memoryview(buffer), 0
+    view, n = buffer.data, 0
     while n < len(view):
         more = stream.readinto(view[n:])  # type: ignore[attr-defined]
         if not more:

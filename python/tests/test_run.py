@@ -37,6 +37,7 @@ def test_run(fake_program: Path, tmp_path: Path, capfd: pytest.CaptureFixture[st
     assert not Path(folder).exists()
 
     out = tmp_path / "out"
+    capfd.readouterr()  # the first run shows its progress
     results = reactsim.run(
         Stop,
         [tmp_path / "a", "b"],
