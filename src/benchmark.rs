@@ -46,6 +46,7 @@ use crate::evaluation::{
     self, AvChoice, Deviations, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunFolder,
     RunObserver, RunSettings, Source, Summary,
 };
+use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
 use crate::metrics::Options;
 use crate::report::{self, Run};
@@ -80,7 +81,8 @@ enum Scenarios {
 
 enum Entry {
     Baseline(String),
-    Own(PlannedSimulator),
+    Own(Box<PlannedSimulator>),
+    External(Box<ExternalSettings>),
 }
 
 /// Reason why a benchmark cannot be run.
@@ -93,6 +95,9 @@ pub enum BenchmarkError {
     /// A simulator is unknown or repeated, or the run folder cannot be written.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
+    /// An external simulator does not start or does not support the run.
+    #[error(transparent)]
+    External(#[from] ExternalError),
     /// An AV was chosen although the simulator moves it.
     #[error("the realism protocol has no AV policy: the simulator moves the AV")]
     AvInRealism,
@@ -161,8 +166,20 @@ impl Benchmark {
         self.own(id.into(), Controller::Oracle(Box::new(oracle)))
     }
 
+    /// Adds a simulator that is a program of its own: a command line for `sh` that speaks the protocol for
+    /// external simulators. Tables mark it with ‡.
+    pub fn external(self, name: impl Into<String>, command: impl Into<String>) -> Self {
+        self.external_with(ExternalSettings::new(name, Command::Shell(command.into())))
+    }
+
+    /// Adds an external simulator with settings of its own: processes, batches, time limits.
+    pub fn external_with(mut self, settings: ExternalSettings) -> Self {
+        self.simulators.push(Entry::External(Box::new(settings)));
+        self
+    }
+
     fn own(mut self, id: String, controller: Controller) -> Self {
-        self.simulators.push(Entry::Own(PlannedSimulator {
+        self.simulators.push(Entry::Own(Box::new(PlannedSimulator {
             title: id.clone(),
             id,
             card: String::new(),
@@ -171,7 +188,7 @@ impl Benchmark {
             backend: None,
             external: None,
             controller,
-        }));
+        })));
         self
     }
 
@@ -329,8 +346,13 @@ fn plan(
     let mut simulators: Vec<PlannedSimulator> = Vec::new();
     for entry in entries {
         let simulator = match entry {
-            Entry::Own(simulator) => simulator,
+            Entry::Own(simulator) => *simulator,
             Entry::Baseline(id) => PlannedSimulator::by_ids(&[id])?.remove(0),
+            Entry::External(external) => {
+                let intervals = vec![settings.rollout.replan.steps()];
+                let outline = RunOutline { intervals, protocols: vec![settings.rollout.protocol.name()] };
+                PlannedSimulator::external(ExternalSimulator::start(*external, outline)?, None)?
+            }
         };
         if simulators.iter().any(|s| s.id == simulator.id) {
             return Err(EvaluationError::RepeatedSimulator { id: simulator.id }.into());

@@ -1,7 +1,7 @@
 //! `reactsim convert`: scenarios of any format to native Parquet.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::Args;
@@ -25,6 +25,9 @@ pub(super) struct ConvertArgs {
     /// rollout are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
     futures: Option<PathBuf>,
+    /// Leave out everything after the current frame, so that the file can be given to others
+    #[arg(long, conflicts_with = "futures")]
+    history_only: bool,
     /// Simulator whose rollouts are taken
     #[arg(long, value_name = "ID", requires = "futures")]
     model: Option<String>,
@@ -40,7 +43,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
         (Some(path), Some(model)) => Some(Futures::open(path, model)?),
         _ => None,
     };
-    let (good, bad) = stream(&inputs, &args.out, futures.as_mut())?;
+    let (good, bad) = stream(&inputs, args, futures.as_mut())?;
     say(format_args!("converted {}, {bad} failed", count(good, "scenario")));
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
@@ -48,10 +51,10 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
 /// Writes every readable scenario. Returns the numbers of written and of failed scenarios.
 fn stream(
     inputs: &[formats::Input],
-    out: &Path,
+    args: &ConvertArgs,
     mut futures: Option<&mut Futures>,
 ) -> anyhow::Result<(usize, usize)> {
-    let mut writer = Writer::create(out)?;
+    let mut writer = Writer::create(&args.out)?;
     let (mut good, mut bad, mut ids) = (0, 0, BTreeSet::new());
     for input in inputs {
         let scenarios = match input.open() {
@@ -77,6 +80,9 @@ fn stream(
                         && !futures.put_into(&mut scenario)?
                     {
                         continue;
+                    }
+                    if args.history_only {
+                        scenario = scenario.without_future();
                     }
                     writer.write(&scenario)?;
                     good += 1;

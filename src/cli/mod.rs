@@ -6,6 +6,7 @@ mod compare;
 mod convert;
 mod curate;
 mod duration;
+mod export_av;
 mod external;
 mod finished;
 mod futures;
@@ -85,6 +86,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Describe and draw a scenario
     Inspect(inspect::InspectArgs),
+    /// Write the trajectories of deviated AVs without anything of the recorded future
+    ExportAv(export_av::ExportAvArgs),
     /// Write scenarios as frames that the Python package reads
     Scenes(scenes::ScenesArgs),
     /// List models, metrics, formats, weights, map types, case studies or backends
@@ -141,6 +144,7 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::view(&args),
         Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),
+        Command::ExportAv(args) => export_av::export_av(&args),
         Command::Scenes(args) => scenes::scenes(&args),
         Command::List(args) => list::list(&args),
         Command::Completions(args) => shell::completions(&args),

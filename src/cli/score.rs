@@ -10,7 +10,7 @@ use super::also::ExtraColumns;
 use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
-use crate::evaluation::{Failure, RunObserver, score_files};
+use crate::evaluation::{Failure, RolloutCheck, RunObserver, score_files};
 use crate::formats;
 use crate::formats::document::Document;
 use crate::report::{Run, exporter};
@@ -24,6 +24,11 @@ pub(super) struct ScoreArgs {
     /// Scenarios of the rollouts; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
+    /// Score rollouts that fail a check, and mark the table: other-av (the AV does not follow the
+    /// deviated trajectory), jumps (agents do not continue from their history), missing-agents
+    /// (agents of the log are absent) or partial (scenarios without rollouts); may be repeated
+    #[arg(long, value_name = "CHECK", value_delimiter = ',', value_parser = allowance)]
+    allow: Vec<RolloutCheck>,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
@@ -53,6 +58,9 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.scenarios.is_empty() {
         bail!("a rollout document holds its scenarios: leave --scenarios out");
     }
+    if !args.allow.is_empty() {
+        bail!("a rollout document is scored as it is: leave --allow out");
+    }
     if !args.also.columns().is_empty() {
         bail!("a rollout document is scored without a table: leave --also out");
     }
@@ -78,7 +86,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     let options = metric_options(&args.metric_options)?;
     let inputs = find_inputs(&args.scenarios)?;
-    let summary = score_files(paths, &inputs, options, &Warnings)?;
+    let summary = score_files(paths, &inputs, options, &args.allow, &Warnings)?;
     if summary.provenance.scenarios == 0 {
         bail!("no rollout could be scored: see the warnings above");
     }
@@ -87,6 +95,12 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         write_result(args.out.as_deref(), |out| exporter.export(&run, args.also.columns(), out))?;
     }
     Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
+}
+
+/// Parses the name of an allowance.
+fn allowance(name: &str) -> Result<RolloutCheck, String> {
+    let known = || RolloutCheck::ALL.map(RolloutCheck::allowance).join(", ");
+    RolloutCheck::from_allowance(name).ok_or_else(|| format!("expected one of {}", known()))
 }
 
 /// Prints failures as warnings.

@@ -10,6 +10,12 @@ use crate::models::ModelError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
+    /// Recorded rollouts fail checks.
+    #[error("the rollouts do not show what the scenarios ask for:{findings}")]
+    RolloutsRefused {
+        /// One line per check.
+        findings: String,
+    },
     /// The batches of external simulators have no common size.
     #[error(
         "external simulators with batches of {batches:?} episodes: their least common multiple exceeds {most}; \

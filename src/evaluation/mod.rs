@@ -39,6 +39,7 @@ pub mod reference;
 mod rollouts;
 mod row;
 mod runner;
+mod rollout_checks;
 mod score_files;
 mod shelf;
 mod shipped;
@@ -69,6 +70,7 @@ pub use provenance::{
     program_version,
 };
 pub use recorded::Recorded;
+pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, Place, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};

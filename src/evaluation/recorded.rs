@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::provenance::{Provenance, SimulatorRecord};
+use super::rollout_checks::{self, Findings, RolloutCheck};
 use super::rollouts::recorded_tracks;
 use super::row::{Failure, Place, Row};
 use super::summary::Summary;
@@ -20,6 +21,7 @@ pub struct Recorded {
     records: BTreeMap<String, Vec<RolloutRecord>>,
     tally: Tally,
     failures: Vec<Failure>,
+    findings: Findings,
     options: Options,
 }
 
@@ -34,7 +36,13 @@ impl Recorded {
             }
             records.entry(record.scenario_id.clone()).or_default().push(record);
         }
-        Self { records, tally: Tally::new(simulators, 1), failures: Vec::new(), options }
+        Self {
+            records,
+            tally: Tally::new(simulators, 1),
+            failures: Vec::new(),
+            findings: Findings::default(),
+            options,
+        }
     }
 
     /// Scores all rollouts of a scenario and returns the failures. A scenario without rollouts is skipped.
@@ -44,8 +52,21 @@ impl Recorded {
         for record in self.records.remove(&scenario.id).unwrap_or_default() {
             groups.entry(record.simulator.clone()).or_default().push(record);
         }
+        for simulator in self.tally.simulators.iter().filter(|s| !groups.contains_key(*s)) {
+            self.findings.add(RolloutCheck::Coverage, || {
+                format!("scenario `{}` has no rollout of `{simulator}`", scenario.id)
+            });
+        }
         for (simulator, mut records) in groups {
             records.sort_by_key(|r| r.rollout);
+            for record in &records {
+                // Tracks that do not fit are reported with the scores.
+                if let Ok(tracks) = recorded_tracks(scenario, record) {
+                    let place =
+                        format!("scenario `{}`, `{simulator}`, rollout {}", scenario.id, record.rollout);
+                    rollout_checks::check(scenario, &place, &tracks, &mut self.findings);
+                }
+            }
             let rows = score_records(place, scenario, &simulator, &records, self.options);
             match rows {
                 Ok(rows) => self.tally.add(&rows),
@@ -61,6 +82,11 @@ impl Recorded {
         }
         self.failures.extend(failed.iter().cloned());
         failed
+    }
+
+    /// Returns the rollouts that fail checks.
+    pub fn findings(&self) -> &Findings {
+        &self.findings
     }
 
     /// Returns the ids of the scenarios whose rollouts are not yet scored.

@@ -4,20 +4,22 @@ use std::path::PathBuf;
 
 use super::{
     BenchmarkRecord, EvaluationError, Failure, FileRecord, Place, Provenance, Recorded, Registrar,
-    RunObserver, SettingsRecord, Summary, program_commit, program_version,
+    RolloutCheck, RunObserver, SettingsRecord, Summary, program_commit, program_version,
 };
 use crate::formats::{self, Input};
 use crate::metrics::Options;
 
 /// Scores the rollouts in Parquet files against their scenarios. Failures are passed to the observer and
-/// listed in the summary; everything else is scored.
+/// listed in the summary; everything else is scored. Checks that need not be met are `allowed`; the summary
+/// states how many rollouts fail them.
 ///
 /// # Errors
-/// [`EvaluationError`] if a file cannot be opened.
+/// [`EvaluationError`] if a file cannot be opened, or rollouts fail a check that is not allowed.
 pub fn score_files(
     rollouts: &[PathBuf],
     scenarios: &[Input],
     options: Options,
+    allowed: &[RolloutCheck],
     observer: &dyn RunObserver,
 ) -> Result<Summary, EvaluationError> {
     let (mut failures, mut records, mut files) = (Vec::new(), Vec::new(), Vec::new());
@@ -51,6 +53,10 @@ pub fn score_files(
         }
         files.push(file);
     }
+    if let Some(findings) = recorded.findings().refused(allowed) {
+        return Err(EvaluationError::RolloutsRefused { findings });
+    }
+    let allowed = recorded.findings().iter().map(|(check, n, _)| (check.allowance().to_owned(), n)).collect();
     let name = files.first().map_or("", |file| file.name.as_str());
     let unmatched = recorded.left().map(|id| {
         let error = format!("no scenario `{id}` in --scenarios for its rollouts");
@@ -76,7 +82,9 @@ pub fn score_files(
         cpu: None,
         keep_rollouts: None,
     };
-    Ok(recorded.finish(failures, &provenance))
+    let mut summary = recorded.finish(failures, &provenance);
+    summary.provenance.allowed = allowed;
+    Ok(summary)
 }
 
 fn failure(

@@ -95,6 +95,9 @@ pub struct SummaryProvenance {
     /// Number of deviations whose scenario was not read: unknown, or beyond the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unused_deviations: usize,
+    /// Number of recorded rollouts that fail a check which the user allowed, by allowance.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub allowed: BTreeMap<String, usize>,
     /// Number of scenarios by the method of assigning lanes for the driving direction.
     pub direction_tracking: BTreeMap<String, usize>,
     /// Failures.
@@ -164,6 +167,7 @@ impl Summary {
                 scenarios_blake3: digest.finalize().to_hex().to_string(),
                 passed_over: 0,
                 unused_deviations: 0,
+                allowed: BTreeMap::new(),
                 direction_tracking: tracking,
                 failures: failures.to_vec(),
             },

@@ -31,8 +31,11 @@ pub struct Entry {
     pub difficulty: Option<String>,
     /// Method of assigning lanes for the driving direction.
     pub direction_tracking: Option<String>,
-    /// Statistics of the deviated AV against the logged AV.
+    /// Statistics of the AV against the logged AV. In the realism protocol, in which every simulator moves the
+    /// AV in its own way, those of the first simulator.
     pub deviation: BTreeMap<String, f64>,
+    /// Index of the simulator of these statistics.
+    deviation_of: usize,
     /// One cell per simulator; `None` without a result.
     pub cells: Vec<Option<Cell>>,
 }
@@ -78,6 +81,7 @@ impl Tally {
             difficulty: first.difficulty.clone(),
             direction_tracking: None,
             deviation: BTreeMap::new(),
+            deviation_of: usize::MAX,
             cells: vec![None; count],
         });
         let mut cell = Cell::default();
@@ -100,8 +104,10 @@ impl Tally {
             if entry.direction_tracking.is_none() {
                 entry.direction_tracking.clone_from(&row.direction_tracking);
             }
-            if entry.deviation.is_empty() {
+            // Rows arrive in any order.
+            if simulator < entry.deviation_of && !row.deviation.is_empty() {
                 entry.deviation.clone_from(&row.deviation);
+                entry.deviation_of = simulator;
             }
         }
         entry.cells[simulator] = Some(cell);

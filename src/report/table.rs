@@ -209,6 +209,9 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     }
     if s.protocol == "recorded" {
         parts.push("recorded rollouts".to_owned());
+        let allowed =
+            p.allowed.iter().map(|(name, n)| format!("{} allowed as {name}", count(*n, "exception")));
+        parts.extend(allowed);
     } else {
         protocol(s, &mut parts);
     }

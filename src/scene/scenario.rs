@@ -123,6 +123,21 @@ pub struct LogFuture {
 }
 
 impl Scenario {
+    /// Returns the scenario without anything after the current frame: logged futures, agents that appear
+    /// later, deviated AV, and the marks of agents, which data sets choose by their later motion.
+    pub fn without_future(mut self) -> Self {
+        self.log_future.tracks.iter_mut().for_each(|track| track.fill(None));
+        self.log_future.lights.iter_mut().for_each(|states| states.fill(None));
+        for agent in &mut self.unselected {
+            agent.track[HISTORY..].fill(None);
+        }
+        self.unselected.retain(|agent| agent.track.iter().any(Option::is_some));
+        self.deviation = None;
+        self.tracks_to_predict.clear();
+        self.objects_of_interest.clear();
+        self
+    }
+
     /// Returns the whole logged track of an agent: 91 frames.
     pub fn logged(&self, agent: usize) -> Vec<Frame> {
         self.start.history[agent].iter().chain(&self.log_future.tracks[agent]).copied().collect()

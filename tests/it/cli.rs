@@ -126,7 +126,9 @@ fn help_fits_a_terminal() {
       view         Show run folders in a browser: tables, figures, every scene from above
       study        Run studies: replan interval, reactive against realism protocol, ablations
       inspect      Describe and draw a scenario
-      list         List models, metrics, formats, weights, map types or case studies
+      export-av    Write the trajectories of deviated AVs without anything of the recorded future
+      scenes       Write scenarios as frames that the Python package reads
+      list         List models, metrics, formats, weights, map types, case studies or backends
       completions  Print a completion script for a shell
       man          Write manual pages
       help         Print this message or the help of the given subcommand(s)
@@ -154,6 +156,8 @@ fn help_fits_a_terminal() {
         "view",
         "study",
         "inspect",
+        "export-av",
+        "scenes",
         "list",
     ] {
         let help = stdout(&reactsim(&[verb, "--help"]));

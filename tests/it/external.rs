@@ -32,7 +32,7 @@ impl Child {
     /// `None`, with a message, where there is no Python.
     pub(super) fn new() -> Option<Self> {
         if !Process::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
-            eprintln!("passed over: there is no python3");
+            crate::skipped("there is no python3");
             return None;
         }
         let folder = tempfile::tempdir().unwrap();
@@ -280,6 +280,23 @@ fn simulators_that_cannot_start_are_refused_with_their_reason() {
     );
     assert!(PlannedSimulator::external(simulator.unwrap(), None).is_err(), "the name of a baseline");
     assert_eq!(child.left_over(), 0);
+}
+
+#[test]
+fn the_library_takes_a_command() {
+    let Some(child) = Child::new() else { return };
+    let Command::Shell(line) = child.command("") else { return };
+    let results = reactsim::Benchmark::shipped()
+        .limit(4)
+        .baseline("constant-velocity")
+        .external("mine", line)
+        .run()
+        .unwrap();
+    let mean = |id: &str| results.mean(id, "ade").unwrap();
+    assert_eq!(mean("mine"), mean("constant-velocity"));
+    assert!(results.table().contains("| mine ‡ "), "{}", results.table());
+    let error = reactsim::Benchmark::shipped().external("mine", "exit 3").run().unwrap_err().to_string();
+    assert!(error.contains("did not start: it ended with exit code 3"), "{error}");
 }
 
 #[test]

@@ -35,6 +35,7 @@ mod qp;
 mod realism;
 mod reference;
 mod regression;
+mod rollout_checks;
 mod scenes;
 mod scripted_av;
 mod shipped;

@@ -1,0 +1,97 @@
+//! `reactsim export-av`: the trajectories of deviated AVs, for programs that simulate offline.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use serde_json::json;
+
+use super::{ExitStatus, ReadingArgs, count, say};
+use crate::evaluation::{Deviations, Source};
+use crate::files;
+use crate::scene::{AgentState, DeviatedTrack, Deviation, Scenario};
+
+const AFTER: &str = "\
+Together with `reactsim convert --history-only`, this gives others what a simulation needs and nothing of
+the recorded future: certificates, which contain motions of the other agents, are left out. The rollouts
+are scored with `reactsim score`.
+
+Example:
+  reactsim convert logs/ --history-only --out histories.parquet
+  reactsim export-av logs/ --deviations deviations.parquet --out avs.json";
+
+/// Arguments of `export-av`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct ExportAvArgs {
+    /// Files or folders of scenarios [default: the shipped benchmark]
+    #[arg(value_name = "SCENARIOS")]
+    scenarios: Vec<PathBuf>,
+    /// Deviated AVs by scenario id, Parquet or JSON [default: those that scenarios carry]
+    #[arg(long, value_name = "FILE")]
+    deviations: Option<PathBuf>,
+    /// Only the first N scenarios of every file [default: all]
+    #[arg(long, value_name = "N")]
+    limit: Option<NonZeroUsize>,
+    /// The JSON file of deviations to write, in the coordinates of the scenarios
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    #[command(flatten)]
+    reading: ReadingArgs,
+}
+
+pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
+    let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
+    let sources = match args.scenarios.is_empty() {
+        true => vec![Source::shipped(most)],
+        false => Source::of_inputs(args.reading.find_inputs(&args.scenarios)?, most)?,
+    };
+    let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
+    let (mut entries, mut failed) = (Vec::new(), 0);
+    for source in &sources {
+        for record in (source.open)()? {
+            match record.and_then(|decode| decode()) {
+                Ok(scenario) => entries.extend(entry(&scenario, deviations.as_ref())),
+                Err(error) => {
+                    say(format_args!("warning: {error}"));
+                    failed += 1;
+                }
+            }
+        }
+    }
+    if entries.is_empty() {
+        bail!("no scenario has a deviated AV: give --deviations FILE, or make one with `reactsim curate`");
+    }
+    let number = entries.len();
+    let file = json!({ "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": entries });
+    files::replace(&args.out, |out| out.write_all(format!("{file}\n").as_bytes()))
+        .with_context(|| format!("could not write {}", args.out.display()))?;
+    say(format_args!("{}: {}", args.out.display(), count(number, "deviated AV")));
+    Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
+}
+
+/// Returns the entry of a scenario; `None` if it has no deviated AV.
+fn entry(scenario: &Scenario, deviations: Option<&Deviations>) -> Option<serde_json::Value> {
+    let (category, track) = match deviations {
+        Some(deviations) => {
+            let record = deviations.tracks.get(&scenario.id)?;
+            (record.category, record.track_in(scenario.origin))
+        }
+        None => {
+            let DeviatedTrack { category, track, .. } = scenario.deviation.clone()?;
+            (category, track)
+        }
+    };
+    let column = |value: fn(&AgentState) -> f64| track.iter().map(value).collect::<Vec<f64>>();
+    let mut entry = json!({
+        "scenario_id": scenario.id,
+        "x": column(|s| s.x),
+        "y": column(|s| s.y),
+        "heading": column(|s| s.heading),
+    });
+    if let Some(category) = category.map(Deviation::name) {
+        entry["category"] = category.into();
+    }
+    Some(entry)
+}

@@ -1,0 +1,191 @@
+//! Rollouts of other programs are refused where their numbers would look better than they are.
+
+use std::fs;
+use std::path::Path;
+
+use reactsim::evaluation::{EvaluationError, RolloutCheck, Summary, score_files};
+use reactsim::formats::rollouts::{RolloutRecord, Writer};
+use reactsim::formats::{self, Input};
+use reactsim::geometry::Vec2;
+use reactsim::metrics::Options;
+use reactsim::scene::Scenario;
+
+use crate::generated::{deviating, write};
+use crate::program::reactsim;
+
+struct Fixture {
+    home: tempfile::TempDir,
+    inputs: Vec<Input>,
+    records: Vec<RolloutRecord>,
+}
+
+impl Fixture {
+    fn new() -> Self {
+        Self::at(Vec2::zeros())
+    }
+
+    /// Scenarios with this origin in the world frame.
+    fn at(origin: Vec2) -> Self {
+        let home = tempfile::tempdir().unwrap();
+        let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("run"));
+        write(&input, (0..3).map(|i| Scenario { origin, ..deviating(i, true) }));
+        let text = |path: &Path| path.to_str().unwrap().to_owned();
+        let run = ["run", &text(&input), "--models", "stop", "--out", &text(&out), "--keep-rollouts"];
+        assert_eq!(reactsim(&run).status.code(), Some(0));
+        let records = read_rollouts(&out.join("rollouts.parquet"));
+        Self { inputs: formats::find_inputs(&input).unwrap(), home, records }
+    }
+
+    fn score(&self, records: &[RolloutRecord], allowed: &[RolloutCheck]) -> Result<Summary, EvaluationError> {
+        let path = self.home.path().join("changed.parquet");
+        fs::remove_file(&path).ok();
+        let mut writer = Writer::create(&path).unwrap();
+        records.iter().for_each(|record| writer.write(record).unwrap());
+        writer.finish().unwrap();
+        score_files(&[path], &self.inputs, Options::default(), allowed, &())
+    }
+
+    fn refusal(&self, change: impl Fn(&mut Vec<RolloutRecord>)) -> (String, Summary) {
+        let mut records = self.records.clone();
+        change(&mut records);
+        let text = self.score(&records, &[]).unwrap_err().to_string();
+        (text, self.score(&records, &RolloutCheck::ALL).unwrap())
+    }
+}
+
+#[test]
+fn rollouts_as_the_program_writes_them_pass() {
+    let fixture = Fixture::new();
+    let summary = fixture.score(&fixture.records, &[]).unwrap();
+    assert_eq!((summary.provenance.scenarios, summary.provenance.allowed.len()), (3, 0));
+}
+
+#[test]
+fn every_difference_is_named_and_can_be_allowed() {
+    let fixture = Fixture::new();
+    let agents = fixture.records[1].agent_ids.clone();
+    let id = fixture.records[1].scenario_id.clone();
+    let slot = |record: &RolloutRecord, id: &str| record.agent_ids.iter().position(|a| a == id).unwrap();
+    let av = {
+        let scenario = fixture.inputs[0].open().unwrap().nth(1).unwrap().unwrap();
+        scenario.start.agents[0].id.clone()
+    };
+    let other = agents.iter().find(|a| **a != av).unwrap();
+
+    let (text, summary) = fixture.refusal(|records| {
+        let slot = slot(&records[1], &av);
+        records[1].tracks[slot][40].as_mut().unwrap().y += 0.5;
+    });
+    let place = format!("scenario `{id}`, `stop`, rollout 0");
+    assert!(
+        text.contains(&format!(
+            "1 rollouts, the first: {place}: the AV is 0.50 m from the prescribed trajectory at step 41 \
+             (--allow other-av)"
+        )),
+        "{text}"
+    );
+    assert_eq!(summary.provenance.allowed, [("other-av".to_owned(), 1)].into());
+
+    // An agent that vanishes collides with nothing.
+    let (text, _) = fixture.refusal(|records| {
+        let slot = slot(&records[1], other);
+        records[1].tracks[slot][30..].fill(None);
+    });
+    assert!(
+        text.contains(&format!("{place}: agent `{other}` is absent at step 31, but not in the log")),
+        "{text}"
+    );
+    let (text, summary) = fixture.refusal(|records| {
+        for record in records {
+            let av = record.agent_ids.iter().position(|id| *id == av).unwrap();
+            record.agent_ids = vec![record.agent_ids[av].clone()];
+            record.tracks = vec![record.tracks[av].clone()];
+        }
+    });
+    assert!(text.contains("3 rollouts") && text.contains("(--allow missing-agents)"), "{text}");
+    assert_eq!(summary.provenance.allowed["missing-agents"], 3);
+
+    let (text, _) = fixture.refusal(|records| {
+        let slot = slot(&records[1], other);
+        records[1].tracks[slot].iter_mut().flatten().for_each(|state| state.x += 3.0);
+    });
+    let part = format!("{place}: agent `{other}` is 3.");
+    assert!(text.contains(&part) && text.contains("(--allow jumps)"), "{text}");
+
+    let (text, _) = fixture.refusal(|records| _ = records.pop());
+    assert!(
+        text.contains("1 scenarios, the first: scenario `") && text.contains("(--allow partial)"),
+        "{text}"
+    );
+}
+
+#[test]
+fn the_wrong_frame_of_coordinates_is_recognised() {
+    let fixture = Fixture::at(Vec2::new(512.0, -256.0));
+    // Numbers of the scenario frame, stated as coordinates of the world.
+    let (text, _) = fixture.refusal(|records| {
+        records.iter_mut().for_each(|record| record.origin = Some(Vec2::zeros()));
+    });
+    assert!(text.contains("the coordinates are in the other frame"), "{text}");
+}
+
+#[test]
+fn allowances_are_marked_below_the_table() {
+    let fixture = Fixture::new();
+    let path = fixture.home.path().join("some.parquet");
+    let mut writer = Writer::create(&path).unwrap();
+    fixture.records[..2].iter().for_each(|record| writer.write(record).unwrap());
+    writer.finish().unwrap();
+    let input = fixture.inputs[0].path.to_str().unwrap();
+    let score = |more: &[&str]| {
+        reactsim(&[&["score", path.to_str().unwrap(), "--scenarios", input][..], more].concat())
+    };
+    let refused = score(&[]);
+    assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
+    let allowed = score(&["--allow", "partial"]);
+    assert_eq!(allowed.status.code(), Some(0));
+    let table = String::from_utf8(allowed.stdout).unwrap();
+    assert!(table.contains("1 exception allowed as partial"), "{table}");
+    let unknown = String::from_utf8(score(&["--allow", "everything"]).stderr).unwrap();
+    assert!(unknown.contains("expected one of other-av, jumps, missing-agents, partial"), "{unknown}");
+}
+
+#[test]
+fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
+    let fixture = Fixture::new();
+    let input = fixture.inputs[0].path.to_str().unwrap();
+    let path = |name: &str| fixture.home.path().join(name).to_str().unwrap().to_owned();
+    let (histories, avs) = (path("histories.parquet"), path("avs.json"));
+    for arguments in [
+        vec!["convert", input, "--history-only", "--out", &histories],
+        vec!["export-av", input, "--out", &avs],
+    ] {
+        let output = reactsim(&arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let read = |file: &str| -> Vec<_> {
+        let inputs = formats::find_inputs(Path::new(file)).unwrap();
+        inputs[0].open().unwrap().map(Result::unwrap).collect()
+    };
+    for (history, whole) in read(&histories).iter().zip(read(input)) {
+        assert_eq!(history.start.history, whole.start.history);
+        assert_eq!((&history.start.map, history.origin), (&whole.start.map, whole.origin));
+        assert!(history.log_future.tracks.iter().flatten().all(Option::is_none));
+        assert!(history.log_future.lights.iter().flatten().all(Option::is_none));
+        assert!(history.unselected.iter().all(|a| a.track[11..].iter().all(Option::is_none)));
+        assert!(history.deviation.is_none() && history.objects_of_interest.is_empty());
+    }
+    // Both together simulate as the whole scenarios, and the rollouts pass every check.
+    let out = path("offline");
+    let run = ["run", &histories, "--deviations", &avs, "--models", "stop", "--out", &out, "--keep-rollouts"];
+    let run = reactsim(&run);
+    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+    let rollouts: Vec<RolloutRecord> = read_rollouts(&Path::new(&out).join("rollouts.parquet"));
+    assert_eq!(rollouts, fixture.records);
+    let score = reactsim(&["score", &format!("{out}/rollouts.parquet"), "--scenarios", input]);
+    assert_eq!(score.status.code(), Some(0), "{}", String::from_utf8_lossy(&score.stderr));
+}
+
+fn read_rollouts(path: &Path) -> Vec<RolloutRecord> {
+    formats::rollouts::read(path).unwrap().map(Result::unwrap).collect()
+}
