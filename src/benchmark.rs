@@ -349,8 +349,7 @@ fn plan(
             Entry::Own(simulator) => *simulator,
             Entry::Baseline(id) => PlannedSimulator::by_ids(&[id])?.remove(0),
             Entry::External(external) => {
-                let intervals = vec![settings.rollout.replan.steps()];
-                let outline = RunOutline { intervals, protocols: vec![settings.rollout.protocol.name()] };
+                let outline = RunOutline::of(&settings.rollout);
                 PlannedSimulator::external(ExternalSimulator::start(*external, outline)?, None)?
             }
         };

@@ -1,14 +1,14 @@
 //! `reactsim export-av`: the trajectories of deviated AVs, for programs that simulate offline.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use super::{ExitStatus, ReadingArgs, count, say};
-use crate::evaluation::{Deviations, Source};
+use super::scenario_args::ScenarioArgs;
+use super::{ExitStatus, count, say};
+use crate::evaluation::Deviations;
 use crate::files;
 use crate::scene::{AgentState, DeviatedTrack, Deviation, Scenario};
 
@@ -25,33 +25,20 @@ Example:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct ExportAvArgs {
-    /// Files or folders of scenarios [default: the shipped benchmark]
-    #[arg(value_name = "SCENARIOS")]
-    scenarios: Vec<PathBuf>,
-    /// Deviated AVs by scenario id, Parquet or JSON [default: those that scenarios carry]
-    #[arg(long, value_name = "FILE")]
-    deviations: Option<PathBuf>,
-    /// Only the first N scenarios of every file [default: all]
-    #[arg(long, value_name = "N")]
-    limit: Option<NonZeroUsize>,
+    #[command(flatten)]
+    input: ScenarioArgs,
     /// The JSON file of deviations to write, in the coordinates of the scenarios
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    #[command(flatten)]
-    reading: ReadingArgs,
 }
 
 pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
-    let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
-    let sources = match args.scenarios.is_empty() {
-        true => vec![Source::shipped(most)],
-        false => Source::of_inputs(args.reading.find_inputs(&args.scenarios)?, most)?,
-    };
-    let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
+    let sources = args.input.sources()?;
+    let deviations = args.input.deviations.as_deref().map(Deviations::read).transpose()?;
     let (mut entries, mut failed) = (Vec::new(), 0);
     for source in &sources {
-        for record in (source.open)()? {
-            match record.and_then(|decode| decode()) {
+        for scenario in source.scenarios()? {
+            match scenario {
                 Ok(scenario) => entries.extend(entry(&scenario, deviations.as_ref())),
                 Err(error) => {
                     say(format_args!("warning: {error}"));

@@ -122,8 +122,7 @@ pub(super) fn check_batches(
 ) -> anyhow::Result<()> {
     let mut scenarios = Vec::new();
     for source in &plan.sources {
-        let records = (source.open)()?;
-        let readable = records.filter_map(|record| record.and_then(|decode| decode()).ok());
+        let readable = source.scenarios()?.filter_map(Result::ok);
         let with_av = readable.filter(|scenario| plan.av(scenario).is_ok());
         scenarios.extend(with_av.take(count.get() - scenarios.len()));
         if scenarios.len() == count.get() {
@@ -141,7 +140,8 @@ pub(super) fn check_batches(
             largest = largest.max(difference.largest);
         }
         say(format_args!(
-            "{}: {compared} scenarios together, at most {} per batch, and singly: positions differ by at most {largest} m",
+            "{}: {compared} scenarios together, at most {} per batch, and singly: positions differ by at most \
+             {largest} m",
             simulator.name(),
             simulator.batch(),
         ));

@@ -100,8 +100,7 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
         if args.reading.current_frame.is_some() {
             bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
         }
-        let scenarios =
-            (Source::shipped(usize::MAX).open)()?.map(|pending| pending.and_then(|decode| decode()));
+        let scenarios = Source::shipped(usize::MAX).scenarios()?;
         return pick(scenarios, id, "the shipped benchmark");
     };
     let inputs = args.reading.find_inputs(std::slice::from_ref(path))?;

@@ -19,6 +19,7 @@ mod progress;
 mod reference;
 mod report;
 mod run;
+mod scenario_args;
 mod scenes;
 mod score;
 mod shell;

@@ -139,9 +139,7 @@ fn plan(args: &RunArgs) -> anyhow::Result<(Plan, Vec<ExternalSimulator>)> {
         av_lookahead: args.av_lookahead == "1",
         seed: subject.seed,
     };
-    let outline =
-        RunOutline { intervals: vec![args.replan.steps()], protocols: vec![settings.protocol.name()] };
-    let (simulators, external) = subject.simulators(args.smooth, &outline)?;
+    let (simulators, external) = subject.simulators(args.smooth, &RunOutline::of(&settings))?;
     let plan = subject.plan(simulators, settings, args.rollouts, args.keep_rollouts)?;
     Ok((plan, external))
 }

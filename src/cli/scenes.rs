@@ -1,13 +1,12 @@
 //! `reactsim scenes`: scenarios as frames of the protocol for external simulators.
 
 use std::io::{self, Write};
-use std::num::NonZeroUsize;
-use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{ExitStatus, ReadingArgs, say, write_result};
-use crate::evaluation::{Deviations, Source};
+use super::scenario_args::ScenarioArgs;
+use super::{ExitStatus, say, write_result};
+use crate::evaluation::Deviations;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};
 use crate::scene::Scenario;
 
@@ -20,43 +19,30 @@ written. The protocol is described in docs/external-protocol.md.";
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct ScenesArgs {
-    /// Files or folders of scenarios [default: the shipped benchmark]
-    #[arg(value_name = "SCENARIOS")]
-    scenarios: Vec<PathBuf>,
-    /// Deviated AVs by scenario id, Parquet or JSON; other scenarios are skipped
-    #[arg(long, value_name = "FILE")]
-    deviations: Option<PathBuf>,
-    /// Only the first N scenarios of every file [default: all]
-    #[arg(long, value_name = "N")]
-    limit: Option<NonZeroUsize>,
+    #[command(flatten)]
+    input: ScenarioArgs,
     /// Also write the logged future and the deviated AV
     #[arg(long)]
     future: bool,
-    #[command(flatten)]
-    reading: ReadingArgs,
 }
 
 pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
-    let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
-    let sources = match args.scenarios.is_empty() {
-        true => vec![Source::shipped(most)],
-        false => Source::of_inputs(args.reading.find_inputs(&args.scenarios)?, most)?,
-    };
-    let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
+    let sources = args.input.sources()?;
+    let deviations = args.input.deviations.as_deref().map(Deviations::read).transpose()?;
     let mut failed = 0;
     write_result(None, |out| {
         let mut number = 0;
         for source in &sources {
-            let records = match (source.open)() {
-                Ok(records) => records,
+            let scenarios = match source.scenarios() {
+                Ok(scenarios) => scenarios,
                 Err(error) => {
                     say(format_args!("warning: {error}"));
                     failed += 1;
                     continue;
                 }
             };
-            for record in records {
-                let scenario = match record.and_then(|decode| decode()) {
+            for scenario in scenarios {
+                let scenario = match scenario {
                     Ok(scenario) => scenario,
                     Err(error) => {
                         say(format_args!("warning: {error}"));

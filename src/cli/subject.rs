@@ -7,7 +7,8 @@ use anyhow::bail;
 use clap::{Args, ValueEnum};
 
 use super::external::ExternalArgs;
-use super::{ReadingArgs, metric_options};
+use super::metric_options;
+use super::scenario_args::ScenarioArgs;
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
 };
@@ -20,9 +21,8 @@ use crate::work::available_threads;
 /// Scenarios, simulators and the driver of the AV.
 #[derive(Debug, Args)]
 pub(super) struct EvaluationArgs {
-    /// Files or folders of scenarios [default: the shipped benchmark]
-    #[arg(value_name = "SCENARIOS")]
-    scenarios: Vec<PathBuf>,
+    #[command(flatten)]
+    input: ScenarioArgs,
     /// Simulators, separated by commas [default: all baselines except those that lack weights]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     pub(super) models: Vec<String>,
@@ -36,22 +36,14 @@ pub(super) struct EvaluationArgs {
     /// shift:<m> or file:<path> [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
-    /// Deviated AVs by scenario id, Parquet or JSON; other scenarios are skipped
-    #[arg(long, value_name = "FILE")]
-    deviations: Option<PathBuf>,
     /// Tensor backend of the networks; `reactsim list backends` shows those of this program
     #[arg(long, default_value_t, value_name = "NAME")]
     backend: Backend,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
-    /// Only the first N scenarios of every file [default: all]
-    #[arg(long, value_name = "N")]
-    limit: Option<NonZeroUsize>,
     #[command(flatten)]
     pub(super) external: ExternalArgs,
-    #[command(flatten)]
-    reading: ReadingArgs,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
@@ -145,18 +137,18 @@ impl EvaluationArgs {
             bail!("the simulator moves the AV in the realism protocol: leave --av out");
         }
         let deviated = matches!(self.av, None | Some(AvChoice::Deviated));
-        let deviations = match (&self.deviations, &self.av) {
+        let deviations = match (&self.input.deviations, &self.av) {
             (Some(_), Some(AvChoice::File(_))) => bail!("give either --deviations or --av file:<path>"),
             (Some(_), _) if !deviated => bail!("--deviations goes with --av deviated only"),
             (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(Deviations::read(path)?),
             (None, _) => None,
         };
-        let sources = self.sources()?;
+        let sources = self.input.sources()?;
         let av = match (&self.av, protocol) {
             (Some(av), _) => av.clone(),
             (None, Protocol::Realism) => AvChoice::Log,
             (None, Protocol::Reactive) => {
-                if deviations.is_none() && !self.scenarios.is_empty() && !first_is_deviated(&sources) {
+                if deviations.is_none() && !self.input.scenarios.is_empty() && !first_is_deviated(&sources) {
                     bail!(
                         "the scenarios have no deviated AV: give --deviations <file>, \
                          or choose a driver with --av: {AV_CHOICES}"
@@ -165,21 +157,9 @@ impl EvaluationArgs {
                 AvChoice::Deviated
             }
         };
-        let limit = self.limit.map(NonZeroUsize::get);
+        let limit = self.input.limit.map(NonZeroUsize::get);
         let settings = RunSettings { rollout, av, rollouts, options, limit };
         Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
-    }
-
-    /// Finds the files of scenarios and recognises their formats; by default the shipped benchmark.
-    fn sources(&self) -> anyhow::Result<Vec<Source>> {
-        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
-        if self.scenarios.is_empty() {
-            if self.reading.current_frame.is_some() {
-                bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
-            }
-            return Ok(vec![Source::shipped(most)]);
-        }
-        Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)
     }
 }
 
@@ -200,7 +180,7 @@ pub(super) fn parse_weights(texts: &[String]) -> anyhow::Result<Vec<(String, Pat
 /// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable,
 /// which the run reports later.
 fn first_is_deviated(sources: &[Source]) -> bool {
-    let scenarios = sources.iter().filter_map(|s| (s.open)().ok()).flatten();
-    let mut readable = scenarios.filter_map(|s| s.and_then(|decode| decode()).ok());
+    let scenarios = sources.iter().filter_map(|s| s.scenarios().ok()).flatten();
+    let mut readable = scenarios.filter_map(Result::ok);
     readable.next().is_none_or(|s| s.deviation.is_some())
 }

@@ -1,4 +1,4 @@
-//! What a simulator can know beyond its observations.
+//! Knowledge of simulators beyond their observations.
 
 use serde::{Deserialize, Serialize};
 

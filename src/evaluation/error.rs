@@ -18,8 +18,8 @@ pub enum EvaluationError {
     },
     /// The batches of external simulators have no common size.
     #[error(
-        "external simulators with batches of {batches:?} episodes: their least common multiple exceeds {most}; \
-         give --external-batch"
+        "external simulators with batches of {batches:?} episodes: their least common multiple exceeds \
+         {most}; give --external-batch"
     )]
     UnevenBatches {
         /// Sizes of the batches.

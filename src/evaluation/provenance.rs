@@ -39,7 +39,8 @@ pub struct Provenance {
     /// Name of the tensor backend, such as `flex`; `None` if no simulator has a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backend: Option<String>,
-    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`](crate::models::nn::cpu_class)); `None` if no simulator has a network.
+    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`](crate::models::nn::cpu_class)); `None` if
+    /// no simulator has a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu: Option<String>,
     /// Whether rollouts are kept; omitted from the summary, which does not depend on it.

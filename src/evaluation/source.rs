@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use super::EvaluationError;
 use super::file_record::{FileRecord, Registrar};
 use super::row::Place;
-use crate::formats::{FormatError, Input, PendingScenarios, UndecodedScenario, decoded};
+use crate::formats::{FormatError, Input, PendingScenarios, Scenarios, UndecodedScenario, decoded};
 use crate::scene::Scenario;
 
 /// Opens a source for reading from its beginning.
@@ -36,6 +36,14 @@ impl Source {
     pub fn of_inputs(inputs: Vec<Input>, most: usize) -> Result<Vec<Self>, EvaluationError> {
         let mut registrar = Registrar::default();
         inputs.into_iter().map(|input| Self::of_input(input, most, &mut registrar)).collect()
+    }
+
+    /// Opens the source and decodes its scenarios one after the other.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the source cannot be opened; scenarios that cannot be read are errors of their own.
+    pub fn scenarios(&self) -> Result<Scenarios, FormatError> {
+        Ok(Box::new((self.open)()?.map(|record| record.and_then(|decode| decode()))))
     }
 
     /// Scenarios in memory, of which at most `most` are used. Their digest is taken over those of the

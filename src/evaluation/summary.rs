@@ -38,7 +38,7 @@ pub struct SimulatorSummary {
     pub failed: usize,
     /// Whether the simulator gets the log's future (†).
     pub oracle: bool,
-    /// What an external simulator can know; `None` for others.
+    /// Knowledge of an external simulator beyond its observations; `None` for others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub external: Option<Access>,
     /// Estimate per metric, by id.

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::connection::{Answer, RequestError};
-use super::document::{FrameWriter, Values};
+use super::connection::RequestError;
+use super::document::{Frame, FrameWriter, Values};
 use super::settings::TimeLimits;
 use super::workers::{Worker, Workers};
 use super::{realised, replies, scenes};
@@ -24,6 +24,8 @@ pub(super) struct OpenBatch {
     lights: Vec<usize>,
     /// Number of frames that the simulator has received.
     frames: usize,
+    /// Whether the process has confirmed the end of the batch.
+    has_ended: bool,
 }
 
 impl OpenBatch {
@@ -47,6 +49,7 @@ impl OpenBatch {
             agents: starts.iter().map(|s| s.agents.len()).max().unwrap_or(0),
             lights: starts.iter().map(|s| s.lights.len()).collect(),
             frames: HISTORY,
+            has_ended: false,
             episodes,
         };
         let mut request = FrameWriter::new("begin");
@@ -81,8 +84,7 @@ impl OpenBatch {
         if let Some(worker) = &mut self.worker {
             worker.has_planned = true;
         }
-        let frame = planned.frame().map_err(|e| PlanError::BrokenOff(e.text()))?;
-        replies::take_plans(&frame, (b, n), active)
+        replies::take_plans(&planned, (b, n), active)
             .map_err(|e| PlanError::BrokenOff(format!("`planned` cannot be used: {e}")))
     }
 
@@ -92,16 +94,11 @@ impl OpenBatch {
             let mut request = FrameWriter::new("end");
             request.tensor("episode", Values::u64(&[self.episodes.len()], self.episodes.iter().copied()));
             // A process that fails here is replaced; the plans of the batch are complete.
-            if self.request(request, "ended", 0).is_err() {
-                self.worker = None;
-            }
+            self.has_ended = self.request(request, "ended", 0).is_ok();
         }
-        self.workers.put_back(self.worker.take());
-        // Nothing is left for `drop`.
-        self.episodes.clear();
     }
 
-    fn request(&mut self, request: FrameWriter, wanted: &str, numbers: usize) -> Result<Answer, String> {
+    fn request(&mut self, request: FrameWriter, wanted: &str, numbers: usize) -> Result<Frame, String> {
         let Some(worker) = &mut self.worker else { return Err("its process has ended".to_owned()) };
         let limit = if worker.has_planned { self.limits.plan } else { self.limits.first };
         worker.connection.request(request, wanted, numbers, limit).map_err(|error| {
@@ -115,11 +112,9 @@ impl OpenBatch {
 
 impl Drop for OpenBatch {
     fn drop(&mut self) {
-        // Dropped without `end`: the state of the process is unknown, and another one takes its place.
-        if !self.episodes.is_empty() {
-            self.worker = None;
-            self.workers.put_back(None);
-        }
+        // Without an answer to `end`, the state of the process is unknown, and another one takes its place.
+        let worker = self.worker.take().filter(|_| self.has_ended);
+        self.workers.put_back(worker);
     }
 }
 

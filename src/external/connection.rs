@@ -51,16 +51,6 @@ pub(super) struct Connection {
     sequence: u64,
 }
 
-/// An answer: the bytes of its document, whose type has been checked.
-pub(super) struct Answer(Vec<u8>);
-
-impl Answer {
-    /// Returns the document.
-    pub(super) fn frame(&self) -> Result<Frame<'_>, RequestError> {
-        Frame::read(&self.0).map_err(|e| RequestError::Broken(e.to_string()))
-    }
-}
-
 impl Connection {
     /// Starts a process, or takes our own standard input and output.
     pub(super) fn open(command: &Command, stderr: &Stderr) -> io::Result<Self> {
@@ -96,7 +86,7 @@ impl Connection {
         wanted: &str,
         numbers: usize,
         limit: Duration,
-    ) -> Result<Answer, RequestError> {
+    ) -> Result<Frame, RequestError> {
         let deadline = Instant::now() + limit;
         let sequence = self.sequence.to_string();
         self.sequence += 1;
@@ -118,7 +108,7 @@ impl Connection {
             }
             Err(RecvTimeoutError::Disconnected) => return Err(self.closed()),
         };
-        let frame = match Frame::read(&bytes) {
+        let frame = match Frame::read(bytes) {
             Ok(frame) => frame,
             Err(error) => return Err(self.broken(&error.to_string())),
         };
@@ -138,7 +128,7 @@ impl Connection {
         if kind != wanted {
             return Err(self.broken(&format!("it answered `{kind}` instead of `{wanted}`")));
         }
-        Ok(Answer(bytes))
+        Ok(frame)
     }
 
     /// Waits for a frame. A process that has ended sends nothing more, although its children may keep its
@@ -151,7 +141,7 @@ impl Connection {
                 received => return received,
             }
             if self.process.as_mut().is_some_and(Process::has_ended) {
-                // What it wrote last may still be on its way.
+                // Its last answer may still be in the pipe.
                 let last = self.incoming.recv_timeout(LOOK_AGAIN);
                 return last.map_err(|_| RecvTimeoutError::Disconnected);
             }

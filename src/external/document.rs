@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 
-use safetensors::tensor::{Dtype, SafeTensors, View};
+use safetensors::tensor::{Dtype, Metadata, SafeTensors, View};
 
 /// A reason why a document is refused; the text names the field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -114,8 +114,8 @@ impl FrameWriter {
     }
 }
 
-/// Reads the bytes of one frame, without its length. `Ok(None)` at the end of the stream. `most` is asked when
-/// the length is known: a frame may be awaited before it is clear how long it can be.
+/// Reads the bytes of one frame, without its length. `Ok(None)` at the end of the stream. `most` is asked
+/// when the length is known: a frame may be awaited before it is clear how long it can be.
 ///
 /// # Errors
 /// If the stream ends inside a frame, or the frame has more than `most` bytes.
@@ -153,22 +153,23 @@ pub fn read_frame(from: &mut dyn Read, most: impl Fn() -> u64) -> io::Result<Opt
 }
 
 /// A document that was received.
-pub struct Frame<'a> {
-    texts: HashMap<String, String>,
-    tensors: SafeTensors<'a>,
+pub struct Frame {
+    bytes: Vec<u8>,
+    header: Metadata,
+    /// Offset of the tensors.
+    data: usize,
 }
 
-impl<'a> Frame<'a> {
+impl Frame {
     /// Reads a document.
     ///
     /// # Errors
     /// [`DocumentError`] if it is not safetensors, has no `type`, or is of another version of the protocol.
-    pub fn read(bytes: &'a [u8]) -> Result<Self, DocumentError> {
-        let refuse = |e| DocumentError(format!("the frame is not a safetensors document: {e}"));
-        let tensors = SafeTensors::deserialize(bytes).map_err(refuse)?;
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(refuse)?;
-        let texts = header.metadata().clone().unwrap_or_default();
-        let frame = Self { texts, tensors };
+    pub fn read(bytes: Vec<u8>) -> Result<Self, DocumentError> {
+        let header = SafeTensors::read_metadata(&bytes);
+        let (length, header) =
+            header.map_err(|e| DocumentError(format!("the frame is not a safetensors document: {e}")))?;
+        let frame = Self { bytes, header, data: size_of::<u64>() + length };
         let found = frame.text("protocol")?;
         if found != super::PROTOCOL {
             let own = super::PROTOCOL;
@@ -186,12 +187,12 @@ impl<'a> Frame<'a> {
     /// [`DocumentError`] if it is missing.
     pub fn text(&self, key: &str) -> Result<&str, DocumentError> {
         let missing = || DocumentError(format!("the metadata has no `{key}`"));
-        self.texts.get(key).map(String::as_str).ok_or_else(missing)
+        self.optional_text(key).ok_or_else(missing)
     }
 
     /// Returns a text that may be missing.
     pub fn optional_text(&self, key: &str) -> Option<&str> {
-        self.texts.get(key).map(String::as_str)
+        self.header.metadata().as_ref()?.get(key).map(String::as_str)
     }
 
     /// Returns the numbers of a tensor of `f64` or `f32` with this shape.
@@ -199,15 +200,17 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// [`DocumentError`] naming the tensor with the expected and the found type or shape.
     pub fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f64>, DocumentError> {
-        let missing = |_| DocumentError(format!("there is no tensor `{name}`"));
-        let tensor = self.tensors.tensor(name).map_err(missing)?;
-        if tensor.shape() != shape {
-            let found = tensor.shape();
+        let missing = || DocumentError(format!("there is no tensor `{name}`"));
+        let tensor = self.header.info(name).ok_or_else(missing)?;
+        if tensor.shape != shape {
+            let found = &tensor.shape;
             return Err(DocumentError(format!("`{name}` has the shape {found:?} instead of {shape:?}")));
         }
-        match tensor.dtype() {
-            Dtype::F64 => Ok(numbers(tensor.data(), f64::from_le_bytes)),
-            Dtype::F32 => Ok(numbers(tensor.data(), |b| f64::from(f32::from_le_bytes(b)))),
+        // Reading the header has checked that the offsets fit type, shape and bytes.
+        let data = &self.bytes[self.data + tensor.data_offsets.0..self.data + tensor.data_offsets.1];
+        match tensor.dtype {
+            Dtype::F64 => Ok(numbers(data, f64::from_le_bytes)),
+            Dtype::F32 => Ok(numbers(data, |b| f64::from(f32::from_le_bytes(b)))),
             other => Err(DocumentError(format!("`{name}` has the type {other:?} instead of F64 or F32"))),
         }
     }
@@ -233,7 +236,7 @@ mod tests {
     fn what_is_written_is_read() {
         let bytes = written();
         let document = read_frame(&mut bytes.as_slice(), || 1 << 20).unwrap().unwrap();
-        let frame = Frame::read(&document).unwrap();
+        let frame = Frame::read(document).unwrap();
         assert_eq!(frame.text("type").unwrap(), "planned");
         assert_eq!(frame.floats("states", &[1, 2]).unwrap(), [0.1, f64::MIN_POSITIVE]);
         let text = |shape: &[usize], name| frame.floats(name, shape).unwrap_err().0;
@@ -263,7 +266,7 @@ mod tests {
                 let mut changed = bytes[8..].to_vec();
                 changed[at - 8] ^= change;
                 // No panic, whatever the document holds.
-                if let Ok(frame) = Frame::read(&changed) {
+                if let Ok(frame) = Frame::read(changed) {
                     let _ = frame.floats("states", &[1, 2]);
                 }
             }

@@ -22,7 +22,8 @@ pub enum ExternalError {
     },
     /// It does not support the settings of the run.
     #[error(
-        "external simulator `{name}` plans every {supported} steps, this run every {asked}: give --replan {hint}steps"
+        "external simulator `{name}` plans every {supported} steps, this run every {asked}: \
+         give --replan {hint}steps"
     )]
     Interval {
         /// Name of the simulator.

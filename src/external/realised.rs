@@ -1,9 +1,8 @@
-//! What a simulator receives at every plan: the states realised since the last one.
+//! The content of `plan`: the states realised since the last one.
 
 use super::document::{FrameWriter, Values};
-use super::scenes::light_code;
+use super::scenes::{frame_numbers, light_code, state_numbers};
 use crate::rollout::Episode;
-use crate::scene::AgentState;
 
 /// Writes the request of a plan. `episodes` are the handles of the batch, `n` its largest number of agents;
 /// `active` are the episodes to plan by their index in the batch; the others are padding. `lights` are the
@@ -32,7 +31,7 @@ pub(super) fn request(
                 episode.filter(|e| slot < e.plan.agents()).map_or(&[][..], |e| &e.seen.track(slot)[from..]);
             for k in 0..t {
                 let state = track.get(k).copied().flatten();
-                states.extend(state.map_or([0.0; 5], numbers));
+                states.extend(frame_numbers(state));
                 valid.push(u8::from(state.is_some()));
             }
         }
@@ -44,7 +43,8 @@ pub(super) fn request(
             light_states.extend((0..t).map(|k| light_code(seen.get(k).copied().flatten())));
         }
     }
-    let av_next = by_index.iter().map(|e| e.and_then(|e| e.seen.av_next()).map_or([f64::NAN; 5], numbers));
+    let av_next =
+        by_index.iter().map(|e| e.and_then(|e| e.seen.av_next()).map_or([f64::NAN; 5], state_numbers));
     let mut document = FrameWriter::new("plan");
     document
         .text("frame", frame.to_string())
@@ -56,8 +56,4 @@ pub(super) fn request(
         .tensor("light_state", Values::u8(&[lights.iter().sum(), t], light_states))
         .tensor("av_next", Values::f64(&[b, 5], av_next.flatten().collect::<Vec<_>>()));
     document
-}
-
-fn numbers(state: AgentState) -> [f64; 5] {
-    [state.x, state.y, state.heading, state.vx, state.vy]
 }

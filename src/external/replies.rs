@@ -1,4 +1,4 @@
-//! Checks of what a simulator answers.
+//! Checks of the answers of simulators.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ const FARTHEST: f64 = 1e5;
 /// Largest length of texts that a simulator states about itself, bytes.
 const LONGEST_TEXT: usize = 200;
 
-/// What a simulator states about itself.
+/// The statement of a simulator about itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Description {
     /// Name.
@@ -31,7 +31,7 @@ pub struct Description {
 
 impl Description {
     /// Reads `welcome`.
-    pub(super) fn read(frame: &Frame<'_>) -> Result<Self, DocumentError> {
+    pub(super) fn read(frame: &Frame) -> Result<Self, DocumentError> {
         let refuse = |text: String| DocumentError(format!("`welcome`: {text}"));
         let short = |key: &str| {
             let text = frame.optional_text(key).unwrap_or_default().trim();
@@ -76,7 +76,7 @@ impl Description {
 /// # Errors
 /// If the answer as a whole has not the shape that was asked for.
 pub(super) fn take_plans(
-    frame: &Frame<'_>,
+    frame: &Frame,
     (b, n): (usize, usize),
     active: &mut [(usize, &mut Episode<'_>)],
 ) -> Result<(), DocumentError> {

@@ -1,8 +1,8 @@
 //! One scenario as a message, for programs that read scenarios instead of simulating them.
 
 use super::document::{FrameWriter, Values};
-use super::scenes::{add_scenes, light_code};
-use crate::scene::{AgentState, FUTURE, Frame, Scenario};
+use super::scenes::{add_scenes, frame_numbers, light_code, state_numbers};
+use crate::scene::{AgentState, FUTURE, Scenario};
 
 /// What a scene contains beyond the information known at the current frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,19 +32,14 @@ pub fn scene_frame(scenario: &Scenario, number: u64, extras: SceneExtras) -> Fra
         let future = &scenario.log_future;
         let frames = || future.tracks.iter().flatten();
         let (n, k) = (future.tracks.len(), future.lights.len());
-        let state = |frame: &Frame| frame.map_or([0.0; 5], numbers);
         let lights = future.lights.iter().flatten().map(|light| light_code(*light));
         document
-            .tensor("future", Values::f64(&[1, n, FUTURE, 5], frames().flat_map(state)))
+            .tensor("future", Values::f64(&[1, n, FUTURE, 5], frames().copied().flat_map(frame_numbers)))
             .tensor("future_valid", Values::u8(&[1, n, FUTURE], frames().map(|f| u8::from(f.is_some()))))
             .tensor("light_future", Values::u8(&[k, FUTURE], lights));
         if let Some(track) = av {
-            document.tensor("av", Values::f64(&[track.len(), 5], track.into_iter().flat_map(numbers)));
+            document.tensor("av", Values::f64(&[track.len(), 5], track.into_iter().flat_map(state_numbers)));
         }
     }
     document
-}
-
-fn numbers(state: AgentState) -> [f64; 5] {
-    [state.x, state.y, state.heading, state.vx, state.vy]
 }

@@ -1,8 +1,8 @@
-//! What a simulator receives at the beginning of a batch: agents, history, map, lights, obstacles.
+//! The content of `begin`: agents, history, map, lights, obstacles.
 
 use super::document::{FrameWriter, Values};
 use crate::geometry::{Vec2, math};
-use crate::scene::{AgentKind, HISTORY, LaneArea, LaneKind, LightState, RoadMap, Start};
+use crate::scene::{AgentKind, AgentState, Frame, HISTORY, LaneArea, LaneKind, LightState, RoadMap, Start};
 
 /// Types of lines in the order of their codes.
 pub const LINE_TYPES: [&str; 12] = [
@@ -66,6 +66,16 @@ pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) {
         .tensor("obstacle", Values::f64(&[obstacles.boxes.len() / 5, 5], obstacles.boxes));
 }
 
+/// Returns the numbers of a frame: x, y, heading, vx, vy; 0 where absent.
+pub(super) fn frame_numbers(frame: Frame) -> [f64; 5] {
+    frame.map_or([0.0; 5], state_numbers)
+}
+
+/// Returns the numbers of a state: x, y, heading, vx, vy.
+pub(super) fn state_numbers(state: AgentState) -> [f64; 5] {
+    [state.x, state.y, state.heading, state.vx, state.vy]
+}
+
 /// Returns the code of an observed light.
 pub(super) fn light_code(state: Option<LightState>) -> u8 {
     state.map_or(NONE, LightState::code)
@@ -86,12 +96,11 @@ fn add_agents(document: &mut FrameWriter, starts: &[&Start]) {
     };
     let frame = |start: &Start, slot: usize, k: usize| start.history.get(slot).and_then(|track| track[k]);
     let frames = || slots().flat_map(|(start, slot)| (0..HISTORY).map(move |k| frame(start, slot, k)));
-    let state = |f: crate::scene::Frame| f.map_or([0.0; 5], |s| [s.x, s.y, s.heading, s.vx, s.vy]);
     document
         .tensor("n_agents", Values::i32(&[b], starts.iter().map(|s| s.agents.len() as i32)))
         .tensor("kind", Values::u8(&[b, n], slots().map(kind)))
         .tensor("size", Values::f64(&[b, n, 2], slots().flat_map(size)))
-        .tensor("history", Values::f64(&[b, n, HISTORY, 5], frames().flat_map(state)))
+        .tensor("history", Values::f64(&[b, n, HISTORY, 5], frames().flat_map(frame_numbers)))
         .tensor("valid", Values::u8(&[b, n, HISTORY], frames().map(|f| u8::from(f.is_some()))));
 }
 

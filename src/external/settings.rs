@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::ExternalError;
+use crate::rollout::Settings;
 
 /// Largest number of episodes per batch.
 pub(super) const MOST_PER_BATCH: usize = 1024;
@@ -114,4 +115,11 @@ pub struct RunOutline {
     pub intervals: Vec<usize>,
     /// Names of the evaluation protocols: `reactive`, `realism`.
     pub protocols: Vec<&'static str>,
+}
+
+impl RunOutline {
+    /// Returns the outline of a single run.
+    pub fn of(settings: &Settings) -> Self {
+        Self { intervals: vec![settings.replan.steps()], protocols: vec![settings.protocol.name()] }
+    }
 }

@@ -33,8 +33,8 @@ impl Worker {
     }
 }
 
-/// The workers of one simulator. Those that no thread uses wait here; a worker that broke is replaced when the
-/// next batch begins.
+/// The workers of one simulator. Those that no thread uses wait here; a worker that broke is replaced when
+/// the next batch begins.
 pub(super) struct Workers {
     settings: ExternalSettings,
     outline: RunOutline,
@@ -100,7 +100,8 @@ impl Workers {
         let result = match started {
             Ok((connection, description)) => match &state.description {
                 Some(first) if *first != description => Err(format!(
-                    "a new process states {description:?}, the first one stated {first:?}; all must be the same"
+                    "a new process states {description:?}, the first one stated {first:?}; \
+                     all must be the same"
                 )),
                 _ => {
                     state.description.get_or_insert(description);
@@ -141,9 +142,8 @@ impl Workers {
             .text("protocol_name", format!("{:?}", outline.protocols))
             .text("reveals_ids", if settings.reveal_ids { "1" } else { "0" });
         let read = |connection: &mut Connection| {
-            let answer = connection.request(hello, "welcome", 0, settings.limits.start)?;
-            let frame = answer.frame()?;
-            Description::read(&frame).map_err(|e| RequestError::Broken(e.to_string()))
+            let welcome = connection.request(hello, "welcome", 0, settings.limits.start)?;
+            Description::read(&welcome).map_err(|e| RequestError::Broken(e.to_string()))
         };
         let description = read(&mut connection).map_err(RequestError::text)?;
         Ok((connection, description))

@@ -30,9 +30,8 @@ pub(super) struct GuardsArgs {
 pub(super) fn plan(args: &GuardsArgs) -> anyhow::Result<PlannedStudy> {
     let subject = &args.shared.subject;
     let adjustments = subject.adjustments(None)?;
-    let outline = RunOutline { intervals: vec![args.replan.steps()], protocols: vec!["reactive"] };
-    let (simulators, external) = subject.simulators(None, &outline)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
+    let (simulators, external) = subject.simulators(None, &RunOutline::of(&settings))?;
     let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::guards(plan, &adjustments)?, external))
 }

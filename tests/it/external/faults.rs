@@ -1,4 +1,5 @@
-//! Scripted faults: every one at every message. No run hangs, and every scenario has its right row or a failure.
+//! Scripted faults: every one at every message. No run hangs, and every scenario has its right row or a
+//! failure.
 
 use std::thread::sleep;
 use std::time::{Duration, Instant};
