@@ -64,6 +64,7 @@ impl Connection {
             Command::Shell(line) => {
                 let (process, pipes) = Process::start(line)?;
                 (reading, writing) = (Box::new(pipes.stdout), Box::new(pipes.stdin));
+                last_lines.open();
                 let (stderr, last_lines) = (stderr.clone(), last_lines.clone());
                 spawn("stderr", move || stderr.drain(pipes.stderr, &last_lines))?;
                 Some(process)

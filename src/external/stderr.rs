@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Number of lines that messages repeat.
 const LAST_LINES: usize = 12;
@@ -17,6 +18,10 @@ const MOST_BUFFERED: usize = 1 << 20;
 
 /// Bytes written to a file; later ones are dropped.
 const MOST_WRITTEN: u64 = 64 << 20;
+
+/// Longest time that a message waits for the last lines of a process that has ended; a grandchild may keep the
+/// stream open.
+const LAST_WORDS: Duration = Duration::from_millis(500);
 
 /// Where the standard error of child processes goes.
 pub enum StderrTarget {
@@ -44,12 +49,28 @@ enum Open {
 
 /// The last lines of one process.
 #[derive(Clone, Default)]
-pub(super) struct LastLines(Arc<Mutex<VecDeque<String>>>);
+pub(super) struct LastLines(Arc<(Mutex<LastLinesState>, Condvar)>);
+
+#[derive(Default)]
+struct LastLinesState {
+    lines: VecDeque<String>,
+    /// Whether more lines can come.
+    is_open: bool,
+}
 
 impl LastLines {
-    /// Returns the lines as a text to append to a message.
+    /// States that lines will come, until [`Stderr::drain`] meets the end of the stream.
+    pub(super) fn open(&self) {
+        self.lock().is_open = true;
+    }
+
+    /// Returns the lines of a process that has ended as a text to append to a message. What it wrote last may
+    /// still be on its way.
     pub(super) fn text(&self) -> String {
-        let lines = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (_, ended) = &*self.0;
+        let waited = ended.wait_timeout_while(self.lock(), LAST_WORDS, |state| state.is_open);
+        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let lines = &state.lines;
         if lines.is_empty() {
             return String::new();
         }
@@ -61,11 +82,20 @@ impl LastLines {
         let text = String::from_utf8_lossy(&line[..line.len().min(LINE_LENGTH)]);
         // Control characters would disturb the terminal.
         let text: String = text.chars().filter(|c| !c.is_control() || *c == '\t').collect();
-        let mut lines = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let lines = &mut self.lock().lines;
         if lines.len() == LAST_LINES {
             lines.pop_front();
         }
         lines.push_back(text);
+    }
+
+    fn end(&self) {
+        self.lock().is_open = false;
+        self.0.1.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, LastLinesState> {
+        self.0.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -111,6 +141,7 @@ impl Stderr {
         if !line.is_empty() {
             self.put(&line, last);
         }
+        last.end();
     }
 
     fn put(&self, line: &[u8], last: &LastLines) {
@@ -144,6 +175,7 @@ impl State {
 #[cfg(test)]
 mod tests {
     use std::sync::mpsc;
+    use std::thread;
 
     use super::*;
 
@@ -163,5 +195,26 @@ mod tests {
         let text = last.text();
         assert!(text.contains("\n    line 19\n") && !text.contains("line 2\n"), "{text}");
         assert!(!text.contains('\x1b') && text.len() < 2000, "{text}");
+    }
+    #[test]
+    fn a_message_waits_for_the_last_lines() {
+        let (stderr, last) = (Stderr::default(), LastLines::default());
+        last.open();
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        thread::scope(|scope| {
+            scope.spawn(|| stderr.drain(reader, &last));
+            let text = scope.spawn(|| last.text());
+            thread::sleep(Duration::from_millis(20));
+            writer.write_all(b"late\n").unwrap();
+            drop(writer);
+            assert!(text.join().unwrap().ends_with("\n    late"));
+        });
+    }
+
+    #[test]
+    fn a_stream_that_stays_open_holds_up_no_message() {
+        let last = LastLines::default();
+        last.open();
+        assert_eq!(last.text(), "");
     }
 }
