@@ -7,10 +7,11 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::also::ExtraColumns;
+use super::finished::put_table;
 use super::report::formats as table_formats;
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
-use crate::evaluation::{Failure, RolloutCheck, RunObserver, score_files};
+use crate::evaluation::{Failure, RolloutCheck, RunFolder, RunObserver, Scoring};
 use crate::formats;
 use crate::formats::document::Document;
 use crate::report::{Run, exporter};
@@ -37,8 +38,9 @@ pub(super) struct ScoreArgs {
     format: String,
     #[command(flatten)]
     also: ExtraColumns,
-    /// Write to this file instead of stdout
-    #[arg(long, value_name = "FILE")]
+    /// For rollouts in Parquet a run folder to write: provenance, rows, events, rollouts, summary; for a
+    /// document the file of the scores [default: stdout only]
+    #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }
 
@@ -86,13 +88,27 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     let options = metric_options(&args.metric_options)?;
     let inputs = find_inputs(&args.scenarios)?;
-    let summary = score_files(paths, &inputs, options, &args.allow, &Warnings)?;
-    if summary.provenance.scenarios == 0 {
-        bail!("no rollout could be scored: see the warnings above");
+    let scoring = Scoring::new(paths, &inputs, options)?;
+    let folder = args.out.as_ref().map(|path| RunFolder::create(path, scoring.provenance())).transpose()?;
+    let scored = scoring.run(&args.allow, folder.as_ref(), &Warnings).map_err(anyhow::Error::from);
+    let scored = scored.and_then(|summary| match summary.provenance.scenarios {
+        0 => bail!("no rollout could be scored: see the warnings above"),
+        _ => Ok(summary),
+    });
+    let summary = match scored {
+        Ok(summary) => summary,
+        Err(error) => {
+            // Refused rollouts leave no folder that looks like a run.
+            folder.map(RunFolder::discard).transpose()?;
+            return Err(error);
+        }
+    };
+    if let Some(folder) = &folder {
+        put_table(folder, &summary, &args.also)?;
     }
     if let Some(exporter) = exporter(&args.format) {
         let run = [Run { name: "", summary: &summary }];
-        write_result(args.out.as_deref(), |out| exporter.export(&run, args.also.columns(), out))?;
+        write_result(None, |out| exporter.export(&run, args.also.columns(), out))?;
     }
     Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }

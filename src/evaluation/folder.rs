@@ -115,14 +115,14 @@ impl RunFolder {
         &self.path
     }
 
-    /// Appends the events and then the rows of one scenario and one simulator, so that complete rows imply
-    /// complete events.
+    /// Appends the events (lines) and then the rows of one scenario and one simulator, so that complete rows
+    /// imply complete events.
     ///
     /// # Errors
     /// [`EvaluationError::Write`]; nothing is written after it, so that only the last line can be truncated.
-    pub fn append(&self, rows: &str, events: &str) -> Result<(), EvaluationError> {
+    pub fn append(&self, rows: &[Row], events: &str) -> Result<(), EvaluationError> {
         write_to(&self.events, events)?;
-        write_to(&self.rows, rows)
+        write_to(&self.rows, &rows.iter().map(line).collect::<String>())
     }
 
     /// Appends a failure.
@@ -178,6 +178,24 @@ impl RunFolder {
     /// [`EvaluationError::Write`]; the old file is then left unchanged.
     pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
         replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
+    }
+
+    /// Removes what was written, so that the folder is empty again.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`].
+    pub fn discard(self) -> Result<(), EvaluationError> {
+        self.remove_parts()?;
+        for name in REPLACED_FILES.into_iter().chain([ROLLOUTS]) {
+            let path = self.path.join(name);
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(cannot_write(&path)(error));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     /// Removes temporary files left by a killed run. The lock is held, so no other run writes here.

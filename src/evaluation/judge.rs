@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::row::{Row, Value};
+use super::folder::line;
+use super::row::{EventLine, Row, Value};
 use crate::metrics::{self, Case, DeviationStats, Event, Options, Scope, Score};
 use crate::rollout::Rollout;
 use crate::scene::{Certificate, Scenario};
@@ -24,16 +25,11 @@ pub(super) struct RolloutResult {
 }
 
 impl PairScores {
-    /// Returns one row per rollout with its events, and a last one over all rollouts. `template` is the row
-    /// of the scenario and the simulator without values; `indices` are those of the rollouts.
-    pub(super) fn rows(
-        self,
-        template: Row,
-        indices: impl IntoIterator<Item = u32>,
-        rollouts: &[Rollout],
-    ) -> Vec<(Row, Vec<Event>)> {
-        let mut rows = Vec::with_capacity(rollouts.len() + 1);
-        for ((index, rollout), result) in indices.into_iter().zip(rollouts).zip(self.rollouts) {
+    /// Returns one row per rollout and a last one over all rollouts, and the lines of the events. `template`
+    /// is the row of the scenario and the simulator without values.
+    pub(super) fn rows(self, template: Row, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+        let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
+        for ((index, rollout), result) in (0..).zip(rollouts).zip(self.rollouts) {
             let row = Row {
                 rollout: Some(index),
                 direction_tracking: Some(result.direction_tracking.to_owned()),
@@ -42,10 +38,13 @@ impl PairScores {
                 outcomes: rollout.outcomes.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect(),
                 ..template.clone()
             };
-            rows.push((row, result.events));
+            for event in &result.events {
+                events.push_str(&line(&EventLine::new(&row, index, event)));
+            }
+            rows.push(row);
         }
-        rows.push((Row { metrics: self.over_all, ..template }, Vec::new()));
-        rows
+        rows.push(Row { metrics: self.over_all, ..template });
+        (rows, events)
     }
 }
 

@@ -28,6 +28,7 @@ mod comparison;
 pub mod document;
 mod error;
 mod file_record;
+mod finish;
 mod folder;
 mod foreign_rollout;
 mod judge;
@@ -40,7 +41,7 @@ mod rollouts;
 mod row;
 mod runner;
 mod rollout_checks;
-mod score_files;
+mod scoring;
 mod shelf;
 mod shipped;
 mod simulators;
@@ -69,12 +70,11 @@ pub use provenance::{
     ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
     program_version,
 };
-pub use recorded::Recorded;
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, Place, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
-pub use score_files::score_files;
+pub use scoring::Scoring;
 pub use shelf::Shelf;
 pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};

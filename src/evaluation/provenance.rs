@@ -52,7 +52,7 @@ pub struct Provenance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SettingsRecord {
-    /// `reactive` or `realism`.
+    /// `reactive` or `realism`; `recorded` for scored rollouts of other programs.
     pub protocol: String,
     /// AV policy; `simulator` in the realism protocol.
     pub av: String,
@@ -70,15 +70,15 @@ pub struct SettingsRecord {
 }
 
 impl SettingsRecord {
-    /// Returns the settings of recorded rollouts, of which nothing is known.
-    pub fn recorded() -> Self {
+    /// Returns the settings of recorded rollouts, of which only their number is known.
+    pub fn recorded(rollouts: u32) -> Self {
         Self {
             protocol: "recorded".to_owned(),
             av: "recorded".to_owned(),
             replan_steps: 0,
             av_lookahead: false,
             seed: 0,
-            rollouts: 0,
+            rollouts,
             limit: None,
         }
     }

@@ -6,11 +6,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
-use super::folder::{RunFolder, SUMMARY, line};
+use super::finish::finish;
+use super::folder::RunFolder;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::plan::Plan;
-use super::row::{EventLine, Failure, Place, Row};
+use super::row::{Failure, Place, Row};
 use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
 use super::summary::Summary;
@@ -111,12 +112,7 @@ pub fn run(
     let seen = runner.deviations.into_inner().unwrap_or_else(PoisonError::into_inner);
     summary.provenance.unused_deviations = unused_deviations(plan, &tally, seen);
     if let Some(folder) = folder {
-        folder.finish(&tally, &failures)?;
-        if plan.keep_rollouts {
-            rollouts::join_parts(folder, &tally)?;
-        }
-        folder.put(SUMMARY, &summary.to_json())?;
-        folder.remove_parts()?;
+        finish(folder, &tally, &failures, &summary)?;
     }
     Ok(Outcome::Finished(Box::new(summary)))
 }
@@ -356,7 +352,7 @@ impl Runner<'_> {
                 let part = folder.part(ready.place, simulator)?;
                 rollouts::write_part(&part, &ready.scenario, &self.names[simulator], &rollouts)?;
             }
-            folder.append(&rows.iter().map(line).collect::<String>(), &events)?;
+            folder.append(&rows, &events)?;
         }
         self.observer.rows(&rows);
         self.tally.lock().unwrap_or_else(PoisonError::into_inner).add(&rows);
@@ -368,13 +364,7 @@ impl Runner<'_> {
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
         let scores = judge(&ready.scenario, certificate, rollouts, self.plan.settings.options);
-        let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
-        for (row, counted) in scores.rows(template, 0.., rollouts) {
-            let index = row.rollout.unwrap_or_default();
-            counted.iter().for_each(|event| events.push_str(&line(&EventLine::new(&row, index, event))));
-            rows.push(row);
-        }
-        (rows, events)
+        scores.rows(template, rollouts)
     }
 
     /// Prefixes a text with file and record, like errors of files.

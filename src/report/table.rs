@@ -208,7 +208,8 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
         parts.push(format!("{} passed over", p.passed_over));
     }
     if s.protocol == "recorded" {
-        parts.push("recorded rollouts".to_owned());
+        parts.push("recorded elsewhere".to_owned());
+        parts.push(count(s.rollouts as usize, "rollout"));
         let allowed =
             p.allowed.iter().map(|(name, n)| format!("{} allowed as {name}", count(*n, "exception")));
         parts.extend(allowed);

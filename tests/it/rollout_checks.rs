@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::evaluation::{EvaluationError, RolloutCheck, Summary, score_files};
+use reactsim::evaluation::{EvaluationError, RolloutCheck, Scoring, Summary};
 use reactsim::formats::rollouts::{RolloutRecord, Writer};
 use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
@@ -42,7 +42,7 @@ impl Fixture {
         let mut writer = Writer::create(&path).unwrap();
         records.iter().for_each(|record| writer.write(record).unwrap());
         writer.finish().unwrap();
-        score_files(&[path], &self.inputs, Options::default(), allowed, &())
+        Scoring::new(&[path], &self.inputs, Options::default())?.run(allowed, None, &())
     }
 
     fn refusal(&self, change: impl Fn(&mut Vec<RolloutRecord>)) -> (String, Summary) {
@@ -148,6 +148,81 @@ fn allowances_are_marked_below_the_table() {
     assert!(table.contains("1 exception allowed as partial"), "{table}");
     let unknown = String::from_utf8(score(&["--allow", "everything"]).stderr).unwrap();
     assert!(unknown.contains("expected one of other-av, jumps, missing-agents, partial"), "{unknown}");
+}
+
+#[test]
+fn scored_rollouts_become_a_run_folder() {
+    let fixture = Fixture::new();
+    let path = |name: &str| fixture.home.path().join(name).to_str().unwrap().to_owned();
+    let (input, run, scored) = (path("scenarios.parquet"), path("run"), path("scored"));
+    let rollouts = format!("{run}/rollouts.parquet");
+    let score = |more: &[&str]| {
+        reactsim(&[&["score", &rollouts, "--scenarios", &input, "--out", &scored][..], more].concat())
+    };
+    assert_eq!(score(&[]).status.code(), Some(0));
+    // As the folder of the run, but that the rollouts are the first input.
+    for name in ["rows.jsonl", "events.jsonl"] {
+        let read = |folder: &str| fs::read_to_string(Path::new(folder).join(name)).unwrap();
+        assert_eq!(read(&scored).replace("\"input\":1,", "\"input\":0,"), read(&run), "{name}");
+    }
+    assert_eq!(read_rollouts(&Path::new(&scored).join("rollouts.parquet")), fixture.records);
+    assert!(!Path::new(&scored).join("parts").exists());
+
+    // Every command takes it.
+    let page = path("page.html");
+    for arguments in [
+        vec!["report", &scored],
+        vec!["report", &scored, "--scenarios", &input, "--format", "html", "--out", &page],
+        vec![
+            "inspect",
+            &input,
+            "--id",
+            &fixture.records[1].scenario_id,
+            "--rollout",
+            &scored,
+            "--svg",
+            &path("x.svg"),
+        ],
+        vec!["compare", &scored, &run],
+    ] {
+        let output = reactsim(&arguments);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {text}");
+    }
+    let full = String::from_utf8(score(&[]).stderr).unwrap();
+    assert!(full.contains("scored") && full.contains("not empty"), "{full}");
+}
+
+#[test]
+fn refused_rollouts_leave_no_run_folder() {
+    let fixture = Fixture::new();
+    let (path, out) = (fixture.home.path().join("some.parquet"), fixture.home.path().join("scored"));
+    let mut writer = Writer::create(&path).unwrap();
+    fixture.records[..2].iter().for_each(|record| writer.write(record).unwrap());
+    writer.finish().unwrap();
+    let (path, input) = (path.to_str().unwrap(), fixture.inputs[0].path.to_str().unwrap());
+    let score = ["score", path, "--scenarios", input, "--out", out.to_str().unwrap()];
+    assert_eq!(reactsim(&score).status.code(), Some(2));
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 0);
+    // The same folder is taken with an allowance.
+    let allowed = [&score[..], &["--allow", "partial"]].concat();
+    assert_eq!(reactsim(&allowed).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(out.join("rows.jsonl")).unwrap().lines().count(), 4);
+}
+
+#[test]
+fn every_scenario_has_the_same_number_of_rollouts() {
+    let fixture = Fixture::new();
+    let numbered = |rollout: u32| RolloutRecord { rollout, ..fixture.records[1].clone() };
+    for (added, text) in [
+        (numbered(1), "1 rollouts, where others have 2; give the same number for all"),
+        (numbered(2), "rollout 1 is missing (there is 2); count from 0"),
+        (numbered(0), "rollout 0 occurs twice"),
+    ] {
+        let summary = fixture.score(&[&fixture.records[..], &[added]].concat(), &[]).unwrap();
+        let failures = summary.provenance.failures;
+        assert!(failures.iter().any(|failure| failure.error.contains(text)), "{failures:?}");
+    }
 }
 
 #[test]

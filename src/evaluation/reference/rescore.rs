@@ -6,7 +6,7 @@ use std::path::Path;
 use super::ReferenceError;
 use crate::evaluation::folder::ROLLOUTS;
 use crate::evaluation::provenance::differences;
-use crate::evaluation::recorded::score_records;
+use crate::evaluation::recorded::{rollouts_of, score_rollouts};
 use crate::evaluation::{Place, Row, Source, read_provenance, read_rows};
 use crate::formats::rollouts::ByName;
 use crate::metrics::Options;
@@ -50,7 +50,10 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                     };
                     records.push(record.ok_or_else(missing)?);
                 }
-                let again = score_records(place, &scenario, &simulator, &records, options).map_err(&unfit)?;
+                let recorded = rollouts_of(&scenario, &records);
+                let recorded =
+                    recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
+                let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options);
                 // Rows have a category only if the AV is the deviated one.
                 let deviated = run.settings.av == "deviated";
                 let comparable = |row: &Row| Row {

@@ -1,0 +1,23 @@
+//! Completion of a run folder.
+
+use super::folder::{RunFolder, SUMMARY};
+use super::row::Failure;
+use super::summary::Summary;
+use super::tally::Tally;
+use super::{EvaluationError, rollouts};
+
+/// Sorts rows and events, joins the kept rollouts and writes the summary, whose existence marks the folder as
+/// finished.
+pub(super) fn finish(
+    folder: &RunFolder,
+    tally: &Tally,
+    failures: &[Failure],
+    summary: &Summary,
+) -> Result<(), EvaluationError> {
+    folder.finish(tally, failures)?;
+    if summary.provenance.run.keep_rollouts == Some(true) {
+        rollouts::join_parts(folder, tally)?;
+    }
+    folder.put(SUMMARY, &summary.to_json())?;
+    folder.remove_parts()
+}
