@@ -101,6 +101,19 @@ impl Backend {
         }
     }
 
+    const fn is_gpu(self) -> bool {
+        match self {
+            #[cfg(feature = "flex")]
+            Self::Flex => false,
+            #[cfg(feature = "ndarray")]
+            Self::Ndarray => false,
+            #[cfg(feature = "wgpu")]
+            Self::Wgpu => true,
+            #[cfg(feature = "cuda")]
+            Self::Cuda => true,
+        }
+    }
+
     /// Checks that the backend computes on this machine: drivers of graphics processors may be missing.
     ///
     /// # Errors
@@ -151,6 +164,11 @@ impl FromStr for Backend {
 /// Returns the device of the default backend.
 pub fn device() -> Device {
     Backend::default().device()
+}
+
+/// Returns whether the tensors of a device without gradients are on a graphics processor, far from the host.
+pub(super) fn is_gpu(device: &Device) -> bool {
+    Backend::ALL.iter().any(|backend| backend.is_gpu() && backend.device() == *device)
 }
 
 #[cfg(test)]

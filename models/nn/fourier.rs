@@ -8,6 +8,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::Initializer;
+use super::device::is_gpu;
 use super::turns::cos_sin_rows;
 
 /// Rows per pass through the layers, so that intermediate results stay in the processor's caches.
@@ -84,7 +85,7 @@ impl FourierEmbedding {
         let [count, frequencies] = self.freqs.dims();
         assert_eq!(scalars.len() % count, 0, "scalars of a Fourier embedding");
         let rows = scalars.len() / count;
-        if device.is_autodiff() || cfg!(any(feature = "cuda", feature = "wgpu")) {
+        if device.is_autodiff() || is_gpu(device) {
             let scalars = TensorData::new(scalars.to_vec(), [rows, count]);
             return self.forward(Tensor::from_data(scalars, device), categorical);
         }

@@ -3,6 +3,7 @@
 use burn::tensor::{Tensor, TensorData};
 
 use super::Neighbors;
+use super::device::is_gpu;
 
 /// The relation vector of every slot of [`Neighbors`], as rows and as columns: scores use the
 /// columns, messages the rows.
@@ -27,7 +28,7 @@ impl Relations {
         let device = edges.device();
         let relations = Self::new(neighbors.relations(edges));
         let [count, slots, width] = relations.rows.dims();
-        if device.is_autodiff() || slots == 0 || cfg!(any(feature = "cuda", feature = "wgpu")) {
+        if device.is_autodiff() || slots == 0 || is_gpu(&device) {
             return relations;
         }
         let values: Vec<f32> = relations.rows.to_data().iter::<f32>().collect();
