@@ -6,7 +6,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::{ExitStatus, say, write_result};
-use crate::evaluation::{Comparison, read_tally};
+use crate::evaluation::{Comparison, Condition, ConditionDifference, read_provenance, read_tally};
 use crate::metrics::{self, Unit};
 use crate::report::comparison;
 
@@ -17,7 +17,10 @@ Examples:
   reactsim compare runs/before runs/after --worse aav-collision=0.05 --worse offroad=0.5
 
 Bounds are in the units of the tables (percent for rates). The last command exits with code 1 if
-a metric got worse by more than its bound in any comparison.";
+a metric got worse by more than its bound in any comparison.
+
+Runs are refused if they differ in a setting on which the numbers depend, unless --despite names
+it: protocol, av, av-lookahead, deviations, replan, rollouts, metric-options.";
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -32,6 +35,9 @@ pub(super) struct CompareArgs {
     /// Simulator of the first run and simulator of the second [default: all that both runs have]
     #[arg(long, value_name = "ID,ID", value_delimiter = ',', num_args = 1)]
     models: Vec<String>,
+    /// Compare although the runs differ in this setting; may be repeated
+    #[arg(long, value_name = "SETTING", value_delimiter = ',', value_parser = condition)]
+    despite: Vec<Condition>,
     /// Exit with code 1 if METRIC got worse by more than BOUND; may be repeated
     #[arg(long, value_name = "METRIC=BOUND")]
     worse: Vec<String>,
@@ -57,6 +63,7 @@ struct Bound {
 
 pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
     let bounds = args.worse.iter().map(|text| bound(text)).collect::<Result<Vec<_>, _>>()?;
+    let differences = differences(args)?;
     let (first, second) = (read_tally(&args.first)?, read_tally(&args.second)?);
     let pairs: Vec<(&str, &str)> = match args.models.as_slice() {
         [] => {
@@ -80,7 +87,7 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
     let comparisons: Vec<Comparison> = compared.collect::<Result<_, _>>()?;
     write_result(None, |out| match args.format.as_str() {
         "json" => writeln!(out, "{}", serde_json::to_string_pretty(&comparisons)?),
-        _ => comparison::write(&comparisons, args.top, out),
+        _ => comparison::write(&comparisons, &differences, args.top, out),
     })?;
     let mut status = ExitStatus::Done;
     for comparison in &comparisons {
@@ -95,6 +102,30 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
         }
     }
     Ok(status)
+}
+
+/// Returns the settings in which the runs differ, all of which must be named by --despite.
+fn differences(args: &CompareArgs) -> anyhow::Result<Vec<ConditionDifference>> {
+    let (first, second) = (read_provenance(&args.first)?, read_provenance(&args.second)?);
+    let differences = Condition::differences(&first, &second);
+    let refused = differences.iter().filter(|difference| !args.despite.contains(&difference.condition));
+    let refused: Vec<String> =
+        refused.map(|d| format!("\n  {}: {} and {}", d.condition.name(), d.first, d.second)).collect();
+    if refused.is_empty() {
+        return Ok(differences);
+    }
+    let named: Vec<&str> = differences.iter().map(|d| d.condition.name()).collect();
+    bail!(
+        "the runs differ in settings on which the numbers depend:{}\n--despite {} compares them nevertheless",
+        refused.concat(),
+        named.join(",")
+    )
+}
+
+/// Parses the name of a condition.
+fn condition(name: &str) -> Result<Condition, String> {
+    let known = || Condition::ALL.map(Condition::name).join(", ");
+    Condition::from_name(name).ok_or_else(|| format!("expected one of {}", known()))
 }
 
 fn bound(text: &str) -> anyhow::Result<Bound> {

@@ -25,6 +25,7 @@ mod av;
 mod benchmarks;
 mod case_study;
 mod comparison;
+mod conditions;
 pub mod document;
 mod error;
 mod file_record;
@@ -57,6 +58,7 @@ pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use case_study::{CASE_STUDIES, CaseStudy};
 pub use comparison::{Comparison, PairedDifference};
+pub use conditions::{Condition, ConditionDifference, changed_options};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use folder::{

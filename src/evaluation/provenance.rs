@@ -48,6 +48,9 @@ pub struct Provenance {
     pub keep_rollouts: Option<bool>,
 }
 
+/// Protocol of scored rollouts of other programs.
+const RECORDED: &str = "recorded";
+
 /// The settings of a run, as stored in files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -73,8 +76,8 @@ impl SettingsRecord {
     /// Returns the settings of recorded rollouts, of which only their number is known.
     pub fn recorded(rollouts: u32) -> Self {
         Self {
-            protocol: "recorded".to_owned(),
-            av: "recorded".to_owned(),
+            protocol: RECORDED.to_owned(),
+            av: RECORDED.to_owned(),
             replan_steps: 0,
             av_lookahead: false,
             seed: 0,
@@ -195,6 +198,11 @@ impl Provenance {
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
         let (name, mine, theirs) = differences(self, other).into_iter().next()?;
         Some((name.trim_start_matches("settings.").to_owned(), mine, theirs))
+    }
+
+    /// Returns whether the rollouts are recordings of other programs, about whose settings little is known.
+    pub fn is_recorded(&self) -> bool {
+        self.settings.protocol == RECORDED
     }
 
     /// Returns whether the program was built from a known commit without changes.

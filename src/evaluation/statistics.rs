@@ -10,7 +10,12 @@ const RESAMPLES: usize = 2000;
 /// Probability below a 95 % interval, and above it.
 const TAIL: f64 = 0.025;
 
-/// A mean over scenarios with its 95 % percentile bootstrap interval; all `None` if no scenario has a value.
+/// Number of scenarios below which an estimate has no interval: the resampled means of so few values say
+/// nothing about other scenarios.
+const MIN_FOR_INTERVAL: usize = 5;
+
+/// A mean over scenarios with its 95 % percentile bootstrap interval. All are `None` if no scenario has a
+/// value; with fewer than 5 scenarios there is no interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Estimate {
@@ -33,6 +38,9 @@ impl Estimate {
         }
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
+        if values.len() < MIN_FOR_INTERVAL {
+            return Self { mean: Some(mean), low: None, high: None, scenarios: values.len() };
+        }
         // If all values are equal, all resampled means are equal up to rounding.
         let (low, high) = if values.iter().all(|v| *v == values[0]) {
             (mean, mean)
@@ -76,9 +84,11 @@ mod tests {
     }
 
     #[test]
-    fn one_scenario_has_no_spread() {
-        let one = Estimate::of(&[0.25], 0, "ade");
-        assert_eq!((one.mean, one.low, one.high, one.scenarios), (Some(0.25), Some(0.25), Some(0.25), 1));
+    fn few_scenarios_have_no_interval() {
+        let few = Estimate::of(&[0.25; 4], 0, "ade");
+        assert_eq!((few.mean, few.low, few.high, few.scenarios), (Some(0.25), None, None, 4));
+        let enough = Estimate::of(&[0.25; 5], 0, "ade");
+        assert_eq!((enough.mean, enough.low, enough.high), (Some(0.25), Some(0.25), Some(0.25)));
     }
 
     #[test]

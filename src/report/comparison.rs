@@ -4,14 +4,19 @@ use std::io::{self, Write};
 
 use super::markdown::{escape, write_aligned};
 use super::table::{COLUMNS, Column, count};
-use crate::evaluation::{Comparison, PairedDifference};
+use crate::evaluation::{Comparison, ConditionDifference, PairedDifference};
 
-/// Writes comparisons as Markdown. Per metric, lists at most `most` scenarios that got better and at most
-/// `most` that got worse.
+/// Writes comparisons of two runs as Markdown, with the conditions in which the runs differ. Per metric, lists
+/// at most `most` scenarios that got better and at most `most` that got worse.
 ///
 /// # Errors
 /// If `out` cannot be written.
-pub fn write(comparisons: &[Comparison], most: usize, out: &mut dyn Write) -> io::Result<()> {
+pub fn write(
+    comparisons: &[Comparison],
+    differences: &[ConditionDifference],
+    most: usize,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     for (i, comparison) in comparisons.iter().enumerate() {
         let Comparison { first, second, scenarios, unpaired, .. } = comparison;
         let same = first == second;
@@ -40,7 +45,12 @@ pub fn write(comparisons: &[Comparison], most: usize, out: &mut dyn Write) -> io
         out,
         "\nSecond minus first, scenario by scenario: mean with its 95 % bootstrap interval; \
          p by a permutation test of the signs."
-    )
+    )?;
+    for ConditionDifference { condition, first, second } in differences {
+        let (first, second) = (escape(first), escape(second));
+        writeln!(out, "The runs differ in `{}`: {first} and {second}.", condition.name())?;
+    }
+    Ok(())
 }
 
 /// Smallest p-value that is printed as a number.

@@ -72,6 +72,7 @@ fn row(columns: &[Column], line: &Line<'_>) -> String {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
             format!("{} {{\\scriptsize $\\pm${}}}", c.number(*mean), c.number((high - low) / 2.0))
         }
+        Some(Estimate { mean: Some(mean), .. }) => c.number(*mean),
         _ => "--".to_owned(),
     }));
     cells.join(" & ")

@@ -110,12 +110,13 @@ fn pad(text: &str, width: usize, right: bool) -> String {
     if right { format!("{space}{text}") } else { format!("{text}{space}") }
 }
 
-/// Formats a mean with half the width of its interval; a dash if no scenario has a value.
+/// Formats a mean with half the width of its interval, if it has one; a dash if no scenario has a value.
 pub(super) fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
     match estimate {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
             format!("{} ±{}", column.number(*mean), column.number((high - low) / 2.0))
         }
+        Some(Estimate { mean: Some(mean), .. }) => column.number(*mean),
         _ => "–".to_owned(),
     }
 }

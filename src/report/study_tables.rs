@@ -161,14 +161,17 @@ fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> 
     results.differences.iter().find(|d| d.member == member && d.simulator == simulator)
 }
 
-/// Formats a difference with half the width of its interval.
+/// Formats a difference with half the width of its interval, if it has one; bold if the interval excludes 0.
 fn difference_cell(column: &Column, comparison: Option<&Comparison>) -> String {
     let found = comparison.and_then(|c| c.metrics.get(column.metric)).map(|paired| &paired.difference);
-    let Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) = found else {
-        return "–".to_owned();
-    };
-    let text = format!("{} ±{}", signed(column, *mean), column.number((high - low) / 2.0));
-    if *low > 0.0 || *high < 0.0 { format!("**{text}**") } else { text }
+    match found {
+        Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
+            let text = format!("{} ±{}", signed(column, *mean), column.number((high - low) / 2.0));
+            if *low > 0.0 || *high < 0.0 { format!("**{text}**") } else { text }
+        }
+        Some(Estimate { mean: Some(mean), .. }) => signed(column, *mean),
+        _ => "–".to_owned(),
+    }
 }
 
 /// The numbers of a study's tables.

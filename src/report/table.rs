@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::evaluation::{
-    Access, CategorySummary, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary,
+    Access, CategorySummary, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary, changed_options,
 };
 use crate::metrics::{self, Unit};
 use crate::scene::Difficulty;
@@ -207,7 +207,7 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     if p.passed_over > 0 {
         parts.push(format!("{} passed over", p.passed_over));
     }
-    if s.protocol == "recorded" {
+    if p.run.is_recorded() {
         parts.push("recorded elsewhere".to_owned());
         parts.push(count(s.rollouts as usize, "rollout"));
         let allowed =
@@ -216,14 +216,7 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     } else {
         protocol(s, &mut parts);
     }
-    let changed: Vec<String> = metrics::Options::default()
-        .named()
-        .into_iter()
-        .filter_map(|(name, default)| {
-            let value = p.run.metric_options.get(name)?;
-            (*value != default).then(|| format!("{name}={value}"))
-        })
-        .collect();
+    let changed = changed_options(&p.run);
     if !changed.is_empty() {
         parts.push(format!("metric options {}", changed.join(" ")));
     }

@@ -121,3 +121,27 @@ fn what_can_not_be_compared_is_refused() {
     changed(&run, &strange, |row| row["scenario"] = format!("x{}", row["scenario"].as_str().unwrap()).into());
     assert!(refused(&[text(&run), text(&strange)]).contains("no scenario in common"));
 }
+
+#[test]
+fn runs_under_other_conditions_are_compared_only_on_demand() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (run, braking) = (at("run"), at("braking"));
+    let base = ["run", MINI, "--models", "stop", "--limit", "2", "--out"];
+    said(&[&base[..], &[text(&run)]].concat(), 0);
+    said(
+        &[&base[..], &[text(&braking), "--av", "brake:4", "--metric-option", "fault_order=nuplan"]].concat(),
+        0,
+    );
+    let compare =
+        |more: &[&str], code| said(&[&["compare", text(&run), text(&braking)], more].concat(), code);
+    let (_, error) = compare(&[], 2);
+    for part in ["  av: deviated and brake:4", "  metric-options: none and fault_order=nuplan"] {
+        assert!(error.contains(part), "{error}");
+    }
+    let (_, error) = compare(&["--despite", "av"], 2);
+    assert!(!error.contains("  av:") && error.contains("--despite av,metric-options"), "{error}");
+    let (table, _) = compare(&["--despite", "av,metric-options"], 0);
+    assert!(table.contains("The runs differ in `av`: deviated and brake:4."), "{table}");
+    assert!(compare(&["--despite", "weather"], 2).1.contains("expected one of protocol, av"));
+}
