@@ -320,7 +320,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     let file = FileRecord::of(&input.path, input.format.id())?;
     let open = Box::new(move || input.open_undecoded());
     let plan = Plan {
-        sources: vec![Source { file, open }],
+        sources: vec![Source { file, open, count: None }],
         simulators: PlannedSimulator::by_ids(&["log-replay".to_owned(), "idm".to_owned()])?,
         deviations: None,
         settings: RunSettings {

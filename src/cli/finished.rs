@@ -1,10 +1,12 @@
 //! Output of a finished run in addition to its table.
 
+use std::path::Path;
+
 use anyhow::Context;
 
 use super::also::ExtraColumns;
-use super::{count, say};
-use crate::evaluation::{RunFolder, Summary, TABLE};
+use super::{count, note, say};
+use crate::evaluation::{EVENTS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
 use crate::report::{Run, exporter};
 
 /// Writes the table of a run to its folder, followed by plan outcomes and failures.
@@ -17,6 +19,17 @@ pub(super) fn put_table(folder: &RunFolder, summary: &Summary, also: &ExtraColum
     text.push_str(&outcomes(summary));
     text.push_str(&failures(summary));
     Ok(folder.put(TABLE, &text)?)
+}
+
+/// Prints what lies in the folder of a run, and what to do with it.
+pub(super) fn show_next_steps(folder: &Path, keeps_rollouts: bool) {
+    let folder = folder.display();
+    let scenes = if keeps_rollouts { "" } else { " (scenes need --keep-rollouts)" };
+    note(format_args!(
+        "\n{folder} contains {TABLE}, {SUMMARY}, {ROWS} and {EVENTS}\n\
+         next: reactsim view {folder}{scenes}\n      \
+         reactsim compare {folder} OTHER"
+    ));
 }
 
 /// Prints how many scenarios have no deviation in the file and how many deviations have no scenario.

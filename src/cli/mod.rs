@@ -15,6 +15,7 @@ mod generate;
 mod inspect;
 mod leaderboard;
 mod list;
+mod live_table;
 mod progress;
 mod reference;
 mod report;
@@ -25,12 +26,13 @@ mod score;
 mod shell;
 mod study;
 mod subject;
+mod table_output;
 mod train;
 mod verify;
 mod view;
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -39,7 +41,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context, anyhow};
 use clap::{Args, Parser, Subcommand};
 
-use crate::evaluation::EvaluationError;
+use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
+use crate::files;
 use crate::formats::{self, Input};
 use crate::metrics::Options;
 use crate::training::TrainingError;
@@ -50,6 +53,16 @@ use crate::training::TrainingError;
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
+    /// Print results, warnings and errors only: no progress and no hints
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+/// Whether only results, warnings and errors are printed.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
 }
 
 const AFTER: &str = "\
@@ -126,7 +139,9 @@ impl From<ExitStatus> for ExitCode {
 /// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
     // Without arguments: `run` with its defaults.
-    let command = Cli::parse().command.unwrap_or_else(|| {
+    let Cli { command, quiet } = Cli::parse();
+    QUIET.store(quiet, Ordering::Relaxed);
+    let command = command.unwrap_or_else(|| {
         let bare = Cli::parse_from(["reactsim", "run"]).command;
         bare.expect("`run` needs no arguments")
     });
@@ -192,16 +207,14 @@ fn hint(error: &anyhow::Error) -> Option<String> {
     }
 }
 
-/// Writes a result to a file, or to stdout. A closed stdout (broken pipe) is not an error.
+/// Writes a result to a file, which keeps its old content unless all of the new one is written, or to stdout.
+/// A closed stdout (broken pipe) is not an error.
 fn write_result(
     file: Option<&Path>,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> anyhow::Result<()> {
     if let Some(path) = file {
-        let name = || format!("could not write {}", path.display());
-        let mut out = BufWriter::new(File::create(path).with_context(name)?);
-        write(&mut out).and_then(|()| out.flush()).with_context(name)?;
-        return Ok(());
+        return write_file(path, write).with_context(|| format!("could not write {}", path.display()));
     }
     let mut out = BufWriter::new(io::stdout().lock());
     match write(&mut out).and_then(|()| out.flush()) {
@@ -214,10 +227,32 @@ fn write_result(
     }
 }
 
+/// Writes a file as a whole, or not at all. Devices and pipes are written to directly.
+fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
+        let mut out = BufWriter::new(File::create(path)?);
+        return write(&mut out).and_then(|()| out.flush());
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if RUN_FILES.contains(&name.as_ref()) && folder.join(PROVENANCE).exists() {
+        return Err(io::Error::other("it is a file of a run folder; choose another name"));
+    }
+    // A link stays a link.
+    files::replace(&path.canonicalize().unwrap_or_else(|_| path.to_owned()), write)
+}
+
 /// Prints a message to stderr; stdout holds only results.
 fn say(text: std::fmt::Arguments<'_>) {
     // A closed stderr is not an error.
     writeln!(io::stderr().lock(), "{text}").ok();
+}
+
+/// Prints what may be of use to a person, unless only results are wanted.
+fn note(text: std::fmt::Arguments<'_>) {
+    if !is_quiet() && io::stderr().is_terminal() {
+        say(text);
+    }
 }
 
 /// Returns a flag that the first ^C (or SIGTERM) sets, with a message on what happens `then`. The

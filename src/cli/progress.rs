@@ -1,45 +1,78 @@
-//! Progress of a run on stderr.
+//! Progress of a command on stderr.
 
+use std::fmt::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use super::say;
+use super::live_table::LiveTable;
+use super::{is_quiet, say};
 use crate::curation::driver::CurationObserver;
-use crate::evaluation::{Failure, RunObserver};
+use crate::evaluation::{Failure, Row, RunObserver};
 
 /// Maximum number of failures printed as they happen; the run folder lists all.
 const MAX_PRINTED_FAILURES: usize = 20;
 
-/// Spinner with the number of scenarios, hidden if stderr is not a terminal. Failures are always
-/// printed.
+/// Time between two drawings of the preliminary table.
+const TABLE_INTERVAL: Duration = Duration::from_millis(500);
+
+/// Style with a known number of scenarios, and without.
+const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {eta} left{msg}";
+const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{msg}";
+
+/// Bar with the number of scenarios, and the preliminary table of a run below it. Hidden if stderr is not a
+/// terminal, or on request. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
     failures: AtomicUsize,
+    table: Option<Mutex<Preliminary>>,
+}
+
+/// The table of what is finished.
+struct Preliminary {
+    table: LiveTable,
+    drawn: Instant,
 }
 
 impl Progress {
+    /// Shows progress without a table.
     pub(super) fn new() -> Self {
         let bar = ProgressBar::new_spinner();
-        if let Ok(style) =
-            ProgressStyle::with_template("{spinner} {pos} scenarios, {per_sec}, {elapsed}{msg}")
-        {
-            bar.set_style(style);
+        bar.set_style(style(WITHOUT_TOTAL));
+        if is_quiet() {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self { bar, failures: AtomicUsize::new(0) }
+        Self { bar, failures: AtomicUsize::new(0), table: None }
+    }
+
+    /// Shows progress with a table of what is finished.
+    pub(super) fn with_table(table: LiveTable) -> Self {
+        let preliminary = Preliminary { table, drawn: Instant::now() };
+        Self { table: Some(Mutex::new(preliminary)), ..Self::new() }
+    }
+
+    /// States the number of scenarios, if it is known.
+    pub(super) fn set_total(&self, total: Option<usize>) {
+        if let Some(total) = total {
+            self.bar.set_style(style(WITH_TOTAL));
+            self.bar.set_length(total as u64);
+        }
     }
 
     fn failure(&self, text: std::fmt::Arguments<'_>) {
         let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
-        self.bar.set_message(format!(", {n} failed"));
+        if self.table.is_none() {
+            self.bar.set_message(format!(", {n} failed"));
+        }
         if n <= MAX_PRINTED_FAILURES {
             self.bar.suspend(|| say(format_args!("warning: failed{text}")));
         }
     }
 
-    /// Removes the spinner and prints how many failures were not printed.
+    /// Removes the bar and prints how many failures were not printed.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
         let failures = self.failures.load(Ordering::Relaxed);
@@ -50,9 +83,38 @@ impl Progress {
     }
 }
 
+/// Returns a style with the rate in three digits.
+fn style(template: &str) -> ProgressStyle {
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+        let rate = state.per_sec();
+        let digits = if rate < 1.0 { 2 } else { usize::from(rate < 100.0) };
+        write!(out, "{rate:.digits$}/s").ok();
+    })
+}
+
 impl RunObserver for Progress {
+    fn started(&self, total: Option<usize>) {
+        self.set_total(total);
+    }
+
     fn scenario_done(&self, done: usize) {
         self.bar.set_position(done as u64);
+    }
+
+    fn rows(&self, rows: &[Row]) {
+        let Some(table) = &self.table else { return };
+        let mut preliminary = table.lock().unwrap_or_else(PoisonError::into_inner);
+        preliminary.table.add(rows);
+        if preliminary.drawn.elapsed() >= TABLE_INTERVAL && !self.bar.is_hidden() {
+            preliminary.drawn = Instant::now();
+            let failures = self.failures.load(Ordering::Relaxed);
+            let mut text = String::new();
+            if failures > 0 {
+                write!(text, ", {failures} failed").ok();
+            }
+            self.bar.set_message(format!("{text}\n{}", preliminary.table));
+        }
     }
 
     fn failed(&self, failure: &Failure) {

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 
-use super::also::ExtraColumns;
+use super::table_output::{TableArgs, formats};
 use super::{ExitStatus, gallery, say, write_result};
 use crate::evaluation::{Summary, read_summary};
-use crate::report::{EXPORTERS, Run, exporter};
+use crate::report::Run;
 
 /// Format of the page.
 const HTML: &str = "html";
@@ -32,12 +31,11 @@ pub(super) struct ReportArgs {
     /// Folders of runs or studies
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Output format
-    #[arg(long, default_value = "markdown",
-          value_parser = PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()).chain([HTML])))]
-    format: String,
+    /// Output format [default: terminal on a terminal, else markdown]; html is the page
+    #[arg(long, value_parser = formats([HTML]))]
+    format: Option<String>,
     #[command(flatten)]
-    also: ExtraColumns,
+    table: TableArgs,
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -55,13 +53,8 @@ pub(super) struct ReportArgs {
     all: bool,
 }
 
-/// Returns the names of all table formats.
-pub(super) fn formats() -> PossibleValuesParser {
-    PossibleValuesParser::new(EXPORTERS.iter().map(|e| e.id()))
-}
-
 pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
-    if args.format == HTML {
+    if args.format.as_deref() == Some(HTML) {
         return page(args);
     }
     let (members, _) = gallery::members(&args.runs)?;
@@ -69,14 +62,12 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         members.iter().map(|m| read_summary(&m.folder)).collect::<Result<_, _>>()?;
     let runs: Vec<Run<'_>> =
         members.iter().zip(&summaries).map(|(m, summary)| Run { name: &m.name, summary }).collect();
-    if let Some(exporter) = exporter(&args.format) {
-        write_result(args.out.as_deref(), |out| exporter.export(&runs, args.also.columns(), out))?;
-    }
+    args.table.write(&runs, args.format.as_deref(), args.out.as_deref(), "")?;
     Ok(ExitStatus::Done)
 }
 
 fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
-    if !args.also.columns().is_empty() {
+    if !args.table.columns().is_empty() {
         bail!("the page has a switch for all metrics: leave --also out");
     }
     let gallery = gallery::open(&args.runs, &args.scenarios)?;

@@ -6,17 +6,17 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
-use super::also::ExtraColumns;
 use super::external::{check_batches, keep_stderr};
-use super::finished::{outcomes, put_table, report_left_out};
+use super::finished::{outcomes, put_table, report_left_out, show_next_steps};
+use super::live_table::LiveTable;
 use super::progress::Progress;
-use super::report::formats as table_formats;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
-use super::{ExitStatus, say, stop_on_interrupt, write_result};
+use super::table_output::{TableArgs, formats};
+use super::{ExitStatus, note, say, stop_on_interrupt};
 use crate::evaluation::{self, Outcome, Plan, RunFolder, Summary};
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::qp::Smoothing;
-use crate::report::{Run, exporter};
+use crate::report::Run;
 use crate::rollout::{Replan, Settings};
 
 /// Stage behind simulators, or none. The alias keeps clap from treating it as an optional argument.
@@ -61,11 +61,11 @@ pub(super) struct RunArgs {
     keep_rollouts: bool,
     #[command(flatten)]
     work: ExecutionArgs,
-    /// Format of the table on stdout
-    #[arg(long, default_value = "markdown", value_parser = table_formats())]
-    format: String,
+    /// Format of the table [default: terminal on a terminal, else markdown]
+    #[arg(long, value_parser = formats([]))]
+    format: Option<String>,
     #[command(flatten)]
-    also: ExtraColumns,
+    table: TableArgs,
 }
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
@@ -83,7 +83,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     };
     keep_stderr(&external, args.out.as_deref())?;
     let stop = stop_on_interrupt(if args.out.is_some() { "writing what is finished" } else { "stopping" })?;
-    let progress = Progress::new();
+    let progress = Progress::with_table(LiveTable::of(&plan.simulators));
     let execution = args.work.execution();
     let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, &stop);
     progress.end();
@@ -110,18 +110,20 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
 /// Writes and prints the table, and prints failures.
 fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyhow::Result<ExitStatus> {
     if let Some(folder) = folder {
-        put_table(folder, summary, &args.also)?;
+        put_table(folder, summary, args.table.also())?;
     }
     report_left_out(summary);
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }
-    if let Some(exporter) = exporter(&args.format).filter(|_| !args.subject.external.takes_stdout()) {
-        write_result(None, |out| {
-            exporter.export(&[Run { name: "", summary }], args.also.columns(), out)?;
-            let below = if args.format == "markdown" { outcomes(summary) } else { String::new() };
-            out.write_all(below.as_bytes())
-        })?;
+    if !args.subject.external.takes_stdout() {
+        args.table.write(&[Run { name: "", summary }], args.format.as_deref(), None, &outcomes(summary))?;
+    }
+    match &args.out {
+        Some(path) => show_next_steps(path, args.keep_rollouts),
+        None => note(format_args!(
+            "\nnothing was kept; to look at scenes, add --out runs/first --keep-rollouts, then: reactsim view runs/first"
+        )),
     }
     let failed = summary.provenance.failures.len();
     if failed > 0 {

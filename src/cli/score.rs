@@ -6,15 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::also::ExtraColumns;
-use super::finished::put_table;
-use super::report::formats as table_formats;
+use super::finished::{put_table, show_next_steps};
+use super::table_output::{TableArgs, formats as table_formats};
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
 use crate::evaluation::{Failure, RolloutCheck, RunFolder, RunObserver, Scoring};
 use crate::formats;
 use crate::formats::document::Document;
-use crate::report::{Run, exporter};
+use crate::report::Run;
 
 /// Arguments of `score`.
 #[derive(Debug, Args)]
@@ -33,11 +32,11 @@ pub(super) struct ScoreArgs {
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
-    /// Format of the table (for rollouts in Parquet)
-    #[arg(long, default_value = "markdown", value_parser = table_formats())]
-    format: String,
+    /// Format of the table [default: terminal on a terminal, else markdown]
+    #[arg(long, value_parser = table_formats([]))]
+    format: Option<String>,
     #[command(flatten)]
-    also: ExtraColumns,
+    table: TableArgs,
     /// For rollouts in Parquet a run folder to write: provenance, rows, events, rollouts, summary; for a
     /// document the file of the scores [default: stdout only]
     #[arg(long, value_name = "PATH")]
@@ -63,7 +62,7 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.allow.is_empty() {
         bail!("a rollout document is scored as it is: leave --allow out");
     }
-    if !args.also.columns().is_empty() {
+    if !args.table.columns().is_empty() {
         bail!("a rollout document is scored without a table: leave --also out");
     }
     let read = || format!("could not read {}", path.display());
@@ -104,11 +103,11 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         }
     };
     if let Some(folder) = &folder {
-        put_table(folder, &summary, &args.also)?;
+        put_table(folder, &summary, args.table.also())?;
     }
-    if let Some(exporter) = exporter(&args.format) {
-        let run = [Run { name: "", summary: &summary }];
-        write_result(None, |out| exporter.export(&run, args.also.columns(), out))?;
+    args.table.write(&[Run { name: "", summary: &summary }], args.format.as_deref(), None, "")?;
+    if let Some(path) = &args.out {
+        show_next_steps(path, true);
     }
     Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }

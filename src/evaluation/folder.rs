@@ -32,6 +32,8 @@ pub const SUMMARY: &str = "summary.json";
 pub const TABLE: &str = "summary.md";
 /// Name of the file with the rollouts.
 pub const ROLLOUTS: &str = "rollouts.parquet";
+/// Names of the files of a run folder.
+pub const RUN_FILES: [&str; 8] = [PROVENANCE, ROWS, ROWS_TABLE, EVENTS, FAILURES, SUMMARY, TABLE, ROLLOUTS];
 /// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
 

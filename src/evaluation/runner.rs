@@ -32,6 +32,8 @@ pub struct Execution {
 
 /// Callbacks for the progress of a run.
 pub trait RunObserver: Sync {
+    /// Called at the start with the number of records of all sources, if it is known.
+    fn started(&self, _total: Option<usize>) {}
     /// Called after scenarios succeeded or failed. `done` is the number of finished scenarios, including
     /// those of an earlier interrupted run.
     fn scenario_done(&self, _done: usize) {}
@@ -66,6 +68,7 @@ pub fn run(
     observer: &dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<Outcome, EvaluationError> {
+    observer.started(plan.sources.iter().map(|source| source.count).sum());
     let runner = Runner {
         plan,
         execution,

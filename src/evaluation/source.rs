@@ -18,15 +18,18 @@ pub struct Source {
     pub file: FileRecord,
     /// Function that opens the source.
     pub open: Opener,
+    /// Number of records, if it is known before they are read; for progress.
+    pub count: Option<usize>,
 }
 
 impl Source {
     fn of_input(input: Input, most: usize, registrar: &mut Registrar) -> Result<Self, EvaluationError> {
         let file = registrar.record(&input)?;
+        let count = input.count().map(|count| count.min(most));
         let open = move || -> Result<PendingScenarios, FormatError> {
             Ok(Box::new(input.open_undecoded()?.take(most)))
         };
-        Ok(Self { file, open: Box::new(open) })
+        Ok(Self { file, open: Box::new(open), count })
     }
 
     /// Scenario files, of each of which at most `most` scenarios are read.
@@ -51,11 +54,12 @@ impl Source {
     pub fn of_scenarios(scenarios: Vec<Scenario>, most: usize) -> Self {
         let digests: String = scenarios.iter().map(Scenario::digest).collect();
         let file = FileRecord::of_content("memory", "memory", digests.as_bytes());
+        let count = Some(scenarios.len().min(most));
         let open = move || -> Result<PendingScenarios, FormatError> {
             let scenarios: Vec<_> = scenarios.iter().take(most).cloned().map(|s| Ok(decoded(s))).collect();
             Ok(Box::new(scenarios.into_iter()))
         };
-        Self { file, open: Box::new(open) }
+        Self { file, open: Box::new(open), count }
     }
 }
 

@@ -52,6 +52,10 @@ pub trait ScenarioFormat: Sync {
         let scenarios = self.open(path)?;
         Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
     }
+    /// Returns the number of records of a file if it can be found without reading them; for progress.
+    fn count(&self, _path: &Path) -> Option<usize> {
+        None
+    }
     /// Reads the scenario of a single-scenario file with the given frame (counted from 0) as the current one.
     /// Most formats fix the current frame and return an error.
     ///

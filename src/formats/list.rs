@@ -52,6 +52,11 @@ impl Input {
         let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
+
+    /// Returns the number of records if it can be found without reading them.
+    pub fn count(&self) -> Option<usize> {
+        self.format.count(&self.path)
+    }
 }
 
 /// Scenario files found at a path.

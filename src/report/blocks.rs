@@ -143,6 +143,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
         let Some(of_part) = part.get(id) else { continue };
         lines.push(Line {
             run: None,
+            group: 0,
             title,
             access: simulator.access(),
             scenarios: of_part.scenarios,

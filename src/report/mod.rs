@@ -18,6 +18,7 @@ pub mod realism_charts;
 pub mod realism_tables;
 pub mod study_tables;
 mod table;
+pub mod terminal;
 pub mod training_curves;
 pub mod verification;
 
@@ -25,7 +26,7 @@ use std::io::{self, Write};
 
 use crate::evaluation::Summary;
 
-pub use table::{COLUMNS, Column};
+pub use table::{COLUMNS, Column, Division};
 
 /// The result of one run, with a name that distinguishes it from others.
 #[derive(Clone, Copy, Debug)]

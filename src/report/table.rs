@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::evaluation::{
-    Access, CategorySummary, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary, changed_options,
+    Access, CategorySummary, Condition, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary,
+    changed_options,
 };
 use crate::metrics::{self, Unit};
 use crate::scene::Difficulty;
@@ -34,10 +35,10 @@ pub const COLUMNS: &[Column] = &[
 ];
 
 /// Test of the settings of a run.
-type Condition = fn(&SettingsRecord) -> bool;
+type SettingsTest = fn(&SettingsRecord) -> bool;
 
 /// Columns that apply only to runs with certain settings.
-const CONDITIONS: &[(&str, Condition)] = &[
+const CONDITIONS: &[(&str, SettingsTest)] = &[
     // The likelihood of the log is a measure of realism (the paper's second table).
     ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
     ("min-ade", |settings| settings.rollouts != 1),
@@ -87,7 +88,7 @@ impl Column {
     }
 
     /// Formats a number of this column: rates in percent; two or three decimals.
-    pub(super) fn number(&self, value: f64) -> String {
+    pub fn number(&self, value: f64) -> String {
         match self.kind().0 {
             Unit::Rate => format!("{:.2}", 100.0 * value),
             Unit::Metres | Unit::MetresPerSecondSquared => format!("{value:.2}"),
@@ -115,6 +116,8 @@ impl Column {
 pub(super) struct Line<'a> {
     /// Name of the run, if the table has several runs.
     pub(super) run: Option<&'a str>,
+    /// Number of the group of runs with which its numbers can be compared.
+    pub(super) group: usize,
     pub(super) title: &'a str,
     pub(super) access: Access,
     pub(super) scenarios: usize,
@@ -125,9 +128,10 @@ pub(super) struct Line<'a> {
 /// Returns the lines of a table over runs, in the order of their simulators.
 pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
-    let of = move |run: &'a super::Run<'a>| {
+    let of = move |(run, group): (&'a super::Run<'a>, usize)| {
         run.summary.order().map(move |(_, title, s)| Line {
             run: several.then_some(run.name),
+            group,
             title,
             access: s.access(),
             scenarios: s.scenarios,
@@ -135,12 +139,42 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
             metrics: &s.metrics,
         })
     };
-    runs.iter().flat_map(of).collect()
+    runs.iter().zip(groups(runs)).flat_map(of).collect()
+}
+
+/// Returns the number of the group of every run: runs of one group have the same scenarios and differ in no
+/// [`Condition`].
+pub(super) fn groups(runs: &[super::Run<'_>]) -> Vec<usize> {
+    let same = |a: &super::Run<'_>, b: &super::Run<'_>| {
+        let (a, b) = (&a.summary.provenance, &b.summary.provenance);
+        a.scenarios_blake3 == b.scenarios_blake3 && Condition::differences(&a.run, &b.run).is_empty()
+    };
+    let first = |run| runs.iter().position(|earlier| same(earlier, run)).unwrap_or_default();
+    runs.iter().map(first).collect()
+}
+
+/// Returns for every line whether its number in a column is the best of its group, as printed, so that equal
+/// numbers tie. Oracles are not ranked, and one simulator alone is not the best.
+pub(super) fn best(column: &Column, lines: &[Line<'_>]) -> Vec<bool> {
+    let lower_is_better = column.kind().1;
+    let value = |line: &Line<'_>| line.metrics.get(column.metric).and_then(|estimate| estimate.mean);
+    let of = |line: &Line<'_>| {
+        let ranked = lines.iter().filter(|l| l.group == line.group && l.access != Access::Oracle);
+        let ranked: Vec<f64> = ranked.filter_map(value).collect();
+        let top = ranked.iter().copied().reduce(if lower_is_better { f64::min } else { f64::max });
+        match (value(line), top) {
+            (Some(value), Some(top)) if line.access != Access::Oracle && ranked.len() > 1 => {
+                column.number(value) == column.number(top)
+            }
+            _ => false,
+        }
+    };
+    lines.iter().map(of).collect()
 }
 
 /// A division of the scenarios into parts with separate tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Division {
+pub enum Division {
     /// Division by category of deviation.
     Category,
     /// Division by difficulty of the deviation.
@@ -149,7 +183,7 @@ pub(super) enum Division {
 
 impl Division {
     /// All divisions, in the order of their tables.
-    pub(super) const ALL: [Self; 2] = [Self::Category, Self::Difficulty];
+    pub const ALL: [Self; 2] = [Self::Category, Self::Difficulty];
 
     /// Returns the results of a simulator by part.
     pub(super) fn of(self, simulator: &SimulatorSummary) -> &BTreeMap<String, CategorySummary> {
@@ -180,11 +214,13 @@ impl Division {
 /// Returns the lines of a table over one part of the scenarios of runs.
 pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, part: &str) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
-    let all = runs.iter().flat_map(|run| run.summary.order().map(move |simulator| (run, simulator)));
-    let lines = all.filter_map(|(run, (_, title, simulator))| {
+    let all = runs.iter().zip(groups(runs));
+    let all = all.flat_map(|(run, group)| run.summary.order().map(move |simulator| (run, group, simulator)));
+    let lines = all.filter_map(|(run, group, (_, title, simulator))| {
         let part = division.of(simulator).get(part)?;
         Some(Line {
             run: several.then_some(run.name),
+            group,
             title,
             access: simulator.access(),
             scenarios: part.scenarios,

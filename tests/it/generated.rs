@@ -118,6 +118,7 @@ pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
 /// The same with scenarios of another rule.
 pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Scenario) -> Source {
     Source {
+        count: Some(scenarios.len()),
         file: FileRecord {
             name: name.to_owned(),
             format: "generated".into(),

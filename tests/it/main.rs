@@ -41,6 +41,7 @@ mod scripted_av;
 mod shipped;
 mod study;
 mod study_reference;
+mod terminal;
 mod tokens;
 mod trained;
 mod training;

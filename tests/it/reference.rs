@@ -366,8 +366,11 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
             let found = formats::find_inputs(&open)?;
             Ok(Box::new(found[0].open_undecoded()?) as formats::PendingScenarios)
         });
-        let given =
-            RerunInputs { sources: vec![Source { file, open }], deviations: None, weights: Vec::new() };
+        let given = RerunInputs {
+            sources: vec![Source { file, open, count: None }],
+            deviations: None,
+            weights: Vec::new(),
+        };
         let execution = Execution { jobs: 2, batch: 4 };
         let stop = AtomicBool::new(false);
         verify(reference, given, every, execution, &(), &stop).unwrap().unwrap()

@@ -145,8 +145,9 @@ pub fn verify(
 
 /// Returns a source with the first of every `every` scenarios.
 fn thinned(source: Source, every: usize) -> Source {
-    let Source { file, open } = source;
-    Source { file, open: Box::new(move || Ok(Box::new(open()?.step_by(every)))) }
+    let Source { file, open, count } = source;
+    let count = count.map(|count| count.div_ceil(every));
+    Source { file, open: Box::new(move || Ok(Box::new(open()?.step_by(every)))), count }
 }
 
 /// An observer that collects the rows of a run.

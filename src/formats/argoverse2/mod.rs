@@ -60,6 +60,10 @@ impl ScenarioFormat for Argoverse2 {
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
+
     fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
         read(path, current_frame)
     }

@@ -51,6 +51,10 @@ impl ScenarioFormat for GpuDrive {
         let decode: UndecodedScenario = Box::new(move || read(&path));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
+
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
 }
 
 fn read(path: &Path) -> Result<Scenario, FormatError> {

@@ -38,6 +38,10 @@ impl ScenarioFormat for Json {
         let scenario = read(path)?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
     }
+
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
 }
 
 fn read(path: &Path) -> Result<Scenario, FormatError> {

@@ -53,6 +53,11 @@ impl ScenarioFormat for Native {
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         Ok(Box::new(Reader::over(path, TableReader::open(path)?)?))
     }
+
+    fn count(&self, path: &Path) -> Option<usize> {
+        // A row group holds one scenario.
+        Some(TableReader::open(path).ok()?.groups())
+    }
 }
 
 /// Reads the content of a native file in memory, such as one embedded in the program; errors refer to it as

@@ -66,6 +66,10 @@ impl ScenarioFormat for ScenarioNet {
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
+
     fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
         read(path, Some(current_frame))
     }

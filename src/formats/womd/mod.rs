@@ -38,6 +38,10 @@ impl ScenarioFormat for Womd {
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         Ok(Box::new(Reader::open(path)?))
     }
+
+    fn count(&self, path: &Path) -> Option<usize> {
+        record::count(path)
+    }
 }
 
 /// Returns whether a file is named like a TFRecord: `x.tfrecord`, `x.tfrecord.gz`, `x.tfrecord.zst`,

@@ -2,7 +2,7 @@
 //! payload, little-endian.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
@@ -99,6 +99,21 @@ impl Records {
             (&mut self.source).take(bytes).read_to_end(&mut self.payload).map_err(Cause::read)? as u64;
         if found < bytes { Err(Cause::Truncated { what, found, expected: bytes }) } else { Ok(()) }
     }
+}
+
+/// Returns the number of records of a file that is not compressed, by its headers alone; `None` for a
+/// compressed or damaged file.
+pub(super) fn count(path: &Path) -> Option<usize> {
+    let mut file = File::open(path).ok()?;
+    let bytes = file.metadata().ok()?.len();
+    let (mut at, mut records) = (0, 0);
+    while at < bytes {
+        let mut header = [0; HEADER_SIZE];
+        file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut header)).ok()?;
+        at += HEADER_SIZE as u64 + length(&header).ok().filter(|length| *length <= MAX_RECORD_LENGTH)? + 4;
+        records += 1;
+    }
+    Some(records)
 }
 
 /// Opens a file with the decompressor that its first bytes indicate.

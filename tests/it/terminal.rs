@@ -1,0 +1,80 @@
+//! Tables on a terminal: they fit its width, and highlight what is best among comparable runs.
+
+use std::path::Path;
+
+use reactsim::evaluation::{Summary, read_summary};
+use reactsim::report::terminal::{self, TerminalStyle};
+use reactsim::report::{Division, Run};
+
+use crate::program::reactsim;
+
+const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+
+const STYLE: TerminalStyle<'_> = TerminalStyle { width: 80, coloured: false, by: None, also: &[] };
+
+fn run(folder: &Path, name: &str, more: &[&str]) -> Summary {
+    let out = folder.join(name);
+    let models = "log-replay,constant-velocity,stop,idm";
+    let base = ["run", MINI, "--models", models, "--out", out.to_str().unwrap()];
+    let output = reactsim(&[&base[..], more].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    read_summary(&out).unwrap()
+}
+
+fn table(runs: &[Run<'_>], style: TerminalStyle<'_>) -> String {
+    let mut out = Vec::new();
+    terminal::write(runs, style, &mut out).unwrap();
+    String::from_utf8(out).unwrap()
+}
+
+#[test]
+fn tables_fit_the_window_and_highlight_the_best() {
+    let folder = tempfile::tempdir().unwrap();
+    let (deviated, braking) = (run(folder.path(), "a", &[]), run(folder.path(), "b", &["--av", "brake:4"]));
+    let one = [Run { name: "", summary: &deviated }];
+    let widest = |text: &str| text.lines().map(|line| line.chars().count()).max().unwrap();
+
+    let narrow = table(&one, STYLE);
+    assert!(widest(&narrow) <= 80, "{narrow}");
+    let stop: Vec<&str> =
+        narrow.lines().find(|line| line.starts_with("Stop")).unwrap().split_whitespace().collect();
+    assert!(stop.len() >= 8 && !narrow.contains('±'), "seven numbers: {narrow}");
+    let wide = table(&one, TerminalStyle { width: 160, ..STYLE });
+    assert!(wide.contains('±') && widest(&wide) <= 160, "{wide}");
+    let parts = table(&one, TerminalStyle { by: Some(Division::Category), ..STYLE });
+    assert!(parts.contains("\nLateral deviations (") && !narrow.contains("Lateral"), "{parts}");
+
+    let highlighted = |text: &str| text.matches("\x1b[1;32m").count();
+    assert_eq!(highlighted(&narrow), 0);
+    let coloured = table(&one, TerminalStyle { coloured: true, ..STYLE });
+    assert!(highlighted(&coloured) >= 7, "{coloured}");
+    let replay = coloured.lines().find(|line| line.starts_with("Log Replay")).unwrap();
+    assert_eq!(highlighted(replay), 0, "oracles are not ranked: {replay}");
+
+    // Runs with other AVs are ranked each for itself. Too narrow a window shows the main columns alone.
+    let narrow = TerminalStyle { coloured: true, width: 20, ..STYLE };
+    let of = |summary| highlighted(&table(&[Run { name: "", summary }], narrow));
+    let runs = [Run { name: "a", summary: &deviated }, Run { name: "b", summary: &braking }];
+    let both = table(&runs, narrow);
+    assert_eq!(highlighted(&both), of(&deviated) + of(&braking), "{both}");
+    let twice = [Run { name: "a", summary: &deviated }, Run { name: "b", summary: &deviated }];
+    let twice = table(&twice, narrow);
+    assert_eq!(highlighted(&twice), 2 * of(&deviated), "equal numbers tie: {twice}");
+}
+
+#[test]
+fn results_never_overwrite_the_files_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "a", &["--limit", "1"]);
+    let rows = folder.path().join("a/rows.jsonl");
+    let before = std::fs::read(&rows).unwrap();
+    let a = folder.path().join("a");
+    let output = reactsim(&["report", a.to_str().unwrap(), "--out", rows.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(text.contains("rows.jsonl") && text.contains("it is a file of a run folder"), "{text}");
+    assert_eq!(std::fs::read(&rows).unwrap(), before);
+    // Devices are written to, not replaced.
+    assert_eq!(reactsim(&["report", a.to_str().unwrap(), "--out", "/dev/null"]).status.code(), Some(0));
+    assert!(!Path::new("/dev/null").is_file());
+}
