@@ -149,7 +149,7 @@ impl Archive {
         let foreign = |source| EvaluationError::ForeignRollout {
             path: self.folder.join(ROLLOUTS),
             scenario: scenario.id.clone(),
-            source,
+            source: Box::new(source),
         };
         recorded_tracks(scenario, &record).map(Some).map_err(foreign)
     }

@@ -10,6 +10,30 @@ use crate::models::ModelError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
+    /// A line of a file is damaged.
+    #[error("{} is damaged in line {line}: {source}; repeat the run, or restore the file", path.display())]
+    DamagedLine {
+        /// The file.
+        path: PathBuf,
+        /// Number of the line, from 1.
+        line: usize,
+        /// The parser error.
+        source: serde_json::Error,
+    },
+    /// Rows of a finished run are missing.
+    #[error(
+        "{}: the rows of scenario `{scenario}` with `{simulator}` are incomplete; repeat the run, or restore \
+         the file of rows",
+        path.display()
+    )]
+    IncompleteRows {
+        /// The run folder.
+        path: PathBuf,
+        /// Id of the scenario.
+        scenario: String,
+        /// Id of the simulator.
+        simulator: String,
+    },
     /// Recorded rollouts fail checks.
     #[error("the rollouts do not show what the scenarios ask for:{findings}")]
     RolloutsRefused {
@@ -184,7 +208,7 @@ pub enum EvaluationError {
         /// Id of the scenario.
         scenario: String,
         /// Underlying error.
-        source: super::ForeignRollout,
+        source: Box<super::ForeignRollout>,
     },
     /// A record of a scenario file is not the scenario that a run read there.
     #[error(

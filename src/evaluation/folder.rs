@@ -1,12 +1,13 @@
 //! The run folder: the files of a run, and how the run resumes after being killed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::EvaluationError;
 use super::provenance::Provenance;
@@ -15,6 +16,7 @@ use super::row::{Failure, Place, Row};
 use super::summary::Summary;
 use super::tally::Tally;
 use crate::files;
+use crate::metrics::{METRICS, Score};
 
 /// Name of the file with the provenance.
 pub const PROVENANCE: &str = "provenance.json";
@@ -221,11 +223,19 @@ impl RunFolder {
     }
 
     fn keep_complete_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
-        let pairs = complete_pairs(&self.path, provenance.inputs.len(), tally)?;
+        let mut pairs = complete_pairs(&self.path, provenance.inputs.len(), tally)?;
+        let events = counted_events(&self.path.join(EVENTS))?;
+        pairs.retain(|_, rows| rows.iter().all(|row| has_its_events(row, &events)));
         let mut all = tally.clone();
         pairs.values().for_each(|rows| all.add(rows));
+        let keeps_rollouts = provenance.keep_rollouts == Some(true);
+        let is_finished = keeps_rollouts && self.is_finished(&all);
+        if is_finished {
+            // The earlier run was killed while it removed them.
+            self.remove_parts()?;
+        }
         // Rollouts cannot be appended to a joined file, so a pair without its part is run again.
-        let with_rollouts = provenance.keep_rollouts == Some(true) && !self.is_finished(&all);
+        let with_rollouts = keeps_rollouts && !is_finished;
         for ((place, simulator), rows) in &pairs {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
             if !with_rollouts || self.part(*place, index)?.exists() {
@@ -254,6 +264,48 @@ fn is_unbegun(path: &Path) -> bool {
             .all(|e| e.is_ok_and(|e| files::target_of(&e.file_name().to_string_lossy()) == Some(PROVENANCE))),
         Err(error) => error.kind() == io::ErrorKind::NotFound,
     }
+}
+
+/// Events that count: position, simulator, rollout and metric.
+type CountedEvents = BTreeSet<(Place, String, u32, String)>;
+
+/// Reads which events an unfinished run counted. The last line may be truncated.
+fn counted_events(path: &Path) -> Result<CountedEvents, EvaluationError> {
+    #[derive(Deserialize)]
+    struct Head {
+        input: usize,
+        record: usize,
+        simulator: String,
+        rollout: u32,
+        metric: String,
+        counted: bool,
+    }
+    let (mut counted, mut line, mut damaged) = (CountedEvents::new(), 0, None);
+    for_lines(path, |_, text| {
+        line += 1;
+        match serde_json::from_str::<Head>(text) {
+            Ok(Head { input, record, simulator, rollout, metric, counted: true }) => {
+                counted.insert((Place { input, record }, simulator, rollout, metric));
+            }
+            Ok(_) => {}
+            Err(source) => {
+                let path = path.to_owned();
+                damaged.get_or_insert(EvaluationError::DamagedLine { path, line, source });
+            }
+        }
+    })?;
+    damaged.map_or(Ok(counted), Err)
+}
+
+/// Returns whether the events that a row counts are there.
+fn has_its_events(row: &Row, events: &CountedEvents) -> bool {
+    let Some(rollout) = row.rollout else { return true };
+    METRICS.iter().filter(|metric| metric.has_events()).all(|metric| {
+        let id = metric.spec().id;
+        let score = row.metrics.get(id).copied().flatten().and_then(|value| Score::from(value).value());
+        let key = || (row.place(), row.simulator.clone(), rollout, id.to_owned());
+        score.is_none_or(|score| score == 0.0) || events.contains(&key())
+    })
 }
 
 /// Reads the provenance of a run folder.
@@ -293,20 +345,23 @@ pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
 /// [`EvaluationError`] if there is no run, it is not finished, or its files are damaged.
 pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
     let run = read_summary(folder)?.provenance.run;
-    let ids = run.simulators.iter().map(|s| s.id.clone()).collect();
-    let mut tally = Tally::new(ids, run.settings.rollouts);
-    for rows in complete_pairs(folder, run.inputs.len(), &tally)?.into_values() {
-        tally.add(&rows);
+    let rows = read_rows(folder)?;
+    let (tally, dropped) = tally_of(&run, &rows);
+    match dropped {
+        None => Ok(tally),
+        Some((scenario, simulator)) => {
+            Err(EvaluationError::IncompleteRows { path: folder.to_owned(), scenario, simulator })
+        }
     }
-    Ok(tally)
 }
 
-/// Reads the rows of a folder by scenario and simulator, for the pairs with all rows.
+/// Reads the rows of an unfinished run by scenario and simulator, for the pairs with all rows.
 fn complete_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, EvaluationError> {
     let mut pairs = Pairs::new();
-    for_rows(folder, |row| {
-        // A row with an unknown input is damaged.
-        if row.input < inputs {
+    for_lines(&folder.join(ROWS), |_, text| {
+        // A line that is not a row was truncated by a kill or by a full disk; a row with an unknown input is
+        // damaged.
+        if let Some(row) = serde_json::from_str::<Row>(text).ok().filter(|row| row.input < inputs) {
             pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
         }
     })?;
@@ -317,16 +372,11 @@ fn complete_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, 
 /// Rows by scenario and simulator.
 type Pairs = BTreeMap<(Place, String), Vec<Row>>;
 
-/// Calls `each` with every row of a run folder, or of a reference.
-fn for_rows(folder: &Path, mut each: impl FnMut(Row)) -> Result<(), EvaluationError> {
+/// Calls `each` with every row of a finished run, or of a reference.
+fn for_rows(folder: &Path, each: impl FnMut(Row)) -> Result<(), EvaluationError> {
     let (lines, table) = (folder.join(ROWS), folder.join(ROWS_TABLE));
     if lines.exists() || !folder.join(REFERENCE_RECORD).exists() {
-        return for_lines(&lines, |_, text| {
-            // A line that is not a row was truncated by a kill or by a full disk.
-            if let Ok(row) = serde_json::from_str::<Row>(text) {
-                each(row);
-            }
-        });
+        return for_parsed_lines(&lines, each);
     }
     if !table.exists() {
         return Err(EvaluationError::AggregatesOnly { path: folder.to_owned() });
@@ -440,6 +490,19 @@ pub(super) fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<
         }
         at += n as u64;
     }
+}
+
+/// Calls `each` with every line as a value.
+fn for_parsed_lines<T: DeserializeOwned>(
+    path: &Path,
+    mut each: impl FnMut(T),
+) -> Result<(), EvaluationError> {
+    let reader = BufReader::new(File::open(path).map_err(cannot_read(path))?);
+    for (i, line) in reader.lines().enumerate() {
+        let damaged = |source| EvaluationError::DamagedLine { path: path.to_owned(), line: i + 1, source };
+        each(serde_json::from_str(&line.map_err(cannot_read(path))?).map_err(damaged)?);
+    }
+    Ok(())
 }
 
 /// Replaces a file of lines by a selection of its lines.

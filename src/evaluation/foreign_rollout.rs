@@ -9,6 +9,20 @@ pub enum ForeignRollout {
     /// An agent occurs twice.
     #[error("agent `{0}` occurs twice")]
     Twice(String),
+    /// A state is beyond the limits of scenarios.
+    #[error("agent `{agent}`: `{name}` at step {step} is {value}, expected {expected}")]
+    Beyond {
+        /// Id of the agent.
+        agent: String,
+        /// Name of the value.
+        name: &'static str,
+        /// Step, 1 to 80.
+        step: usize,
+        /// The value, in the frame of the scenario.
+        value: String,
+        /// What is expected.
+        expected: &'static str,
+    },
     /// The AV is missing.
     #[error("the AV `{0}` is missing")]
     NoAv(String),

@@ -8,7 +8,7 @@ use super::tally::Tally;
 use super::{EvaluationError, Place};
 use crate::formats::rollouts::{RolloutRecord, Writer, read};
 use crate::rollout::Rollout;
-use crate::scene::{AgentState, Frame, HISTORY, Scenario};
+use crate::scene::{AgentState, Frame, HISTORY, Scenario, limits};
 
 /// Writes all rollouts of one scenario and one simulator to a file.
 pub(super) fn write_part(
@@ -62,7 +62,8 @@ pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
 /// out.
 ///
 /// # Errors
-/// [`ForeignRollout`] names an agent that is unknown or repeated, or a missing AV.
+/// [`ForeignRollout`] names an agent that is unknown or repeated, a state beyond the limits of scenarios, or a
+/// missing AV.
 pub fn recorded_tracks(
     scenario: &Scenario,
     record: &RolloutRecord,
@@ -70,6 +71,9 @@ pub fn recorded_tracks(
     let agents = &scenario.start.agents;
     let mut tracks: Vec<Option<Vec<Frame>>> = vec![None; agents.len()];
     for (id, steps) in record.agent_ids.iter().zip(record.tracks_in(scenario.origin)) {
+        if let Some(error) = beyond_limits(scenario, id, &steps) {
+            return Err(error);
+        }
         match agents.iter().position(|a| a.id == *id) {
             Some(i) if tracks[i].is_some() => return Err(ForeignRollout::Twice(id.clone())),
             Some(i) => tracks[i] = Some(scenario.start.history[i].iter().copied().chain(steps).collect()),
@@ -86,4 +90,15 @@ pub fn recorded_tracks(
     let steps = crate::scene::FUTURE;
     let filled = tracks.into_iter().zip(&scenario.start.history);
     Ok(filled.map(|(track, history)| track.unwrap_or_else(|| absent(history, steps))).collect())
+}
+
+/// Returns the error for the first state beyond the limits of scenarios.
+fn beyond_limits(scenario: &Scenario, id: &str, steps: &[Frame]) -> Option<ForeignRollout> {
+    let center = scenario.start.now(0).position();
+    steps.iter().enumerate().find_map(|(k, state)| {
+        let (name, value, expected) = limits::beyond(state.as_ref()?, center)?;
+        // Large numbers with all their digits are no help.
+        let value = format!("{value:e}");
+        Some(ForeignRollout::Beyond { agent: id.to_owned(), name, step: k + 1, value, expected })
+    })
 }

@@ -75,6 +75,9 @@ fn floor(v: f64) -> i64 {
     if (whole as f64) > v { whole - 1 } else { whole }
 }
 
+/// Largest number of a column or row: more distant points are taken to lie there, far outside of any grid.
+const FARTHEST_CELL: i64 = 1 << 50;
+
 /// Maximum number of cells; larger extents get larger cells.
 const MAX_CELLS: f64 = 65_536.0;
 /// Maximum number of list entries over all cells, unless sixteen per item are more; beyond it the cells grow.
@@ -143,11 +146,11 @@ impl Grid {
     }
 
     fn column(&self, x: f64) -> i64 {
-        floor((x - self.origin.x) * self.cells_per_metre)
+        floor((x - self.origin.x) * self.cells_per_metre).clamp(-FARTHEST_CELL, FARTHEST_CELL)
     }
 
     fn row(&self, y: f64) -> i64 {
-        floor((y - self.origin.y) * self.cells_per_metre)
+        floor((y - self.origin.y) * self.cells_per_metre).clamp(-FARTHEST_CELL, FARTHEST_CELL)
     }
 
     fn for_cells(&self, b: &Bounds, mut visit: impl FnMut(usize)) {
@@ -207,25 +210,26 @@ impl Grid {
                 break;
             }
             for r in (row - ring).max(0)..=(row + ring).min(self.rows - 1) {
-                let edge_row = (r - row).abs() == ring;
-                let step = if edge_row { 1 } else { (2 * ring).max(1) };
-                let mut c = column - ring;
-                while c <= column + ring {
-                    if (0..self.columns).contains(&c) {
-                        let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
-                        let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
-                        let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
-                        // The slack covers ties exactly on the border of a cell.
-                        if dx * dx + dy * dy <= best.1 + 1e-9 {
-                            for &i in self.items_of((r * self.columns + c) as usize) {
-                                let d2 = distance2(i);
-                                if d2 < best.1 || (d2 == best.1 && i < best.0) {
-                                    best = (i, d2);
-                                }
+                let mut visit = |c: i64| {
+                    let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
+                    let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
+                    let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
+                    // The slack covers ties exactly on the border of a cell.
+                    if dx * dx + dy * dy <= best.1 + 1e-9 {
+                        for &i in self.items_of((r * self.columns + c) as usize) {
+                            let d2 = distance2(i);
+                            if d2 < best.1 || (d2 == best.1 && i < best.0) {
+                                best = (i, d2);
                             }
                         }
                     }
-                    c += step;
+                };
+                // A ring around a distant point is much longer than the grid: only its part inside counts.
+                if (r - row).abs() == ring {
+                    ((column - ring).max(0)..=(column + ring).min(self.columns - 1)).for_each(&mut visit);
+                } else {
+                    let sides = [column - ring, column + ring];
+                    sides.into_iter().filter(|c| (0..self.columns).contains(c)).for_each(&mut visit);
                 }
             }
         }
@@ -266,6 +270,22 @@ mod tests {
         let grid = Grid::new(&[whole; 3000], 6.0);
         assert!(grid.items.len() <= 4_000_000, "{}", grid.items.len());
         assert_eq!(grid.at(Vec2::new(99_999.0, 0.0)).len(), 3000);
+    }
+
+    #[test]
+    fn distant_points_find_the_nearest_at_once() {
+        let points: Vec<Vec2> = (0..400).map(|i| Vec2::new(f64::from(i % 20), f64::from(i / 20))).collect();
+        let grid = Grid::new(&points.iter().map(|&p| Bounds::around(p, 0.0)).collect::<Vec<_>>(), 1.0);
+        let nearest = |p: Vec2| grid.nearest(p, None, |i| (points[i as usize] - p).norm_squared());
+        for (far, found) in [((5.0, 1e4), 385), ((5.0, -1e4), 5), ((1e4, 7.0), 159), ((-1e4, 7.0), 140)] {
+            assert_eq!(nearest(Vec2::new(far.0, far.1)).map(|n| n.0), Some(found), "{far:?}");
+        }
+        // Rings around these have up to 10^18 cells.
+        for far in [1e10, 1e18, 1e300] {
+            for p in [Vec2::new(5.0, far), Vec2::new(-far, 7.0), Vec2::new(far, -far)] {
+                assert!(nearest(p).is_some(), "{p}");
+            }
+        }
     }
 
     #[test]

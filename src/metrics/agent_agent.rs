@@ -113,6 +113,10 @@ impl Metric for AgentAgent {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let (mut hits, mut valid) = (0, 0);
         for (i, overlaps) in overlaps(case).iter().enumerate() {

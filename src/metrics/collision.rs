@@ -142,6 +142,10 @@ impl Metric for AtFault {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let mut count = 0;
         for (i, contact) in contacts(case).iter().enumerate() {

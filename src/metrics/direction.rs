@@ -214,6 +214,10 @@ impl Metric for Direction {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let (mut hits, mut valid) = (0, 0);
         for (i, found) in directions(case).iter().enumerate() {

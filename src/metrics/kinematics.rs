@@ -161,6 +161,10 @@ impl Metric for Acceleration {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         rate(case, self.spec().id, "acceleration", |f| &f.acceleration, events)
     }
@@ -180,6 +184,10 @@ impl Metric for Curvature {
             lower_is_better: true,
             source: "ReactSim-Bench, Metric Computation Details: steering-curvature infeasibility",
         }
+    }
+
+    fn has_events(&self) -> bool {
+        true
     }
 
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
@@ -202,6 +210,10 @@ impl Metric for CurvatureVelocity {
             lower_is_better: true,
             source: "Waymax bicycle model, heading change by velocity direction; printed beside Steer.",
         }
+    }
+
+    fn has_events(&self) -> bool {
+        true
     }
 
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

@@ -74,6 +74,10 @@ impl Metric for OffRoad {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let (mut hits, mut valid) = (0, 0);
         for (i, steps) in off_road_steps(case).iter().enumerate() {

@@ -21,6 +21,10 @@ impl Metric for OverReaction {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         for responder in responders(case)? {
             let lost = responder.lost();
@@ -62,6 +66,10 @@ impl Metric for OverBraking {
             source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of \
                      agents that answer the AV",
         }
+    }
+
+    fn has_events(&self) -> bool {
+        true
     }
 
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

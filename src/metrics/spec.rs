@@ -10,6 +10,11 @@ pub trait Metric: Sync {
     /// Computes the score of one case and appends the counted events; `None` if nothing could be evaluated
     /// (unknown is not zero).
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score>;
+
+    /// Returns whether every score other than 0 has at least one event that counts.
+    fn has_events(&self) -> bool {
+        false
+    }
 }
 
 /// The description of a metric in tables and files.

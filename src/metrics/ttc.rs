@@ -141,6 +141,10 @@ impl Metric for Risky {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let mut count = 0;
         for (i, approach) in approaches(case).iter().enumerate() {

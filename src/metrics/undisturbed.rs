@@ -22,6 +22,10 @@ impl Metric for UndisturbedLoss {
         }
     }
 
+    fn has_events(&self) -> bool {
+        true
+    }
+
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
         let (log, responses) = (case.log.as_ref()?, &case.certificate?.responses);
         let (mut sum, mut n) = (0.0, 0);

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
+use super::limits::{MAX_BOX_SIZE, MAX_COORDINATE, MAX_HEADING, MAX_VELOCITY};
 use super::parts::{LaneParts, NeighborParts, ScenarioParts};
 use super::{
     AgentKind, AgentState, CURRENT, Certificate, Crosswalk, DT, DeviatedTrack, FRAMES, FUTURE, Frame,
@@ -11,14 +12,6 @@ use super::{
 };
 use crate::geometry::{Polygon, Polyline, Vec2, left};
 
-/// Coordinate magnitude relative to the AV, in metres, from which a point is refused as damaged.
-const MAX_COORDINATE: f64 = 100_000.0;
-/// Box length or width in metres from which a box is refused as damaged.
-const MAX_BOX_SIZE: f64 = 1000.0;
-/// Velocity component in m/s from which a state is refused as damaged.
-const MAX_VELOCITY: f64 = 1000.0;
-/// Heading magnitude in radians from which a state is refused as damaged: about a thousand turns.
-const MAX_HEADING: f64 = 6300.0;
 /// Maximum length of the name of a scenario, an agent or a lane, bytes.
 const MAX_NAME_BYTES: usize = 1000;
 /// Maximum number of link comparisons while lanes without extent are removed; real maps have few such lanes.

@@ -5,6 +5,7 @@ mod assemble;
 mod certificate;
 mod digest;
 mod error;
+pub mod limits;
 mod lights;
 mod map;
 mod map_index;

@@ -103,6 +103,51 @@ fn nearly_the_same(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| (a.0 - b.0).abs() <= 0.25 * a.1.max(b.1) + 0.011)
 }
 
+/// A finished run of two scenarios that kept its rollouts, and the arguments that resume it.
+fn finished(folder: &Path) -> Vec<String> {
+    let out = folder.join("run");
+    let scenarios = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+    let run = ["run", scenarios, "--limit", "2", "--models", "constant-velocity,stop", "--keep-rollouts"];
+    let mut arguments: Vec<String> = run.iter().map(|a| (*a).to_owned()).collect();
+    arguments.extend(["--out".to_owned(), text(&out).to_owned()]);
+    let done = reactsim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    arguments.push("--resume".to_owned());
+    arguments
+}
+
+#[test]
+fn a_run_killed_while_it_removes_its_parts_can_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = finished(folder.path());
+    let run = folder.path().join("run");
+    let rollouts = fs::read(run.join("rollouts.parquet")).unwrap();
+    fs::create_dir(run.join("parts")).unwrap();
+    fs::copy(run.join("rollouts.parquet"), run.join("parts/000000-00000001-000.parquet")).unwrap();
+    let resumed = reactsim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert!(!run.join("parts").exists());
+    assert!(fs::read(run.join("rollouts.parquet")).unwrap() == rollouts);
+}
+
+#[test]
+fn lost_events_are_counted_again_and_damaged_ones_are_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = finished(folder.path());
+    let resume = || reactsim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    let path = folder.path().join("run/events.jsonl");
+    let events = fs::read_to_string(&path).unwrap();
+    assert!(events.contains("\"metric\":\"aav-collision\""), "{events}");
+    fs::write(&path, "").unwrap();
+    let resumed = resume();
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert_eq!(fs::read_to_string(&path).unwrap(), events);
+    fs::write(&path, events.replacen("\"input\"", "\"inp", 1)).unwrap();
+    let refused = resume();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("events.jsonl is damaged in line 1"), "{}", stderr(&refused));
+}
+
 #[test]
 fn help_fits_a_terminal() {
     let help = stdout(&reactsim(&["--help"]));

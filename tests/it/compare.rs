@@ -123,6 +123,24 @@ fn what_can_not_be_compared_is_refused() {
 }
 
 #[test]
+fn damaged_rows_are_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, other) = (folder.path().join("run"), folder.path().join("other"));
+    said(&["run", MINI, "--models", "stop,idm", "--limit", "2", "--out", text(&run)], 0);
+    changed(&run, &other, |_| {});
+    let rows = other.join("rows.jsonl");
+    let lines = fs::read_to_string(&rows).unwrap();
+    let with = |content: String| {
+        fs::write(&rows, content).unwrap();
+        said(&["compare", text(&run), text(&other), "--worse", "aav-collision=0"], 2).1
+    };
+    let error = with(lines.replacen("\"simulator\"", "\"simul", 1));
+    assert!(error.contains("rows.jsonl is damaged in line 1"), "{error}");
+    let error = with(lines.lines().skip(1).map(|line| format!("{line}\n")).collect());
+    assert!(error.contains("are incomplete"), "{error}");
+}
+
+#[test]
 fn runs_under_other_conditions_are_compared_only_on_demand() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -9,9 +9,10 @@ use serde_json::Value;
 use super::values::{Area, Name, Number, Points, Size, quote_not_finite};
 use super::{Document, DocumentError, DocumentLog, DocumentScenario, FORMAT};
 use crate::geometry::{Polygon, Polyline, Vec2};
+use crate::scene::limits::{MAX_BOX_SIZE, MAX_COORDINATE};
 use crate::scene::{
     Agent, AgentKind, AgentState, DT, Frame, Lane, LaneArea, LaneClass, LaneKind, LoggedAgent, RoadEdge,
-    RoadEdgeKind, RoadMap, SceneError,
+    RoadEdgeKind, RoadMap, SceneError, limits,
 };
 
 /// Limit on the number of frames; larger numbers are taken for damage.
@@ -89,6 +90,8 @@ struct RawTrack {
 #[derive(Clone, Copy)]
 struct Location<'a> {
     scenario: &'a str,
+    /// Position of the AV, from which coordinates have to lie within 100 km; `None` before it is known.
+    center: Option<Vec2>,
 }
 
 impl Location<'_> {
@@ -123,13 +126,27 @@ impl Location<'_> {
     }
 
     fn points(self, field: &str, points: Vec<Vec2>) -> Result<Vec<Vec2>, DocumentError> {
-        match points.iter().position(|p| !(p.x.is_finite() && p.y.is_finite())) {
+        let center = self.center.unwrap_or_default();
+        let is_near = |p: &Vec2| (p - center).amax() < MAX_COORDINATE;
+        match points.iter().position(|p| !is_near(p)) {
             None => Ok(points),
             Some(i) => {
                 let value = format!("[{}, {}]", points[i].x, points[i].y);
-                Err(self.error(format!("{field}[{i}]"), value, "finite coordinates"))
+                let expected = "finite coordinates within 100 km of the AV";
+                Err(self.error(format!("{field}[{i}]"), value, expected))
             }
         }
+    }
+
+    /// Refuses states beyond the limits of scenarios.
+    fn within_limits(self, field: &str, track: &[Frame]) -> Result<(), DocumentError> {
+        let center = self.center.unwrap_or_default();
+        for (f, state) in track.iter().enumerate() {
+            if let Some((name, value, expected)) = state.as_ref().and_then(|s| limits::beyond(s, center)) {
+                return Err(self.error(format!("{field}.{name}[{f}]"), value, expected));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -159,7 +176,7 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
         serde_json::from_value(value)
             .map_err(|source| DocumentError::Json { at: format!("scenarios[{index}]{id}"), source })?
     };
-    let at = Location { scenario: &raw.id.0 };
+    let at = Location { scenario: &raw.id.0, center: None };
     let (current, future) = (raw.current_index, raw.num_future);
     if future == 0 || current >= MAX_FRAMES || future >= MAX_FRAMES {
         let value = format!("{current} and {future}");
@@ -184,6 +201,16 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
         let value = format!("{} of {} agents", raw.av_index, agents.len());
         return Err(at.error("av_index", value, "the index of an agent"));
     }
+    // The AV is usually present at the current frame; then its position is the center.
+    let known = |agent: &LoggedAgent| {
+        let now = agent.track.get(current).copied().flatten();
+        now.or_else(|| agent.track.iter().flatten().next().copied())
+    };
+    let center = known(&agents[raw.av_index]).or_else(|| agents.iter().find_map(known));
+    let at = Location { center: center.map(|state| state.position()), ..at };
+    for (i, agent) in agents.iter().enumerate() {
+        at.within_limits(&format!("agents[{i}] (`{}`)", agent.agent.id), &agent.track)?;
+    }
     let log = match raw.log {
         None => None,
         Some(log) => {
@@ -193,15 +220,13 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
                 tracks
                     .map(|(i, (value, agent))| {
                         let field = format!("log[{i}]");
-                        logged(
-                            at,
-                            &format!("{field} (agent `{}`)", agent.agent.id),
-                            at.part(&field, value)?,
-                            current,
-                            frames,
-                        )
+                        let part = at.part(&field, value)?;
+                        let field = format!("{field} (agent `{}`)", agent.agent.id);
+                        let log = logged(at, &field, part, current, frames)?;
+                        at.within_limits(&field, &log.track)?;
+                        Ok(log)
                     })
-                    .collect::<Result<_, _>>()?,
+                    .collect::<Result<_, DocumentError>>()?,
             )
         }
     };
@@ -213,7 +238,9 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
             let field = format!("rollouts[{r}][{i}]");
             let RawTrack { x, y, heading } = at.part(&field, value)?;
             let field = format!("{field} (agent `{}`)", agents[i].agent.id);
-            tracks.push(track(at, &field, [x, y, heading], None, [None, None], future)?);
+            let track = track(at, &field, [x, y, heading], None, [None, None], future)?;
+            at.within_limits(&field, &track)?;
+            tracks.push(track);
         }
         rollouts.push(tracks);
     }
@@ -246,10 +273,10 @@ fn agent(
                 sizes[current].0.unwrap_or(0.0)
             }
         };
-        if size.is_finite() && size >= 0.0 {
+        if (0.0..MAX_BOX_SIZE).contains(&size) {
             Ok(size)
         } else {
-            Err(at.error(field, size, "a finite size of at least 0 m"))
+            Err(at.error(field, size, "a size of at least 0 and less than 1000 m"))
         }
     };
     let (length, width) = (size("length", raw.length)?, size("width", raw.width)?);
