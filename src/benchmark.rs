@@ -49,7 +49,7 @@ use crate::evaluation::{
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
 use crate::metrics::Options;
-use crate::report::{self, Run};
+use crate::report::{self, Run, TableStyle};
 use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
 use crate::scene::Scenario;
 use crate::work::available_threads;
@@ -382,7 +382,7 @@ impl Results {
         let mut text = Vec::new();
         let exporter = report::exporter("markdown").expect("Markdown is one of the exporters");
         let run = Run { name: "", summary: &self.summary };
-        exporter.export(&[run], &[], &mut text).expect("writing to memory does not fail");
+        exporter.export(&[run], TableStyle::default(), &mut text).expect("writing to memory does not fail");
         String::from_utf8_lossy(&text).into_owned()
     }
 

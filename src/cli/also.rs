@@ -24,7 +24,7 @@ impl ExtraColumns {
 }
 
 /// Parses the id of a metric; clap answers an unknown id with all ids and the most similar one.
-fn column() -> impl TypedValueParser<Value = Column> {
+pub(super) fn column() -> impl TypedValueParser<Value = Column> {
     let ids = METRICS.iter().map(|m| m.spec().id);
     PossibleValuesParser::new(ids).try_map(|id| Column::of(&id).ok_or_else(|| format!("no metric `{id}`")))
 }

@@ -4,17 +4,16 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::also::ExtraColumns;
 use super::{count, note, say};
 use crate::evaluation::{EVENTS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
-use crate::report::{Run, exporter};
+use crate::report::{Run, TableStyle, exporter};
 
 /// Writes the table of a run to its folder, followed by plan outcomes and failures.
-pub(super) fn put_table(folder: &RunFolder, summary: &Summary, also: &ExtraColumns) -> anyhow::Result<()> {
+pub(super) fn put_table(folder: &RunFolder, summary: &Summary, style: TableStyle<'_>) -> anyhow::Result<()> {
     let Some(markdown) = exporter("markdown") else { return Ok(()) };
     let mut text = Vec::new();
     let run = [Run { name: "", summary }];
-    markdown.export(&run, also.columns(), &mut text).context("could not make the table")?;
+    markdown.export(&run, style, &mut text).context("could not make the table")?;
     let mut text = String::from_utf8_lossy(&text).into_owned();
     text.push_str(&outcomes(summary));
     text.push_str(&failures(summary));

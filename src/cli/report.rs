@@ -67,8 +67,8 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
 }
 
 fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
-    if !args.table.columns().is_empty() {
-        bail!("the page has a switch for all metrics: leave --also out");
+    if !args.table.is_usual() {
+        bail!("the page has switches of its own: leave the options of tables out");
     }
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
     for note in gallery.missing_for_scenes() {

@@ -110,7 +110,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
 /// Writes and prints the table, and prints failures.
 fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyhow::Result<ExitStatus> {
     if let Some(folder) = folder {
-        put_table(folder, summary, args.table.also())?;
+        put_table(folder, summary, args.table.style())?;
     }
     report_left_out(summary);
     if summary.provenance.scenarios == 0 {

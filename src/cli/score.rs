@@ -62,8 +62,8 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.allow.is_empty() {
         bail!("a rollout document is scored as it is: leave --allow out");
     }
-    if !args.table.columns().is_empty() {
-        bail!("a rollout document is scored without a table: leave --also out");
+    if !args.table.is_usual() || args.format.is_some() {
+        bail!("a rollout document is scored without a table: leave the options of tables out");
     }
     let read = || format!("could not read {}", path.display());
     let text = fs::read_to_string(path).with_context(read)?;
@@ -103,7 +103,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         }
     };
     if let Some(folder) = &folder {
-        put_table(folder, &summary, args.table.also())?;
+        put_table(folder, &summary, args.table.style())?;
     }
     args.table.write(&[Run { name: "", summary: &summary }], args.format.as_deref(), None, "")?;
     if let Some(path) = &args.out {

@@ -7,10 +7,10 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use console::Term;
 
-use super::also::ExtraColumns;
+use super::also::{ExtraColumns, column};
 use super::write_result;
 use crate::report::terminal::{self, TerminalStyle};
-use crate::report::{Column, Division, EXPORTERS, Run, exporter};
+use crate::report::{Column, Division, EXPORTERS, Run, TableStyle, exporter};
 
 /// Format for terminals.
 const TERMINAL: &str = "terminal";
@@ -25,8 +25,21 @@ pub(super) struct TableArgs {
     /// On a terminal: also a table per category of deviation or per difficulty of the conflict
     #[arg(long, value_name = "PARTS")]
     by: Option<Parts>,
+    /// Columns instead of the usual ones: metrics, separated by commas
+    #[arg(long, value_name = "METRIC", value_delimiter = ',', hide_possible_values = true,
+          value_parser = column())]
+    columns: Vec<Column>,
     #[command(flatten)]
     also: ExtraColumns,
+    /// In Markdown and LaTeX: print the best numbers among comparable runs in bold
+    #[arg(long)]
+    bold: bool,
+    /// Caption of a LaTeX table
+    #[arg(long, value_name = "TEXT")]
+    caption: Option<String>,
+    /// Label of a LaTeX table, such as tab:results
+    #[arg(long, value_name = "LABEL")]
+    label: Option<String>,
 }
 
 /// Parts of the scenarios that get tables of their own.
@@ -39,14 +52,21 @@ pub(super) enum Parts {
 }
 
 impl TableArgs {
-    /// Returns the requested columns.
-    pub(super) fn columns(&self) -> &[Column] {
-        self.also.columns()
+    /// Returns whether nothing was asked for.
+    pub(super) fn is_usual(&self) -> bool {
+        let texts = self.caption.is_none() && self.label.is_none();
+        self.by.is_none() && self.columns.is_empty() && self.also.columns().is_empty() && !self.bold && texts
     }
 
-    /// Returns the requested additional columns, for the table that a run folder keeps.
-    pub(super) fn also(&self) -> &ExtraColumns {
-        &self.also
+    /// Returns what the tables show.
+    pub(super) fn style(&self) -> TableStyle<'_> {
+        TableStyle {
+            columns: &self.columns,
+            also: self.also.columns(),
+            bold: self.bold,
+            caption: self.caption.as_deref(),
+            label: self.label.as_deref(),
+        }
     }
 
     /// Writes the table of runs to a file or to stdout. `format`: terminal on a terminal and markdown elsewhere
@@ -63,8 +83,8 @@ impl TableArgs {
         let format = format.unwrap_or(default);
         write_result(out, |out| {
             match exporter(format) {
-                Some(exporter) => exporter.export(runs, self.columns(), out)?,
-                None => terminal::write(runs, self.style(is_terminal), out)?,
+                Some(exporter) => exporter.export(runs, self.style(), out)?,
+                None => terminal::write(runs, self.terminal_style(is_terminal), out)?,
             }
             match format {
                 TERMINAL | MARKDOWN => out.write_all(below.as_bytes()),
@@ -73,7 +93,7 @@ impl TableArgs {
         })
     }
 
-    fn style(&self, is_terminal: bool) -> TerminalStyle<'_> {
+    fn terminal_style(&self, is_terminal: bool) -> TerminalStyle<'_> {
         let size = Term::stdout().size_checked().filter(|_| is_terminal);
         TerminalStyle {
             width: size.map_or(DEFAULT_WIDTH, |(_, columns)| usize::from(columns)),
@@ -82,7 +102,7 @@ impl TableArgs {
                 Parts::Category => Division::Category,
                 Parts::Difficulty => Division::Difficulty,
             }),
-            also: self.columns(),
+            table: self.style(),
         }
     }
 }

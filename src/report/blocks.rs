@@ -157,7 +157,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
     };
     let scenarios = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
     let mut text = Vec::new();
-    write_table(&mut text, &columns, &lines).expect("writing to memory does not fail");
+    write_table(&mut text, &columns, &lines, false).expect("writing to memory does not fail");
     let mut text = String::from_utf8_lossy(&text).into_owned();
     let what = match &selection.part {
         Part::All => String::new(),

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 
 use super::long::records;
-use super::{Column, Exporter, Run};
+use super::{Exporter, Run, TableStyle};
 
 /// The CSV format.
 pub(super) struct Csv;
@@ -18,9 +18,9 @@ impl Exporter for Csv {
         "one line per run, simulator, category or difficulty, and metric; rates are fractions"
     }
 
-    fn export(&self, runs: &[Run<'_>], _: &[Column], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "run,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios")?;
-        for r in records(runs) {
+        for r in records(runs, style) {
             let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
             writeln!(
                 out,

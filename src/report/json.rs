@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use super::{Column, Exporter, Run};
+use super::{Exporter, Run, TableStyle};
 
 /// The JSON format.
 pub(super) struct Json;
@@ -17,7 +17,7 @@ impl Exporter for Json {
         "summary.json; several runs as {name: summary}"
     }
 
-    fn export(&self, runs: &[Run<'_>], _: &[Column], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], _: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
         if let [only] = runs {
             return out.write_all(only.summary.to_json().as_bytes());
         }

@@ -1,6 +1,6 @@
 //! The long format: one record per run, simulator, category or difficulty, and metric.
 
-use super::Run;
+use super::{Run, TableStyle};
 use crate::evaluation::Estimate;
 
 /// An estimate with its keys.
@@ -18,8 +18,8 @@ pub(super) struct Record<'a> {
     pub(super) estimate: Estimate,
 }
 
-/// Returns all estimates of runs.
-pub(super) fn records<'a>(runs: &'a [Run<'a>]) -> Vec<Record<'a>> {
+/// Returns all estimates of runs, or those of the chosen columns.
+pub(super) fn records<'a>(runs: &'a [Run<'a>], style: TableStyle<'_>) -> Vec<Record<'a>> {
     let mut out = Vec::new();
     for run in runs {
         for (simulator, _, summary) in run.summary.order() {
@@ -33,7 +33,8 @@ pub(super) fn records<'a>(runs: &'a [Run<'a>]) -> Vec<Record<'a>> {
             let difficulties = difficulties.map(|(name, s)| ("mean", None, Some(name.as_str()), &s.metrics));
             for (kind, category, difficulty, metrics) in all.into_iter().chain(categories).chain(difficulties)
             {
-                out.extend(metrics.iter().map(|(metric, estimate)| Record {
+                let chosen = metrics.iter().filter(|(metric, _)| style.has(metric));
+                out.extend(chosen.map(|(metric, estimate)| Record {
                     run: run.name,
                     simulator,
                     oracle: summary.oracle,

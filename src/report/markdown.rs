@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::{self, Write};
 
 use super::table::{self, Column, Division, Line};
-use super::{Exporter, Run};
+use super::{Exporter, Run, TableStyle};
 use crate::evaluation::{Access, Estimate};
 
 /// The Markdown format.
@@ -19,18 +19,18 @@ impl Exporter for Markdown {
         "tables for people, in terminals and documents"
     }
 
-    fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()> {
+    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
         let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
-        let columns = Column::used(&summaries, also);
+        let columns = style.columns_of(&summaries);
         let lines = table::lines(runs);
-        write_table(out, &columns, &lines)?;
+        write_table(out, &columns, &lines, style.bold)?;
         for division in Division::ALL {
             for part in division.parts(runs) {
                 let lines = table::part_lines(runs, division, &part);
                 let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
                 let title = capital(&escape(&division.title(&part)));
                 writeln!(out, "\n{title} ({}):\n", table::count(n, "scenario"))?;
-                write_table(out, &columns, &lines)?;
+                write_table(out, &columns, &lines, style.bold)?;
             }
         }
         writeln!(out)?;
@@ -43,8 +43,13 @@ impl Exporter for Markdown {
     }
 }
 
-/// Writes a table with the heads of its columns.
-pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line<'_>]) -> io::Result<()> {
+/// Writes a table with the heads of its columns; the best numbers are bold on request.
+pub(super) fn write_table(
+    out: &mut dyn Write,
+    columns: &[Column],
+    lines: &[Line<'_>],
+    bold: bool,
+) -> io::Result<()> {
     let with_run = lines.iter().any(|l| l.run.is_some());
     let with_failed = lines.iter().any(|l| l.failed > 0);
     let mut head: Vec<String> = Vec::new();
@@ -54,10 +59,14 @@ pub(super) fn write_table(out: &mut dyn Write, columns: &[Column], lines: &[Line
     head.extend(with_failed.then(|| "Failed".to_owned()));
     let texts = 1 + usize::from(with_run);
     let mut rows = vec![head];
-    for line in lines {
+    let best: Vec<Vec<bool>> = columns.iter().map(|column| table::best(column, lines)).collect();
+    for (i, line) in lines.iter().enumerate() {
         let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
         row.push(method(line.title, line.access));
-        row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
+        row.extend(columns.iter().zip(&best).map(|(column, best)| {
+            let text = cell(column, line.metrics.get(column.metric));
+            if bold && best[i] { format!("**{text}**") } else { text }
+        }));
         row.extend(with_failed.then(|| line.failed.to_string()));
         rows.push(row);
     }

@@ -17,6 +17,7 @@ pub mod page;
 pub mod realism_charts;
 pub mod realism_tables;
 pub mod study_tables;
+mod style;
 mod table;
 pub mod terminal;
 pub mod training_curves;
@@ -26,6 +27,7 @@ use std::io::{self, Write};
 
 use crate::evaluation::Summary;
 
+pub use style::TableStyle;
 pub use table::{COLUMNS, Column, Division};
 
 /// The result of one run, with a name that distinguishes it from others.
@@ -45,12 +47,11 @@ pub trait Exporter: Sync {
     /// Returns a description of one line.
     fn title(&self) -> &'static str;
 
-    /// Writes the results of runs. `also`: additional columns of tables, ignored by formats that hold
-    /// every metric.
+    /// Writes the results of runs. Formats for programs ignore what concerns the appearance.
     ///
     /// # Errors
     /// If `out` cannot be written.
-    fn export(&self, runs: &[Run<'_>], also: &[Column], out: &mut dyn Write) -> io::Result<()>;
+    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()>;
 }
 
 /// All output formats.

@@ -9,7 +9,7 @@ use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 
 use super::long::records;
-use super::{Column, Exporter, Run};
+use super::{Exporter, Run, TableStyle};
 
 /// The Parquet format.
 pub(super) struct Parquet;
@@ -23,8 +23,8 @@ impl Exporter for Parquet {
         "the lines of csv as a columnar file"
     }
 
-    fn export(&self, runs: &[Run<'_>], _: &[Column], out: &mut dyn Write) -> io::Result<()> {
-        let records = records(runs);
+    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+        let records = records(runs, style);
         let text = |of: &dyn Fn(&super::long::Record<'_>) -> String| -> ArrayRef {
             Arc::new(StringArray::from_iter_values(records.iter().map(of)))
         };

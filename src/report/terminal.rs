@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::table::{self, Column, Division, Line};
-use super::{Run, markdown};
+use super::{Run, TableStyle, markdown};
 use crate::evaluation::{Estimate, Summary};
 
 /// How a table for a terminal is drawn.
@@ -15,8 +15,8 @@ pub struct TerminalStyle<'a> {
     pub coloured: bool,
     /// Division of the scenarios whose parts get tables of their own.
     pub by: Option<Division>,
-    /// Columns in addition to the usual ones.
-    pub also: &'a [Column],
+    /// The columns.
+    pub table: TableStyle<'a>,
 }
 
 /// Number of columns of the paper's main table, which every terminal shows.
@@ -130,8 +130,9 @@ fn columns(
     mut left: usize,
 ) -> Vec<TextColumn> {
     let summaries: Vec<&Summary> = runs.iter().map(|run| run.summary).collect();
-    let used = Column::used(&summaries, style.also);
-    let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS || style.also.contains(column);
+    let used = style.table.columns_of(&summaries);
+    let chosen = |column: &Column| style.table.columns.contains(column) || style.table.also.contains(column);
+    let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS || chosen(column);
     let required = used.iter().enumerate().filter(|(i, column)| is_required(*i, column));
     let wide = required.map(|(_, column)| TextColumn::new(column, lines, true).width).sum::<usize>();
     let with_interval = wide <= left;

@@ -4,13 +4,15 @@ use std::path::Path;
 
 use reactsim::evaluation::{Summary, read_summary};
 use reactsim::report::terminal::{self, TerminalStyle};
-use reactsim::report::{Division, Run};
+use reactsim::report::{Division, Run, TableStyle};
 
 use crate::program::reactsim;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
-const STYLE: TerminalStyle<'_> = TerminalStyle { width: 80, coloured: false, by: None, also: &[] };
+const PLAIN: TableStyle<'_> = TableStyle { columns: &[], also: &[], bold: false, caption: None, label: None };
+
+const STYLE: TerminalStyle<'_> = TerminalStyle { width: 80, coloured: false, by: None, table: PLAIN };
 
 fn run(folder: &Path, name: &str, more: &[&str]) -> Summary {
     let out = folder.join(name);
@@ -77,4 +79,31 @@ fn results_never_overwrite_the_files_of_a_run() {
     // Devices are written to, not replaced.
     assert_eq!(reactsim(&["report", a.to_str().unwrap(), "--out", "/dev/null"]).status.code(), Some(0));
     assert!(!Path::new("/dev/null").is_file());
+}
+
+#[test]
+fn columns_bold_numbers_caption_and_label_are_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "a", &[]);
+    let a = folder.path().join("a");
+    let report = |more: &[&str]| {
+        let output = reactsim(&[&["report", a.to_str().unwrap()][..], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let chosen = ["--columns", "aav-ttc,ade", "--bold"];
+    let latex = report(
+        &[&chosen[..], &["--format", "latex", "--caption", "50 % & more", "--label", "tab:x_1"]].concat(),
+    );
+    for part in ["Method & A-AV risky", "ADE", "\\caption{50 \\% \\& more}", "\\label{tab:x_1}", "\\textbf{"]
+    {
+        assert!(latex.contains(part), "{part} is not in\n{latex}");
+    }
+    assert!(!latex.contains("A-AV Coll"), "{latex}");
+    let usual = report(&["--format", "latex"]);
+    assert!(usual.contains("$\\dagger$") && !usual.contains("\\textbf"), "{usual}");
+    let markdown = report(&chosen);
+    assert!(markdown.contains("| **") && !markdown.contains("A-AV Coll"), "{markdown}");
+    let csv = report(&[&chosen[..], &["--format", "csv"]].concat());
+    assert!(csv.lines().skip(1).all(|line| line.contains(",aav-ttc,") || line.contains(",ade,")), "{csv}");
 }

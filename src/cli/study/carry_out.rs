@@ -8,7 +8,7 @@ use crate::cli::finished::{put_table, report_left_out};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyResults};
-use crate::report::study_tables;
+use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
     (mut plan, external): PlannedStudy,
@@ -43,7 +43,8 @@ pub(super) fn carry_out(
             ));
             return Ok(ExitStatus::Interrupted);
         };
-        put_table(&run, &summary, &shared.also)?;
+        let style = TableStyle { also: shared.also.columns(), ..TableStyle::default() };
+        put_table(&run, &summary, style)?;
         if i == 0 || summary.provenance.scenarios == 0 {
             report_left_out(&summary);
         }

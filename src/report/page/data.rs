@@ -10,7 +10,7 @@ use super::gallery::Gallery;
 use crate::evaluation::{Access, Summary, program_commit, program_version};
 use crate::metrics::{METRICS, Unit};
 use crate::report::table::{self, Column};
-use crate::report::{Run, exporter, study_tables};
+use crate::report::{Run, TableStyle, exporter, study_tables};
 
 /// Formats and file names of the results that the page offers for download.
 const DOWNLOADS: [(&str, &str); 3] =
@@ -108,7 +108,7 @@ impl Gallery {
         for (form, name) in DOWNLOADS {
             let mut text = Vec::new();
             if let Some(exporter) = exporter(form) {
-                exporter.export(&runs, &[], &mut text)?;
+                exporter.export(&runs, TableStyle::default(), &mut text)?;
             }
             downloads.push(Download { name, text: String::from_utf8_lossy(&text).into_owned() });
         }
