@@ -55,11 +55,8 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             .map(|m| {
                 let spec = m.spec();
                 let unit = match spec.unit {
-                    Unit::Count => "count",
-                    Unit::Rate => "rate",
-                    Unit::Metres => "m",
-                    Unit::MetresPerSecondSquared => "m/s²",
                     Unit::Plain => "-",
+                    unit => unit.name(),
                 };
                 let better = if spec.lower_is_better { "lower" } else { "higher" };
                 [spec.id, spec.title, unit, better, spec.source].map(str::to_owned).to_vec()

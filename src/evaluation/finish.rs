@@ -4,9 +4,9 @@ use super::folder::{RunFolder, SUMMARY};
 use super::row::Failure;
 use super::summary::Summary;
 use super::tally::Tally;
-use super::{EvaluationError, rollouts};
+use super::{EvaluationError, long_tables, rollouts};
 
-/// Sorts rows and events, joins the kept rollouts and writes the summary, whose existence marks the folder as
+/// Sorts rows and events and writes them as tables, joins the kept rollouts and writes the summary, whose existence marks the folder as
 /// finished.
 pub(super) fn finish(
     folder: &RunFolder,
@@ -15,6 +15,7 @@ pub(super) fn finish(
     summary: &Summary,
 ) -> Result<(), EvaluationError> {
     folder.finish(tally, failures)?;
+    long_tables::write(folder.path())?;
     if summary.provenance.run.keep_rollouts == Some(true) {
         rollouts::join_parts(folder, tally)?;
     }

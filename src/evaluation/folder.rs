@@ -35,12 +35,14 @@ pub const TABLE: &str = "summary.md";
 /// Name of the file with the rollouts.
 pub const ROLLOUTS: &str = "rollouts.parquet";
 /// Names of the files of a run folder.
-pub const RUN_FILES: [&str; 8] = [PROVENANCE, ROWS, ROWS_TABLE, EVENTS, FAILURES, SUMMARY, TABLE, ROLLOUTS];
+pub const RUN_FILES: [&str; 10] =
+    [PROVENANCE, ROWS, ROWS_TABLE, VALUES_TABLE, EVENTS, EVENTS_TABLE, FAILURES, SUMMARY, TABLE, ROLLOUTS];
+/// Name of the table of values, in long form.
+pub const VALUES_TABLE: &str = "values.parquet";
+/// Name of the table of events.
+pub const EVENTS_TABLE: &str = "events.parquet";
 /// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
-
-/// Files that are first written to a temporary file next to them.
-const REPLACED_FILES: [&str; 6] = [PROVENANCE, ROWS, EVENTS, FAILURES, SUMMARY, TABLE];
 
 /// A run folder that is being written. Rows and events are appended as they are produced;
 /// [`RunFolder::finish`] sorts them.
@@ -190,7 +192,7 @@ impl RunFolder {
     /// [`EvaluationError::Write`].
     pub fn discard(self) -> Result<(), EvaluationError> {
         self.remove_parts()?;
-        for name in REPLACED_FILES.into_iter().chain([ROLLOUTS]) {
+        for name in RUN_FILES {
             let path = self.path.join(name);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {
@@ -208,7 +210,7 @@ impl RunFolder {
             let entry = entry.map_err(cannot_read(&self.path))?;
             let name = entry.file_name();
             let name = name.to_string_lossy();
-            if files::target_of(&name).is_some_and(|n| n == ROLLOUTS || REPLACED_FILES.contains(&n)) {
+            if files::target_of(&name).is_some_and(|n| RUN_FILES.contains(&n)) {
                 fs::remove_file(entry.path()).map_err(cannot_write(&entry.path()))?;
             }
         }
@@ -493,7 +495,7 @@ pub(super) fn for_lines(path: &Path, mut each: impl FnMut(u64, &str)) -> Result<
 }
 
 /// Calls `each` with every line as a value.
-fn for_parsed_lines<T: DeserializeOwned>(
+pub(super) fn for_parsed_lines<T: DeserializeOwned>(
     path: &Path,
     mut each: impl FnMut(T),
 ) -> Result<(), EvaluationError> {

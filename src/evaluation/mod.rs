@@ -34,6 +34,7 @@ mod folder;
 mod foreign_rollout;
 mod judge;
 mod known_deviation;
+mod long_tables;
 mod plan;
 mod provenance;
 mod recorded;
@@ -62,8 +63,8 @@ pub use conditions::{Condition, ConditionDifference, changed_options};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use folder::{
-    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, RunFolder, SUMMARY, TABLE,
-    read_provenance, read_rows, read_summary, read_tally,
+    EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, RunFolder, SUMMARY,
+    TABLE, VALUES_TABLE, read_provenance, read_rows, read_summary, read_tally,
 };
 pub use foreign_rollout::ForeignRollout;
 pub use known_deviation::KnownDeviation;

@@ -57,3 +57,16 @@ pub enum Unit {
     /// A number without unit.
     Plain,
 }
+
+impl Unit {
+    /// Returns the name used in files; empty for numbers without a unit.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Count => "count",
+            Self::Rate => "rate",
+            Self::Metres => "m",
+            Self::MetresPerSecondSquared => "m/s²",
+            Self::Plain => "",
+        }
+    }
+}

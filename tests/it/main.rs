@@ -23,6 +23,7 @@ mod idm;
 mod layers;
 mod leaderboard;
 mod metrics;
+mod long_tables;
 mod mini_scenarios;
 mod model_weights;
 mod networks;

@@ -8,7 +8,7 @@ use serde_json::value::RawValue;
 use super::PageError;
 use super::gallery::Gallery;
 use crate::evaluation::{Access, Summary, program_commit, program_version};
-use crate::metrics::{METRICS, Unit};
+use crate::metrics::METRICS;
 use crate::report::table::{self, Column};
 use crate::report::{Run, TableStyle, exporter, study_tables};
 
@@ -123,13 +123,7 @@ impl Gallery {
                 .map(|spec| MetricData {
                     id: spec.id,
                     title: spec.title,
-                    unit: match spec.unit {
-                        Unit::Count => "count",
-                        Unit::Rate => "rate",
-                        Unit::Metres => "m",
-                        Unit::MetresPerSecondSquared => "m/s²",
-                        Unit::Plain => "",
-                    },
+                    unit: spec.unit.name(),
                     lower_is_better: spec.lower_is_better,
                     source: spec.source,
                 })
