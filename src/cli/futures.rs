@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 
 use crate::formats::rollouts::{self, Reader, RolloutRecord};
-use crate::scene::{FUTURE, Scenario};
+use crate::scene::{FUTURE, Scenario, limits};
 
 /// Rollouts of one simulator, read on demand.
 pub(super) struct Futures {
@@ -49,6 +49,12 @@ impl Futures {
             })?;
             if track.len() != FUTURE {
                 bail!("{}: `{}`: {} steps, expected {FUTURE}", self.path.display(), scenario.id, track.len());
+            }
+            let center = scenario.start.now(0).position();
+            let beyond = track.iter().flatten().find_map(|state| limits::beyond(state, center));
+            if let Some((name, value, expected)) = beyond {
+                let (file, scenario, agent) = (self.path.display(), &scenario.id, &agent.id);
+                bail!("{file}: `{scenario}`: agent `{agent}`: `{name}` is {value:e}, expected {expected}");
             }
             scenario.log_future.tracks[slot].clone_from(track);
         }

@@ -39,7 +39,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
 use crate::files;
@@ -139,7 +139,7 @@ impl From<ExitStatus> for ExitCode {
 /// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
     // Without arguments: `run` with its defaults.
-    let Cli { command, quiet } = Cli::parse();
+    let Cli { command, quiet } = parse();
     QUIET.store(quiet, Ordering::Relaxed);
     let command = command.unwrap_or_else(|| {
         let bare = Cli::parse_from(["reactsim", "run"]).command;
@@ -185,6 +185,21 @@ pub fn main() -> ExitCode {
             ExitStatus::BadInput.into()
         }
     }
+}
+
+/// Parses the arguments. Values may begin with a minus sign, so that a negative number is refused as a value and
+/// not as an unknown option.
+fn parse() -> Cli {
+    let matches = with_negative_numbers(Cli::command()).get_matches();
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let command = command.mut_args(|arg| {
+        let is_option = !arg.is_positional() && arg.get_action().takes_values();
+        arg.allow_negative_numbers(is_option)
+    });
+    command.mut_subcommands(with_negative_numbers)
 }
 
 /// Suggests what to try next, if the error's own text does not.

@@ -1,6 +1,5 @@
 //! `reactsim score`: scores rollouts that any program produced.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -11,6 +10,7 @@ use super::table_output::{TableArgs, formats as table_formats};
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
 use crate::evaluation::{Failure, RolloutCheck, RunFolder, RunObserver, Scoring};
+use crate::files::read_regular;
 use crate::formats;
 use crate::formats::document::Document;
 use crate::report::Run;
@@ -66,7 +66,7 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
         bail!("a rollout document is scored without a table: leave the options of tables out");
     }
     let read = || format!("could not read {}", path.display());
-    let text = fs::read_to_string(path).with_context(read)?;
+    let text = String::from_utf8(read_regular(path).with_context(read)?).with_context(read)?;
     let mut document = Document::from_json(&text).with_context(read)?;
     // Options of the command line take precedence over those of the document.
     for option in &args.metric_options {
@@ -123,6 +123,7 @@ struct Warnings;
 
 impl RunObserver for Warnings {
     fn failed(&self, failure: &Failure) {
-        say(format_args!("warning: {}", failure.error));
+        let simulator = failure.simulator.as_deref().map(|s| format!("`{s}`: ")).unwrap_or_default();
+        say(format_args!("warning: {simulator}{}", failure.error));
     }
 }

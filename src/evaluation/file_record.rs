@@ -1,13 +1,13 @@
 //! Records of files: name, size and digest.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::EvaluationError;
+use crate::files::open_regular;
 use crate::formats::Input;
 
 /// A file of a run.
@@ -84,7 +84,7 @@ impl FileRecord {
 impl CompanionRecord {
     fn of(path: &Path) -> Result<Self, EvaluationError> {
         let read = |source| EvaluationError::Read { path: path.to_owned(), source };
-        let mut file = File::open(path).map_err(read)?;
+        let mut file = open_regular(path).map_err(read)?;
         let mut hasher = blake3::Hasher::new();
         let mut buffer = vec![0; 1 << 18];
         let mut bytes = 0;

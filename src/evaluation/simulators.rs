@@ -1,12 +1,12 @@
 //! The simulators of a run, with their parameters and weights.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::PathBuf;
 
 use super::EvaluationError;
 use super::provenance::{ExternalRecord, WeightsRecord};
 use crate::external::ExternalSimulator;
+use crate::files::read_regular;
 use crate::models::nn::Backend;
 use crate::models::qp::{self, Smoothing};
 use crate::models::{self, Baseline, Card, MODELS, ModelError, WeightsFile};
@@ -166,7 +166,7 @@ impl PlannedSimulator {
                 return Err(ModelError::UnexpectedWeights { id, file: name.into_owned() }.into());
             }
             let bytes =
-                fs::read(path).map_err(|source| EvaluationError::Read { path: path.clone(), source })?;
+                read_regular(path).map_err(|source| EvaluationError::Read { path: path.clone(), source })?;
             let file = WeightsFile::new(name, bytes);
             file.check(id)?;
             setup.weights = Some(file);

@@ -1,5 +1,7 @@
-//! Files that are complete or absent, whatever happens while they are written.
+//! Files: written so that they are complete or absent, whatever happens; read only if they are regular files.
 
 mod new_file;
+mod regular;
 
 pub use new_file::{NewFile, replace, target_of};
+pub use regular::{open_regular, read_regular};

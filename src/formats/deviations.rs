@@ -240,6 +240,7 @@ fn future(mut lists: [Option<Range<usize>>; 5]) -> [Option<Range<usize>>; 5] {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 struct RawFile {
     format: String,
     #[serde(default)]
@@ -249,6 +250,7 @@ struct RawFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 struct RawTrajectory {
     scenario_id: String,
     #[serde(default)]

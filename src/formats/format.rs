@@ -1,10 +1,10 @@
 //! The interface of a format, and what its implementations share.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::error::{Cause, FormatError};
+use crate::files::open_regular;
 use crate::scene::Scenario;
 
 /// Iterator over scenarios in file order. An error with [`FormatError::ends_file`] ends the file; other
@@ -92,7 +92,7 @@ pub fn is_parquet(path: &Path) -> std::io::Result<bool> {
 pub(super) fn read_whole(path: &Path, max_size: u64, expected: &str) -> Result<Vec<u8>, FormatError> {
     let refuse = |e| FormatError::file(path, Cause::read(e));
     let mut content = Vec::new();
-    File::open(path).map_err(refuse)?.take(max_size + 1).read_to_end(&mut content).map_err(refuse)?;
+    open_regular(path).map_err(refuse)?.take(max_size + 1).read_to_end(&mut content).map_err(refuse)?;
     if content.len() as u64 > max_size {
         let found = format!("more than {} MiB", max_size >> 20);
         return Err(FormatError::file(path, Cause::value("the length of the file", found, expected)));
@@ -103,7 +103,7 @@ pub(super) fn read_whole(path: &Path, max_size: u64, expected: &str) -> Result<V
 /// Reads the first `bytes` bytes of a file, or all of a shorter file.
 pub(super) fn head(path: &Path, bytes: u64) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
-    File::open(path)?.take(bytes).read_to_end(&mut head)?;
+    open_regular(path)?.take(bytes).read_to_end(&mut head)?;
     Ok(head)
 }
 

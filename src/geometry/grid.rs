@@ -72,7 +72,7 @@ pub struct Grid {
 #[inline]
 fn floor(v: f64) -> i64 {
     let whole = v as i64;
-    if (whole as f64) > v { whole - 1 } else { whole }
+    if (whole as f64) > v { whole.saturating_sub(1) } else { whole }
 }
 
 /// Largest number of a column or row: more distant points are taken to lie there, far outside of any grid.

@@ -19,6 +19,7 @@ mod generate;
 mod generated;
 mod generation;
 mod geometry_check;
+mod hostile_input;
 mod idm;
 mod layers;
 mod leaderboard;

@@ -1,6 +1,5 @@
 //! `reactsim train ntp`: trains the next-token network of `ntp-reactive`.
 
-use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Context;
@@ -10,6 +9,7 @@ use super::closed_loop::ClosedLoopArgs;
 use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
+use crate::files::read_regular;
 use crate::models;
 use crate::models::ntp::Driving;
 use crate::models::ntp::learn::{NextToken, Recipe};
@@ -37,7 +37,7 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
     recipe.network.check().context("the recipe")?;
     let vocabulary = match &args.vocabulary {
         Some(path) => {
-            let bytes = fs::read(path).with_context(|| format!("could not read {}", path.display()))?;
+            let bytes = read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
             Vocabulary::read(&bytes).with_context(|| path.display().to_string())?
         }
         None => Kinematic::default().build()?,

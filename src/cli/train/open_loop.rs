@@ -1,6 +1,5 @@
 //! `reactsim train open-loop`: prediction errors of a motion predictor on recorded scenarios.
 
-use std::fs;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -11,6 +10,7 @@ use clap::Args;
 use super::reader::Reader;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::files::read_regular;
 use crate::models::nn::Backend;
 use crate::models::qp_regression::Policy;
 use crate::models::qp_regression::learn::{MEASURES, Recipe, Regression};
@@ -51,7 +51,7 @@ pub(super) struct OpenLoopArgs {
 pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
     let inputs = find_inputs(&args.scenarios)?;
     let bytes = match &args.weights {
-        Some(path) => fs::read(path).with_context(|| format!("could not read {}", path.display()))?,
+        Some(path) => read_regular(path).with_context(|| format!("could not read {}", path.display()))?,
         None => match weights::shipped("qp-regression")? {
             Some(file) => file.bytes.into_owned(),
             None => bail!("no weights ship for `qp-regression`: give --weights FILE"),

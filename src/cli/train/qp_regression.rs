@@ -1,6 +1,5 @@
 //! `reactsim train qp-regression`: trains the network of `regression` and `qp-regression`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -10,6 +9,7 @@ use super::closed_loop::ClosedLoopArgs;
 use super::recipe;
 use super::session::{self, SessionArgs};
 use crate::cli::ExitStatus;
+use crate::files::read_regular;
 use crate::models::qp_regression::learn::{Recipe, Regression};
 use crate::models::qp_regression::network::Network;
 use crate::models::qp_regression::{Driving, Intentions, RegressionSimulator};
@@ -40,7 +40,7 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
     recipe.network.check().context("the recipe")?;
     let device = args.session.device()?;
     let drive = args.closed_loop.read()?;
-    let read = |path: &Path| fs::read(path).with_context(|| format!("could not read {}", path.display()));
+    let read = |path: &Path| read_regular(path).with_context(|| format!("could not read {}", path.display()));
     let task = match (&args.from, &args.intentions) {
         (Some(path), _) => {
             let file = WeightsFile::new(path.display().to_string(), read(path)?);

@@ -9,6 +9,7 @@ use crate::geometry::Vec2;
 use crate::scene::{LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, NeighborParts, RoadLine};
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawLane {
     id: i64,
     is_intersection: bool,

@@ -15,6 +15,7 @@ use crate::scene::{Crosswalk, MapParts};
 const MAX_LANES: usize = 10_000;
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawMap {
     lane_segments: BTreeMap<String, RawLane>,
     drivable_areas: BTreeMap<String, RawArea>,
@@ -22,11 +23,13 @@ struct RawMap {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawArea {
     area_boundary: Vec<Point>,
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawCrossing {
     edge1: Vec<Point>,
     edge2: Vec<Point>,

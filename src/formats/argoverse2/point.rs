@@ -6,6 +6,7 @@ use crate::geometry::Vec2;
 
 /// A point; its z coordinate is not read.
 #[derive(Clone, Copy, Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct Point {
     pub(super) x: f64,
     pub(super) y: f64,

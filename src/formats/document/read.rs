@@ -17,8 +17,11 @@ use crate::scene::{
 
 /// Limit on the number of frames; larger numbers are taken for damage.
 const MAX_FRAMES: usize = 100_000;
+/// Limit on the number of agents of a scenario: the time of the metrics grows with the number of pairs.
+const MAX_DOCUMENT_AGENTS: usize = 2000;
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object")]
 struct RawDocument {
     format: String,
     dt: f64,
@@ -27,6 +30,7 @@ struct RawDocument {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawScenario {
     id: Name,
     current_index: usize,
@@ -39,6 +43,7 @@ struct RawScenario {
 }
 
 #[derive(Default, Deserialize)]
+#[serde(expecting = "an object")]
 struct RawMap {
     drivable_area: Option<Vec<Area>>,
     lanes: Option<Vec<Value>>,
@@ -47,6 +52,7 @@ struct RawMap {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawLane {
     id: Name,
     kind: String,
@@ -57,6 +63,7 @@ struct RawLane {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawAgent {
     id: Name,
     #[serde(rename = "type")]
@@ -72,6 +79,7 @@ struct RawAgent {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawLog {
     x: Vec<Number>,
     y: Vec<Number>,
@@ -80,6 +88,7 @@ struct RawLog {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct RawTrack {
     x: Vec<Number>,
     y: Vec<Number>,
@@ -165,8 +174,22 @@ pub(super) fn document(text: &str) -> Result<Document, DocumentError> {
         other => other.to_string(),
     };
     let options = raw.options.unwrap_or_default().into_iter().map(|(name, v)| (name, text_of(v))).collect();
+    if raw.scenarios.is_empty() {
+        return Err(Location { scenario: "", center: None }.error(
+            "scenarios",
+            "empty",
+            "at least one scenario",
+        ));
+    }
     let scenarios = raw.scenarios.into_iter().enumerate();
-    let scenarios = scenarios.map(|(i, value)| scenario(i, value)).collect::<Result<Vec<_>, _>>()?;
+    let scenarios: Vec<_> = scenarios.map(|(i, value)| scenario(i, value)).collect::<Result<_, _>>()?;
+    let mut seen = BTreeSet::new();
+    for (i, DocumentScenario { id, .. }) in scenarios.iter().enumerate() {
+        if !seen.insert(id.as_str()) {
+            let at = Location { scenario: id, center: None };
+            return Err(at.error(format!("scenarios[{i}].id"), id, "an id that no other scenario has"));
+        }
+    }
     Ok(Document { options, scenarios })
 }
 
@@ -187,6 +210,10 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
         ));
     }
     let frames = current + 1 + future;
+    if raw.agents.len() > MAX_DOCUMENT_AGENTS {
+        let expected = format!("at most {MAX_DOCUMENT_AGENTS} agents");
+        return Err(at.error("agents", raw.agents.len(), expected));
+    }
     let mut agents = Vec::with_capacity(raw.agents.len());
     let mut seen = BTreeSet::new();
     for (i, value) in raw.agents.into_iter().enumerate() {

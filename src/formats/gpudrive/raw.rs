@@ -8,6 +8,7 @@ use serde::Deserialize;
 use crate::geometry::Vec2;
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawScenario {
     #[serde(default)]
     pub(super) name: Option<String>,
@@ -32,6 +33,7 @@ impl RawScenario {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawMetadata {
     #[serde(default)]
     pub(super) sdc_track_index: Option<i64>,
@@ -42,11 +44,13 @@ pub(super) struct RawMetadata {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawPrediction {
     pub(super) track_index: i64,
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawObject {
     #[serde(default)]
     pub(super) id: Option<Name>,
@@ -61,6 +65,7 @@ pub(super) struct RawObject {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawRoad {
     #[serde(default)]
     pub(super) id: Option<Name>,
@@ -73,6 +78,7 @@ pub(super) struct RawRoad {
 
 /// Observations of a light: four lists with one entry per observation.
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct RawLight {
     pub(super) state: Vec<String>,
     pub(super) x: Vec<f64>,
@@ -82,6 +88,7 @@ pub(super) struct RawLight {
 
 /// A point or a vector; a z coordinate is not read.
 #[derive(Clone, Copy, Deserialize)]
+#[serde(expecting = "an object")]
 pub(super) struct Point {
     pub(super) x: f64,
     pub(super) y: f64,

@@ -7,6 +7,7 @@ pub(super) const FORMAT: &str = "reactsim-scenario-v1";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawScenario {
     pub(super) format: String,
     pub(super) id: String,
@@ -32,6 +33,7 @@ pub(super) struct RawScenario {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawAgent {
     pub(super) id: String,
     #[serde(default = "vehicle")]
@@ -51,6 +53,7 @@ fn vehicle() -> String {
 /// Track with one entry per frame; `null` where absent (x, y, heading) or unknown (vx, vy).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawTrack {
     pub(super) x: Vec<Option<f64>>,
     pub(super) y: Vec<Option<f64>>,
@@ -64,6 +67,7 @@ pub(super) struct RawTrack {
 /// Motion given by the state at the current frame, the second before it and the pieces after it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawMotion {
     pub(super) at: [f64; 2],
     #[serde(default)]
@@ -80,6 +84,7 @@ pub(super) struct RawMotion {
 
 #[derive(Clone, Copy, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawPast {
     #[serde(default)]
     pub(super) acceleration: f64,
@@ -90,6 +95,7 @@ pub(super) struct RawPast {
 /// Time interval with constant acceleration and curvature, and a lateral shift.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawPiece {
     pub(super) seconds: f64,
     #[serde(default)]
@@ -102,6 +108,7 @@ pub(super) struct RawPiece {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawMap {
     #[serde(default)]
     pub(super) lanes: Vec<RawLane>,
@@ -125,6 +132,7 @@ pub(super) struct RawMap {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawLane {
     pub(super) id: String,
     #[serde(default = "lane")]
@@ -162,6 +170,7 @@ fn surface_street() -> String {
 /// Line from a point through straight pieces and arcs.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawPath {
     pub(super) at: [f64; 2],
     #[serde(default)]
@@ -171,6 +180,7 @@ pub(super) struct RawPath {
 
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawArc {
     pub(super) length: f64,
     #[serde(default)]
@@ -179,6 +189,7 @@ pub(super) struct RawArc {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawNeighbor {
     pub(super) lane: String,
     #[serde(default)]
@@ -193,6 +204,7 @@ pub(super) struct RawNeighbor {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawEdge {
     #[serde(default = "boundary")]
     pub(super) kind: String,
@@ -208,6 +220,7 @@ fn boundary() -> String {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawLine {
     #[serde(default)]
     pub(super) paint: u8,
@@ -219,6 +232,7 @@ pub(super) struct RawLine {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawStopLine {
     pub(super) kind: String,
     pub(super) lane: String,
@@ -227,6 +241,7 @@ pub(super) struct RawStopLine {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawPolygon {
     pub(super) exterior: Vec<[f64; 2]>,
     #[serde(default)]
@@ -235,6 +250,7 @@ pub(super) struct RawPolygon {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawLight {
     pub(super) lane: String,
     pub(super) stop_point: [f64; 2],
@@ -246,6 +262,7 @@ pub(super) struct RawLight {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawPhase {
     #[serde(default)]
     pub(super) state: Option<String>,
@@ -254,6 +271,7 @@ pub(super) struct RawPhase {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 pub(super) struct RawDeviation {
     #[serde(default)]
     pub(super) category: Option<String>,

@@ -19,6 +19,7 @@ pub(super) const MAP_LIST: &str = "nuplan-maps-v1.0.json";
 const CACHE_SIZE: usize = 4;
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object")]
 struct Entry {
     version: String,
 }

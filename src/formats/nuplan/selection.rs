@@ -23,6 +23,7 @@ const MAX_SELECTION_SIZE: u64 = 32 << 20;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an object")]
 struct RawSelection {
     format: String,
     logs: Vec<PathBuf>,

@@ -1,7 +1,6 @@
 //! Reading of Parquet by row group. Every number of the footer is checked before it is used.
 
 use std::borrow::Cow;
-use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -19,6 +18,7 @@ use parquet::file::reader::{ChunkReader, Length};
 
 use super::compact::{CompactReader, STRUCTURE};
 use super::{GROUP_CHECKSUMS, KIND, MAX_GROUP_ROWS, METADATA_CHECKSUM, VERSION, pages};
+use crate::files::open_regular;
 use crate::formats::error::{Cause, FormatError};
 
 /// Number of rows that are decoded at a time.
@@ -59,7 +59,7 @@ struct RowGroup {
 impl TableReader {
     /// Opens a file and checks its footer.
     pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
-        let file = File::open(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+        let file = open_regular(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
         Self::over(path, Box::new(file))
     }
 
@@ -236,7 +236,7 @@ fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
 /// Returns the kind of a Parquet file from its metadata: `Ok(None)` if there is none, `Err` if the footer
 /// cannot be read.
 pub(crate) fn kind(path: &Path) -> Result<Option<String>, Cause> {
-    let (metadata, _) = footer(&mut File::open(path).map_err(Cause::read)?)?;
+    let (metadata, _) = footer(&mut open_regular(path).map_err(Cause::read)?)?;
     Ok(find(&metadata, KIND).map(str::to_owned))
 }
 

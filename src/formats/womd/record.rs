@@ -1,12 +1,12 @@
 //! TFRecord framing: u64 length, u32 masked CRC-32C of the length, payload, u32 masked CRC-32C of the
 //! payload, little-endian.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
+use crate::files::open_regular;
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::{GZIP, ZSTD, head};
 
@@ -104,7 +104,7 @@ impl Records {
 /// Returns the number of records of a file that is not compressed, by its headers alone; `None` for a
 /// compressed or damaged file.
 pub(super) fn count(path: &Path) -> Option<usize> {
-    let mut file = File::open(path).ok()?;
+    let mut file = open_regular(path).ok()?;
     let bytes = file.metadata().ok()?.len();
     let (mut at, mut records) = (0, 0);
     while at < bytes {
@@ -119,7 +119,7 @@ pub(super) fn count(path: &Path) -> Option<usize> {
 /// Opens a file with the decompressor that its first bytes indicate.
 fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
     let first = head(path, ZSTD.len() as u64)?;
-    let file = File::open(path)?;
+    let file = open_regular(path)?;
     Ok(if first.starts_with(ZSTD) {
         let mut decoder = zstd::stream::read::Decoder::new(file)?;
         decoder.window_log_max(MAX_WINDOW_LOG)?;
