@@ -115,7 +115,7 @@ pub fn run(
     let seen = runner.deviations.into_inner().unwrap_or_else(PoisonError::into_inner);
     summary.provenance.unused_deviations = unused_deviations(plan, &tally, seen);
     if let Some(folder) = folder {
-        finish(folder, &tally, &failures, &summary)?;
+        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
     }
     Ok(Outcome::Finished(Box::new(summary)))
 }

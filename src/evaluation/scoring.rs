@@ -138,7 +138,7 @@ impl Scoring {
         summary.provenance.allowed =
             findings.map(|(check, n, _)| (check.allowance().to_owned(), n)).collect();
         if let Some(folder) = folder {
-            finish(folder, &tally, &self.failures, &summary)?;
+            finish(folder, &tally, &self.failures, &summary, true)?;
         }
         Ok(summary)
     }

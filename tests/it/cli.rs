@@ -154,7 +154,7 @@ fn help_fits_a_terminal() {
     insta::assert_snapshot!(help, @r"
     Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
 
-    Usage: reactsim [COMMAND]
+    Usage: reactsim [OPTIONS] [COMMAND]
 
     Commands:
       run          Run simulators on scenarios and print the table of their metrics
@@ -179,6 +179,7 @@ fn help_fits_a_terminal() {
       help         Print this message or the help of the given subcommand(s)
 
     Options:
+      -q, --quiet    Print results, warnings and errors only: no progress and no hints
       -h, --help     Print help
       -V, --version  Print version
 
@@ -508,7 +509,7 @@ fn tables_have_difficulties_and_further_metrics_on_request() {
     assert_eq!(unknown.status.code(), Some(2));
     assert!(stderr(&unknown).contains("a similar value exists: 'log-clinging'"), "{}", stderr(&unknown));
     let page = reactsim(&["report", text(&out), "--format", "html", "--also", "ade"]);
-    assert!(stderr(&page).contains("leave --also out"), "{}", stderr(&page));
+    assert!(stderr(&page).contains("leave the options of tables out"), "{}", stderr(&page));
 
     let rollouts = out.join("rollouts.parquet");
     let score = reactsim(&["score", text(&rollouts), "--scenarios", text(&input), "--also", "log-clinging"]);

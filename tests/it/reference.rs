@@ -1,5 +1,6 @@
 //! References: made of runs, refused where they were changed, verified by running again, and their tables.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -93,7 +94,15 @@ pub(crate) fn edit_rows(run: &Path, edit: impl Fn(&mut Vec<Row>)) {
     edit(&mut rows);
     let lines = rows.iter().map(|row| serde_json::to_string(row).unwrap() + "\n");
     fs::write(run.join("rows.jsonl"), lines.collect::<String>()).unwrap();
-    let summary = Summary::new(&read_tally(run).unwrap(), &[], &provenance);
+    let ids = provenance.simulators.iter().map(|s| s.id.clone()).collect();
+    let mut tally = Tally::new(ids, provenance.settings.rollouts);
+    let mut pairs: BTreeMap<_, Vec<Row>> = BTreeMap::new();
+    for row in rows {
+        pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
+    }
+    let empty = tally.clone();
+    pairs.values().filter(|rows| empty.is_complete(rows)).for_each(|rows| tally.add(rows));
+    let summary = Summary::new(&tally, &[], &provenance);
     fs::write(run.join("summary.json"), summary.to_json()).unwrap();
 }
 
