@@ -18,7 +18,8 @@ motion that was really executed. Differences from the published inference:
   history.
 - The published code puts zeros where an agent was not yet observed. Agents that were first observed
   less than a second ago are extrapolated backwards instead.
-- The map is cropped around the AV, and boxes, which have no height in this benchmark, get one.
+- The map is cropped around the AV and cut in 64-bit numbers. Boxes have no height in this benchmark
+  and get one.
 - Agents of kind `other` have no tokens. They keep their pose and are not seen by the network.
 
 Plans must be multiples of half a second, the length of a token.
@@ -82,8 +83,8 @@ def radius(
     The same pairs as those of `torch_cluster.radius`: only within a batch, and for every element of
     `y` at most `max_num_neighbors`, lowest indices first.
     """
-    batch_x = torch.zeros(len(x), dtype=torch.long) if batch_x is None else batch_x
-    batch_y = torch.zeros(len(y), dtype=torch.long) if batch_y is None else batch_y
+    batch_x = x.new_zeros(len(x), dtype=torch.long) if batch_x is None else batch_x
+    batch_y = y.new_zeros(len(y), dtype=torch.long) if batch_y is None else batch_y
     found = [torch.empty((2, 0), dtype=torch.long, device=x.device)]
     for batch in torch.unique(batch_y).tolist():
         rows, columns = (torch.nonzero(b == batch)[:, 0] for b in (batch_y, batch_x))
@@ -298,13 +299,13 @@ def tokenize_map(network: Network, scene: reactsim.Scene, within: float) -> dict
             continue
         dense = line if is_dense else resampled(line)
         is_new = np.append(True, np.any(np.diff(dense, axis=0) != 0.0, axis=1))
-        points.append(torch.tensor(dense[is_new][:-1], dtype=torch.float32))
+        points.append(torch.tensor(dense[is_new][:-1]))
         point_types.append(torch.full((len(points[-1]),), kind, dtype=torch.uint8))
         line_types.append(polygon)
         lights.append(light)
     counts = torch.tensor([len(line) for line in points], dtype=torch.long)
     owner = torch.arange(len(points)).repeat_interleave(counts)
-    empty = [torch.zeros((0, 2))]
+    empty = [torch.zeros((0, 2), dtype=torch.float64)]
     data = network.cut_map(
         {
             "map_polygon": {
