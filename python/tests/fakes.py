@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
-from reactsim.client import Array, read_frame, write_frame
+from reactsim.client import Array, Session, read_frame, write_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "python"
@@ -148,6 +149,30 @@ class Parent:
     def bye(self) -> None:
         """Sends `bye`."""
         write_frame(self.writer, "bye", str(self.seq))
+
+
+class Loopback(Parent):
+    """Plays the program for a simulator in this process."""
+
+    def __init__(self, simulator: Any) -> None:
+        super().__init__(None, None)
+        self.session = Session(simulator)
+
+    def ask(
+        self,
+        kind: str,
+        metadata: Optional[Dict[str, str]] = None,
+        tensors: Optional[Dict[str, Array]] = None,
+    ) -> Message:
+        request, self.reader = io.BytesIO(), io.BytesIO()
+        write_frame(request, kind, str(self.seq), metadata, tensors)
+        request.seek(0)
+        self.session.run(request, self.reader)
+        self.reader.seek(0)
+        answer = read_frame(self.reader)
+        assert answer is not None
+        self.seq += 1
+        return answer
 
 
 class Child(Parent):
