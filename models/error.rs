@@ -11,6 +11,58 @@ pub enum ModelError {
     /// The card cannot be read, or a parameter is invalid.
     #[error(transparent)]
     Card(#[from] CardError),
+    /// The ranges of the parameters cannot be read.
+    #[error("the ranges of `{id}` cannot be read: {source}")]
+    Ranges {
+        /// Id of the baseline.
+        id: &'static str,
+        /// Cause, with line and column.
+        source: toml::de::Error,
+    },
+    /// The entry of a parameter in the ranges is invalid.
+    #[error("the range of `{key}` of `{id}` cannot be read: {source}")]
+    Range {
+        /// Id of the baseline.
+        id: &'static str,
+        /// Dotted path of the parameter.
+        key: String,
+        /// Cause.
+        source: Box<toml::de::Error>,
+    },
+    /// The ranges have no entry for a parameter.
+    #[error("the parameter `{key}` of `{id}` has no range: add one to its file of ranges")]
+    NoRange {
+        /// Id of the baseline.
+        id: &'static str,
+        /// Dotted path of the parameter.
+        key: String,
+    },
+    /// A value is not within the range of its parameter.
+    #[error("{id}: `{key}` is {value}, expected {range}")]
+    OutOfRange {
+        /// Id of the baseline.
+        id: &'static str,
+        /// Dotted path of the parameter.
+        key: String,
+        /// The value, as it was given.
+        value: String,
+        /// The range, with its unit.
+        range: String,
+    },
+    /// Two parameters do not fit together.
+    #[error("{id}: `{lower}` is {lower_value}, expected at most `{upper}`, which is {upper_value}")]
+    Order {
+        /// Id of the baseline.
+        id: &'static str,
+        /// Dotted path of the parameter that may not be the larger one.
+        lower: &'static str,
+        /// Its value.
+        lower_value: f64,
+        /// Dotted path of the parameter that may not be the smaller one.
+        upper: &'static str,
+        /// Its value.
+        upper_value: f64,
+    },
     /// The baseline needs weights and has none.
     #[error(
         "the simulator `{id}` needs weights, which do not ship with the program: \

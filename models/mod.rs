@@ -12,12 +12,14 @@ pub mod perception;
 pub mod pufferdrive;
 pub mod qp_regression;
 pub mod qp;
+mod ranges;
 mod setup;
 pub mod stop;
 pub mod weights;
 
 pub use card::{Card, CardError};
 pub use error::ModelError;
+pub use ranges::{Allowed, ParameterRange, Ranges};
 pub use setup::Setup;
 pub use weights::WeightsFile;
 
@@ -30,6 +32,8 @@ pub struct Baseline {
     pub id: &'static str,
     /// Text of its card (TOML): description, parameters and their sources.
     pub card: &'static str,
+    /// Text of the units and ranges of these parameters (TOML); empty if there are none.
+    pub ranges: &'static str,
     /// Whether the simulator sees the log's future (†).
     pub oracle: bool,
     /// Whether a trajectory stage can follow it. False where the motion is the log's or already
@@ -46,11 +50,11 @@ impl Baseline {
     /// program.
     ///
     /// # Errors
-    /// [`ModelError`], for example if the card cannot be read. Missing weights are not an error
+    /// [`ModelError`], for example if the card or its ranges cannot be read. Missing weights are not an error
     /// here.
     pub fn setup(&self) -> Result<Setup, ModelError> {
         let weights = if self.needs_weights { weights::shipped(self.id)? } else { None };
-        Ok(Setup::new(self.id, self.card, weights)?)
+        Setup::new(self.id, self.card, self.ranges, weights)
     }
 
     /// Returns whether it can be built without weights from elsewhere.

@@ -7,6 +7,7 @@ use reactsim::scene::{AgentState, DT, Start};
 pub(super) const ENTRY: Baseline = Baseline {
     id: "constant-velocity",
     card: include_str!("card.toml"),
+    ranges: "",
     oracle: false,
     takes_stage: true,
     needs_weights: false,

@@ -23,6 +23,7 @@ use self::parameters::Parameters;
 pub(super) const ENTRY: Baseline = Baseline {
     id: "idm",
     card: include_str!("card.toml"),
+    ranges: include_str!("ranges.toml"),
     oracle: false,
     takes_stage: true,
     needs_weights: false,
@@ -30,7 +31,13 @@ pub(super) const ENTRY: Baseline = Baseline {
 };
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
-    Ok(Controller::Fair(Box::new(Idm { parameters: setup.parameters()? })))
+    let parameters = setup.parameters()?;
+    setup.require_order("vehicle.deceleration", "limits.emergency_deceleration")?;
+    setup.require_order("cyclist.deceleration", "limits.emergency_deceleration")?;
+    setup.require_order("limits.jerk", "limits.emergency_jerk")?;
+    setup.require_order("conflict.sample", "conflict.horizon")?;
+    setup.require_order("conflict.sample", "conflict.av_horizon")?;
+    Ok(Controller::Fair(Box::new(Idm { parameters })))
 }
 
 /// Rule-based drivers on the lane graph.

@@ -8,6 +8,7 @@ use reactsim::scene::{Frame, Scenario};
 pub(super) const ENTRY: Baseline = Baseline {
     id: "log-replay",
     card: include_str!("card.toml"),
+    ranges: "",
     oracle: true,
     takes_stage: false,
     needs_weights: false,

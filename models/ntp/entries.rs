@@ -6,28 +6,35 @@ use reactsim::rollout::Controller;
 use super::reactive::{Policy, ReactiveSimulator};
 use super::smart::{SmartPolicy, SmartSimulator};
 
+/// Units and ranges of the parameters of our network.
+const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
+/// Units and ranges of the parameters of the published network.
+const SMART_RANGES: &str = include_str!("ranges/smart.toml");
+
 /// Our network, with vehicles within kinematic limits.
 pub(in crate::models) const REACTIVE: Baseline =
-    entry("ntp-reactive", include_str!("cards/reactive.toml"), reactive);
+    entry("ntp-reactive", include_str!("cards/reactive.toml"), REACTIVE_RANGES, reactive);
 
 /// Our network, with tokens executed exactly.
 pub(in crate::models) const REACTIVE_RAW: Baseline =
-    entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), reactive);
+    entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), REACTIVE_RANGES, reactive);
 
 /// The published network, with tokens executed exactly.
-pub(in crate::models) const SMART: Baseline = entry("smart", include_str!("cards/smart.toml"), smart);
+pub(in crate::models) const SMART: Baseline =
+    entry("smart", include_str!("cards/smart.toml"), SMART_RANGES, smart);
 
 /// The published network, with vehicles within kinematic limits.
 pub(in crate::models) const SMART_PROJECTED: Baseline =
-    entry("smart-projected", include_str!("cards/smart_projected.toml"), smart);
+    entry("smart-projected", include_str!("cards/smart_projected.toml"), SMART_RANGES, smart);
 
 /// Returns the baseline of a network: not an oracle, and in need of weights.
 const fn entry(
     id: &'static str,
     card: &'static str,
+    ranges: &'static str,
     make: fn(Setup) -> Result<Controller, ModelError>,
 ) -> Baseline {
-    Baseline { id, card, oracle: false, takes_stage: true, needs_weights: true, make }
+    Baseline { id, card, ranges, oracle: false, takes_stage: true, needs_weights: true, make }
 }
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {

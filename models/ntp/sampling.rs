@@ -3,7 +3,7 @@
 use rand::RngExt;
 use reactsim::geometry::math;
 use reactsim::rollout::Stream;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 /// Settings for drawing tokens from the network's distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -12,16 +12,7 @@ pub struct Sampling {
     /// Number of likeliest tokens to draw from; 1 is greedy, 0 means all.
     pub top_k: usize,
     /// Temperature by which logits are divided; above 0.
-    #[serde(deserialize_with = "above_zero")]
     pub temperature: f64,
-}
-
-fn above_zero<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    let value = f64::deserialize(from)?;
-    if value > 0.0 && value.is_finite() {
-        return Ok(value);
-    }
-    Err(serde::de::Error::custom(format!("invalid temperature {value}; expected a number above 0")))
 }
 
 /// Settings for turning tokens into motion: the parameters on the cards of this family.

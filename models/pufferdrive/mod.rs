@@ -29,6 +29,7 @@ use self::world::World;
 pub(super) const ENTRY: Baseline = Baseline {
     id: "pufferdrive",
     card: include_str!("card.toml"),
+    ranges: include_str!("ranges.toml"),
     oracle: false,
     takes_stage: true,
     needs_weights: true,
@@ -60,6 +61,7 @@ struct ParkedCriteria {
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
+    setup.require_order("goal_nearest", "goal_farthest")?;
     let device = setup.backend.device();
     let network = Network::init(&mut Initializer::new(0, &device), &device);
     let tensors = Tensors::read(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;

@@ -29,6 +29,6 @@ pub use ending::{Ending, Endings};
 pub use mode::Mode;
 pub use program::Solve;
 pub use settings::Settings;
-pub use smoothed::{CARD, REFUSED, Smoothing, settings};
+pub use smoothed::{CARD, RANGES, REFUSED, Smoothing, settings};
 pub use speed::STEPS;
 pub use stage::{Intent, KeepClear, Stage, is_planned};

@@ -6,7 +6,7 @@ use reactsim::scene::AgentState;
 use super::mode::Mode;
 use super::settings::Settings;
 use super::stage::{Intent, KeepClear, Stage, is_planned};
-use reactsim::models::{Card, ModelError};
+use reactsim::models::{ModelError, Setup};
 
 /// Variants of the stage that can follow a simulator; `--smooth` and simulator ids name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,6 +20,8 @@ pub enum Smoothing {
 
 /// Text of the card of the stage.
 pub const CARD: &str = include_str!("stage.toml");
+/// Text of the units and ranges of its parameters.
+pub const RANGES: &str = include_str!("ranges.toml");
 /// Id of the stage in errors.
 const ID: &str = "qp";
 /// Error message if the solver rejects the programs of the stage; a test rules this out.
@@ -74,9 +76,7 @@ impl Smoothing {
 /// # Errors
 /// [`ModelError`] for an invalid card, which a test rules out.
 pub fn settings() -> Result<Settings, ModelError> {
-    let parameters = Card::read(ID, CARD)?.parameters;
-    let read = parameters.try_into().map_err(|source| reactsim::models::CardError { id: ID, source })?;
-    Ok(read)
+    Setup::new(ID, CARD, RANGES, None)?.parameters()
 }
 
 /// A simulator followed by the stage.

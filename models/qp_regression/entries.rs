@@ -11,6 +11,7 @@ use crate::models::qp;
 pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
     id: "qp-regression",
     card: include_str!("cards/qp_regression.toml"),
+    ranges: include_str!("ranges/qp_regression.toml"),
     oracle: false,
     takes_stage: false,
     needs_weights: true,
@@ -21,6 +22,7 @@ pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
 pub(in crate::models) const REGRESSION: Baseline = Baseline {
     id: "regression",
     card: include_str!("cards/regression.toml"),
+    ranges: include_str!("ranges/regression.toml"),
     oracle: false,
     takes_stage: true,
     needs_weights: true,

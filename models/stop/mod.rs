@@ -8,6 +8,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Baseline = Baseline {
     id: "stop",
     card: include_str!("card.toml"),
+    ranges: include_str!("ranges.toml"),
     oracle: false,
     takes_stage: true,
     needs_weights: false,

@@ -1,9 +1,12 @@
 //! `reactsim list`: models, metrics, formats and the like.
 
-use std::io::{self, Write};
+mod columns;
+mod metric_options;
+mod parameters;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, Subcommand};
 
+use self::columns::{aligned, wrapped};
 use super::{ExitStatus, write_result};
 use crate::evaluation::CASE_STUDIES;
 use crate::formats::FORMATS;
@@ -14,17 +17,26 @@ use crate::models::{Card, MODELS, weights};
 
 /// Arguments of `list`.
 #[derive(Debug, Args)]
+#[command(disable_help_subcommand = true)]
 pub(super) struct ListArgs {
-    /// Kind of item to list
+    #[command(subcommand)]
     what: Kind,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+/// Kind of item to list.
+#[derive(Clone, Debug, Subcommand)]
 enum Kind {
     /// The simulators that ship with the program
     Models,
+    /// The parameters of a simulator, which --set changes: value, unit and range
+    Parameters {
+        /// Simulator, or `qp` for the stage that can follow one, whose parameters are fixed
+        model: String,
+    },
     /// The metrics
     Metrics,
+    /// The variants of the metrics, which --metric-option selects
+    MetricOptions,
     /// The scenario formats that can be read
     Formats,
     /// The weights of learned models
@@ -38,7 +50,16 @@ enum Kind {
 }
 
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
-    let rows = match args.what {
+    let rows = match &args.what {
+        Kind::Parameters { model } => {
+            let rows = parameters::rows(model)?;
+            write_result(None, |out| wrapped(&rows, out))?;
+            return Ok(ExitStatus::Done);
+        }
+        Kind::MetricOptions => {
+            write_result(None, |out| wrapped(&metric_options::rows(), out))?;
+            return Ok(ExitStatus::Done);
+        }
         Kind::Models => {
             let mut rows = Vec::new();
             for model in MODELS {
@@ -85,19 +106,4 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
     };
     write_result(None, |out| aligned(&rows, out))?;
     Ok(ExitStatus::Done)
-}
-
-/// Writes rows as aligned columns; the last column is not padded.
-fn aligned(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
-    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
-    for row in rows {
-        for (c, text) in row.iter().enumerate() {
-            if c + 1 == row.len() {
-                writeln!(out, "{text}")?;
-            } else {
-                write!(out, "{text}{}  ", " ".repeat(width(c) - text.chars().count()))?;
-            }
-        }
-    }
-    Ok(())
 }

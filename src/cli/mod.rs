@@ -45,6 +45,7 @@ use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
 use crate::files;
 use crate::formats::{self, Input};
 use crate::metrics::Options;
+use crate::models::ModelError;
 use crate::training::TrainingError;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
@@ -104,7 +105,7 @@ enum Command {
     ExportAv(export_av::ExportAvArgs),
     /// Write scenarios as frames that the Python package reads
     Scenes(scenes::ScenesArgs),
-    /// List models, metrics, formats, weights, map types, case studies or backends
+    /// List models, parameters, metrics, formats, weights, maps, cases or backends
     List(list::ListArgs),
     /// Print a completion script for a shell
     Completions(shell::CompletionsArgs),
@@ -211,6 +212,9 @@ fn hint(error: &anyhow::Error) -> Option<String> {
     match error.downcast_ref::<EvaluationError>()? {
         EvaluationError::UnknownSimulator { .. } => {
             Some("`reactsim list models` describes each of them".to_owned())
+        }
+        EvaluationError::Model(ModelError::OutOfRange { id, .. }) => {
+            Some(format!("`reactsim list parameters {id}` shows the ranges of all parameters"))
         }
         EvaluationError::Write { source, .. } => match source.kind() {
             io::ErrorKind::StorageFull => {

@@ -29,7 +29,8 @@ pub(super) struct ScoreArgs {
     /// (agents of the log are absent) or partial (scenarios without rollouts); may be repeated
     #[arg(long, value_name = "CHECK", value_delimiter = ',', value_parser = allowance)]
     allow: Vec<RolloutCheck>,
-    /// Variant of the metrics, such as fault_order=nuplan; may be repeated
+    /// Variant of the metrics, such as fault_order=nuplan; may be repeated. `reactsim list
+    /// metric-options` shows all
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
     /// Format of the table [default: terminal on a terminal, else markdown]

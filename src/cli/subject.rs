@@ -29,7 +29,8 @@ pub(super) struct EvaluationArgs {
     /// Weights of a simulator, such as pufferdrive=puffer.safetensors; may be repeated
     #[arg(long = "model-weights", value_name = "ID=FILE")]
     model_weights: Vec<String>,
-    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be repeated
+    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be repeated.
+    /// `reactsim list parameters idm` shows parameters and ranges
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
     /// Driver of the AV: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>,
@@ -44,7 +45,8 @@ pub(super) struct EvaluationArgs {
     pub(super) seed: u64,
     #[command(flatten)]
     pub(super) external: ExternalArgs,
-    /// Variant of the metrics, such as fault_order=nuplan; may be repeated
+    /// Variant of the metrics, such as fault_order=nuplan; may be repeated. `reactsim list
+    /// metric-options` shows all
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
 }

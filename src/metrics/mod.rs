@@ -41,8 +41,8 @@ pub use motion::Motion;
 pub use object::{LoggedTrack, Object};
 pub use offroad::OffRoadSteps;
 pub use options::{
-    CurvatureYaw, DirCandidate, DirConnector, DirTracking, FaultOrder, OptionError, Options, TtcSpeed,
-    VelocitySource,
+    CurvatureYaw, DirCandidate, DirConnector, DirTracking, FaultOrder, OptionDescription, OptionError,
+    Options, TtcSpeed, VelocitySource,
 };
 pub use score::Score;
 pub use scores::{AgentScores, METRICS, RolloutScores, Scores, metric, score_case, score_rollouts};

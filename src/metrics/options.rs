@@ -2,11 +2,11 @@
 
 /// Defines [`Options`]: each line gives documentation, field, type, default and reading of one option.
 macro_rules! options {
-    ($($(#[$doc:meta])* $field:ident: $type:ty = $default:expr, $form:ident;)+) => {
+    ($($(#[doc = $doc:literal])+ $field:ident: $type:ty = $default:expr, $form:ident;)+) => {
         /// Variants of the metric definitions, included in every result. The defaults are those of the
         /// benchmark.
         #[derive(Clone, Copy, Debug, PartialEq)]
-        pub struct Options { $($(#[$doc])* pub $field: $type),+ }
+        pub struct Options { $($(#[doc = $doc])+ pub $field: $type),+ }
 
         impl Default for Options {
             fn default() -> Self {
@@ -17,6 +17,16 @@ macro_rules! options {
         impl Options {
             /// Names of all options, in the order of [`Options::named`].
             pub const NAMES: &'static [&'static str] = &[$(stringify!($field)),+];
+
+            /// Returns the descriptions of all options, in the order of [`Options::named`].
+            pub fn descriptions() -> Vec<OptionDescription> {
+                vec![$(OptionDescription {
+                    name: stringify!($field),
+                    about: concat!($($doc),+).trim(),
+                    values: $form::values(),
+                    default: $form::text($default),
+                }),+]
+            }
 
             /// Sets an option by name from the text of its value, such as `fault_order` and `nuplan`.
             ///
@@ -43,6 +53,19 @@ macro_rules! options {
             }
         }
     };
+}
+
+/// Description of an option.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OptionDescription {
+    /// Name, as `--metric-option` takes it.
+    pub name: &'static str,
+    /// Meaning of the option.
+    pub about: &'static str,
+    /// Permitted values.
+    pub values: String,
+    /// Default value, that of the benchmark.
+    pub default: String,
 }
 
 options! {
@@ -87,6 +110,10 @@ mod rounding {
         number.ok_or_else(|| "a number from 0 to 1, such as 0.7".to_owned())
     }
 
+    pub(super) fn values() -> String {
+        "0 to 1".to_owned()
+    }
+
     pub(super) fn text(value: f64) -> String {
         value.to_string()
     }
@@ -96,6 +123,10 @@ mod rounding {
 mod flag {
     pub(super) fn read(value: &str) -> Result<bool, String> {
         value.parse().map_err(|_| "`true` or `false`".to_owned())
+    }
+
+    pub(super) fn values() -> String {
+        "true, false".to_owned()
     }
 
     pub(super) fn text(value: bool) -> String {
@@ -111,6 +142,10 @@ mod digit {
             "1" => Ok(true),
             _ => Err("`0` or `1`".to_owned()),
         }
+    }
+
+    pub(super) fn values() -> String {
+        "0, 1".to_owned()
     }
 
     pub(super) fn text(value: bool) -> String {
@@ -142,6 +177,10 @@ macro_rules! choices {
             fn read(value: &str) -> Result<Self, String> {
                 let known = || Self::ALL.iter().map(|c| format!("`{}`", c.name())).collect::<Vec<_>>();
                 Self::from_name(value).ok_or_else(|| known().join(" or "))
+            }
+
+            fn values() -> String {
+                Self::ALL.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ")
             }
 
             fn text(self) -> String {
@@ -259,6 +298,20 @@ mod tests {
             set.set(name, &value).unwrap();
         }
         assert_eq!(set, Options::default());
+    }
+
+    #[test]
+    fn descriptions_state_values_and_defaults() {
+        let all = Options::descriptions();
+        assert_eq!(all.iter().map(|d| d.name).collect::<Vec<_>>(), Options::NAMES);
+        for (option, (name, default)) in all.iter().zip(Options::default().named()) {
+            assert_eq!(option.default, default, "{name}");
+            assert!(option.about.ends_with('.'), "{option:?}");
+            // Values are listed one by one, or as a range.
+            for value in option.values.split(", ").flat_map(|text| text.split(" to ")) {
+                Options::default().set(name, value).unwrap();
+            }
+        }
     }
 
     #[test]

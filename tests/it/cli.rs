@@ -173,7 +173,7 @@ fn help_fits_a_terminal() {
       inspect      Describe and draw a scenario
       export-av    Write the trajectories of deviated AVs without anything of the recorded future
       scenes       Write scenarios as frames that the Python package reads
-      list         List models, metrics, formats, weights, map types, case studies or backends
+      list         List models, parameters, metrics, formats, weights, maps, cases or backends
       completions  Print a completion script for a shell
       man          Write manual pages
       help         Print this message or the help of the given subcommand(s)

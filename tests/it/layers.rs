@@ -21,7 +21,7 @@ const FLOORS: &[&[&str]] = &[
 /// The levels inside `models` from the ground up. A module may use modules of lower levels, and itself.
 /// The other folders are the baselines, which are one level above all of these.
 const MODEL_LEVELS: &[&[&str]] =
-    &[&["card", "nn"], &["error"], &["weights"], &["setup"], &["perception"], &["learning", "qp"]];
+    &[&["card", "nn"], &["error"], &["ranges", "weights"], &["setup"], &["perception"], &["learning", "qp"]];
 
 fn floor(room: &str) -> Option<usize> {
     FLOORS.iter().position(|rooms| rooms.contains(&room))

@@ -30,6 +30,7 @@ mod model_weights;
 mod networks;
 mod ntp_reactive;
 mod page;
+mod parameters;
 mod program;
 mod protocol;
 mod pufferdrive;

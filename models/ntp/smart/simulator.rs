@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{Frame, Start};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::sampling::Sampling;
@@ -19,23 +19,11 @@ pub struct SmartParameters {
     /// exactly.
     pub projection: bool,
     /// Radius of the known map around the AV's position at the current frame, metres.
-    #[serde(deserialize_with = "metres")]
     pub map_radius: f64,
     /// Height of all agents, metres; scenarios do not record it.
-    #[serde(deserialize_with = "metres")]
     pub height: f64,
     /// Settings for drawing tokens.
     pub sampling: Sampling,
-}
-
-fn metres<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    let value = f64::deserialize(from)?;
-    if value > 0.0 && value < 1e5 {
-        return Ok(value);
-    }
-    Err(serde::de::Error::custom(format!(
-        "invalid length {value}; expected metres, above 0 and below 100000"
-    )))
 }
 
 /// Simulator that moves agents by tokens drawn from the published network.

@@ -1,5 +1,6 @@
 //! What every rollout of every baseline is like, whatever the scenario.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -220,13 +221,15 @@ fn replayed_recordings_keep_their_velocities_and_nobody_else_does() {
     assert_eq!(velocities("stop", log()), [[9.0, 0.25], [0.0, 0.0], [0.0, 0.0]]);
 }
 
-/// The cards below a folder, as text.
-fn cards(folder: &Path, found: &mut Vec<String>) {
+/// The files in TOML below a folder, as text: the cards, and the ranges of their parameters.
+fn cards_and_ranges(folder: &Path, cards: &mut BTreeSet<String>, ranges: &mut BTreeSet<String>) {
     for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
         if path.is_dir() {
-            cards(&path, found);
+            cards_and_ranges(&path, cards, ranges);
         } else if path.extension().is_some_and(|e| e == "toml") {
-            found.push(std::fs::read_to_string(path).unwrap());
+            let is_range = path.ends_with("ranges.toml") || folder.ends_with("ranges");
+            let files = if is_range { &mut *ranges } else { &mut *cards };
+            files.insert(std::fs::read_to_string(path).unwrap());
         }
     }
 }
@@ -234,13 +237,15 @@ fn cards(folder: &Path, found: &mut Vec<String>) {
 #[test]
 fn cards_are_read_and_each_is_that_of_one_baseline() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
-    let mut found = Vec::new();
-    cards(&home, &mut found);
-    found.sort();
+    let (mut cards, mut ranges) = (BTreeSet::new(), BTreeSet::new());
+    cards_and_ranges(&home, &mut cards, &mut ranges);
     // Those of the baselines, and that of the stage behind them.
-    let mut of_models: Vec<&str> = MODELS.iter().map(|m| m.card).chain([qp::CARD]).collect();
-    of_models.sort();
-    assert_eq!(found, of_models);
+    let of_models: BTreeSet<String> =
+        MODELS.iter().map(|m| m.card).chain([qp::CARD]).map(str::to_owned).collect();
+    assert_eq!(cards, of_models);
+    assert_eq!(of_models.len(), MODELS.len() + 1);
+    let used = MODELS.iter().map(|m| m.ranges).chain([qp::RANGES]).filter(|text| !text.is_empty());
+    assert_eq!(ranges, used.map(str::to_owned).collect());
     for (i, model) in MODELS.iter().enumerate() {
         assert!(MODELS[..i].iter().all(|m| m.id != model.id), "{} twice", model.id);
         // A baseline that has a folder of its own is called like it.

@@ -1,0 +1,94 @@
+//! Every value for every parameter, each in a call of the program with a limit of time and memory.
+
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use reactsim::models::MODELS;
+
+use super::values::{accepts, values};
+use super::{ranges, setup};
+
+/// Longest duration of a call.
+const LIMIT: Duration = Duration::from_secs(120);
+/// Largest address space of a call, KiB.
+const MEMORY: u32 = 8 << 20;
+
+/// What came of a call.
+struct Answer {
+    /// Exit code; `None` if the program was ended by a signal or after the limit of time.
+    code: Option<i32>,
+    error: String,
+}
+
+/// Calls the program within the limits.
+fn call(arguments: &[String], folder: &Path) -> Answer {
+    let log = folder.join("stderr");
+    let mut child = Command::new("sh")
+        .args(["-c", &format!("ulimit -v {MEMORY}; exec \"$@\""), "sh"])
+        .arg(assert_cmd::cargo::cargo_bin!("reactsim"))
+        .args(arguments)
+        .stdout(Stdio::null())
+        .stderr(File::create(&log).unwrap())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    let code = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status.code();
+        }
+        if start.elapsed() > LIMIT {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            break None;
+        }
+        sleep(Duration::from_millis(5));
+    };
+    Answer { code, error: fs::read_to_string(&log).unwrap() }
+}
+
+/// The fault of an answer to a value, if it has one.
+fn fault(answer: &Answer, key: &str, accepted: bool) -> Option<&'static str> {
+    let Answer { code, error } = answer;
+    match code {
+        _ if error.contains("panicked") => Some("panics"),
+        None => Some("does not end"),
+        Some(0) if accepted => None,
+        Some(0) => Some("is accepted"),
+        // A value within its range may still not fit to another parameter.
+        Some(2) if accepted && !error.contains("expected at most") => Some("is refused"),
+        Some(2) if !error.contains(key) => Some("is refused without its name"),
+        Some(2) => None,
+        Some(_) => Some("fails"),
+    }
+}
+
+#[test]
+#[cfg_attr(not(target_os = "linux"), ignore = "limits memory as Linux does")]
+#[cfg_attr(target_os = "linux", ignore = "calls the program more than a thousand times")]
+fn no_value_of_a_parameter_breaks_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut faults = Vec::new();
+    for model in MODELS {
+        let setup = setup(model);
+        let mut base: Vec<String> =
+            ["run", "--limit", "1", "--jobs", "1", "--models", model.id].map(str::to_owned).to_vec();
+        if !model.is_complete() {
+            let path = folder.path().join(format!("{}.safetensors", model.id));
+            fs::write(&path, &setup.weights.as_ref().unwrap().bytes).unwrap();
+            base.extend(["--model-weights".to_owned(), format!("{}={}", model.id, path.display())]);
+        }
+        for (key, range) in ranges(&setup) {
+            for value in values(&range.allowed, &format!("{} {key}", model.id)) {
+                let set = format!("{}.{key}={value}", model.id);
+                let answer = call(&[&base[..], &["--set".to_owned(), set.clone()]].concat(), folder.path());
+                if let Some(fault) = fault(&answer, &key, accepts(&range.allowed, &value)) {
+                    faults.push(format!("{set} {fault} ({:?}): {}", answer.code, answer.error.trim_end()));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
+}
