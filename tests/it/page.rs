@@ -130,9 +130,7 @@ fn the_page_says_what_the_run_found() {
     let mut expected: BTreeMap<String, (f64, f64)> = BTreeMap::new();
     for row in lines_of(&run.join("rows.jsonl")) {
         let of = |name: &str| row["deviation"][name].as_f64();
-        if let Some(xy) = of("endpoint_longitudinal").zip(of("endpoint_lateral"))
-            && row["category"].is_string()
-        {
+        if let Some(xy) = of("endpoint_longitudinal").zip(of("endpoint_lateral")) {
             expected.insert(row["scenario"].as_str().unwrap().to_owned(), xy);
         }
     }
@@ -409,6 +407,57 @@ fn thousands_of_scenarios_are_listed_without_delay() {
     assert!(measured[1].as_u64().unwrap() < 40, "{measured}");
     assert_eq!(measured[2], 2637);
     clean(&page);
+}
+
+#[test]
+fn runs_with_other_avs_are_not_mixed() {
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b, page) = (folder.path().join("a"), folder.path().join("b"), folder.path().join("page.html"));
+    said(&["run", MINI, "--models", MODELS, "--out", text(&a)], 0);
+    said(&["run", MINI, "--models", MODELS, "--av", "brake:4", "--out", text(&b)], 0);
+    said(&["report", text(&a), text(&b), "--format", "html", "--scenarios", MINI, "--out", text(&page)], 0);
+    let mut shown = Browser::new(&chromium);
+    open(&mut shown, &format!("file://{}", page.display()));
+    // A figure for each set of AVs, with the offsets of its own run.
+    for (chart, run) in [("endpoints", &a), ("endpoints-2", &b)] {
+        let points = shown.evaluate(&format!(
+            "[...document.querySelectorAll('[data-chart=\"{chart}\"] path[data-x]')].map(p => [p.querySelector('title').textContent, Number(p.dataset.x)])"
+        ));
+        let mut expected: BTreeMap<String, f64> = BTreeMap::new();
+        for row in lines_of(&run.join("rows.jsonl")) {
+            if let Some(x) = row["deviation"]["endpoint_longitudinal"].as_f64() {
+                expected.insert(row["scenario"].as_str().unwrap().to_owned(), x);
+            }
+        }
+        let points = points.as_array().unwrap();
+        assert_eq!(points.len(), expected.len(), "{chart}");
+        assert!(points.len() > 5, "{chart}");
+        for point in points {
+            let x = expected[point[0].as_str().unwrap()];
+            assert!((point[1].as_f64().unwrap() - x).abs() <= 1e-5 * x.abs(), "{chart}: {point} {x}");
+        }
+    }
+    // Every run has a best simulator of its own.
+    let bold = shown.evaluate(
+        "[...document.querySelectorAll('#main-table tbody tr')].filter(r => r.querySelector('td[data-metric=\"aav-collision\"] strong')).map(r => r.cells[0].textContent)",
+    );
+    let runs: std::collections::BTreeSet<&str> =
+        bold.as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    assert_eq!(runs, ["a", "b"].into(), "{bold}");
+
+    // Filters and order are part of the address.
+    shown.evaluate("document.querySelector('#main-table [data-key=\"aav-ttc\"]').click(); document.querySelector('#parts [data-part=\"lateral\"]').click(); const f = document.getElementById('list-condition'); f.value = 'risky'; f.dispatchEvent(new Event('change'))");
+    let address = shown.evaluate("location.href");
+    let address = address.as_str().unwrap().to_owned();
+    for part in ["sort=aav-ttc", "part=lateral", "show=risky"] {
+        assert!(address.contains(part), "{address}");
+    }
+    let table = shown.evaluate("document.getElementById('main-table').textContent");
+    open(&mut shown, &address);
+    assert_eq!(shown.evaluate("document.getElementById('main-table').textContent"), table);
+    assert_eq!(shown.evaluate("document.getElementById('list-condition').value"), json!("risky"));
+    clean(&shown);
 }
 
 #[test]

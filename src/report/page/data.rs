@@ -6,8 +6,8 @@ use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::PageError;
-use super::gallery::Gallery;
-use crate::evaluation::{Access, Summary, program_commit, program_version};
+use super::gallery::{Gallery, GalleryScenario};
+use crate::evaluation::{Access, Entry, Summary, program_commit, program_version};
 use crate::metrics::METRICS;
 use crate::report::table::{self, Column};
 use crate::report::{Run, TableStyle, exporter, study_tables};
@@ -56,6 +56,8 @@ struct RunData<'a> {
     name: &'a str,
     /// Name of its study, and its label there.
     study: &'a Option<(String, String)>,
+    /// Number of the group of runs with which its numbers can be compared.
+    group: usize,
     /// Provenance in one line.
     about: String,
     summary: &'a Summary,
@@ -75,8 +77,13 @@ struct SubjectData<'a> {
 #[derive(Serialize)]
 struct ScenarioData<'a> {
     id: Vec<&'a str>,
+    /// Category of the deviation in the first run that states one.
     category: Vec<Option<&'a str>>,
     difficulty: Vec<Option<&'a str>>,
+    /// Per run: category of the deviation.
+    categories: Vec<Vec<Option<&'a str>>>,
+    /// Per run: difficulty of the conflict.
+    difficulties: Vec<Vec<Option<&'a str>>>,
     /// Whether there is a scene, as 0 or 1.
     scene: Vec<u8>,
     /// Per run: statistics of the deviation from the log, by name.
@@ -133,9 +140,11 @@ impl Gallery {
                 .runs
                 .iter()
                 .zip(&runs)
-                .map(|(member, run)| RunData {
+                .zip(table::groups(&runs))
+                .map(|((member, run), group)| RunData {
                     name: &member.name,
                     study: &member.study,
+                    group,
                     about: table::provenance(run),
                     summary: run.summary,
                 })
@@ -205,7 +214,17 @@ impl Gallery {
             });
             metrics.collect()
         });
+        let per_run = |of: fn(&Entry) -> Option<&str>| -> Vec<Vec<Option<&str>>> {
+            let column = |run: usize| {
+                let own =
+                    |s: &GalleryScenario| s.places[run].and_then(|place| entry(run, place)).and_then(of);
+                self.scenarios.iter().map(own).collect()
+            };
+            (0..self.runs.len()).map(column).collect()
+        };
         ScenarioData {
+            categories: per_run(|entry| entry.category.as_deref()),
+            difficulties: per_run(|entry| entry.difficulty.as_deref()),
             id: self.scenarios.iter().map(|s| s.id.as_str()).collect(),
             category: self.scenarios.iter().map(|s| s.category.as_deref()).collect(),
             difficulty: self.scenarios.iter().map(|s| s.difficulty.as_deref()).collect(),

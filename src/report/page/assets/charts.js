@@ -45,11 +45,11 @@ export const mark = (kind, x, y, ink, { r = 3.6, title = null, opacity = 1, ...m
  * `{ label, min, max, log, marks }`; `draw` takes the functions from values to pixels and returns
  * elements; `legend` is a list of [name, mark kind or null, colour].
  */
-export function chart({ name, title, about, x, y, legend = [], draw }) {
-  const h = axis(x, EDGE.left, WIDTH - EDGE.right), v = axis(y, HEIGHT - EDGE.bottom, EDGE.top);
+export function chart({ name, title, about, x, y, legend = [], height = HEIGHT, draw }) {
+  const h = axis(x, EDGE.left, WIDTH - EDGE.right), v = axis(y, height - EDGE.bottom, EDGE.top);
   const ink = "var(--text)", dim = "var(--dim)";
-  const picture = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "chart", role: "img", "aria-label": `${title}. ${about}`, "data-chart": name, "font-family": "system-ui, Helvetica, Arial, sans-serif" },
-    svg("rect", { width: WIDTH, height: HEIGHT, fill: "var(--panel)" }),
+  const picture = svg("svg", { viewBox: `0 0 ${WIDTH} ${height}`, class: "chart", role: "img", "aria-label": `${title}. ${about}`, "data-chart": name, "font-family": "system-ui, Helvetica, Arial, sans-serif" },
+    svg("rect", { width: WIDTH, height, fill: "var(--panel)" }),
     svg("text", { x: 14, y: 21, "font-size": 14, "font-weight": 600, fill: ink }, title));
   for (const t of v.marks) {
     picture.append(
@@ -58,29 +58,29 @@ export function chart({ name, title, about, x, y, legend = [], draw }) {
   }
   for (const t of h.marks) {
     picture.append(
-      svg("line", { x1: h.at(t), x2: h.at(t), y1: HEIGHT - EDGE.bottom, y2: HEIGHT - EDGE.bottom + 4, stroke: dim }),
-      svg("text", { x: h.at(t), y: HEIGHT - EDGE.bottom + 17, "font-size": 11, "text-anchor": "middle", fill: dim }, x.text?.(t) ?? tidy(t)));
+      svg("line", { x1: h.at(t), x2: h.at(t), y1: height - EDGE.bottom, y2: height - EDGE.bottom + 4, stroke: dim }),
+      svg("text", { x: h.at(t), y: height - EDGE.bottom + 17, "font-size": 11, "text-anchor": "middle", fill: dim }, x.text?.(t) ?? tidy(t)));
   }
   picture.append(
-    svg("line", { x1: EDGE.left, x2: WIDTH - EDGE.right, y1: HEIGHT - EDGE.bottom, y2: HEIGHT - EDGE.bottom, stroke: dim }),
-    svg("text", { x: (EDGE.left + WIDTH - EDGE.right) / 2, y: HEIGHT - 10, "font-size": 12, "text-anchor": "middle", fill: ink }, x.label),
-    svg("text", { transform: `translate(16 ${(HEIGHT - EDGE.bottom + EDGE.top) / 2}) rotate(-90)`, "font-size": 12, "text-anchor": "middle", fill: ink }, y.label));
+    svg("line", { x1: EDGE.left, x2: WIDTH - EDGE.right, y1: height - EDGE.bottom, y2: height - EDGE.bottom, stroke: dim }),
+    svg("text", { x: (EDGE.left + WIDTH - EDGE.right) / 2, y: height - 10, "font-size": 12, "text-anchor": "middle", fill: ink }, x.label),
+    svg("text", { transform: `translate(16 ${(height - EDGE.bottom + EDGE.top) / 2}) rotate(-90)`, "font-size": 12, "text-anchor": "middle", fill: ink }, y.label));
   picture.append(...draw(h.at, v.at));
   const key = el("ul", { class: "key" }, ...legend.map(([text, kind, tint]) =>
     el("li", {}, svg("svg", { width: 18, height: 12, "aria-hidden": "true" }, kind === null ? svg("rect", { x: 2, y: 2, width: 14, height: 8, fill: tint, opacity: 0.6 }) : mark(kind, 9, 6, tint)), text)));
   return el("figure", { class: "card" }, picture, key,
-    el("figcaption", {}, about, " ", el("button", { class: "plain", onclick: () => save(`${name}.svg`, standalone(picture, legend), "image/svg+xml") }, "save SVG")));
+    el("figcaption", {}, about, " ", el("button", { class: "plain", onclick: () => save(`${name}.svg`, standalone(picture, legend, height), "image/svg+xml") }, "save SVG")));
 }
 
 /** The chart as an SVG file with the current colours and the legend. */
-export function standalone(picture, legend) {
+export function standalone(picture, legend, height) {
   const copy = picture.cloneNode(true);
   const rows = legend.length;
   copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
-  copy.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT + 18 * rows + (rows ? 8 : 0)}`);
-  copy.firstElementChild.setAttribute("height", HEIGHT + 18 * rows + 8);
+  copy.setAttribute("viewBox", `0 0 ${WIDTH} ${height + 18 * rows + (rows ? 8 : 0)}`);
+  copy.firstElementChild.setAttribute("height", height + 18 * rows + 8);
   legend.forEach(([text, kind, tint], i) => {
-    const y = HEIGHT + 8 + 18 * i;
+    const y = height + 8 + 18 * i;
     copy.append(kind === null ? svg("rect", { x: EDGE.left, y: y - 4, width: 14, height: 8, fill: tint, opacity: 0.6 }) : mark(kind, EDGE.left + 7, y, tint),
       svg("text", { x: EDGE.left + 22, y: y + 4, "font-size": 12, fill: "var(--text)" }, text));
   });
@@ -98,7 +98,7 @@ export function series(points, kind, ink, h, v) {
   const line = points.map(([x, y], i) => `${i ? "L" : "M"}${h(x).toFixed(2)} ${v(y).toFixed(2)}`).join("");
   return [
     svg("path", { d: line, fill: "none", stroke: ink, "stroke-width": 1.8 }),
-    ...points.map(([x, , low, high]) => svg("line", { x1: h(x), x2: h(x), y1: v(low), y2: v(high), stroke: ink, opacity: 0.45 })),
+    ...points.filter(([, , low]) => low !== null).map(([x, , low, high]) => svg("line", { x1: h(x), x2: h(x), y1: v(low), y2: v(high), stroke: ink, opacity: 0.45 })),
     ...points.map(([x, y, , , title]) => mark(kind, h(x), v(y), ink, { r: 4, title, "data-x": x, "data-y": y })),
   ];
 }

@@ -7,14 +7,35 @@ import { count } from "./format.js";
 
 const CATEGORY = { longitudinal: [0, "var(--longitudinal)"], lateral: [1, "var(--lateral)"], directional: [2, "var(--directional)"] };
 const tint = (i) => `var(--subject-${i % 8})`;
+/** Models in their order, each of which has one colour on the page. */
+const models = [...new Set(subjects.map((s) => s.id))];
+const ink = (s) => tint(models.indexOf(s.id));
 const mean = (subject, id) => subject.summary?.metrics[id];
 
-/** Deviations of the AVs from the log, by category, of the first run that has them. */
-function deviations() {
-  const columns = scenarios.deviation.find((d) => d.endpoint_lateral);
-  if (!columns || !categories.length) return [];
-  const of = (name) => categories.map((c) => [c, scenarios.category.flatMap((k, i) => (k === c && columns[name]?.[i] != null ? [[i, columns[name][i]]] : []))]);
-  const legend = categories.map((c) => [`${c} (${scenarios.category.filter((k) => k === c).length})`, ...CATEGORY[c] ?? [3, "var(--dim)"]]);
+/** Runs with the same AVs, which share their figures. */
+function avSets() {
+  const sets = new Map();
+  scenarios.deviation.forEach((columns, run) => {
+    if (!columns.endpoint_lateral && !columns.ade) return;
+    const key = JSON.stringify([columns, scenarios.categories[run]]);
+    sets.set(key, [...sets.get(key) ?? [], run]);
+  });
+  return [...sets.values()];
+}
+
+/** Deviations of the AVs from the log, by category: figures for every set of AVs. */
+const deviations = () => avSets().flatMap((members, i, all) => deviationsOf(members, i, all.length));
+
+function deviationsOf(members, set, sets) {
+  const [run] = members;
+  const columns = scenarios.deviation[run];
+  const own = scenarios.categories[run];
+  const drawn = [...categories.filter((c) => own.includes(c)), ...(own.includes(null) ? [null] : [])];
+  const of = (name) => drawn.map((c) => [c, own.flatMap((k, i) => (k === c && columns[name]?.[i] != null ? [[i, columns[name][i]]] : []))]);
+  const look = (c) => CATEGORY[c] ?? [3, "var(--dim)"];
+  const key = (groups) => groups.filter(([, list]) => list.length).map(([c, list]) => [`${c ?? "no category"} (${list.length})`, ...look(c)]);
+  const whose = sets > 1 ? ` AVs of ${members.map((r) => runs[r].name).join(", ")}.` : "";
+  const named = (name) => (set ? `${name}-${set + 1}` : name);
   const spread = (values, least) => {
     const [low, high] = [Math.min(0, ...values), Math.max(least, ...values)];
     const margin = 0.04 * (high - low);
@@ -25,9 +46,9 @@ function deviations() {
   const out = [];
   if (points.length) {
     out.push(chart({
-      name: "endpoints", title: "End points of deviated AVs", about: `Offset of the AV's last position from the logged one, in the logged AV's axes; ${count(points.length, "scenario")}.`,
-      x: { label: "ahead of the log (m)", ...spread(points.map((p) => p[2]), 5) }, y: { label: "left of the log (m)", ...spread(points.map((p) => p[3]), 5) }, legend,
-      draw: (h, v) => points.map(([c, i, x, y]) => mark(CATEGORY[c]?.[0] ?? 3, h(x), v(y), CATEGORY[c]?.[1] ?? "var(--dim)", { r: 2.8, opacity: 0.7, title: scenarios.id[i], "data-x": x, "data-y": y })),
+      name: named("endpoints"), title: "End points of deviated AVs", about: `Offset of the AV's last position from the logged one, in the logged AV's axes; ${count(points.length, "scenario")}.${whose}`,
+      x: { label: "ahead of the log (m)", ...spread(points.map((p) => p[2]), 5) }, y: { label: "left of the log (m)", ...spread(points.map((p) => p[3]), 5) }, legend: key(drawn.map((c) => [c, points.filter((p) => p[0] === c)])),
+      draw: (h, v) => points.map(([c, i, x, y]) => mark(look(c)[0], h(x), v(y), look(c)[1], { r: 2.8, opacity: 0.7, title: scenarios.id[i], "data-x": x, "data-y": y })),
     }));
   }
   const histogram = (name, column, title, label) => {
@@ -43,10 +64,10 @@ function deviations() {
     });
     const top = Math.max(...bins.flatMap(([, list]) => list.map((b) => b[1])));
     out.push(chart({
-      name, title, about: `Share of the scenarios of each category; ${count(all.length, "scenario")}.`,
-      x: { label, min, max }, y: { label: "share", min: 0, max: top * 1.05 }, legend: legend.map(([text, , ink]) => [text, null, ink]),
+      name: named(name), title, about: `Share of the scenarios of each category; ${count(all.length, "scenario")}.${whose}`,
+      x: { label, min, max }, y: { label: "share", min: 0, max: top * 1.05 }, legend: key(groups).map(([text, , ink]) => [text, null, ink]),
       draw: (h, v) => bins.map(([c, list, n]) => {
-        const path = steps(list, width, CATEGORY[c]?.[1] ?? "var(--dim)", h, v);
+        const path = steps(list, width, look(c)[1], h, v);
         path.setAttribute("data-category", c);
         path.setAttribute("data-n", n);
         return path;
@@ -64,18 +85,18 @@ function counts() {
   if (!rows.length || rows.length > 24) return [];
   const named = (s) => (s.name.length > 24 ? `${s.name.slice(0, 23)}…` : s.name);
   return [["aav-collision", "At fault for collisions with the AV", "vehicles per scenario"], ["aav-ttc", "Risky approaches to the AV", "vehicles per scenario"]].map(([id, title, label]) => {
-    const max = Math.max(0.1, ...rows.map((s) => mean(s, id)?.high ?? 0));
+    const max = Math.max(0.1, ...rows.map((s) => mean(s, id)?.high ?? mean(s, id)?.mean ?? 0));
     return chart({
       name: `count-${id}`, title, about: "Means with 95 % intervals; less is better.", x: { label, min: -0.62 * max, max: max * 1.06, marks: ticks(0, max, 4) },
-      y: { label: "", min: -0.5, max: rows.length - 0.5, marks: [] },
+      y: { label: "", min: -0.5, max: rows.length - 0.5, marks: [] }, height: Math.max(340, 88 + 18 * rows.length),
       draw: (h, v) => rows.flatMap((s, i) => {
         const e = mean(s, id), y = v(rows.length - 1 - i);
         if (e?.mean == null) return [];
         return [
           svg("text", { x: h(0) - 8, y: y + 4, "font-size": 11, "text-anchor": "end", fill: "var(--text)" }, named(s), svg("title", {}, s.name)),
-          svg("line", { x1: h(e.low), x2: h(e.high), y1: y, y2: y, stroke: tint(i), "stroke-width": 2 }),
-          mark(i % 4, h(e.mean), y, tint(i), { r: 4.2, title: `${s.name}: ${e.mean.toFixed(3)}`, "data-subject": s.index, "data-x": e.mean }),
-        ];
+          e.low === null ? null : svg("line", { x1: h(e.low), x2: h(e.high), y1: y, y2: y, stroke: ink(s), "stroke-width": 2 }),
+          mark(s.run % 4, h(e.mean), y, ink(s), { r: 4.2, title: `${s.name}: ${e.mean.toFixed(3)}`, "data-subject": s.index, "data-x": e.mean }),
+        ].filter(Boolean);
       }),
     });
   });
@@ -114,12 +135,12 @@ function replanning() {
     const marks = [...new Set(groups.flatMap((g) => g.map(([steps]) => steps)))].sort((a, b) => a - b);
     const lines = groups.map((group) => group.map(([steps, s]) => [steps, mean(s, id), s]).filter(([, e]) => e?.mean != null).sort((a, b) => a[0] - b[0])).filter((line) => line.length);
     if (!lines.length) return [];
-    const top = Math.max(0.1, ...lines.flat().map(([, e]) => e.high));
+    const top = Math.max(0.1, ...lines.flat().map(([, e]) => e.high ?? e.mean));
     return [chart({
       name: `replan-${id}`, title, about: "Means with 95 % intervals. Replanning is more frequent towards the left.",
       x: { label: "replan interval", min: marks[0] * 0.85, max: marks.at(-1) * 1.15, log: true, marks, text }, y: { label, min: 0, max: top * 1.05 },
-      legend: lines.map((line, i) => [line[0][2].title, i, tint(i)]),
-      draw: (h, v) => lines.flatMap((line, i) => series(line.map(([steps, e, s]) => [steps, e.mean, e.low, e.high, `${s.title}, ${text(steps)}: ${e.mean.toFixed(3)}`]), i, tint(i), h, v)),
+      legend: lines.map((line, i) => [line[0][2].title, i, ink(line[0][2])]),
+      draw: (h, v) => lines.flatMap((line, i) => series(line.map(([steps, e, s]) => [steps, e.mean, e.low, e.high, `${s.title}, ${text(steps)}: ${e.mean.toFixed(3)}`]), i, ink(line[0][2]), h, v)),
     })];
   });
 }
@@ -137,15 +158,15 @@ function realism() {
   });
   const points = pairs.map(([a, b]) => [a, mean(b, "kinematic-likelihood"), mean(a, "aav-collision")]).filter(([, x, y]) => x?.mean != null && y?.mean != null);
   if (!points.length) return [];
-  const [low, high] = [Math.min(...points.map(([, x]) => x.low)), Math.max(...points.map(([, x]) => x.high))];
+  const [low, high] = [Math.min(...points.map(([, x]) => x.low ?? x.mean)), Math.max(...points.map(([, x]) => x.high ?? x.mean))];
   return [chart({
     name: "realism-reactive", title: "Realism and reaction", about: "Kinematic likelihood in the realism protocol (more is better) against collisions with the AV in the reactive one (less is better).",
-    x: { label: "kinematic likelihood (realism protocol)", min: low - 0.02, max: high + 0.02 }, y: { label: "A-AV collisions (reactive protocol)", min: 0, max: 1.06 * Math.max(0.1, ...points.map(([, , y]) => y.high)) },
-    legend: points.map(([s], i) => [s.title, i, tint(i)]),
+    x: { label: "kinematic likelihood (realism protocol)", min: low - 0.02, max: high + 0.02 }, y: { label: "A-AV collisions (reactive protocol)", min: 0, max: 1.06 * Math.max(0.1, ...points.map(([, , y]) => y.high ?? y.mean)) },
+    legend: points.map(([s], i) => [s.title, i, ink(s)]),
     draw: (h, v) => points.flatMap(([s, x, y], i) => [
-      svg("line", { x1: h(x.low), x2: h(x.high), y1: v(y.mean), y2: v(y.mean), stroke: tint(i), opacity: 0.45 }),
-      ...series([[x.mean, y.mean, y.low, y.high, `${s.title}: ${x.mean.toFixed(3)}, ${y.mean.toFixed(3)}`]], i, tint(i), h, v),
-    ]),
+      x.low === null ? null : svg("line", { x1: h(x.low), x2: h(x.high), y1: v(y.mean), y2: v(y.mean), stroke: ink(s), opacity: 0.45 }),
+      ...series([[x.mean, y.mean, y.low, y.high, `${s.title}: ${x.mean.toFixed(3)}, ${y.mean.toFixed(3)}`]], i, ink(s), h, v),
+    ].filter(Boolean)),
   })];
 }
 

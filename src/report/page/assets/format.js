@@ -7,6 +7,12 @@ export function number(metric, value) {
   return value.toFixed(["m", "m/s²"].includes(metric.unit) ? 2 : 3);
 }
 
+/** Half the width of an interval after a "±"; empty without an interval, which few scenarios do not have. */
+export const half = (metric, { low, high }) => (low === null ? "" : ` ±${number(metric, (high - low) / 2)}`);
+
+/** An interval in words. */
+export const interval = (metric, { low, high }) => (low === null ? "too few scenarios for an interval" : `95 % interval ${number(metric, low)} to ${number(metric, high)}`);
+
 /** Title of a metric with its unit. */
 export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : ["m", "m/s²"].includes(metric.unit) ? ` (${metric.unit})` : ""}`;
 

@@ -30,6 +30,7 @@ const CONDITIONS = [
 ];
 
 const state = { text: "", category: "", difficulty: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
+const USUAL = { ...state };
 let order = [];
 let cursor = 0;
 let open = null;
@@ -115,6 +116,7 @@ function refresh() {
   heads();
   sift();
   draw();
+  onFilter();
 }
 
 function move(to) {
@@ -149,9 +151,37 @@ export function neighbour(direction) {
   return null;
 }
 
-/** Creates the list; `call` is called with the scenario to show. */
-export function list(call) {
+/** The parts of the state that an address has, with their names there. */
+const ADDRESS = { text: "id", category: "category", difficulty: "difficulty", condition: "show", metric: "values" };
+
+/** Filters and order, for the address; empty where they are the usual ones. */
+export function filters() {
+  const all = Object.entries(ADDRESS).map(([key, name]) => [name, state[key] === USUAL[key] ? "" : state[key]]);
+  const by = typeof state.by === "number" ? subjects[state.by].name : state.by;
+  return Object.fromEntries([...all, ["order", by === null ? "" : `${state.down ? "-" : ""}${by}`]]);
+}
+
+/** Takes filters and order from an address. */
+function restore(asked) {
+  const known = { category: categories, difficulty: difficulties, condition: CONDITIONS.map(([k]) => k), metric: SHOWN.filter((id) => metric(id)) };
+  for (const [key, name] of Object.entries(ADDRESS)) {
+    const found = asked.get(name);
+    if (found && (key === "text" || known[key].includes(found))) state[key] = found;
+  }
+  const order = asked.get("order");
+  if (!order) return;
+  const by = order.replace(/^-/, "");
+  const subject = subjects.findIndex((s) => s.name === by);
+  if (["id", "category"].includes(by) || subject >= 0) [state.by, state.down] = [subject >= 0 ? subject : by, order.startsWith("-")];
+}
+
+let onFilter = () => {};
+
+/** Creates the list as in an address; `call` is called with the scenario to show, `changed` after every change. */
+export function list(asked, call, changed) {
   onOpen = call;
+  restore(asked);
+  $("list-text").value = state.text;
   const field = (id, key, items) => {
     $(id).replaceChildren(...items.map(([v, label]) => el("option", { value: v }, label)));
     $(id).value = state[key];
@@ -185,4 +215,5 @@ export function list(call) {
     else move(by);
   });
   refresh();
+  onFilter = changed;
 }

@@ -4,9 +4,9 @@ import { data, runs, scenarios, subjects } from "./data.js";
 import { $, el, save, toast } from "./dom.js";
 import { figures } from "./figures.js";
 import { count } from "./format.js";
-import { list } from "./list.js";
+import { filters, list } from "./list.js";
 import { choose } from "./palette.js";
-import { provenance, results } from "./results.js";
+import { chosen, provenance, results } from "./results.js";
 import { drawable } from "./scenes.js";
 import { studies } from "./studies.js";
 import { KEYS, byKey, press, show, state, viewer } from "./viewer.js";
@@ -34,11 +34,12 @@ function follow() {
 
 let written = "";
 
-/** Writes the state of the viewer to the address, so that it can be shared. */
+/** Writes the state of the page to the address, so that it can be shared. */
 function remember() {
-  const now = state();
-  if (!now) return;
-  written = `#${new URLSearchParams(now)}`;
+  const all = { ...state() ?? {}, ...chosen(), ...filters() };
+  // An empty side of the viewer has a meaning.
+  const kept = Object.entries(all).filter(([key, v]) => v !== "" || ["left", "right"].includes(key));
+  written = `#${new URLSearchParams(kept)}`;
   history.replaceState(null, "", written);
 }
 
@@ -94,13 +95,14 @@ function begin() {
   // A long table is folded.
   $("events-fold").open = subjects.length <= 12;
   $("stage-note").dataset.lacks = data.lacks.join(" ");
-  results();
+  const asked = new URLSearchParams(location.hash.slice(1));
+  results(asked, remember);
   figures();
   studies();
   provenance();
   downloads();
   viewer(remember);
-  list((i) => show(i));
+  list(asked, (i) => show(i), remember);
   keys();
   $("theme").onclick = turnTheme;
   $("help-button").onclick = () => $("help").showModal();

@@ -2,7 +2,7 @@
 
 import { categories, counted, data, difficulties, metric, metrics, runs, scenarios, subjects } from "./data.js";
 import { $, el } from "./dom.js";
-import { count, number, titled } from "./format.js";
+import { count, half, interval, number, titled } from "./format.js";
 
 const several = runs.length > 1;
 /** Explanations of the marks behind names of simulators. */
@@ -10,15 +10,20 @@ const marks = [...new Set(subjects.filter((s) => s.mark).map((s) => ` ${s.mark} 
 /** Metrics in the table of events, in the order of the columns. */
 const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
 
-/** Parts of the scenarios with a table: number of scenarios, and the estimates of a subject. */
+/** Parts of the scenarios with a table: the estimates of a subject, and whether a scenario of a run belongs to it. */
 const PARTS = [
-  { name: "all", label: "all scenarios", size: scenarios.id.length, of: (summary) => summary },
-  ...categories.map((c) => ({ name: c, label: c, size: scenarios.category.filter((k) => k === c).length, of: (summary) => summary?.by_category[c] })),
-  ...difficulties.map((d) => ({ name: d, label: d, size: scenarios.difficulty.filter((k) => k === d).length, of: (summary) => summary?.by_difficulty?.[d] })),
+  { name: "all", label: "all scenarios", of: (summary) => summary, has: () => true },
+  ...categories.map((c) => ({ name: c, label: c, of: (summary) => summary?.by_category[c], has: (run, i) => scenarios.categories[run][i] === c })),
+  ...difficulties.map((d) => ({ name: d, label: d, of: (summary) => summary?.by_difficulty?.[d], has: (run, i) => scenarios.difficulties[run][i] === d })),
 ];
+
+/** Number of scenarios of a part: that of the run with most of them. */
+const size = (part) => Math.max(...runs.map((_, run) => scenarios.id.filter((_, i) => part.has(run, i)).length));
 
 let part = PARTS[0];
 let sorted = { by: null, down: false };
+let onChange = () => {};
+const isOneGroup = new Set(runs.map((r) => r.group)).size === 1;
 /** Whether the table has every metric with a value, not only the usual columns. */
 let isWhole = false;
 
@@ -31,25 +36,30 @@ function tableMetrics() {
   return [...data.columns, ...(isWhole ? extra : [])].map(metric);
 }
 
-/** The best number among simulators other than oracles, as printed, so that equal numbers tie. */
+/**
+ * The best number among simulators other than oracles, by group of comparable runs; as printed, so that equal
+ * numbers tie.
+ */
 function best(rows, column) {
-  const shown = rows.filter((r) => !r.oracle).map((r) => estimates(r)?.metrics[column.id]?.mean).filter((v) => v !== null && v !== undefined);
-  if (shown.length < 2) return null;
-  return number(column, column.lower_is_better ? Math.min(...shown) : Math.max(...shown));
+  const groups = Map.groupBy(rows.filter((r) => !r.oracle), (r) => runs[r.run].group);
+  return new Map([...groups].map(([group, members]) => {
+    const shown = members.map((r) => estimates(r)?.metrics[column.id]?.mean).filter((v) => v !== null && v !== undefined);
+    return [group, shown.length < 2 ? null : number(column, column.lower_is_better ? Math.min(...shown) : Math.max(...shown))];
+  }));
 }
 
 function cell(subject, column, top) {
   const estimate = estimates(subject)?.metrics[column.id];
   const about = { class: "number", "data-metric": column.id };
   if (!estimate || estimate.mean === null) return el("td", { ...about, title: "no scenario has a value" }, "–");
-  const { mean, low, high } = estimate;
+  const { mean } = estimate;
   const text = number(column, mean);
-  const isBest = !subject.oracle && text === top;
+  const isBest = !subject.oracle && text === top.get(runs[subject.run].group);
   return el(
     "td",
-    { ...about, "data-mean": mean, title: `${text}, 95 % interval ${number(column, low)} to ${number(column, high)}, ${count(estimate.scenarios, "scenario")}` },
+    { ...about, "data-mean": mean, title: `${text}, ${interval(column, estimate)}, ${count(estimate.scenarios, "scenario")}` },
     isBest ? el("strong", {}, text) : text,
-    el("small", {}, ` ±${number(column, (high - low) / 2)}`),
+    el("small", {}, half(column, estimate)),
   );
 }
 
@@ -91,7 +101,9 @@ function show() {
       failed ? el("td", { class: "number" }, String(s.summary.failed)) : null))),
   );
   for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
-  $("main-about").textContent = `${count(part.size, "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles.${marks}`;
+  $("main-about").textContent = `${count(size(part), "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles${isOneGroup ? "" : " among runs on the same scenarios with the same AV and settings"}.${marks}`;
+  eventTable();
+  onChange();
 }
 
 /** Table of events per scenario, and the share of scenarios with at least one. */
@@ -103,7 +115,7 @@ function eventTable() {
       let [events, having, all] = [0, 0, 0];
       const rollouts = s.settings.rollouts || 1;
       for (let i = 0; i < scenarios.id.length; i++) {
-        if (!has(s.index, i)) continue;
+        if (!has(s.index, i) || !part.has(s.run, i)) continue;
         const n = counted(s.index, id, i);
         all++;
         events += n / rollouts;
@@ -117,8 +129,14 @@ function eventTable() {
 /** Returns whether a subject has a result in a scenario. */
 const has = (subject, scenario) => scenarios.values[subject].some((column) => column[scenario] !== null && column[scenario] !== undefined);
 
-/** Shows all tables. */
-export function results() {
+/** The chosen part and order of the table, for the address. */
+export const chosen = () => ({ part: part === PARTS[0] ? "" : part.name, sort: sorted.by === null ? "" : `${sorted.down ? "-" : ""}${sorted.by}` });
+
+/** Shows all tables, as in an address. `call` is called after every change. */
+export function results(asked, call) {
+  part = PARTS.find((p) => p.name === asked.get("part")) ?? PARTS[0];
+  const by = asked.get("sort");
+  if (by) sorted = { by: by.replace(/^-/, ""), down: by.startsWith("-") };
   const choose = (chosen) => () => {
     part = chosen;
     show();
@@ -129,7 +147,7 @@ export function results() {
     show();
   };
   show();
-  eventTable();
+  onChange = call;
 }
 
 /** Shows the provenance of the numbers. */

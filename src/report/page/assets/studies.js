@@ -2,7 +2,7 @@
 
 import { data, metric } from "./data.js";
 import { $, el } from "./dom.js";
-import { count, number, titled } from "./format.js";
+import { count, half, interval, number, titled } from "./format.js";
 
 const ABOUT = {
   replan: ["Effect of the replan interval", "Columns: replan interval."],
@@ -17,16 +17,16 @@ const method = (s) => el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { 
 
 function cell(m, estimate) {
   if (!estimate || estimate.mean === null) return el("td", { class: "number" }, "–");
-  return el("td", { class: "number", "data-metric": m.id, "data-mean": estimate.mean, title: `95 % interval ${number(m, estimate.low)} to ${number(m, estimate.high)}, ${count(estimate.scenarios, "scenario")}` },
-    number(m, estimate.mean), el("small", {}, ` ±${number(m, (estimate.high - estimate.low) / 2)}`));
+  return el("td", { class: "number", "data-metric": m.id, "data-mean": estimate.mean, title: `${interval(m, estimate)}, ${count(estimate.scenarios, "scenario")}` },
+    number(m, estimate.mean), el("small", {}, half(m, estimate)));
 }
 
 /** A difference; bold if its interval excludes 0. */
 function difference(m, w) {
   if (!w || w.mean === null) return el("td", { class: "number" }, "–");
   const text = `${w.mean > 0 ? "+" : w.mean < 0 ? "−" : ""}${number(m, Math.abs(w.mean))}`;
-  const isSure = w.low > 0 || w.high < 0;
-  return el("td", { class: "number", "data-metric": m.id, "data-mean": w.mean, title: `95 % interval ${number(m, w.low)} to ${number(m, w.high)}, p = ${w.p.toFixed(4)}` }, isSure ? el("strong", {}, text) : text);
+  const isSure = w.low !== null && (w.low > 0 || w.high < 0);
+  return el("td", { class: "number", "data-metric": m.id, "data-mean": w.mean, title: `${interval(m, w)}, p = ${w.p.toFixed(4)}` }, isSure ? el("strong", {}, text) : text);
 }
 
 const find = (member, id) => member.simulators.find((s) => s.id === id);
