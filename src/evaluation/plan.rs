@@ -76,8 +76,12 @@ pub enum NoAv {
     #[error("no deviated AV; give --deviations with one for this scenario, or choose another --av")]
     Missing,
     /// The trajectory was made for another scenario.
-    #[error("the deviated AV was made for a scenario with the digest {wanted}, this one has {found}")]
+    #[error(
+        "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} (in {file})"
+    )]
     OtherScenario {
+        /// Name of the file of deviations.
+        file: String,
         /// Digest that the trajectory names.
         wanted: String,
         /// Digest of the scenario.
@@ -86,6 +90,14 @@ pub enum NoAv {
     /// The trajectory is invalid.
     #[error(transparent)]
     Refused(#[from] AvError),
+    /// The trajectory in a file of deviations is invalid.
+    #[error("{source} (in {file})")]
+    RefusedDeviation {
+        /// Name of the file.
+        file: String,
+        /// What is wrong with it.
+        source: AvError,
+    },
 }
 
 impl Plan {
@@ -155,7 +167,8 @@ impl Plan {
             if let Some(wanted) = &record.scenario_digest {
                 let found = scenario.digest();
                 if found != *wanted {
-                    return Err(NoAv::OtherScenario { wanted: wanted.clone(), found });
+                    let (file, wanted) = (deviations.file.name.clone(), wanted.clone());
+                    return Err(NoAv::OtherScenario { file, wanted, found });
                 }
             }
             return Ok(DeviatedTrack {
@@ -182,7 +195,12 @@ impl Plan {
             AvChoice::Deviated | AvChoice::File(_) => {
                 let deviated = self.deviated(scenario)?;
                 let known = KnownDeviation::of(&deviated);
-                (Box::new(DeviatedAv::new(&scenario.start.now(0), deviated.track)?), known)
+                let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
+                let av = av.map_err(|source| match &self.deviations {
+                    Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
+                    None => NoAv::Refused(source),
+                })?;
+                (Box::new(av), known)
             }
             AvChoice::Log => (Box::new(LogAv::new(scenario)?), KnownDeviation::default()),
             AvChoice::Scripted(script) => {

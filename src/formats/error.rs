@@ -4,7 +4,7 @@ use std::fmt::{self, Write};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::scene::SceneError;
+use crate::scene::{SceneError, brief};
 
 /// Error of reading or writing a file, or one record of it.
 #[derive(Debug)]
@@ -100,7 +100,7 @@ impl Cause {
         value: impl fmt::Display,
         expected: impl Into<String>,
     ) -> Self {
-        Self::Value { field: field.into(), value: value.to_string(), expected: expected.into() }
+        Self::Value { field: field.into(), value: brief(value.to_string()), expected: expected.into() }
     }
 
     pub(crate) fn schema(

@@ -3,7 +3,7 @@
 /// The reason why parts do not form a scenario. The text names the field and the value; formats add file and
 /// record.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("scenario `{scenario}`: {field} is {value}, expected {expected}")]
+#[error("scenario `{scenario}`: {field} is {}, expected {expected}", brief(value.clone()))]
 pub struct SceneError {
     /// Id of the scenario, possibly empty.
     pub scenario: String,
@@ -13,4 +13,28 @@ pub struct SceneError {
     pub value: String,
     /// The expected value.
     pub expected: String,
+}
+
+/// Returns a text; a number with more than 24 characters in exponential notation.
+pub fn brief(text: String) -> String {
+    match text.parse::<f64>() {
+        Ok(number) if text.len() > 24 => format!("{number:e}"),
+        _ => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_numbers_are_short() {
+        assert_eq!(brief(1e300.to_string()), "1e300");
+        assert_eq!(brief((-1e-300).to_string()), "-1e-300");
+        assert_eq!(brief("12.5".into()), "12.5");
+        assert_eq!(
+            brief("a text of more than twenty-four characters".into()),
+            "a text of more than twenty-four characters"
+        );
+    }
 }

@@ -18,7 +18,7 @@ pub use certificate::{
     Certificate, Difficulty, EASY_DECELERATION, EASY_TIME_TO_REACT, Effort, HARD_DECELERATION,
     HARD_TIME_TO_REACT, Response,
 };
-pub use error::SceneError;
+pub use error::{SceneError, brief};
 pub use lights::{LightState, TrafficLight};
 pub use map::{
     Crosswalk, LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, LaneKind, LaneNeighbor, RoadEdge, RoadEdgeKind,

@@ -60,7 +60,7 @@ fn far_and_huge_values_are_refused_by_place() {
         }
         let (code, error) = score(&changed);
         assert_eq!(code, Some(2), "{error}");
-        assert!(error.contains(&format!("`follower`).{name}[21]")) && error.len() < 1000, "{error}");
+        assert!(error.contains(&format!("`follower`).{name}[21]")) && error.len() < 400, "{error}");
     }
     let mut changed = document();
     changed["scenarios"][0]["agents"][1]["length"] = json!(1e300);

@@ -112,7 +112,7 @@ fn with_the_projection_no_choice_of_actions_breaks_the_limits() {
 fn parameters_of_the_card_do_what_they_say() {
     let (with, without) = (simulator(&[]), simulator(&[("projection", "false")]));
     let everything_parked =
-        simulator(&[("parked.travel", "1e6"), ("parked.speed", "1e3"), ("parked.offset", "-1")]);
+        simulator(&[("parked.travel", "1e3"), ("parked.speed", "100"), ("parked.offset", "-1")]);
     let mut differ = 0;
     for scenario in &scenarios() {
         differ += usize::from(tracks(scenario, &with) != tracks(scenario, &without));

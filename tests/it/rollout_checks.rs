@@ -180,6 +180,8 @@ fn scored_rollouts_become_a_run_folder() {
             &fixture.records[1].scenario_id,
             "--rollout",
             &scored,
+            "--simulator",
+            "stop",
             "--svg",
             &path("x.svg"),
         ],

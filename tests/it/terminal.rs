@@ -101,7 +101,7 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
     }
     assert!(!latex.contains("A-AV Coll"), "{latex}");
     let usual = report(&["--format", "latex"]);
-    assert!(usual.contains("$\\dagger$") && !usual.contains("\\textbf"), "{usual}");
+    assert!(usual.contains("$^\\dagger$") && !usual.contains("\\textbf"), "{usual}");
     let markdown = report(&chosen);
     assert!(markdown.contains("| **") && !markdown.contains("A-AV Coll"), "{markdown}");
     let csv = report(&[&chosen[..], &["--format", "csv"]].concat());

@@ -9,7 +9,7 @@ use super::{Member, Study, StudyPlan};
 use crate::evaluation::folder::{
     FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, cannot_read, cannot_write, replace,
 };
-use crate::evaluation::{EvaluationError, Provenance, Summary, read_summary, read_tally};
+use crate::evaluation::{EvaluationError, Provenance, Summary, Tally, read_summary, read_tally};
 use crate::files;
 
 /// The folder of a study that is running.
@@ -106,8 +106,13 @@ impl StudyFolder {
             return Ok(None);
         }
         let summary = read_summary(&folder)?;
-        let done = summary.provenance.failures.is_empty() && summary.is_of(&read_tally(&folder)?);
-        Ok(done.then_some(summary))
+        // A member with damaged or missing rows is run again as far as is necessary.
+        let complete = |tally: &Tally| summary.provenance.failures.is_empty() && summary.is_of(tally);
+        let is_done = match read_tally(&folder) {
+            Err(EvaluationError::DamagedLine { .. } | EvaluationError::IncompleteRows { .. }) => false,
+            read => complete(&read?),
+        };
+        Ok(is_done.then_some(summary))
     }
 
     /// Writes a file of the folder atomically.
