@@ -1,8 +1,9 @@
-//! How fast the program is: rollouts, metrics, curation, generation, reading, threads and memory, on real scenarios.
+//! Speed of the program on real scenarios: rollouts, metrics, curation, generation, reading, threads, memory.
 //!
-//! `cargo bench --bench throughput [-- FOLDER]`; without a folder the shared validation split is taken, and where that is missing
-//! there is nothing to measure. Each figure is measured in several rounds: the best and the median are printed, by the wall clock, and
-//! the best by the processor time of the measuring thread, which other programs on the machine disturb less.
+//! `cargo bench --bench throughput [-- FOLDER]`; without a folder the shared validation split is taken, and where
+//! that is missing there is nothing to measure. Each figure is measured in several rounds: the best and the
+//! median are printed, by the wall clock, and the best by the processor time of the measuring thread, which other
+//! programs on the machine disturb less.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the table is what this program is for")]
 
 use std::fs::{self, File};
@@ -341,7 +342,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     }
 }
 
-/// The most memory that a run of the program held, MiB, as the system counted until its last hundredth of a second.
+/// Largest memory of a run of the program in MiB, as the system counted until its last hundredth of a second.
 fn peak_memory(input: &Path, home: &Path) -> Result<Option<f64>> {
     let out = tempfile::tempdir_in(home)?;
     let mut child = Command::new(env!("CARGO_BIN_EXE_reactsim"))

@@ -220,6 +220,7 @@ mod tests {
             assert!(text.contains(part), "{text}");
         }
     }
+
     #[test]
     fn values_that_were_not_set_by_path_are_checked_too() {
         let mut setup = setup();

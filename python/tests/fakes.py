@@ -89,6 +89,10 @@ class Parent:
     ) -> Message:
         """Sends a request and returns the answer."""
         write_frame(self.writer, kind, str(self.seq), metadata, tensors)
+        return self.answer()
+
+    def answer(self) -> Message:
+        """Reads the answer to the last request."""
         answer = read_frame(self.reader)
         assert answer is not None, "the simulator ended"
         assert answer[0]["seq"] == str(self.seq)
@@ -169,10 +173,7 @@ class Loopback(Parent):
         request.seek(0)
         self.session.run(request, self.reader)
         self.reader.seek(0)
-        answer = read_frame(self.reader)
-        assert answer is not None
-        self.seq += 1
-        return answer
+        return self.answer()
 
 
 class Child(Parent):

@@ -51,8 +51,7 @@ impl Futures {
                 bail!("{}: `{}`: {} steps, expected {FUTURE}", self.path.display(), scenario.id, track.len());
             }
             let center = scenario.start.now(0).position();
-            let beyond = track.iter().flatten().find_map(|state| limits::beyond(state, center));
-            if let Some((name, value, expected)) = beyond {
+            if let Some((_, name, value, expected)) = limits::first_beyond(track, center) {
                 let (file, scenario, agent) = (self.path.display(), &scenario.id, &agent.id);
                 bail!("{file}: `{scenario}`: agent `{agent}`: `{name}` is {value:e}, expected {expected}");
             }

@@ -1,6 +1,5 @@
 //! Progress of a command on stderr.
 
-use std::fmt::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -65,10 +64,18 @@ impl Progress {
     fn failure(&self, text: std::fmt::Arguments<'_>) {
         let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
         if self.table.is_none() {
-            self.bar.set_message(format!(", {n} failed"));
+            self.bar.set_message(self.failure_count());
         }
         if n <= MAX_PRINTED_FAILURES {
             self.bar.suspend(|| say(format_args!("warning: failed{text}")));
+        }
+    }
+
+    /// Returns the number of failures as the end of the bar's text.
+    fn failure_count(&self) -> String {
+        match self.failures.load(Ordering::Relaxed) {
+            0 => String::new(),
+            n => format!(", {n} failed"),
         }
     }
 
@@ -108,12 +115,7 @@ impl RunObserver for Progress {
         preliminary.table.add(rows);
         if preliminary.drawn.elapsed() >= TABLE_INTERVAL && !self.bar.is_hidden() {
             preliminary.drawn = Instant::now();
-            let failures = self.failures.load(Ordering::Relaxed);
-            let mut text = String::new();
-            if failures > 0 {
-                write!(text, ", {failures} failed").ok();
-            }
-            self.bar.set_message(format!("{text}\n{}", preliminary.table));
+            self.bar.set_message(format!("{}\n{}", self.failure_count(), preliminary.table));
         }
     }
 

@@ -122,7 +122,8 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
     match &args.out {
         Some(path) => show_next_steps(path, args.keep_rollouts),
         None => note(format_args!(
-            "\nnothing was kept; to look at scenes, add --out runs/first --keep-rollouts, then: reactsim view runs/first"
+            "\nnothing was kept; to look at scenes, add --out runs/first --keep-rollouts, then: \
+             reactsim view runs/first"
         )),
     }
     let failed = summary.provenance.failures.len();

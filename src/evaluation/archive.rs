@@ -5,13 +5,11 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-
 use super::EvaluationError;
 use super::folder::{EVENTS, ROLLOUTS, cannot_read, for_lines, read_summary, read_tally};
 use super::reference::REFERENCE_RECORD;
 use super::rollouts::recorded_tracks;
-use super::row::{EventRecord, Place};
+use super::row::{EventHead, EventRecord, Place};
 use super::summary::Summary;
 use super::tally::Tally;
 use crate::formats::rollouts::ByName;
@@ -37,15 +35,6 @@ struct EventRange {
     counted: BTreeMap<String, u32>,
 }
 
-#[derive(Deserialize)]
-struct LineHead {
-    input: usize,
-    record: usize,
-    simulator: String,
-    metric: String,
-    counted: bool,
-}
-
 impl Archive {
     /// Opens the folder of a finished run.
     ///
@@ -61,7 +50,7 @@ impl Archive {
         }
         let mut damaged = None;
         for_lines(&path, |at, text| {
-            let head: LineHead = match serde_json::from_str(text) {
+            let head: EventHead = match serde_json::from_str(text) {
                 Ok(head) => head,
                 Err(error) => {
                     damaged.get_or_insert(error);
@@ -69,7 +58,7 @@ impl Archive {
                 }
             };
             let Some(simulator) = tally.simulators.iter().position(|s| *s == head.simulator) else { return };
-            let place = Place { input: head.input, record: head.record };
+            let place = head.place();
             let range = events.entry((place, simulator)).or_default();
             if range.length == 0 {
                 range.offset = at;

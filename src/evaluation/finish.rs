@@ -6,8 +6,8 @@ use super::summary::Summary;
 use super::tally::Tally;
 use super::{EvaluationError, long_tables, rollouts};
 
-/// Sorts rows and events and writes them as tables, joins the rollouts if they are kept, and writes the summary, whose existence marks the folder as
-/// finished.
+/// Sorts rows and events and writes them as tables, joins the rollouts if they are kept, and writes the
+/// summary, whose existence marks the folder as finished.
 pub(super) fn finish(
     folder: &RunFolder,
     tally: &Tally,

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use super::EvaluationError;
 use super::provenance::Provenance;
 use super::reference::{self, REFERENCE_RECORD};
-use super::row::{Failure, Place, Row};
+use super::row::{EventHead, Failure, Place, Row};
 use super::summary::Summary;
 use super::tally::Tally;
 use crate::files;
@@ -34,13 +34,13 @@ pub const SUMMARY: &str = "summary.json";
 pub const TABLE: &str = "summary.md";
 /// Name of the file with the rollouts.
 pub const ROLLOUTS: &str = "rollouts.parquet";
-/// Names of the files of a run folder.
-pub const RUN_FILES: [&str; 10] =
-    [PROVENANCE, ROWS, ROWS_TABLE, VALUES_TABLE, EVENTS, EVENTS_TABLE, FAILURES, SUMMARY, TABLE, ROLLOUTS];
 /// Name of the table of values, in long form.
 pub const VALUES_TABLE: &str = "values.parquet";
 /// Name of the table of events.
 pub const EVENTS_TABLE: &str = "events.parquet";
+/// Names of the files of a run folder.
+pub const RUN_FILES: [&str; 10] =
+    [PROVENANCE, ROWS, ROWS_TABLE, VALUES_TABLE, EVENTS, EVENTS_TABLE, FAILURES, SUMMARY, TABLE, ROLLOUTS];
 /// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
 
@@ -155,10 +155,7 @@ impl RunFolder {
     /// [`EvaluationError::Write`].
     pub fn remove_parts(&self) -> Result<(), EvaluationError> {
         let folder = self.path.join(PARTS);
-        match fs::remove_dir_all(&folder) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(cannot_write(&folder)(error)),
-            _ => Ok(()),
-        }
+        removed(fs::remove_dir_all(&folder), &folder)
     }
 
     /// Sorts the rows and events of the tally's scenarios into canonical order and writes the failures.
@@ -192,16 +189,7 @@ impl RunFolder {
     /// [`EvaluationError::Write`].
     pub fn discard(self) -> Result<(), EvaluationError> {
         self.remove_parts()?;
-        for name in RUN_FILES {
-            let path = self.path.join(name);
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(cannot_write(&path)(error));
-                }
-                _ => {}
-            }
-        }
-        Ok(())
+        RUN_FILES.iter().map(|name| self.path.join(name)).try_for_each(|p| removed(fs::remove_file(&p), &p))
     }
 
     /// Removes temporary files left by a killed run. The lock is held, so no other run writes here.
@@ -259,6 +247,14 @@ impl RunFolder {
     }
 }
 
+/// Returns the result of removing a file or a folder, which may have been absent.
+fn removed(result: io::Result<()>, path: &Path) -> Result<(), EvaluationError> {
+    match result {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(cannot_write(path)(error)),
+        _ => Ok(()),
+    }
+}
+
 /// Returns whether a folder is absent or empty, or was left by a run that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
     match fs::read_dir(path) {
@@ -273,21 +269,12 @@ type CountedEvents = BTreeSet<(Place, String, u32, String)>;
 
 /// Reads which events an unfinished run counted. The last line may be truncated.
 fn counted_events(path: &Path) -> Result<CountedEvents, EvaluationError> {
-    #[derive(Deserialize)]
-    struct Head {
-        input: usize,
-        record: usize,
-        simulator: String,
-        rollout: u32,
-        metric: String,
-        counted: bool,
-    }
     let (mut counted, mut line, mut damaged) = (CountedEvents::new(), 0, None);
     for_lines(path, |_, text| {
         line += 1;
-        match serde_json::from_str::<Head>(text) {
-            Ok(Head { input, record, simulator, rollout, metric, counted: true }) => {
-                counted.insert((Place { input, record }, simulator, rollout, metric));
+        match serde_json::from_str::<EventHead>(text) {
+            Ok(head) if head.counted => {
+                counted.insert((head.place(), head.simulator, head.rollout, head.metric));
             }
             Ok(_) => {}
             Err(source) => {

@@ -20,7 +20,7 @@ pub enum ForeignRollout {
         step: usize,
         /// The value, in the frame of the scenario.
         value: String,
-        /// What is expected.
+        /// The expected value.
         expected: &'static str,
     },
     /// The AV is missing.

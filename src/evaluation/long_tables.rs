@@ -11,14 +11,13 @@ use arrow_array::types::Int32Type;
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::ArrowError;
 use parquet::arrow::ArrowWriter;
-use parquet::basic::{Compression, ZstdLevel};
-use parquet::file::properties::WriterProperties;
 use serde::Deserialize;
 
 use super::EvaluationError;
 use super::folder::{EVENTS, EVENTS_TABLE, ROWS, VALUES_TABLE, cannot_write, for_parsed_lines};
 use super::row::{EventRecord, Row};
 use crate::files::NewFile;
+use crate::formats::table::properties;
 use crate::metrics::{METRICS, Score};
 
 /// Number of rows that are written at once.
@@ -81,12 +80,8 @@ impl<C: Columns> Table<C> {
         let file = match &mut self.file {
             Some(file) => file,
             None => {
-                let properties = WriterProperties::builder()
-                    .set_compression(Compression::ZSTD(ZstdLevel::default()))
-                    .set_created_by(format!("reactsim {}", env!("CARGO_PKG_VERSION")))
-                    .build();
                 let file = NewFile::create(&self.path)?;
-                let writer = ArrowWriter::try_new(file, batch.schema(), Some(properties));
+                let writer = ArrowWriter::try_new(file, batch.schema(), Some(properties().build()));
                 self.file.insert(writer.map_err(io::Error::other)?)
             }
         };

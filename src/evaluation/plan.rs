@@ -95,7 +95,7 @@ pub enum NoAv {
     RefusedDeviation {
         /// Name of the file.
         file: String,
-        /// What is wrong with it.
+        /// The reason.
         source: AvError,
     },
 }

@@ -94,11 +94,8 @@ pub fn recorded_tracks(
 
 /// Returns the error for the first state beyond the limits of scenarios.
 fn beyond_limits(scenario: &Scenario, id: &str, steps: &[Frame]) -> Option<ForeignRollout> {
-    let center = scenario.start.now(0).position();
-    steps.iter().enumerate().find_map(|(k, state)| {
-        let (name, value, expected) = limits::beyond(state.as_ref()?, center)?;
-        // Large numbers with all their digits are no help.
-        let value = format!("{value:e}");
-        Some(ForeignRollout::Beyond { agent: id.to_owned(), name, step: k + 1, value, expected })
-    })
+    let (k, name, value, expected) = limits::first_beyond(steps, scenario.start.now(0).position())?;
+    // Large numbers with all their digits are no help.
+    let value = format!("{value:e}");
+    Some(ForeignRollout::Beyond { agent: id.to_owned(), name, step: k + 1, value, expected })
 }

@@ -197,6 +197,28 @@ pub struct EventRecord {
     pub values: BTreeMap<String, f64>,
 }
 
+/// What identifies a line of `events.jsonl`, and whether it counts.
+#[derive(Debug, Deserialize)]
+pub(super) struct EventHead {
+    input: usize,
+    record: usize,
+    /// Id of the simulator.
+    pub simulator: String,
+    /// Index of the rollout.
+    pub rollout: u32,
+    /// Id of the metric.
+    pub metric: String,
+    /// Whether the event counts in the metric's value.
+    pub counted: bool,
+}
+
+impl EventHead {
+    /// Returns the position of the record.
+    pub fn place(&self) -> Place {
+        Place { input: self.input, record: self.record }
+    }
+}
+
 /// A scenario, a file or a pair of scenario and simulator without a result.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

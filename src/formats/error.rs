@@ -100,7 +100,11 @@ impl Cause {
         value: impl fmt::Display,
         expected: impl Into<String>,
     ) -> Self {
-        Self::Value { field: field.into(), value: brief(value.to_string()), expected: expected.into() }
+        Self::Value {
+            field: field.into(),
+            value: brief(&value.to_string()).into_owned(),
+            expected: expected.into(),
+        }
     }
 
     pub(crate) fn schema(

@@ -11,6 +11,9 @@ pub(crate) use columns::{Column, Leaf, Value, View};
 pub(crate) use reader::{TableReader, kind};
 pub(crate) use writer::TableWriter;
 
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::file::properties::{WriterProperties, WriterPropertiesBuilder};
+
 /// Metadata key of the kind of file.
 pub(crate) const KIND: &str = "reactsim.format";
 /// Metadata key of the version of the schema.
@@ -23,6 +26,13 @@ const GROUP_CHECKSUMS: &str = "reactsim.row_groups";
 pub(crate) const METADATA_CHECKSUM: &str = "reactsim.metadata";
 /// Maximum number of rows of a row group that is read at once.
 const MAX_GROUP_ROWS: usize = 1 << 16;
+
+/// Returns the properties of every Parquet file that this program writes.
+pub(crate) fn properties() -> WriterPropertiesBuilder {
+    WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_created_by(format!("reactsim {}", env!("CARGO_PKG_VERSION")))
+}
 
 /// Returns the checksum of keys and values in this order, followed by the list of keys, so that no key can be
 /// lost.

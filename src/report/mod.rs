@@ -22,13 +22,14 @@ mod table;
 pub mod terminal;
 pub mod training_curves;
 pub mod verification;
+pub mod wrap;
 
 use std::io::{self, Write};
 
 use crate::evaluation::Summary;
 
 pub use style::TableStyle;
-pub use table::{COLUMNS, Column, Division};
+pub use table::{COLUMNS, Column, Division, MAIN_COLUMNS};
 
 /// The result of one run, with a name that distinguishes it from others.
 #[derive(Clone, Copy, Debug)]

@@ -5,11 +5,10 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray, UInt64Array};
 use parquet::arrow::ArrowWriter;
-use parquet::basic::{Compression, ZstdLevel};
-use parquet::file::properties::WriterProperties;
 
 use super::long::records;
 use super::{Exporter, Run, TableStyle};
+use crate::formats::table::properties;
 
 /// The Parquet format.
 pub(super) struct Parquet;
@@ -51,10 +50,7 @@ impl Exporter for Parquet {
             ("scenarios", scenarios, false),
         ])
         .map_err(io::Error::other)?;
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .set_created_by(format!("reactsim {}", env!("CARGO_PKG_VERSION")))
-            .build();
+        let properties = properties().build();
         // The writer requires a `Send` sink; a table is small enough to buffer.
         let mut bytes = Vec::new();
         let mut writer =

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Run;
 use super::comparison::signed;
 use super::markdown::{cell, escape, legend, method, write_aligned};
-use super::table::{COLUMNS, Column, count, program, provenance};
+use super::table::{Column, MAIN_COLUMNS, count, program, provenance};
 use crate::evaluation::{
     Comparison, Difference, Estimate, Member, SimulatorSummary, StudyKind, StudyResults, Summary,
 };
@@ -18,8 +18,6 @@ const REACTION_METRICS: &[&str] = &["aav-collision", "aav-ttc"];
 /// Metrics of the realism protocol: those of the paper's table 2, and the smallest displacement over
 /// rollouts.
 const REALISM_METRICS: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
-/// Number of metrics of the benchmark, which are the first of [`COLUMNS`].
-const BENCHMARK_METRICS: usize = 7;
 
 /// Returns the columns of a member of a study.
 fn columns(kind: StudyKind, member: &Member, also: &[Column]) -> Vec<Column> {
@@ -29,7 +27,7 @@ fn columns(kind: StudyKind, member: &Member, also: &[Column]) -> Vec<Column> {
             of(REALISM_METRICS)
         }
         StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
-        StudyKind::Guards => COLUMNS[..BENCHMARK_METRICS].to_vec(),
+        StudyKind::Guards => MAIN_COLUMNS.to_vec(),
     };
     Column::with(usual, also)
 }
@@ -132,7 +130,7 @@ fn realism(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::
 /// Writes two tables: the metrics of all variants, and their differences from the unchanged simulators.
 fn guards(results: &StudyResults, also: &[Column], out: &mut dyn Write) -> io::Result<()> {
     let Some(first) = results.summaries.first() else { return Ok(()) };
-    let columns = Column::with(COLUMNS[..BENCHMARK_METRICS].to_vec(), also);
+    let columns = Column::with(MAIN_COLUMNS.to_vec(), also);
     let titles = ["Method", "Variant"].map(str::to_owned).into_iter();
     let head: Vec<String> = titles.chain(columns.iter().map(Column::head)).collect();
     let (mut values, mut differences) = (vec![head.clone()], vec![head]);

@@ -1,4 +1,4 @@
-//! What a table shows, and how.
+//! The content and the appearance of a table.
 
 use super::table::Column;
 use crate::evaluation::Summary;

@@ -34,6 +34,9 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "kinematic-likelihood" },
 ];
 
+/// The columns of the paper's main table.
+pub const MAIN_COLUMNS: &[Column] = COLUMNS.split_at(7).0;
+
 /// Test of the settings of a run.
 type SettingsTest = fn(&SettingsRecord) -> bool;
 

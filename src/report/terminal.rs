@@ -2,7 +2,8 @@
 
 use std::io::{self, Write};
 
-use super::table::{self, Column, Division, Line};
+use super::table::{self, Column, Division, Line, MAIN_COLUMNS};
+use super::wrap::wrapped;
 use super::{Run, TableStyle, markdown};
 use crate::evaluation::{Estimate, Summary};
 
@@ -19,8 +20,6 @@ pub struct TerminalStyle<'a> {
     pub table: TableStyle<'a>,
 }
 
-/// Number of columns of the paper's main table, which every terminal shows.
-const MAIN_COLUMNS: usize = 7;
 /// Largest width of the names of simulators; longer ones are cut.
 const MAX_NAME: usize = 34;
 /// Space between two columns.
@@ -132,7 +131,7 @@ fn columns(
     let summaries: Vec<&Summary> = runs.iter().map(|run| run.summary).collect();
     let used = style.table.columns_of(&summaries);
     let chosen = |column: &Column| style.table.columns.contains(column) || style.table.also.contains(column);
-    let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS || chosen(column);
+    let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS.len() || chosen(column);
     let required = used.iter().enumerate().filter(|(i, column)| is_required(*i, column));
     let wide = required.map(|(_, column)| TextColumn::new(column, lines, true).width).sum::<usize>();
     let with_interval = wide <= left;
@@ -161,20 +160,9 @@ fn name(line: &Line<'_>) -> String {
     format!("{name} {mark}").trim_end().to_owned()
 }
 
-/// Writes a text in lines of at most `width` characters; longer words get a line of their own.
+/// Writes a text in lines of the width of the window.
 fn write_wrapped(text: &str, width: usize, out: &mut dyn Write) -> io::Result<()> {
-    let mut line = String::new();
-    for word in text.split_whitespace() {
-        if !line.is_empty() && length(&line) + 1 + length(word) > width {
-            writeln!(out, "{line}")?;
-            line.clear();
-        }
-        if !line.is_empty() {
-            line.push(' ');
-        }
-        line.push_str(word);
-    }
-    writeln!(out, "{line}")
+    wrapped(text, width).iter().try_for_each(|line| writeln!(out, "{line}"))
 }
 
 fn length(text: &str) -> usize {

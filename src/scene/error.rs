@@ -1,9 +1,11 @@
 //! The error of an invalid scenario.
 
+use std::borrow::Cow;
+
 /// The reason why parts do not form a scenario. The text names the field and the value; formats add file and
 /// record.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("scenario `{scenario}`: {field} is {}, expected {expected}", brief(value.clone()))]
+#[error("scenario `{scenario}`: {field} is {}, expected {expected}", brief(value))]
 pub struct SceneError {
     /// Id of the scenario, possibly empty.
     pub scenario: String,
@@ -16,10 +18,10 @@ pub struct SceneError {
 }
 
 /// Returns a text; a number with more than 24 characters in exponential notation.
-pub fn brief(text: String) -> String {
+pub fn brief(text: &str) -> Cow<'_, str> {
     match text.parse::<f64>() {
-        Ok(number) if text.len() > 24 => format!("{number:e}"),
-        _ => text,
+        Ok(number) if text.len() > 24 => format!("{number:e}").into(),
+        _ => text.into(),
     }
 }
 
@@ -29,11 +31,11 @@ mod tests {
 
     #[test]
     fn long_numbers_are_short() {
-        assert_eq!(brief(1e300.to_string()), "1e300");
-        assert_eq!(brief((-1e-300).to_string()), "-1e-300");
-        assert_eq!(brief("12.5".into()), "12.5");
+        assert_eq!(brief(&1e300.to_string()), "1e300");
+        assert_eq!(brief(&(-1e-300).to_string()), "-1e-300");
+        assert_eq!(brief("12.5"), "12.5");
         assert_eq!(
-            brief("a text of more than twenty-four characters".into()),
+            brief("a text of more than twenty-four characters"),
             "a text of more than twenty-four characters"
         );
     }

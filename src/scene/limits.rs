@@ -1,6 +1,6 @@
 //! Magnitudes from which values of files are taken for damage.
 
-use super::AgentState;
+use super::{AgentState, Frame};
 use crate::geometry::Vec2;
 
 /// Coordinate magnitude relative to the AV, in metres.
@@ -27,4 +27,12 @@ pub fn beyond(state: &AgentState, center: Vec2) -> Option<(&'static str, f64, &'
     .into_iter()
     .find(|(_, _, is_within, _)| !is_within)
     .map(|(name, value, _, expected)| (name, value, expected))
+}
+
+/// Returns the index of the first state of a track that is beyond the limits, with the result of [`beyond`].
+pub fn first_beyond(track: &[Frame], center: Vec2) -> Option<(usize, &'static str, f64, &'static str)> {
+    track.iter().enumerate().find_map(|(i, state)| {
+        let (name, value, expected) = beyond(state.as_ref()?, center)?;
+        Some((i, name, value, expected))
+    })
 }

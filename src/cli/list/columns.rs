@@ -2,6 +2,8 @@
 
 use std::io::{self, Write};
 
+use crate::report::wrap;
+
 /// Largest number of columns of a wrapped line.
 const MAX_WIDTH: usize = 80;
 /// Smallest width of the wrapped last column, whatever the others take.
@@ -9,13 +11,13 @@ const MIN_LAST_WIDTH: usize = 20;
 
 /// Writes rows as aligned columns; the last column is not padded.
 pub(super) fn aligned(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
-    write_rows(rows, usize::MAX, out)
+    write_rows(rows, None, out)
 }
 
 /// Writes rows as aligned columns; the last column is wrapped at 80 columns.
 pub(super) fn wrapped(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
     let before: usize = widths(rows).iter().rev().skip(1).map(|width| width + 2).sum();
-    write_rows(rows, MAX_WIDTH.saturating_sub(before).max(MIN_LAST_WIDTH), out)
+    write_rows(rows, Some(MAX_WIDTH.saturating_sub(before).max(MIN_LAST_WIDTH)), out)
 }
 
 /// Returns the width of every column.
@@ -24,8 +26,8 @@ fn widths(rows: &[Vec<String>]) -> Vec<usize> {
     (0..columns).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect()
 }
 
-/// Writes rows whose last column has at most `last_width` characters per line.
-fn write_rows(rows: &[Vec<String>], last_width: usize, out: &mut dyn Write) -> io::Result<()> {
+/// Writes rows whose last column has at most `last_width` characters per line, or any number.
+fn write_rows(rows: &[Vec<String>], last_width: Option<usize>, out: &mut dyn Write) -> io::Result<()> {
     let widths = widths(rows);
     for row in rows {
         let Some((last, before)) = row.split_last() else { continue };
@@ -34,33 +36,13 @@ fn write_rows(rows: &[Vec<String>], last_width: usize, out: &mut dyn Write) -> i
             write!(out, "{text}{}  ", " ".repeat(width - text.chars().count()))?;
             indent += width + 2;
         }
-        for (n, line) in lines(last, last_width).iter().enumerate() {
+        let lines = last_width.map_or_else(|| vec![last.clone()], |width| wrap::wrapped(last, width));
+        for (n, line) in lines.iter().enumerate() {
             let indent = if n == 0 { 0 } else { indent };
             writeln!(out, "{}{line}", " ".repeat(indent))?;
         }
     }
     Ok(())
-}
-
-/// Splits a text into lines of at most `width` characters between words; a longer word is not split.
-fn lines(text: &str, width: usize) -> Vec<String> {
-    if width == usize::MAX {
-        return vec![text.to_owned()];
-    }
-    let mut lines: Vec<String> = vec![String::new()];
-    for word in text.split_whitespace() {
-        let last = lines.len() - 1;
-        let line = &mut lines[last];
-        if line.is_empty() {
-            line.push_str(word);
-        } else if line.chars().count() + 1 + word.chars().count() <= width {
-            line.push(' ');
-            line.push_str(word);
-        } else {
-            lines.push(word.to_owned());
-        }
-    }
-    lines
 }
 
 #[cfg(test)]

@@ -149,13 +149,12 @@ impl Location<'_> {
 
     /// Refuses states beyond the limits of scenarios.
     fn within_limits(self, field: &str, track: &[Frame]) -> Result<(), DocumentError> {
-        let center = self.center.unwrap_or_default();
-        for (f, state) in track.iter().enumerate() {
-            if let Some((name, value, expected)) = state.as_ref().and_then(|s| limits::beyond(s, center)) {
-                return Err(self.error(format!("{field}.{name}[{f}]"), value, expected));
+        match limits::first_beyond(track, self.center.unwrap_or_default()) {
+            Some((f, name, value, expected)) => {
+                Err(self.error(format!("{field}.{name}[{f}]"), value, expected))
             }
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 

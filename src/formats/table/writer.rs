@@ -8,14 +8,14 @@ use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_writer::ArrowWriterOptions;
-use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::basic::Encoding;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::properties::EnabledStatistics;
 use parquet::schema::types::ColumnPath;
 
 use super::columns::{Column, Leaf};
-use super::{GROUP_CHECKSUMS, KIND, METADATA_CHECKSUM, VERSION};
+use super::{GROUP_CHECKSUMS, KIND, METADATA_CHECKSUM, VERSION, properties};
 use crate::files::NewFile;
 use crate::formats::error::{Cause, FormatError};
 
@@ -48,12 +48,10 @@ impl TableWriter {
         let file = NewFile::create(path).map_err(refuse)?;
         let schema = Arc::new(Schema::new(columns.iter().map(Column::field).collect::<Vec<_>>()));
         let key = |k: &str, v: String| KeyValue::new(k.to_owned(), v);
-        let mut properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        let mut properties = properties()
             .set_statistics_enabled(EnabledStatistics::None)
             .set_offset_index_disabled(true)
             .set_dictionary_enabled(false)
-            .set_created_by(format!("reactsim {}", env!("CARGO_PKG_VERSION")))
             .set_key_value_metadata(Some(vec![
                 key(KIND, kind.to_owned()),
                 key(VERSION, version.to_string()),

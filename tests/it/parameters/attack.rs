@@ -16,7 +16,7 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Largest address space of a call, KiB.
 const MEMORY: u32 = 8 << 20;
 
-/// What came of a call.
+/// The result of a call.
 struct Answer {
     /// Exit code; `None` if the program was ended by a signal or after the limit of time.
     code: Option<i32>,
