@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use reactsim::curation::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
-    self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunSettings, Source,
-    Tally,
+    self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunSettings,
+    Selection, Source, Tally,
 };
 use reactsim::formats::{self, Input, native::Writer};
 use reactsim::generation::{GenerationSettings, Generator, Preset};
@@ -330,6 +330,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
             rollouts: 1,
             options: Options::default(),
             limit: None,
+            selection: Selection::default(),
         },
         keep_rollouts: false,
     };

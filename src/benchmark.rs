@@ -44,7 +44,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
     self, AvChoice, Deviations, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunFolder,
-    RunObserver, RunSettings, Source, Summary,
+    RunObserver, RunSettings, Selection, Source, Summary,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
@@ -65,6 +65,7 @@ pub struct Benchmark {
     options: Options,
     rollouts: u32,
     limit: Option<usize>,
+    selection: Selection,
     simulators: Vec<Entry>,
     threads: Option<NonZeroUsize>,
     folder: Option<PathBuf>,
@@ -147,6 +148,7 @@ impl Benchmark {
             options: Options::default(),
             rollouts: 1,
             limit: None,
+            selection: Selection::default(),
             simulators: Vec::new(),
             threads: None,
             folder: None,
@@ -257,6 +259,12 @@ impl Benchmark {
         self
     }
 
+    /// Scenarios with certain ids or categories [default: all].
+    pub fn selection(mut self, selection: Selection) -> Self {
+        self.selection = selection;
+        self
+    }
+
     /// Number of threads [default: one per core]. Results do not depend on it.
     pub fn threads(mut self, threads: NonZeroUsize) -> Self {
         self.threads = Some(threads);
@@ -310,6 +318,7 @@ impl Benchmark {
                 rollouts: self.rollouts,
                 options: self.options,
                 limit: self.limit,
+                selection: self.selection,
             },
             self.keep_rollouts,
         )?;

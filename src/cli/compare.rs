@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
+use super::suggestion::did_you_mean;
 use super::{ExitStatus, say, write_result};
 use crate::evaluation::{Comparison, Condition, ConditionDifference, read_provenance, read_tally};
-use crate::metrics::{self, Unit};
+use crate::metrics::{self, METRICS, Unit};
 use crate::report::comparison;
 
 const AFTER: &str = "\
@@ -133,7 +134,8 @@ fn bound(text: &str) -> anyhow::Result<Bound> {
         bail!("--worse `{text}`: write METRIC=BOUND, such as aav-collision=0.05");
     };
     let Some(metric) = metrics::metric(id) else {
-        bail!("--worse `{text}`: there is no metric `{id}`; `reactsim list metrics` lists all");
+        let meant = did_you_mean(id, METRICS.iter().map(|metric| metric.spec().id));
+        bail!("--worse `{text}`: there is no metric `{id}`; `reactsim list metrics` lists all{meant}");
     };
     let bound = value.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
     let Some(bound) = bound else { bail!("--worse `{text}`: `{value}` is not a number of at least 0") };

@@ -7,6 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
+use super::scenario_args::SelectionArgs;
 use super::{ExitStatus, ReadingArgs, count, is_same, say};
 use crate::formats::{self, native::Writer};
 
@@ -19,6 +20,8 @@ pub(super) struct ConvertArgs {
     /// The native Parquet file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    #[command(flatten)]
+    selection: SelectionArgs,
     #[command(flatten)]
     reading: ReadingArgs,
     /// Rollouts (of `run --keep-rollouts`) that replace the logged future; scenarios without a
@@ -67,6 +70,7 @@ fn stream(
         };
         for scenario in scenarios {
             match scenario {
+                Ok(scenario) if !args.selection.selects(&scenario, None) => {}
                 Ok(scenario) if !ids.insert(scenario.id.clone()) => {
                     let file = input.path.display();
                     say(format_args!(
@@ -95,6 +99,9 @@ fn stream(
         }
     }
     // Dropped unfinished, the writer leaves no file behind.
+    if good == 0 && bad == 0 {
+        bail!("no scenario is selected: leave out --id, --category or --futures");
+    }
     if good == 0 {
         bail!("no scenario could be converted: see the warnings above");
     }

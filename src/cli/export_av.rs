@@ -39,6 +39,7 @@ pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
     for source in &sources {
         for scenario in source.scenarios()? {
             match scenario {
+                Ok(scenario) if !args.input.selection.selects(&scenario, deviations.as_ref()) => {}
                 Ok(scenario) => entries.extend(entry(&scenario, deviations.as_ref())),
                 Err(error) => {
                     say(format_args!("warning: {error}"));
@@ -48,7 +49,9 @@ pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
         }
     }
     if entries.is_empty() {
-        bail!("no scenario has a deviated AV: give --deviations FILE, or make one with `reactsim curate`");
+        bail!(
+            "no selected scenario has a deviated AV: give --deviations FILE, or make one with `reactsim curate`"
+        );
     }
     let number = entries.len();
     let file = json!({ "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": entries });

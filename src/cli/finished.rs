@@ -31,9 +31,13 @@ pub(super) fn show_next_steps(folder: &Path, keeps_rollouts: bool) {
     ));
 }
 
-/// Prints how many scenarios have no deviation in the file and how many deviations have no scenario.
+/// Prints which selected scenarios there are not, how many scenarios have no deviation in the file, and how many
+/// deviations have no scenario.
 pub(super) fn report_left_out(summary: &Summary) {
     let p = &summary.provenance;
+    for id in &p.missing_ids {
+        say(format_args!("warning: no scenario has the id `{id}`"));
+    }
     if p.passed_over > 0 {
         let n = count(p.passed_over, "scenario");
         say(format_args!("{n} passed over: no deviated AV in the file of deviations"));

@@ -10,10 +10,11 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
+use super::suggestion::did_you_mean;
 use super::{ExitStatus, ReadingArgs, say, write_result};
 use crate::evaluation::{CASE_STUDIES, CaseStudy, Source};
 use crate::formats::{self, FormatError};
-use crate::scene::Scenario;
+use crate::scene::{Deviation, Scenario};
 
 /// Arguments of `inspect`.
 #[derive(Debug, Args)]
@@ -25,9 +26,12 @@ pub(super) struct InspectArgs {
     /// Id of the scenario [default: the first one]
     #[arg(long)]
     id: Option<String>,
+    /// Category of the deviated AV of the scenario
+    #[arg(long, value_name = "CATEGORY", value_parser = Deviation::ALL.map(Deviation::name))]
+    category: Option<String>,
     /// A case study of the shipped benchmark; `list cases` names them
     #[arg(long = "case", value_name = "NAME",
-          value_parser = case_study, conflicts_with_all = ["scenario", "id"])]
+          value_parser = case_study, conflicts_with_all = ["scenario", "id", "category"])]
     case_study: Option<&'static CaseStudy>,
     #[command(flatten)]
     reading: ReadingArgs,
@@ -93,50 +97,77 @@ pub(super) fn inspect(args: &InspectArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// Finds the requested scenario, or the first one if no id is given.
+/// Finds the requested scenario: the first one with the id and the category, as far as they are given.
 fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
-    let id = args.case_study.map(|c| c.scenario).or(args.id.as_deref());
+    let wanted = Wanted {
+        id: args.case_study.map(|c| c.scenario).or(args.id.as_deref()),
+        category: args.category.as_deref().and_then(Deviation::from_name),
+    };
     let Some(path) = &args.scenario else {
         if args.reading.current_frame.is_some() {
             bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
         }
         let scenarios = Source::shipped(usize::MAX).scenarios()?;
-        return pick(scenarios, id, "the shipped benchmark");
+        return wanted.pick(scenarios, "the shipped benchmark");
     };
     let inputs = args.reading.find_inputs(std::slice::from_ref(path))?;
-    pick(formats::open_all(inputs)?, id, &path.display().to_string())
+    wanted.pick(formats::open_all(inputs)?, &path.display().to_string())
 }
 
-/// Returns the scenario with this id, or the first one; `place` names the input in messages.
-fn pick(
-    mut scenarios: impl Iterator<Item = Result<Scenario, FormatError>>,
-    id: Option<&str>,
-    place: &str,
-) -> anyhow::Result<Scenario> {
-    let Some(id) = id else {
-        let first = scenarios.next().ok_or_else(|| anyhow!("{place} is empty"))??;
-        if scenarios.next().is_some() {
-            say(format_args!("note: there are more scenarios; choose one with --id"));
+/// The scenario that is asked for.
+struct Wanted<'a> {
+    id: Option<&'a str>,
+    category: Option<Deviation>,
+}
+
+impl Wanted<'_> {
+    fn is_any(&self) -> bool {
+        self.id.is_none() && self.category.is_none()
+    }
+
+    fn is(&self, scenario: &Scenario) -> bool {
+        let category = scenario.deviation.as_ref().and_then(|d| d.category);
+        self.id.is_none_or(|id| scenario.id == id) && self.category.is_none_or(|c| category == Some(c))
+    }
+
+    /// Returns the first such scenario; `place` names the input in messages.
+    fn pick(
+        &self,
+        mut scenarios: impl Iterator<Item = Result<Scenario, FormatError>>,
+        place: &str,
+    ) -> anyhow::Result<Scenario> {
+        if self.is_any() {
+            let first = scenarios.next().ok_or_else(|| anyhow!("{place} is empty"))??;
+            if scenarios.next().is_some() {
+                say(format_args!("note: there are more scenarios; choose one with --id"));
+            }
+            return Ok(first);
         }
-        return Ok(first);
-    };
-    let mut bad = 0;
-    for scenario in scenarios {
-        match scenario {
-            Ok(scenario) if scenario.id == id => return Ok(scenario),
-            Ok(_) => {}
-            Err(error) => {
-                bad += 1;
-                say(format_args!("warning: {error}"));
+        let (mut bad, mut ids) = (0, Vec::new());
+        for scenario in scenarios {
+            match scenario {
+                Ok(scenario) if self.is(&scenario) => return Ok(scenario),
+                Ok(scenario) => ids.push(scenario.id),
+                Err(error) => {
+                    bad += 1;
+                    say(format_args!("warning: {error}"));
+                }
             }
         }
+        let damaged = if bad > 0 { format!(" ({bad} records cannot be read)") } else { String::new() };
+        let category = self.category.map(|c| format!(" of category {}", c.name())).unwrap_or_default();
+        match self.id {
+            Some(id) => {
+                bail!("{place} holds no scenario `{id}`{category}{damaged}{}", did_you_mean(id, &ids))
+            }
+            None => bail!("{place} holds no scenario{category}{damaged}"),
+        }
     }
-    let damaged = if bad > 0 { format!(" ({bad} records cannot be read)") } else { String::new() };
-    bail!("{place} holds no scenario `{id}`{damaged}")
 }
 
 /// Parses the name of a case study.
 fn case_study(name: &str) -> Result<&'static CaseStudy, String> {
     let all = || CASE_STUDIES.map(|c| c.name).join(", ");
-    CaseStudy::from_name(name).ok_or_else(|| format!("expected {}", all()))
+    let meant = || did_you_mean(name, CASE_STUDIES.map(|c| c.name));
+    CaseStudy::from_name(name).ok_or_else(|| format!("expected {}{}", all(), meant()))
 }

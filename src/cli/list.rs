@@ -3,10 +3,12 @@
 mod columns;
 mod metric_options;
 mod parameters;
+mod scenarios;
 
 use clap::{Args, Subcommand};
 
 use self::columns::{aligned, wrapped};
+use super::scenario_args::ScenarioArgs;
 use super::{ExitStatus, write_result};
 use crate::evaluation::CASE_STUDIES;
 use crate::formats::FORMATS;
@@ -24,7 +26,7 @@ pub(super) struct ListArgs {
 }
 
 /// Kind of item to list.
-#[derive(Clone, Debug, Subcommand)]
+#[derive(Debug, Subcommand)]
 enum Kind {
     /// The simulators that ship with the program
     Models,
@@ -37,6 +39,9 @@ enum Kind {
     Metrics,
     /// The variants of the metrics, which --metric-option selects
     MetricOptions,
+    /// The scenarios of files: id, source, number of agents with the AV, category and difficulty of the
+    /// deviated AV
+    Scenarios(ScenarioArgs),
     /// The scenario formats that can be read
     Formats,
     /// The weights of learned models
@@ -55,6 +60,11 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             let rows = parameters::rows(model)?;
             write_result(None, |out| wrapped(&rows, out))?;
             return Ok(ExitStatus::Done);
+        }
+        Kind::Scenarios(args) => {
+            let (rows, failed) = scenarios::rows(args)?;
+            write_result(None, |out| aligned(&rows, out))?;
+            return Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done });
         }
         Kind::MetricOptions => {
             write_result(None, |out| wrapped(&metric_options::rows(), out))?;

@@ -26,6 +26,7 @@ mod score;
 mod shell;
 mod study;
 mod subject;
+mod suggestion;
 mod table_output;
 mod train;
 mod verify;
@@ -41,11 +42,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context, anyhow};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use self::suggestion::{did_you_mean, most_similar};
 use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
 use crate::files;
 use crate::formats::{self, Input};
-use crate::metrics::Options;
-use crate::models::ModelError;
+use crate::metrics::{OptionError, Options};
+use crate::models::{self, MODELS, ModelError};
 use crate::training::TrainingError;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
@@ -210,9 +212,18 @@ fn hint(error: &anyhow::Error) -> Option<String> {
         return full.then(|| "the last checkpoint is intact; free some space and give --resume".to_owned());
     }
     match error.downcast_ref::<EvaluationError>()? {
-        EvaluationError::UnknownSimulator { .. } => {
-            Some("`reactsim list models` describes each of them".to_owned())
+        EvaluationError::UnknownSimulator { id, .. } => {
+            let meant = most_similar(id, MODELS.iter().map(|m| m.id));
+            let meant = meant.map(|meant| format!("did you mean `{meant}`? "));
+            Some(format!("{}`reactsim list models` describes each of them", meant.unwrap_or_default()))
         }
+        EvaluationError::Model(ModelError::UnknownParameter { id, key, .. }) => {
+            let setup = models::find(id)?.setup().ok()?;
+            let meant = most_similar(key, setup.ranges().ok()?.into_iter().map(|(key, _, _)| key));
+            let meant = meant.map(|meant| format!("did you mean `{id}.{meant}`? "));
+            Some(format!("{}`reactsim list parameters {id}` shows all", meant.unwrap_or_default()))
+        }
+        EvaluationError::NoRun { .. } => Some("`reactsim run --out FOLDER` writes a run folder".to_owned()),
         EvaluationError::Model(ModelError::OutOfRange { id, .. }) => {
             Some(format!("`reactsim list parameters {id}` shows the ranges of all parameters"))
         }
@@ -338,7 +349,13 @@ fn metric_options(requested: &[String]) -> anyhow::Result<Options> {
     let mut options = Options::default();
     for option in requested {
         let (name, value) = split_option(option)?;
-        options.set(name, value)?;
+        options.set(name, value).map_err(|error| match error {
+            OptionError::Unknown { .. } => {
+                let known = Options::descriptions().into_iter().map(|option| option.name);
+                anyhow!("{error}{}", did_you_mean(name, known))
+            }
+            other => other.into(),
+        })?;
     }
     Ok(options)
 }

@@ -61,6 +61,11 @@ impl Progress {
         }
     }
 
+    /// Prints something above the bar.
+    pub(super) fn suspend(&self, print: impl FnOnce()) {
+        self.bar.suspend(print);
+    }
+
     fn failure(&self, text: std::fmt::Arguments<'_>) {
         let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
         if self.table.is_none() {

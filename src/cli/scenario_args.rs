@@ -7,7 +7,8 @@ use anyhow::bail;
 use clap::Args;
 
 use super::ReadingArgs;
-use crate::evaluation::Source;
+use crate::evaluation::{Deviations, Selection, Source};
+use crate::scene::{Deviation, Scenario};
 
 /// Scenarios of a command, by default those of the shipped benchmark.
 #[derive(Debug, Args)]
@@ -22,7 +23,36 @@ pub(super) struct ScenarioArgs {
     #[arg(long, value_name = "N")]
     pub(super) limit: Option<NonZeroUsize>,
     #[command(flatten)]
+    pub(super) selection: SelectionArgs,
+    #[command(flatten)]
     reading: ReadingArgs,
+}
+
+/// Scenarios by id and category.
+#[derive(Debug, Args)]
+pub(super) struct SelectionArgs {
+    /// Only the scenario with this id; may be repeated
+    #[arg(long = "id", value_name = "ID")]
+    ids: Vec<String>,
+    /// Only scenarios whose deviated AV has this category; may be repeated
+    #[arg(long = "category", value_name = "CATEGORY", value_delimiter = ',',
+          value_parser = Deviation::ALL.map(Deviation::name))]
+    categories: Vec<String>,
+}
+
+impl SelectionArgs {
+    pub(super) fn selection(&self) -> Selection {
+        let (ids, categories) = (&self.ids, &self.categories);
+        Selection { ids: ids.iter().cloned().collect(), categories: categories.iter().cloned().collect() }
+    }
+
+    /// Returns whether a scenario is selected; its category is that in the file of deviations, if there is one.
+    pub(super) fn selects(&self, scenario: &Scenario, deviations: Option<&Deviations>) -> bool {
+        let own = scenario.deviation.as_ref().and_then(|d| d.category);
+        let listed = |d: &Deviations| d.tracks.get(&scenario.id).and_then(|record| record.category);
+        let selection = self.selection();
+        selection.has_id(&scenario.id) && selection.has_category(deviations.map_or(own, listed))
+    }
 }
 
 impl ScenarioArgs {

@@ -50,6 +50,9 @@ pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
                         continue;
                     }
                 };
+                if !args.input.selection.selects(&scenario, deviations.as_ref()) {
+                    continue;
+                }
                 let Some(av) = chosen_av(&scenario, deviations.as_ref()) else { continue };
                 write_scene(&scenario, av, args.future, number, out)?;
                 number += 1;

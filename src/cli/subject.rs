@@ -26,10 +26,12 @@ pub(super) struct EvaluationArgs {
     /// Simulators, separated by commas [default: all baselines except those that lack weights]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     pub(super) models: Vec<String>,
-    /// Weights of a simulator, such as pufferdrive=puffer.safetensors; may be repeated
+    /// Weights of a simulator, such as pufferdrive=puffer.safetensors, or of a variant beside the shipped
+    /// one, such as ntp-reactive@mine=new.safetensors; may be repeated
     #[arg(long = "model-weights", value_name = "ID=FILE")]
     model_weights: Vec<String>,
-    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5; may be repeated.
+    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5, or of a variant beside
+    /// it, such as idm@calm.vehicle.headway=2.5; may be repeated.
     /// `reactsim list parameters idm` shows parameters and ranges
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
@@ -160,7 +162,8 @@ impl EvaluationArgs {
             }
         };
         let limit = self.input.limit.map(NonZeroUsize::get);
-        let settings = RunSettings { rollout, av, rollouts, options, limit };
+        let selection = self.input.selection.selection();
+        let settings = RunSettings { rollout, av, rollouts, options, limit, selection };
         Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
     }
 }

@@ -20,6 +20,9 @@ pub(super) struct ViewArgs {
     /// Port of the page, on this machine only; 0 for any free one
     #[arg(long, default_value_t = 0, value_name = "PORT")]
     port: u16,
+    /// Open the page in the browser of this desktop
+    #[arg(long)]
+    open: bool,
 }
 
 pub(super) fn view(args: &ViewArgs) -> anyhow::Result<ExitStatus> {
@@ -33,7 +36,16 @@ pub(super) fn view(args: &ViewArgs) -> anyhow::Result<ExitStatus> {
     let handle = stop.clone();
     ctrlc::set_handler(move || handle.stop()).context("could not install the interrupt handler")?;
     write_result(None, |out| writeln!(out, "{url}"))?;
-    say(format_args!("open this address in a browser; press ^C to end"));
+    // A browser that does not open ends nothing: the address is printed.
+    let opened = args.open
+        && match open::that_detached(&url) {
+            Ok(()) => true,
+            Err(error) => {
+                say(format_args!("warning: no browser could be opened: {error}"));
+                false
+            }
+        };
+    say(format_args!("{}press ^C to end", if opened { "" } else { "open this address in a browser; " }));
     gallery.serve(loopback, &stop)?;
     Ok(ExitStatus::Done)
 }

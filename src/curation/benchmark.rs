@@ -16,36 +16,23 @@ use crate::scene::{DeviatedTrack, Scenario};
 /// combination of group and category.
 pub const PATIENCE: u64 = 2000;
 
+/// Name in the provenance of the number of places that were filled with any difficulty.
+pub const ANY_DIFFICULTY: &str = "benchmark.places_of_any_difficulty";
+/// Name in the provenance of the number of places that were filled with any category and difficulty.
+pub const ANY_CATEGORY: &str = "benchmark.places_of_any_category";
+/// Name in the provenance of the number of places that were filled with any category, difficulty and group.
+pub const ANY_GROUP: &str = "benchmark.places_of_any_group";
+/// Name in the provenance of the quotas that are not filled.
+pub const MISSING: &str = "benchmark.missing";
+
 /// Reason why a benchmark could not be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchmarkError {
-    /// Fewer scenarios are requested than there are groups, each of which must occur.
-    #[error(
-        "{wanted} scenarios cannot hold all of {groups} map types; \
-         request {groups} or more, or fewer map types"
-    )]
-    TooFew {
-        /// Number of requested scenarios.
-        wanted: u64,
-        /// Number of groups.
-        groups: usize,
-    },
-    /// The quotas cannot be filled.
-    #[error(
-        "{chosen} of {wanted} scenarios were found among {tried}, and none among the last {patience}; \
-         still missing: {missing}; try another seed or other map types"
-    )]
-    Unfilled {
-        /// Number of scenarios found.
-        chosen: u64,
-        /// Number of requested scenarios.
-        wanted: u64,
+    /// No scenario can be taken.
+    #[error("no suitable scenario was found among {tried}; try another seed or other map types")]
+    NothingFound {
         /// Number of scenarios tried.
         tried: u64,
-        /// Number of scenarios tried since the last one found.
-        patience: u64,
-        /// Categories, difficulties and groups that are not full.
-        missing: String,
     },
     /// The result could not be written.
     #[error(transparent)]
@@ -64,15 +51,14 @@ pub struct Entry {
 pub struct Recipe<'a> {
     /// Number of requested scenarios.
     pub wanted: u64,
-    /// Groups of scenarios, by [`Scenario::source`]: each occurs at least once, and none more often than
-    /// twice its share.
+    /// Groups of scenarios, by [`Scenario::source`]: none occurs more often than twice its share, and each
+    /// occurs at least once if there are places for all.
     pub groups: &'a [String],
     /// Source of the candidates.
     pub source: &'a dyn CandidateSource,
     /// Settings that determine the deviated AVs.
     pub settings: &'a CurationSettings,
-    /// Number of scenarios tried in vain for the next one before the quotas are relaxed or the recipe
-    /// fails.
+    /// Number of scenarios tried in vain for the next one before the quotas are relaxed or the recipe ends.
     pub patience: u64,
     /// Number of threads; does not affect the result.
     pub jobs: usize,
@@ -96,13 +82,14 @@ impl Recipe<'_> {
     /// The provenance is `base` plus the results. Scenarios that cannot be generated are failures: they
     /// are reported to the observer and listed in the provenance, and do not end the run.
     ///
-    /// After `patience` scenarios in vain the remaining places may be of any difficulty, and after as
-    /// many again of any category too; the provenance counts these places
-    /// (`benchmark.places_of_any_difficulty`, `benchmark.places_of_any_category`). Scenarios of which
+    /// After `patience` scenarios in vain the remaining places may be of any difficulty, after as many
+    /// again of any category too, and then of any group; the provenance counts these places
+    /// ([`ANY_DIFFICULTY`], [`ANY_CATEGORY`], [`ANY_GROUP`]). If that is in vain as well, the recipe ends
+    /// with what was taken, and the provenance states what is missing ([`MISSING`]). Scenarios of which
     /// nothing can be taken any more, whatever their candidates, are not counted in the funnel.
     ///
     /// # Errors
-    /// [`BenchmarkError`] when the quotas cannot be filled, and the first error of `take`.
+    /// [`BenchmarkError`] if not a single scenario can be taken, and the first error of `take`.
     pub fn run(
         &self,
         scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
@@ -111,20 +98,16 @@ impl Recipe<'_> {
         observer: &dyn CurationObserver,
         stop: &AtomicBool,
     ) -> Result<CurationProvenance, BenchmarkError> {
-        let (wanted, groups) = (self.wanted, self.groups.len());
-        if wanted < groups as u64 {
-            return Err(BenchmarkError::TooFew { wanted, groups });
-        }
-        let quota = Quota::new(wanted, self.groups);
+        let quota = Quota::new(self.wanted, self.groups);
         let mut state = State { quota, provenance: base, tried: 0, fruitless: 0, chosen: 0 };
+        let curate = |scenario: &Scenario| curate_scenario(scenario, self.source, self.settings);
         let make = |state: &State, number| {
             let scenario = scenario(number)?;
-            let curated = (!state.quota.refuses(&scenario.source))
-                .then(|| curate_scenario(&scenario, self.source, self.settings));
+            let curated = (!state.quota.refuses(&scenario.source)).then(|| curate(&scenario));
             Ok((scenario, curated))
         };
         let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, _, generated| {
-            if let Some(entry) = state.judge(generated, observer) {
+            if let Some(entry) = state.judge(generated, curate, observer) {
                 take(entry)?;
                 state.fruitless = 0;
                 state.chosen += 1;
@@ -133,10 +116,14 @@ impl Recipe<'_> {
             if state.quota.left() == 0 {
                 return Ok(ControlFlow::Break(()));
             }
-            if state.fruitless >= self.patience && !state.relax() {
-                return Err(state.give_up(wanted, self.patience));
+            if state.fruitless < self.patience || state.relax() {
+                return Ok(ControlFlow::Continue(()));
             }
-            Ok(ControlFlow::Continue(()))
+            if state.chosen == 0 {
+                return Err(BenchmarkError::NothingFound { tried: state.tried });
+            }
+            state.provenance.settings.insert(MISSING.to_owned(), state.quota.missing());
+            Ok(ControlFlow::Break(()))
         })?;
         state.provenance.interrupted = ending == Ending::Stopped;
         Ok(state.provenance)
@@ -148,6 +135,7 @@ impl State {
     fn judge(
         &mut self,
         generated: Result<(Scenario, Option<CurationOutcome>), GenerationError>,
+        curate: impl Fn(&Scenario) -> CurationOutcome,
         observer: &dyn CurationObserver,
     ) -> Option<Entry> {
         self.tried += 1;
@@ -167,7 +155,8 @@ impl State {
         }
         let funnel = &mut self.provenance.funnel;
         funnel.scenarios += 1;
-        let (mut record, unproposed) = match curated? {
+        // If the quota was relaxed meanwhile, it may not be curated yet.
+        let (mut record, unproposed) = match curated.unwrap_or_else(|| curate(&scenario)) {
             CurationOutcome::Rejected { rule } => {
                 *funnel.preselection.entry(rule).or_default() += 1;
                 return None;
@@ -198,22 +187,13 @@ impl State {
     /// Relaxes the requirements of the remaining places. Returns whether anything could be relaxed.
     fn relax(&mut self) -> bool {
         let name = match self.quota.relax() {
-            Some(Strictness::Category) => "benchmark.places_of_any_difficulty",
-            Some(Strictness::Any) => "benchmark.places_of_any_category",
+            Some(Strictness::Category) => ANY_DIFFICULTY,
+            Some(Strictness::Any) => ANY_CATEGORY,
+            Some(Strictness::AnyGroup) => ANY_GROUP,
             Some(Strictness::CategoryAndDifficulty) | None => return false,
         };
         self.provenance.settings.insert(name.to_owned(), self.quota.left().to_string());
         self.fruitless = 0;
         true
-    }
-
-    fn give_up(&self, wanted: u64, patience: u64) -> BenchmarkError {
-        BenchmarkError::Unfilled {
-            chosen: self.chosen,
-            wanted,
-            tried: self.tried,
-            patience,
-            missing: self.quota.missing(),
-        }
     }
 }

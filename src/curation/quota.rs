@@ -28,6 +28,8 @@ pub enum Strictness {
     Category,
     /// Any category and difficulty.
     Any,
+    /// Also groups that occur already, while others do not occur yet.
+    AnyGroup,
 }
 
 /// Decides for one scenario after the other which candidate is taken, until the benchmark is full. A
@@ -41,6 +43,8 @@ pub struct Quota {
     /// Number of open places.
     left: u64,
     strictness: Strictness,
+    /// Whether every group must occur.
+    needs_all_groups: bool,
     /// Number of taken scenarios by group; contains all required groups from the beginning.
     groups: BTreeMap<String, u64>,
     /// Largest number of scenarios of one group.
@@ -50,7 +54,7 @@ pub struct Quota {
 
 impl Quota {
     /// Creates the quotas of a benchmark of `wanted` scenarios, in the paper's proportions, in which
-    /// each of the groups occurs.
+    /// each of the groups occurs if there are at most `wanted` of them.
     pub fn new(wanted: u64, groups: &[String]) -> Self {
         let open = in_proportion(wanted, &PROPORTIONS);
         let open_difficulties = in_proportion(wanted, &DIFFICULTIES);
@@ -62,6 +66,7 @@ impl Quota {
             open_difficulties,
             left: wanted,
             strictness: Strictness::CategoryAndDifficulty,
+            needs_all_groups: wanted >= groups.len() as u64,
             groups,
             max_per_group,
             chooser,
@@ -74,11 +79,12 @@ impl Quota {
     }
 
     /// Returns whether no more scenarios of a group are taken: there are enough of it, or the remaining
-    /// places are reserved for groups that do not occur yet. Once true, it stays true.
+    /// places are reserved for groups that do not occur yet. Once true, it stays true until the
+    /// requirements are relaxed.
     pub fn refuses(&self, group: &str) -> bool {
         let taken = self.groups.get(group).copied().unwrap_or(0);
         let missing = self.groups.iter().filter(|(name, n)| **n == 0 && *name != group).count() as u64;
-        taken >= self.max_per_group || self.left() <= missing
+        taken >= self.max_per_group || self.needs_all_groups && self.left() <= missing
     }
 
     /// Marks the candidate that is taken, if any: the choice of the [`Chooser`] among survivors whose
@@ -96,7 +102,7 @@ impl Quota {
                     category && difficulties.get(&difficulty).is_some_and(|n| *n > 0)
                 }
                 Strictness::Category => category,
-                Strictness::Any => true,
+                Strictness::Any | Strictness::AnyGroup => true,
             }
         };
         let Some(chosen) = self.chooser.choose_among(record, is_wanted) else { return false };
@@ -115,8 +121,10 @@ impl Quota {
         self.strictness = match self.strictness {
             Strictness::CategoryAndDifficulty => Strictness::Category,
             Strictness::Category => Strictness::Any,
-            Strictness::Any => return None,
+            Strictness::Any if self.needs_all_groups => Strictness::AnyGroup,
+            Strictness::Any | Strictness::AnyGroup => return None,
         };
+        self.needs_all_groups &= self.strictness != Strictness::AnyGroup;
         Some(self.strictness)
     }
 

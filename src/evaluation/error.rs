@@ -152,6 +152,12 @@ pub enum EvaluationError {
         /// Ids of all simulators.
         known: String,
     },
+    /// The label of a variant is not a name.
+    #[error("`{id}`: the label after `@` has letters, digits, `-` and `_`, as in ntp-reactive@mine")]
+    WrongLabel {
+        /// The id.
+        id: String,
+    },
     /// A simulator is named twice.
     #[error("the simulator `{id}` is named twice")]
     RepeatedSimulator {

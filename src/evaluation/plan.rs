@@ -9,6 +9,7 @@ use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use super::known_deviation::KnownDeviation;
 use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
+use super::selection::Selection;
 use super::simulators::PlannedSimulator;
 use super::source::Source;
 use super::tally::Tally;
@@ -32,6 +33,8 @@ pub struct RunSettings {
     /// Maximum number of scenarios per source. Only recorded here; the sources are already opened with this
     /// limit.
     pub limit: Option<usize>,
+    /// Scenarios of the sources that are used.
+    pub selection: Selection,
 }
 
 /// Deviated AVs by scenario id, with their file.
@@ -119,6 +122,7 @@ impl Plan {
                 seed,
                 rollouts: self.settings.rollouts,
                 limit: self.settings.limit,
+                selection: self.settings.selection.clone(),
             },
             metric_options: {
                 let named = self.settings.options.named();
@@ -140,7 +144,9 @@ impl Plan {
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
             deviations: self.deviations.as_ref().map(|d| d.file.clone()),
             benchmark: match (self.sources.as_slice(), &self.deviations, self.settings.limit) {
-                ([source], None, None) => BenchmarkRecord::of(&source.file),
+                ([source], None, None) if self.settings.selection.is_all() => {
+                    BenchmarkRecord::of(&source.file)
+                }
                 _ => None,
             },
             backend: backend.map(|b| b.name().to_owned()),

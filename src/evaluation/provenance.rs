@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::access::Access;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
+use super::selection::Selection;
 use crate::external::{self, ExternalSimulator};
 use crate::models::WeightsFile;
 
@@ -32,7 +33,7 @@ pub struct Provenance {
     pub inputs: Vec<FileRecord>,
     /// The file of deviated AVs, if given.
     pub deviations: Option<FileRecord>,
-    /// The known benchmark of the inputs; `None` for other inputs, for a part of a benchmark (`--limit`), and
+    /// The known benchmark of the inputs; `None` for other inputs, for a part of a benchmark (`--limit`, `--id`, `--category`), and
     /// with a file of deviations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<BenchmarkRecord>,
@@ -70,6 +71,9 @@ pub struct SettingsRecord {
     /// Maximum number of scenarios per file; absent if unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<usize>,
+    /// Scenarios that were selected; absent if all.
+    #[serde(default, skip_serializing_if = "Selection::is_all")]
+    pub selection: Selection,
 }
 
 impl SettingsRecord {
@@ -83,6 +87,7 @@ impl SettingsRecord {
             seed: 0,
             rollouts,
             limit: None,
+            selection: Selection::default(),
         }
     }
 }

@@ -214,7 +214,7 @@ pub(super) struct EventHead {
 
 impl EventHead {
     /// Returns the position of the record.
-    pub fn place(&self) -> Place {
+    pub(super) fn place(&self) -> Place {
         Place { input: self.input, record: self.record }
     }
 }

@@ -10,7 +10,7 @@ use super::finish::finish;
 use super::folder::RunFolder;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
-use super::plan::Plan;
+use super::plan::{NoAv, Plan};
 use super::row::{Failure, Place, Row};
 use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
@@ -84,7 +84,8 @@ pub fn run(
         tally: Mutex::new(tally),
         failures: Mutex::default(),
         passed_over: AtomicUsize::new(0),
-        deviations: Mutex::default(),
+        unselected: AtomicUsize::new(0),
+        named: Mutex::default(),
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
@@ -112,8 +113,15 @@ pub fn run(
     let provenance = plan.provenance();
     let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
     summary.provenance.passed_over = runner.passed_over.into_inner();
-    let seen = runner.deviations.into_inner().unwrap_or_else(PoisonError::into_inner);
-    summary.provenance.unused_deviations = unused_deviations(plan, &tally, seen);
+    summary.provenance.unselected = runner.unselected.into_inner();
+    let mut read = runner.named.into_inner().unwrap_or_else(PoisonError::into_inner);
+    // Scenarios with rows of an earlier run were not read again.
+    read.extend(tally.entries.values().map(|e| e.scenario.clone()));
+    let deviations = plan.deviations.iter().flat_map(|d| d.tracks.keys());
+    let unused = deviations.filter(|id| plan.settings.selection.has_id(id) && !read.contains(*id));
+    summary.provenance.unused_deviations = unused.count();
+    let missing = plan.settings.selection.ids.difference(&read);
+    summary.provenance.missing_ids = missing.cloned().collect();
     if let Some(folder) = folder {
         finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
     }
@@ -158,14 +166,6 @@ fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     repeated.into_iter().filter_map(refuse).collect()
 }
 
-/// Returns the number of deviations whose scenario was neither `seen` by this run nor has rows from an
-/// earlier one.
-fn unused_deviations(plan: &Plan, tally: &Tally, mut seen: BTreeSet<String>) -> usize {
-    seen.extend(tally.entries.values().map(|e| e.scenario.clone()));
-    let tracks = plan.deviations.iter().flat_map(|d| d.tracks.keys());
-    tracks.filter(|id| !seen.contains(*id)).count()
-}
-
 fn failure(
     plan: &Plan,
     place: Place,
@@ -198,8 +198,9 @@ struct Runner<'a> {
     tally: Mutex<Tally>,
     failures: Mutex<Vec<Failure>>,
     passed_over: AtomicUsize,
-    /// Ids of the scenarios with a deviation in the file of deviations.
-    deviations: Mutex<BTreeSet<String>>,
+    unselected: AtomicUsize,
+    /// Ids of the scenarios read that the file of deviations or the selection names.
+    named: Mutex<BTreeSet<String>>,
     /// The first error that stops the run.
     broken: Mutex<Option<EvaluationError>>,
 }
@@ -241,7 +242,7 @@ impl Runner<'_> {
             }
             match self.prepare(item) {
                 Ok(Some(scenario)) => ready.push(scenario),
-                Ok(None) => _ = self.passed_over.fetch_add(1, Ordering::Relaxed),
+                Ok(None) => {}
                 Err(failure) => self.fail(*failure)?,
             }
         }
@@ -287,16 +288,34 @@ impl Runner<'_> {
         let refuse = |id, error: String| Box::new(failure(self.plan, item.place, None, id, error));
         let decoded = item.content.and_then(|decode| decode());
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
-        if self.plan.deviations.as_ref().is_some_and(|d| d.tracks.contains_key(&scenario.id)) {
-            let mut seen = self.deviations.lock().unwrap_or_else(PoisonError::into_inner);
-            seen.insert(scenario.id.clone());
+        let selection = &self.plan.settings.selection;
+        if !selection.has_id(&scenario.id) {
+            self.unselected.fetch_add(1, Ordering::Relaxed);
+            return Ok(None);
+        }
+        let deviations = self.plan.deviations.as_ref();
+        if selection.ids.contains(&scenario.id)
+            || deviations.is_some_and(|d| d.tracks.contains_key(&scenario.id))
+        {
+            self.named.lock().unwrap_or_else(PoisonError::into_inner).insert(scenario.id.clone());
         }
         match self.plan.av(&scenario) {
+            Ok((_, deviation)) if !selection.has_category(deviation.category) => {
+                self.unselected.fetch_add(1, Ordering::Relaxed);
+                Ok(None)
+            }
             Ok((av, deviation)) => {
                 let digest = scenario.digest();
                 Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, scenario }))
             }
-            Err(error) if self.plan.skips(&error) => Ok(None),
+            Err(NoAv::Missing) if !selection.has_category(None) => {
+                self.unselected.fetch_add(1, Ordering::Relaxed);
+                Ok(None)
+            }
+            Err(error) if self.plan.skips(&error) => {
+                self.passed_over.fetch_add(1, Ordering::Relaxed);
+                Ok(None)
+            }
             Err(error) => {
                 let text = self.named(item.place, &format!("scenario `{}`: {error}", scenario.id));
                 Err(refuse(Some(scenario.id), text))

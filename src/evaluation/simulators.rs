@@ -1,10 +1,11 @@
 //! The simulators of a run, with their parameters and weights.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::EvaluationError;
 use super::provenance::{ExternalRecord, WeightsRecord};
+use super::simulator_id::SimulatorId;
 use crate::external::ExternalSimulator;
 use crate::files::read_regular;
 use crate::models::nn::Backend;
@@ -14,7 +15,8 @@ use crate::rollout::Controller;
 
 /// A simulator that is ready to run.
 pub struct PlannedSimulator {
-    /// Id of the baseline and, if any, of the stage behind it.
+    /// Id of the baseline and, if any, label of the variant and id of the stage behind it:
+    /// `ntp-reactive@mine+qp`.
     pub id: String,
     /// Name in tables.
     pub title: String,
@@ -45,17 +47,24 @@ pub struct Adjustments {
     pub backend: Backend,
 }
 
-/// A baseline, and the stage behind it.
+/// A baseline or a variant of it, and the stage behind it.
 struct SelectedSimulator {
     id: String,
     baseline: &'static Baseline,
+    label: Option<String>,
     smoothing: Option<Smoothing>,
 }
 
 impl SelectedSimulator {
+    /// Returns the id without the stage.
+    fn variant(&self) -> String {
+        let label = self.label.iter().map(|label| format!("@{label}"));
+        std::iter::once(self.baseline.id.to_owned()).chain(label).collect()
+    }
+
     /// Returns whether `id` is its id, with or without the stage.
     fn is_named(&self, id: &str) -> bool {
-        self.id == id || self.baseline.id == id
+        self.id == id || self.variant() == id
     }
 }
 
@@ -70,7 +79,8 @@ impl PlannedSimulator {
     }
 
     /// Like [`Self::by_ids`], with the requested weights and parameters. If `ids` is empty, baselines whose
-    /// weights do not ship are included if their weights are given.
+    /// weights do not ship are included if their weights are given, and so are variants (`idm@calm`) with
+    /// weights or parameters of their own.
     ///
     /// # Errors
     /// Also names weights or parameters that are repeated, are for a simulator that does not run, cannot be
@@ -99,9 +109,9 @@ impl PlannedSimulator {
             }
         }
         let make = |selected: SelectedSimulator| {
-            // Adjustments of a baseline also apply to it with a stage, unless the id with the stage has its
-            // own.
-            let ids = [selected.baseline.id, selected.id.as_str()];
+            // Adjustments of a variant also apply to it with a stage, unless the id with the stage has its own.
+            let variant = selected.variant();
+            let ids = [variant.as_str(), selected.id.as_str()];
             let path = ids.iter().rev().find_map(|id| weights.get(id)).copied();
             let mut parameters: BTreeMap<&str, &str> = BTreeMap::new();
             for id in ids {
@@ -155,6 +165,7 @@ impl PlannedSimulator {
             return Err(ModelError::TakesNoStage { id }.into());
         }
         let mut setup = baseline.setup()?;
+        let shipped = setup.weights.as_ref().map(|file| file.digest.clone());
         setup.backend = backend;
         let mut parameters = BTreeMap::new();
         for (key, value) in changes {
@@ -177,6 +188,9 @@ impl PlannedSimulator {
         let weights = setup.weights.as_ref().map(WeightsRecord::of);
         let backend = weights.is_some().then_some(backend);
         let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
+        if let Some(mark) = mark(selected, shipped.as_deref(), weights.as_ref()) {
+            title = format!("{title} ({mark})");
+        }
         let mut controller = (baseline.make)(setup)?;
         let mut card = baseline.card.to_owned();
         if let Some(smoothing) = selected.smoothing {
@@ -197,24 +211,47 @@ impl PlannedSimulator {
     }
 }
 
+/// Returns what tells a simulator apart from the shipped one in tables: its label, or else the name of weights
+/// that are not the shipped ones.
+fn mark(
+    selected: &SelectedSimulator,
+    shipped: Option<&str>,
+    weights: Option<&WeightsRecord>,
+) -> Option<String> {
+    if let Some(label) = &selected.label {
+        return Some(label.clone());
+    }
+    let other = weights.filter(|weights| shipped.is_some_and(|shipped| shipped != weights.sha256))?;
+    let stem = Path::new(&other.name).file_stem()?;
+    Some(stem.to_string_lossy().into_owned())
+}
+
 /// Returns the simulators to run.
 fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimulator>, EvaluationError> {
     let mut all: Vec<SelectedSimulator> = Vec::new();
     if ids.is_empty() {
         let has_weights = |b: &Baseline| adjustments.weights.iter().any(|(id, _)| id == b.id);
         let complete = MODELS.iter().filter(|b| b.is_complete() || has_weights(b));
-        all.extend(complete.map(|baseline| SelectedSimulator {
-            id: baseline.id.to_owned(),
-            baseline,
-            smoothing: None,
-        }));
+        let adjusted = adjustments.weights.iter().map(|(id, _)| id);
+        let adjusted: Vec<&String> =
+            adjusted.chain(adjustments.parameters.iter().map(|(id, ..)| id)).collect();
+        for baseline in complete {
+            all.push(named(baseline.id)?);
+            for id in &adjusted {
+                let is_variant = SimulatorId::parse(id)?;
+                let is_variant = is_variant.baseline == baseline.id && is_variant.label.is_some();
+                if is_variant && !all.iter().any(|selected| selected.id == **id) {
+                    all.push(named(id)?);
+                }
+            }
+        }
     }
     for id in ids {
         all.push(named(id)?);
     }
     if let Some(smoothing) = adjustments.smoothing {
         for selected in all.iter_mut().filter(|s| s.smoothing.is_none() && s.baseline.takes_stage) {
-            selected.id = smoothing.id(selected.baseline.id);
+            selected.id = smoothing.id(&selected.variant());
             selected.smoothing = Some(smoothing);
         }
     }
@@ -226,15 +263,13 @@ fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimul
     Ok(all)
 }
 
-/// Returns the baseline with this id, and the stage that the id names.
+/// Returns the baseline, the label and the stage that an id names.
 fn named(id: &str) -> Result<SelectedSimulator, EvaluationError> {
-    let (base, smoothing) = match Smoothing::of_id(id) {
-        Some((base, smoothing)) => (base, Some(smoothing)),
-        None => (id, None),
-    };
-    let baseline = models::find(base).ok_or_else(|| EvaluationError::UnknownSimulator {
+    let parts = SimulatorId::parse(id)?;
+    let baseline = models::find(parts.baseline).ok_or_else(|| EvaluationError::UnknownSimulator {
         id: id.to_owned(),
         known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
     })?;
-    Ok(SelectedSimulator { id: id.to_owned(), baseline, smoothing })
+    let (label, smoothing) = (parts.label.map(str::to_owned), parts.smoothing);
+    Ok(SelectedSimulator { id: id.to_owned(), baseline, label, smoothing })
 }

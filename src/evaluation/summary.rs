@@ -92,6 +92,12 @@ pub struct SummaryProvenance {
     /// Number of scenarios that were skipped because the file of deviations does not name them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub passed_over: usize,
+    /// Number of scenarios that were not selected.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unselected: usize,
+    /// Selected ids that no scenario has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing_ids: Vec<String>,
     /// Number of deviations whose scenario was not read: unknown, or beyond the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unused_deviations: usize,
@@ -166,6 +172,8 @@ impl Summary {
                 scenarios: tally.entries.len(),
                 scenarios_blake3: digest.finalize().to_hex().to_string(),
                 passed_over: 0,
+                unselected: 0,
+                missing_ids: Vec::new(),
                 unused_deviations: 0,
                 allowed: BTreeMap::new(),
                 direction_tracking: tracking,

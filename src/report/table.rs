@@ -246,6 +246,9 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     if p.passed_over > 0 {
         parts.push(format!("{} passed over", p.passed_over));
     }
+    if p.unselected > 0 {
+        parts.push(format!("{} not selected", p.unselected));
+    }
     if p.run.is_recorded() {
         parts.push("recorded elsewhere".to_owned());
         parts.push(count(s.rollouts as usize, "rollout"));

@@ -72,6 +72,20 @@ pub enum TrainingError {
         /// Differences between the two trainings.
         differences: String,
     },
+    /// The weights of the best network so far are no longer in the folder, and no checkpoint contains them.
+    #[error(
+        "{} is missing: it had the best network so far, that of step {best}, and the checkpoint is of step \
+         {step}; put it back, or train again in another folder",
+        .path.display()
+    )]
+    WeightsLost {
+        /// The file.
+        path: PathBuf,
+        /// Step of the best network.
+        best: u64,
+        /// Step of the checkpoint.
+        step: u64,
+    },
     /// Another training writes to the folder.
     #[error("another training is writing to {}", .path.display())]
     Busy {

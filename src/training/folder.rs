@@ -140,16 +140,21 @@ impl Folder {
         Ok(path)
     }
 
+    /// Returns the path of the weights.
+    pub(super) fn weights(&self) -> PathBuf {
+        self.path.join(WEIGHTS)
+    }
+
     /// Writes the weights as named tensors.
     pub(super) fn put_weights(&self, mut weights: NamedTensors) -> Result<(), TrainingError> {
         weights.about.insert("kind".to_owned(), "reactsim-weights-1".into());
         weights.about.insert("training".to_owned(), self.identity.clone());
-        weights.write(&self.path.join(WEIGHTS))
+        weights.write(&self.weights())
     }
 
     /// Writes the weights in the task's own file format.
     pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
-        replace(&self.path.join(WEIGHTS), bytes)
+        replace(&self.weights(), bytes)
     }
 }
 

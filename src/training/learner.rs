@@ -149,6 +149,7 @@ where
             reported: BTreeSet::new(),
             learned: false,
         };
+        self.find_weights(&run)?;
         if begins {
             // Detect a folder that cannot hold a checkpoint before the first step.
             self.checkpoint(&mut run)?;
@@ -307,6 +308,17 @@ where
         match self.task.file(&model, &Value::Object(about)) {
             Some(bytes) => run.folder.put_file(&bytes),
             None => run.folder.put_weights(weights),
+        }
+    }
+
+    /// Checks that the weights of the lowest validation loss so far are still there, or writes them again if they
+    /// are those of the checkpoint.
+    fn find_weights(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
+        let Progress { step, best: Some(best), .. } = run.state.progress else { return Ok(()) };
+        match run.folder.weights() {
+            path if path.exists() => Ok(()),
+            _ if best.step == step => self.put_weights(run),
+            path => Err(TrainingError::WeightsLost { path, best: best.step, step }),
         }
     }
 

@@ -231,13 +231,16 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     };
     let unknown = error(&["run", "--models", "idmm"]);
     assert!(unknown.starts_with("error: there is no simulator `idmm`; there are: log-replay, "), "{unknown}");
-    assert!(unknown.contains("\nhint: `reactsim list models`"), "{unknown}");
+    assert!(unknown.contains("\nhint: did you mean `idm`? `reactsim list models`"), "{unknown}");
     insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios have no deviated AV: give --deviations <file>, or choose a driver with --av: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>");
     insta::assert_snapshot!(error(&["run", "--metric-option", "fault_order=mine"]), @r"error: metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
     insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av out");
     insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: --deviations goes with --av deviated only");
     insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");
-    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"error: HOME is not a run folder: it has no provenance.json");
+    insta::assert_snapshot!(error(&["report", text(home.path())]), @r"
+    error: HOME is not a run folder: it has no provenance.json
+    hint: `reactsim run --out FOLDER` writes a run folder
+    ");
     assert!(error(&["run", "--av", "brake:9"]).contains("a deceleration above 0 and at most 6 m/s²"));
     assert!(error(&["run", "--replan", "3hz"]).contains("such as `2hz`"));
     assert!(error(&["run", "--rollouts", "0"]).contains("1..=10000"));
@@ -718,4 +721,82 @@ fn shells_and_man_know_every_command() {
         let page = home.path().join(format!("reactsim-{command}.1"));
         assert!(std::fs::read_to_string(page).unwrap().contains(".SH"), "{command}");
     }
+}
+
+#[test]
+fn scenarios_are_selected_by_id_and_category() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("run");
+    let run = |more: &[&str]| reactsim(&[&["run", "--models", "stop", "--quiet"], more].concat());
+    let (one, other) = ("bench-2-000002", "bench-2-000012");
+    let output = run(&["--id", one, "--id", other, "--out", text(&out)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stdout(&output).contains("2 scenarios, 148 not selected, "), "{}", stdout(&output));
+    // Positions are those in the whole file, so that the page finds the scenarios.
+    let rows = fs::read_to_string(out.join("rows.jsonl")).unwrap();
+    let records: std::collections::BTreeSet<usize> = rows
+        .lines()
+        .map(|line| serde_json::from_str::<reactsim::evaluation::Row>(line).unwrap().record)
+        .collect();
+    let listed = stdout(&reactsim(&["list", "scenarios"]));
+    let position = |id: &str| listed.lines().position(|line| line.starts_with(id)).unwrap() - 1;
+    assert_eq!(records, [position(one), position(other)].into());
+    assert_eq!(listed.lines().count(), 151);
+    // A resumed run with another selection is another run.
+    let output = run(&["--id", one, "--out", text(&out), "--resume"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("selection"), "{}", stderr(&output));
+
+    let lateral = stdout(&reactsim(&["list", "scenarios", "--category", "lateral"]));
+    assert!(lateral.lines().skip(1).all(|line| line.contains(" lateral ")), "{lateral}");
+    let output = run(&["--category", "lateral"]);
+    let expected = format!("{} scenarios, ", lateral.lines().count() - 1);
+    assert!(stdout(&output).contains(&expected), "{expected}: {}", stdout(&output));
+
+    let output = run(&["--id", "bench-2-2"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(stderr(&output), @r"
+    warning: no scenario has the id `bench-2-2`
+    error: no scenario could be run: see the warnings above
+    ");
+}
+
+#[test]
+fn converted_files_have_the_selected_scenarios() {
+    let home = tempfile::tempdir().unwrap();
+    let (all, some) = (home.path().join("all.parquet"), home.path().join("some.parquet"));
+    write(&all, (0..3).map(scenario));
+    let convert = |more: &[&str]| reactsim(&[&["convert", text(&all), "--out", text(&some)], more].concat());
+    let output = convert(&["--id", "road-001"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let ids: Vec<String> = reactsim::formats::open(&some).unwrap().map(|s| s.unwrap().id).collect();
+    assert_eq!(ids, ["road-001"]);
+    let output = convert(&["--id", "road-009"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(
+        stderr(&output),
+        @"error: no scenario is selected: leave out --id, --category or --futures"
+    );
+    let output = reactsim(&["inspect", text(&all), "--id", "road-01"]);
+    let said = stderr(&output);
+    assert!(said.contains("holds no scenario `road-01`; did you mean `road-001`?"), "{said}");
+}
+
+#[test]
+fn misspelt_names_are_answered_with_the_most_similar_one() {
+    let meant = |arguments: &[&str], expected: &str| {
+        let output = reactsim(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(stderr(&output).contains(expected), "{arguments:?}: {}", stderr(&output));
+    };
+    meant(&["run", "--models", "imd"], "did you mean `idm`?");
+    meant(
+        &["run", "--models", "idm", "--set", "idm.vehicle.headwy=2"],
+        "did you mean `idm.vehicle.headway`?",
+    );
+    meant(&["run", "--metric-option", "faul_order=nuplan"], "did you mean `fault_order`?");
+    meant(&["list", "parameters", "ntp_reactive"], "did you mean `ntp-reactive`?");
+    meant(&["inspect", "--case", "turn-acros"], "did you mean `turn-across`?");
+    meant(&["compare", "a", "b", "--worse", "aav-colision=1"], "did you mean `aav-collision`?");
+    meant(&["compare", "a", "b"], "hint: `reactsim run --out FOLDER` writes a run folder");
 }

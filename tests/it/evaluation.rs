@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use reactsim::evaluation::{
     self, AvChoice, EVENTS, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, ROWS, RunFolder,
-    RunObserver, RunSettings, SUMMARY, Source, Summary, Tally,
+    RunObserver, RunSettings, SUMMARY, Selection, Source, Summary, Tally,
 };
 use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
@@ -25,6 +25,7 @@ fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
             rollouts,
             options: Options::default(),
             limit: None,
+            selection: Selection::default(),
         },
         keep_rollouts: false,
     }

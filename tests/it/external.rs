@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use reactsim::evaluation::{
     self, AvChoice, Execution, Failure, Outcome, Plan, PlannedSimulator, Row, RunFolder, RunObserver,
-    RunSettings, Source,
+    RunSettings, Selection, Source,
 };
 use reactsim::external::{
     Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline, TimeLimits,
@@ -86,6 +86,7 @@ pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> 
         rollouts: 1,
         options: Options::default(),
         limit: None,
+        selection: Selection::default(),
     };
     Plan { sources, simulators, deviations: None, settings, keep_rollouts: false }
 }

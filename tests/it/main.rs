@@ -48,6 +48,7 @@ mod terminal;
 mod tokens;
 mod trained;
 mod training;
+mod variants;
 mod smart_golden;
 mod smart_simulator;
 

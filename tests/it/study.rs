@@ -7,8 +7,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use reactsim::evaluation::{
-    Adjustments, AvChoice, Member, Plan, PlannedSimulator, RunSettings, StudyKind, StudyPlan, is_study,
-    read_study, read_summary,
+    Adjustments, AvChoice, Member, Plan, PlannedSimulator, RunSettings, Selection, StudyKind, StudyPlan,
+    is_study, read_study, read_summary,
 };
 use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
@@ -237,6 +237,7 @@ fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
             rollouts: 1,
             options: Options::default(),
             limit: None,
+            selection: Selection::default(),
         },
         keep_rollouts: false,
     }

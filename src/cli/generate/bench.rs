@@ -7,11 +7,16 @@ use std::sync::atomic::AtomicBool;
 
 use super::files::GeneratedFiles;
 use crate::cli::progress::Progress;
-use crate::curation::benchmark::{PATIENCE, Recipe};
+use crate::cli::say;
+use crate::curation::benchmark::{ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe};
 use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};
 use crate::evaluation::{FileRecord, program_version};
 use crate::formats::native::Writer;
 use crate::generation::{GenerationSettings, Generator, VERSION};
+
+/// Largest number of scenarios that are tried in vain, per requested scenario: a few scenarios are not worth a
+/// long search.
+const PATIENCE_PER_SCENARIO: u64 = 20;
 
 /// Returns the path of the file of candidates for a file of scenarios.
 fn deviations_path(out: &Path) -> PathBuf {
@@ -43,9 +48,10 @@ pub(super) fn bench(
         groups: &groups,
         source,
         settings: &curation,
-        patience: PATIENCE,
+        patience: PATIENCE.min(PATIENCE_PER_SCENARIO * u64::from(wanted)),
         jobs,
     };
+    progress.set_total(Some(wanted as usize));
     let mut written = 0;
     let provenance = recipe.run(
         |number| generator.scenario(number),
@@ -61,13 +67,37 @@ pub(super) fn bench(
     );
     let mut provenance = provenance?;
     let (interrupted, failed) = (provenance.interrupted, provenance.failures.len());
+    progress.suspend(|| warn_of_unfilled_quotas(&provenance, wanted, written, groups.len()));
     if written > 0 {
         scenarios.finish()?;
         let FileRecord { name, blake3: digest, .. } = FileRecord::of(out, "native")?;
         provenance.inputs = vec![InputFile { name, digest }];
         deviations.finish(&provenance)?;
     }
-    Ok(GeneratedFiles { files: vec![out.to_owned(), deviations_path], written, failed, interrupted })
+    let files = vec![out.to_owned(), deviations_path];
+    let unfilled = provenance.settings.contains_key(MISSING);
+    Ok(GeneratedFiles { files, written, failed, unfilled, interrupted })
+}
+
+/// Prints what a small or rare benchmark lacks.
+fn warn_of_unfilled_quotas(provenance: &CurationProvenance, wanted: u32, written: usize, groups: usize) {
+    if (wanted as usize) < groups {
+        say(format_args!("warning: {wanted} scenarios cannot hold all of {groups} map types"));
+    }
+    let relaxed = [(ANY_DIFFICULTY, "difficulty"), (ANY_CATEGORY, "category"), (ANY_GROUP, "map type")];
+    for (key, what) in relaxed {
+        if let Some(places) = provenance.settings.get(key) {
+            say(format_args!(
+                "warning: {places} of {wanted} scenarios may be of any {what}: too few were found"
+            ));
+        }
+    }
+    if let Some(missing) = provenance.settings.get(MISSING) {
+        say(format_args!(
+            "warning: {written} of {wanted} scenarios were found; still missing: {missing}; \
+             try another seed or other map types"
+        ));
+    }
 }
 
 /// Returns all settings by name. The commit is left out: the same generator writes the same bytes.

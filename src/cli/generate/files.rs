@@ -10,6 +10,8 @@ pub(super) struct GeneratedFiles {
     pub(super) written: usize,
     /// Number of scenarios that could not be generated.
     pub(super) failed: usize,
+    /// Whether quotas of a benchmark could not be filled.
+    pub(super) unfilled: bool,
     /// Whether the user interrupted the generation.
     pub(super) interrupted: bool,
 }

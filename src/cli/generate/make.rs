@@ -68,7 +68,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
         Preset::Bench => bench(&settings, wanted, jobs, out, &progress, &stop),
     };
     progress.end();
-    let GeneratedFiles { files, written, failed, interrupted } = generated?;
+    let GeneratedFiles { files, written, failed, unfilled, interrupted } = generated?;
     if written == 0 {
         bail!("no scenario was generated, and no file was written");
     }
@@ -81,9 +81,8 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     write_result(None, |out| out.write_all(entry.as_bytes()))?;
     if failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));
-        return Ok(ExitStatus::SomeFailed);
     }
-    Ok(ExitStatus::Done)
+    Ok(if failed > 0 || unfilled { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
 /// Writes scenarios 0 to below `wanted` as generated. Scenarios that cannot be generated are
@@ -99,6 +98,7 @@ fn train(
     // Report every input error before the first scenario.
     let generator = Generator::new(settings.clone())?;
     let mut writer = Writer::create(out)?;
+    progress.set_total(Some(wanted as usize));
     let mut counts = (0, 0);
     let generate = |_: &(usize, usize), number| generator.scenario(number);
     let ending = in_order(u64::from(wanted), jobs, stop, &mut counts, generate, |counts, _, scenario| {
@@ -120,5 +120,5 @@ fn train(
         writer.finish()?;
     }
     let interrupted = ending == Ending::Stopped;
-    Ok(GeneratedFiles { files: vec![out.to_owned()], written, failed, interrupted })
+    Ok(GeneratedFiles { files: vec![out.to_owned()], written, failed, unfilled: false, interrupted })
 }

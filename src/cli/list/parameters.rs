@@ -2,6 +2,7 @@
 
 use anyhow::bail;
 
+use crate::cli::suggestion::did_you_mean;
 use crate::models::{MODELS, Setup, find, qp};
 
 /// Id of the stage that can follow a simulator.
@@ -31,5 +32,6 @@ fn setup(id: &str) -> anyhow::Result<Setup> {
     }
     let known: Vec<&str> =
         MODELS.iter().filter(|m| !m.ranges.is_empty()).map(|m| m.id).chain([STAGE]).collect();
-    bail!("there is no simulator `{id}`; those with parameters are {}", known.join(", "))
+    let meant = did_you_mean(id, known.iter().copied());
+    bail!("there is no simulator `{id}`; those with parameters are {}{meant}", known.join(", "))
 }

@@ -32,6 +32,9 @@ pub(super) struct NtpArgs {
     closed_loop: ClosedLoopArgs,
 }
 
+/// Simulator that runs the network.
+const ID: &str = "ntp-reactive";
+
 pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
     let recipe: Recipe = recipe::read(args.recipe.as_deref())?;
     recipe.network.check().context("the recipe")?;
@@ -45,9 +48,9 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
     let device = args.session.device()?;
     let drive = args.closed_loop.read()?;
     let task = NextToken::new(recipe, vocabulary.clone(), &device);
-    let Some(drive) = drive else { return session::train(&args.session, &task, None) };
+    let Some(drive) = drive else { return session::train(&args.session, ID, &task, None) };
     // Closed-loop driving uses the parameters of the simulator's card.
-    let baseline = models::find("ntp-reactive").context("there is no simulator `ntp-reactive`")?;
+    let baseline = models::find(ID).with_context(|| format!("there is no simulator `{ID}`"))?;
     let driving: Driving = baseline.setup()?.parameters()?;
     let measure = |network: &Network, _step: u64| {
         let policy =
@@ -55,5 +58,5 @@ pub(super) fn ntp(args: &NtpArgs) -> anyhow::Result<ExitStatus> {
         let simulator = ReactiveSimulator::new(policy, driving, device.clone());
         drive.measure(&Controller::Fair(Box::new(simulator)))
     };
-    session::train(&args.session, &task, Some(&measure))
+    session::train(&args.session, ID, &task, Some(&measure))
 }

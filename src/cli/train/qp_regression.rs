@@ -35,6 +35,9 @@ pub(super) struct QpRegressionArgs {
     closed_loop: ClosedLoopArgs,
 }
 
+/// Simulator that runs the network.
+const ID: &str = "qp-regression";
+
 pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatus> {
     let recipe: Recipe = recipe::read(args.recipe.as_deref())?;
     recipe.network.check().context("the recipe")?;
@@ -52,7 +55,7 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
         }
         (None, None) => Regression::new(recipe, Intentions::fan(), &device),
     };
-    let Some(drive) = drive else { return session::train(&args.session, &task, None) };
+    let Some(drive) = drive else { return session::train(&args.session, ID, &task, None) };
     // Closed-loop driving uses the parameters of the simulator's card.
     let baseline = models::find("regression").context("there is no simulator `regression`")?;
     let driving: Driving = baseline.setup()?.parameters()?;
@@ -60,5 +63,5 @@ pub(super) fn qp_regression(args: &QpRegressionArgs) -> anyhow::Result<ExitStatu
         let simulator = RegressionSimulator::new(task.policy(network), driving, device.clone());
         drive.measure(&Controller::Fair(Box::new(simulator)))
     };
-    session::train(&args.session, &task, Some(&measure))
+    session::train(&args.session, ID, &task, Some(&measure))
 }

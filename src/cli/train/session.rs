@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use super::data::Data;
 use super::progress::{CURVES, Progress};
 use crate::cli::duration::duration;
-use crate::cli::{ExitStatus, say, stop_on_interrupt};
+use crate::cli::{ExitStatus, note, say, stop_on_interrupt};
 use crate::evaluation::{program_commit, program_version};
 use crate::models::nn::{Backend, BackendError};
 use crate::scene::Scenario;
@@ -118,14 +118,22 @@ impl SessionArgs {
     }
 }
 
-/// Trains a network with the settings of the arguments.
+/// Trains the network of a simulator with the settings of the arguments.
 pub(super) fn train<T: Task<Example = Scenario>>(
     args: &SessionArgs,
+    id: &str,
     task: &T,
     closed_loop: Option<&ClosedLoop<'_, T::Model>>,
 ) -> anyhow::Result<ExitStatus> {
     let stop = stop_on_interrupt("writing a checkpoint after this step")?;
-    train_until(args, task, closed_loop, &stop)
+    let status = train_until(args, task, closed_loop, &stop)?;
+    if status == ExitStatus::Done {
+        let folder = args.out.display();
+        note(format_args!(
+            "next: reactsim run --models {id},{id}@mine --model-weights {id}@mine={folder}/{WEIGHTS}"
+        ));
+    }
+    Ok(status)
 }
 
 fn train_until<T: Task<Example = Scenario>>(

@@ -83,7 +83,8 @@ impl Reference {
             })?;
         }
         let rollout = Settings { protocol, replan, av_lookahead: stated.av_lookahead, seed: stated.seed };
-        Ok(RunSettings { rollout, av, rollouts: stated.rollouts, options, limit: stated.limit })
+        let (rollouts, limit, selection) = (stated.rollouts, stated.limit, stated.selection.clone());
+        Ok(RunSettings { rollout, av, rollouts, options, limit, selection })
     }
 
     /// Checks that inputs and deviations are those of the reference. Names of files may differ.

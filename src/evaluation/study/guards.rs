@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Member;
+use crate::evaluation::simulator_id::SimulatorId;
 use crate::evaluation::{Adjustments, EvaluationError, PlannedSimulator};
 use crate::models::qp::Smoothing;
 use crate::models::{self, Card, ModelError};
@@ -91,7 +92,10 @@ pub(super) fn variants(
         }
     }
     let with = Smoothing::Full;
-    let takes = |s: &&PlannedSimulator| models::find(&s.id).is_some_and(|b| b.takes_stage);
+    let takes = |s: &&PlannedSimulator| {
+        let id = SimulatorId::parse(&s.id).ok().filter(|id| id.smoothing.is_none());
+        id.and_then(|id| models::find(id.baseline)).is_some_and(|b| b.takes_stage)
+    };
     let changed = simulators.iter().filter(takes);
     let changed =
         changed.map(|from| ChangedSimulator { from, id: with.id(&from.id), parameter: None }).collect();
@@ -122,14 +126,10 @@ fn title(stage: Smoothing) -> &'static str {
     }
 }
 
-/// Returns the id of the baseline of a simulator.
-fn baseline(simulator: &PlannedSimulator) -> &str {
-    Smoothing::of_id(&simulator.id).map_or(simulator.id.as_str(), |(id, _)| id)
-}
-
 /// Returns the state of a switch of a simulator; `None` if the simulator does not have it.
 fn switch(simulator: &PlannedSimulator, key: &str) -> Result<Option<bool>, EvaluationError> {
-    let Some(baseline) = models::find(baseline(simulator)) else { return Ok(None) };
+    let baseline = SimulatorId::parse(&simulator.id).ok().and_then(|id| models::find(id.baseline));
+    let Some(baseline) = baseline else { return Ok(None) };
     let card = Card::read(baseline.id, baseline.card).map_err(ModelError::from)?;
     let Some(on) = card.parameters.get(key).and_then(toml::Value::as_bool) else { return Ok(None) };
     Ok(Some(simulator.parameters.get(key).map_or(on, |value| value == "true")))
@@ -149,7 +149,8 @@ fn variant(
     for ChangedSimulator { from, id, parameter } in &changed {
         // Weights and parameters are those of the unchanged simulator, except for the component.
         let weights_of = |id: &str| adjustments.weights.iter().find(|(to, _)| to == id);
-        if let Some((_, path)) = weights_of(&from.id).or_else(|| weights_of(baseline(from))) {
+        let variant = SimulatorId::parse(&from.id)?.variant;
+        if let Some((_, path)) = weights_of(&from.id).or_else(|| weights_of(variant)) {
             own.weights.push((id.clone(), path.clone()));
         }
         let others =

@@ -63,8 +63,12 @@ fn check(scenario: &Scenario, rollout: &Rollout, replayed: Range<usize>, what: &
 #[test]
 fn rollouts_are_whole_and_agree_with_themselves() {
     for (model, controller) in every_baseline() {
-        for scenario in &scenarios(3) {
+        for (n, scenario) in scenarios(3).iter().enumerate() {
             for replan in INTERVALS {
+                // Networks take their time: one scene is enough for a plan at every step.
+                if model.needs_weights && replan == 1 && n > 0 {
+                    continue;
+                }
                 let settings = settings(replan, true);
                 let av = coasting(scenario);
                 let done = roll_out(vec![request(scenario, av.clone(), 0)], &controller, &settings).remove(0);
@@ -177,6 +181,10 @@ fn bare_scenes_are_lawful() {
     for (model, controller) in every_baseline() {
         for scenario in &bare() {
             for (replan, lookahead) in INTERVALS.into_iter().flat_map(|r| [(r, true), (r, false)]) {
+                // Networks take their time: the lookahead matters most where every step is planned.
+                if model.needs_weights && !lookahead && replan != 1 {
+                    continue;
+                }
                 let settings = settings(replan, lookahead);
                 let mut av = coasting(scenario);
                 av.iter_mut().filter(|s| !s.is_finite()).for_each(|s| *s = scenario.start.now(0));

@@ -108,6 +108,23 @@ fn an_interrupted_training_leaves_a_checkpoint_and_goes_on() {
 }
 
 #[test]
+fn weights_that_are_gone_are_missed() {
+    let folder = tempfile::tempdir().unwrap();
+    let trained = |more: &[&str]| run(&[MINI], folder.path(), &[&["--validate-every", "4"], more].concat());
+    assert_eq!(trained(&[]).unwrap(), ExitStatus::Done);
+    let weights = folder.path().join(WEIGHTS);
+    let bytes = fs::read(&weights).unwrap();
+    fs::remove_file(&weights).unwrap();
+    // The best network is that of the last checkpoint, or it is lost.
+    match trained(&["--resume"]) {
+        Ok(status) => assert!(status == ExitStatus::Done && fs::read(&weights).unwrap() == bytes),
+        Err(error) => {
+            assert!(format!("{error:#}").contains("is missing: it had the best network"), "{error:#}")
+        }
+    }
+}
+
+#[test]
 fn wrong_input_is_refused_with_its_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let refusal = |scenarios: &[&str], out: &Path, more: &[&str]| {
