@@ -7,9 +7,13 @@ use anyhow::bail;
 use clap::Args;
 
 use super::futures::Futures;
+use super::progress::Progress;
 use super::scenario_args::SelectionArgs;
 use super::{ExitStatus, ReadingArgs, count, is_same, say};
-use crate::formats::{self, native::Writer};
+use crate::curation::driver::CurationObserver;
+use crate::formats::native::Writer;
+use crate::formats::{self, FormatError, Scenarios};
+use crate::scene::Scenario;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
@@ -46,7 +50,10 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
         (Some(path), Some(model)) => Some(Futures::open(path, model)?),
         _ => None,
     };
-    let (good, bad) = stream(&inputs, args, futures.as_mut())?;
+    let progress = Progress::new();
+    let streamed = stream(&inputs, args, futures.as_mut(), &progress);
+    progress.end();
+    let (good, bad) = streamed?;
     say(format_args!("converted {}, {bad} failed", count(good, "scenario")));
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
@@ -56,47 +63,38 @@ fn stream(
     inputs: &[formats::Input],
     args: &ConvertArgs,
     mut futures: Option<&mut Futures>,
+    progress: &Progress,
 ) -> anyhow::Result<(usize, usize)> {
     let mut writer = Writer::create(&args.out)?;
+    progress.set_total(inputs.iter().map(formats::Input::count).sum());
     let (mut good, mut bad, mut ids) = (0, 0, BTreeSet::new());
-    for input in inputs {
-        let scenarios = match input.open() {
-            Ok(scenarios) => scenarios,
+    for (done, (input, scenario)) in scenarios(inputs).enumerate() {
+        progress.scenario_done(done);
+        let mut scenario = match scenario {
+            Ok(scenario) if !args.selection.selects(&scenario, None) => continue,
+            Ok(scenario) if ids.insert(scenario.id.clone()) => scenario,
+            Ok(scenario) => {
+                let file = input.path.display();
+                progress.failed(&format!("{file}: scenario `{}`: an earlier one has this id", scenario.id));
+                bad += 1;
+                continue;
+            }
             Err(error) => {
-                say(format_args!("warning: {error}"));
+                progress.failed(&error.to_string());
                 bad += 1;
                 continue;
             }
         };
-        for scenario in scenarios {
-            match scenario {
-                Ok(scenario) if !args.selection.selects(&scenario, None) => {}
-                Ok(scenario) if !ids.insert(scenario.id.clone()) => {
-                    let file = input.path.display();
-                    say(format_args!(
-                        "warning: {file}: scenario `{}`: an earlier one has this id",
-                        scenario.id
-                    ));
-                    bad += 1;
-                }
-                Ok(mut scenario) => {
-                    if let Some(futures) = &mut futures
-                        && !futures.put_into(&mut scenario)?
-                    {
-                        continue;
-                    }
-                    if args.history_only {
-                        scenario = scenario.without_future();
-                    }
-                    writer.write(&scenario)?;
-                    good += 1;
-                }
-                Err(error) => {
-                    say(format_args!("warning: {error}"));
-                    bad += 1;
-                }
-            }
+        if let Some(futures) = &mut futures
+            && !futures.put_into(&mut scenario)?
+        {
+            continue;
         }
+        if args.history_only {
+            scenario = scenario.without_future();
+        }
+        writer.write(&scenario)?;
+        good += 1;
     }
     // Dropped unfinished, the writer leaves no file behind.
     if good == 0 && bad == 0 {
@@ -107,4 +105,14 @@ fn stream(
     }
     writer.finish()?;
     Ok((good, bad))
+}
+
+/// Returns the scenarios of all files, each with its file. A file that cannot be opened counts as one scenario.
+fn scenarios(
+    inputs: &[formats::Input],
+) -> impl Iterator<Item = (&formats::Input, Result<Scenario, FormatError>)> {
+    inputs.iter().flat_map(|input| {
+        let scenarios: Scenarios = input.open().unwrap_or_else(|error| Box::new(std::iter::once(Err(error))));
+        scenarios.map(move |scenario| (input, scenario))
+    })
 }

@@ -43,17 +43,17 @@ pub(super) struct InspectArgs {
     #[arg(long, value_name = "ID", value_delimiter = ',', requires = "picture")]
     simulator: Vec<String>,
     /// Index of the rollout
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "rollout")]
     index: u32,
     /// Half of the side of a picture, metres [default: 60; for --gif large enough for the AV's path,
     /// or 40 with --follow]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", requires = "picture")]
     radius: Option<f64>,
     /// Draw stills to this file
     #[arg(long, value_name = "FILE", group = "picture")]
     svg: Option<PathBuf>,
     /// Steps of the stills, 0 (current frame) to 80, separated by commas
-    #[arg(long, value_delimiter = ',', default_value = "0", value_name = "STEPS",
+    #[arg(long, value_delimiter = ',', default_value = "0", value_name = "STEPS", requires = "svg",
           value_parser = clap::value_parser!(u8).range(0..=80))]
     steps: Vec<u8>,
     /// Draw an animation to this file

@@ -32,6 +32,8 @@ mod train;
 mod verify;
 mod view;
 
+use std::env;
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -40,6 +42,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow};
+use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::suggestion::{did_you_mean, most_similar};
@@ -193,8 +196,23 @@ pub fn main() -> ExitCode {
 /// Parses the arguments. Values may begin with a minus sign, so that a negative number is refused as a value and
 /// not as an unknown option.
 fn parse() -> Cli {
-    let matches = with_negative_numbers(Cli::command()).get_matches();
+    let matches = with_negative_numbers(Cli::command()).try_get_matches();
+    let matches = matches.unwrap_or_else(|error| match error.kind() {
+        ErrorKind::InvalidUtf8 => refuse_encoding(),
+        _ => error.exit(),
+    });
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// Names the argument that is not text, which clap does not, and ends the program.
+fn refuse_encoding() -> ! {
+    let arguments: Vec<OsString> = env::args_os().collect();
+    let bad = arguments.iter().position(|argument| argument.to_str().is_none()).unwrap_or(0);
+    let option = arguments[..bad].last().filter(|last| last.as_encoded_bytes().starts_with(b"--"));
+    let option = option.map(|option| format!(" of {}", option.display())).unwrap_or_default();
+    let value = arguments[bad].display();
+    let text = format!("the value `{value}`{option} is not UTF-8; give a name in UTF-8\n");
+    Cli::command().error(ErrorKind::InvalidUtf8, text).exit()
 }
 
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
@@ -318,8 +336,8 @@ fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
     let mut inputs = Vec::new();
     for path in paths {
         let found = formats::survey(path)?;
-        for file in found.passed_over {
-            say(format_args!("warning: {} is skipped: it is not a scenario file", file.display()));
+        for (file, reason) in found.passed_over {
+            say(format_args!("warning: {} is skipped: {reason}", file.display()));
         }
         inputs.extend(found.inputs);
     }

@@ -1,5 +1,6 @@
 //! `reactsim report`: tables of finished runs, or the HTML page.
 
+use std::io::{self, Write};
 use std::path::PathBuf;
 
 use anyhow::bail;
@@ -7,17 +8,21 @@ use clap::Args;
 
 use super::table_output::{TableArgs, formats};
 use super::{ExitStatus, gallery, say, write_result};
-use crate::evaluation::{Summary, read_summary};
-use crate::report::Run;
+use crate::evaluation::{StudyResults, Summary, is_study, read_summary};
+use crate::report::{Run, TableStyle, study_tables};
 
 /// Format of the page.
 const HTML: &str = "html";
+
+/// Number of scenes of a page.
+const DEFAULT_CASES: usize = 12;
 
 const AFTER: &str = "\
 Examples:
   reactsim report runs/x --format csv
   reactsim report runs/x runs/y --format html --out page.html
   reactsim report runs/x --format html --scenarios logs/ --all --out page.html
+  reactsim report studies/replan --format latex --bold
   reactsim report studies/replan studies/guards --format html --out studies.html
 
 The page is one self-contained HTML file. It shows the scenes of runs that kept their rollouts
@@ -42,9 +47,9 @@ pub(super) struct ReportArgs {
     /// For the page: file or folder with scenarios of the runs; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
-    /// For the page: number of scenes, of the scenarios in which simulators differ most
-    #[arg(long, value_name = "N", default_value_t = 12)]
-    cases: usize,
+    /// For the page: number of scenes, of the scenarios in which simulators differ most [default: 12]
+    #[arg(long, value_name = "N")]
+    cases: Option<usize>,
     /// For the page: also show the scene of this scenario; may be repeated
     #[arg(long = "case", value_name = "ID")]
     case: Vec<String>,
@@ -57,6 +62,24 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
     if args.format.as_deref() == Some(HTML) {
         return page(args);
     }
+    let of_page = [
+        ("--scenarios", !args.scenarios.is_empty()),
+        ("--cases", args.cases.is_some()),
+        ("--case", !args.case.is_empty()),
+        ("--all", args.all),
+    ];
+    if let Some((option, _)) = of_page.into_iter().find(|(_, is_given)| *is_given) {
+        bail!("{option} is for the page: give --format html, or leave it out");
+    }
+    args.table.check(args.format.as_deref())?;
+    if let [folder] = args.runs.as_slice()
+        && is_study(folder)
+        && let Some(write) = study_format(args.format.as_deref())
+    {
+        let results = StudyResults::read(folder)?;
+        write_result(args.out.as_deref(), |out| write(&results, args.table.style(), out))?;
+        return Ok(ExitStatus::Done);
+    }
     let (members, _) = gallery::members(&args.runs)?;
     let summaries: Vec<Summary> =
         members.iter().map(|m| read_summary(&m.folder)).collect::<Result<_, _>>()?;
@@ -64,6 +87,19 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         members.iter().zip(&summaries).map(|(m, summary)| Run { name: &m.name, summary }).collect();
     args.table.write(&runs, args.format.as_deref(), args.out.as_deref(), "")?;
     Ok(ExitStatus::Done)
+}
+
+/// Writes the tables of a study.
+type StudyWriter = fn(&StudyResults, TableStyle<'_>, &mut dyn Write) -> io::Result<()>;
+
+/// Returns the writer of a format in which a single study has tables of its own. In others its members are runs
+/// like any others.
+fn study_format(format: Option<&str>) -> Option<StudyWriter> {
+    match format {
+        None | Some("markdown") => Some(study_tables::write_markdown),
+        Some("latex") => Some(study_tables::write_latex),
+        Some(_) => None,
+    }
 }
 
 fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
@@ -75,7 +111,7 @@ fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         say(format_args!("note: {note}"));
     }
     let mut page = Vec::new();
-    gallery.write(&args.case, args.cases, args.all, &mut page)?;
+    gallery.write(&args.case, args.cases.unwrap_or(DEFAULT_CASES), args.all, &mut page)?;
     write_result(args.out.as_deref(), |out| out.write_all(&page))?;
     Ok(ExitStatus::Done)
 }

@@ -73,6 +73,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     if args.subject.external.takes_stdout() && args.out.is_none() {
         bail!("--external …=@stdio: standard output belongs to the simulator: give --out FOLDER");
     }
+    args.table.check(args.format.as_deref())?;
     let (plan, external) = plan(&args)?;
     let mut tally = plan.tally();
     let provenance = plan.provenance();

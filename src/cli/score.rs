@@ -45,6 +45,7 @@ pub(super) struct ScoreArgs {
 }
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
+    args.table.check(args.format.as_deref())?;
     let is_parquet = |path: &PathBuf| {
         formats::is_parquet(path).with_context(|| format!("could not read {}", path.display()))
     };

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::ExitStatus;
-use super::also::ExtraColumns;
 use super::subject::{EvaluationArgs, ExecutionArgs};
+use super::table_output::ColumnArgs;
 use crate::evaluation::StudyPlan;
 use crate::external::ExternalSimulator;
 
@@ -24,6 +24,9 @@ Examples:
 The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim
 report` and `reactsim compare`. To continue an interrupted study, repeat the command with
 --resume.";
+
+/// Formats of the tables of studies.
+const FORMATS: [&str; 3] = ["markdown", "latex", "json"];
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
@@ -63,10 +66,10 @@ struct SharedArgs {
     #[command(flatten)]
     work: ExecutionArgs,
     /// Format of the table on stdout
-    #[arg(long, default_value = "markdown", value_parser = ["markdown", "json"])]
+    #[arg(long, default_value = "markdown", value_parser = FORMATS)]
     format: String,
     #[command(flatten)]
-    also: ExtraColumns,
+    table: ColumnArgs,
 }
 
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
@@ -75,5 +78,6 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
         StudyCommand::Realism(args) => (realism::plan(args)?, &args.shared),
         StudyCommand::Guards(args) => (guards::plan(args)?, &args.shared),
     };
+    shared.table.check(&shared.format, &FORMATS)?;
     carry_out::carry_out(plan, shared)
 }

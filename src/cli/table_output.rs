@@ -3,6 +3,7 @@
 use std::io::{self, IsTerminal};
 use std::path::Path;
 
+use anyhow::bail;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use console::Term;
@@ -25,6 +26,13 @@ pub(super) struct TableArgs {
     /// On a terminal: also a table per category of deviation or per difficulty of the conflict
     #[arg(long, value_name = "PARTS")]
     by: Option<Parts>,
+    #[command(flatten)]
+    columns: ColumnArgs,
+}
+
+/// Columns of tables, and what marks their best numbers.
+#[derive(Debug, Args)]
+pub(super) struct ColumnArgs {
     /// Columns instead of the usual ones: metrics, separated by commas
     #[arg(long, value_name = "METRIC", value_delimiter = ',', hide_possible_values = true,
           value_parser = column())]
@@ -51,11 +59,29 @@ pub(super) enum Parts {
     Difficulty,
 }
 
-impl TableArgs {
+impl ColumnArgs {
     /// Returns whether nothing was asked for.
-    pub(super) fn is_usual(&self) -> bool {
+    fn is_usual(&self) -> bool {
         let texts = self.caption.is_none() && self.label.is_none();
-        self.by.is_none() && self.columns.is_empty() && self.also.columns().is_empty() && !self.bold && texts
+        self.columns.is_empty() && self.also.columns().is_empty() && !self.bold && texts
+    }
+
+    /// Refuses options that this format has no use for; `with_columns` are the formats that have columns.
+    pub(super) fn check(&self, format: &str, with_columns: &[&str]) -> anyhow::Result<()> {
+        let uses = [
+            ("--caption", self.caption.is_some(), &["latex"][..]),
+            ("--label", self.label.is_some(), &["latex"]),
+            ("--bold", self.bold, &["markdown", "latex"]),
+            ("--columns", !self.columns.is_empty(), with_columns),
+            ("--also", !self.also.columns().is_empty(), with_columns),
+        ];
+        for (option, is_given, formats) in uses {
+            if is_given && !formats.contains(&format) {
+                let formats = formats.join(" or ");
+                bail!("{option} has no effect on {format}: leave it out, or give --format {formats}");
+            }
+        }
+        Ok(())
     }
 
     /// Returns what the tables show.
@@ -67,6 +93,24 @@ impl TableArgs {
             caption: self.caption.as_deref(),
             label: self.label.as_deref(),
         }
+    }
+}
+
+impl TableArgs {
+    /// Returns whether nothing was asked for.
+    pub(super) fn is_usual(&self) -> bool {
+        self.by.is_none() && self.columns.is_usual()
+    }
+
+    /// Refuses options that this format has no use for.
+    pub(super) fn check(&self, format: Option<&str>) -> anyhow::Result<()> {
+        let with_columns = [TERMINAL, MARKDOWN, "csv", "parquet", "latex"];
+        self.columns.check(format.unwrap_or(MARKDOWN), &with_columns)
+    }
+
+    /// Returns what the tables show.
+    pub(super) fn style(&self) -> TableStyle<'_> {
+        self.columns.style()
     }
 
     /// Writes the table of runs to a file or to stdout. `format`: terminal on a terminal and markdown elsewhere

@@ -69,7 +69,10 @@ impl RunFolder {
         let mut text = serde_json::to_string_pretty(provenance).expect("provenance is text and numbers");
         text.push('\n');
         replace(&path.join(PROVENANCE), |out| out.write_all(text.as_bytes()))?;
-        Self::open(path)
+        let folder = Self::open(path)?;
+        // An earlier run was killed before it had a provenance.
+        folder.remove_temporary_files()?;
+        Ok(folder)
     }
 
     /// Opens the folder of an earlier run with the same settings: drops truncated lines and incomplete pairs,

@@ -1,9 +1,13 @@
 //! A file that gets its name when it is complete.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process;
+use std::time::Duration;
+
+use super::regular::open_regular;
 
 /// Suffix of the name of a file that is being written.
 const SUFFIX: &str = ".partial";
@@ -31,9 +35,13 @@ impl NewFile {
         if path.exists() && !path.is_file() {
             return Err(io::Error::other("it exists and is not a regular file; choose another name"));
         }
+        remove_abandoned(path);
         let partial = path.with_file_name(format!(".{}.{}{SUFFIX}", name.display(), process::id()));
-        let file = BufWriter::new(File::create(&partial)?);
-        Ok(Self { path: path.to_owned(), partial, file })
+        let file = File::create(&partial)?;
+        // The lock shows that the file is not abandoned. On file systems without locks it stays if this process
+        // is killed.
+        file.try_lock().ok();
+        Ok(Self { path: path.to_owned(), partial, file: BufWriter::new(file) })
     }
 
     /// Writes everything to the disk and gives the file its name.
@@ -67,6 +75,30 @@ impl Drop for NewFile {
     fn drop(&mut self) {
         // Fails if the file has its name: nothing is left to remove then.
         fs::remove_file(&self.partial).ok();
+    }
+}
+
+/// Age from which an unlocked partial file counts as abandoned: a new one is not yet locked.
+const MIN_AGE: Duration = Duration::from_secs(2);
+
+/// Removes partial files for this target whose processes were killed. Files that cannot be removed only take
+/// space.
+fn remove_abandoned(path: &Path) {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        if name.to_str().and_then(target_of).map(OsStr::new) != path.file_name() {
+            continue;
+        }
+        let is_old = |file: &File| -> io::Result<bool> {
+            Ok(file.metadata()?.modified()?.elapsed().is_ok_and(|age| age >= MIN_AGE))
+        };
+        if let Ok(file) = open_regular(&entry.path())
+            && is_old(&file).unwrap_or(false)
+            && file.try_lock().is_ok()
+        {
+            fs::remove_file(entry.path()).ok();
+        }
     }
 }
 
@@ -116,6 +148,30 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         replace(&path, |out| out.write_all(b"two")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"two");
+    }
+
+    #[test]
+    fn files_of_killed_processes_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("a.txt"), folder.path().join(".b.txt.1.partial"));
+        let abandoned = folder.path().join(".a.txt.1.partial");
+        let begin = |path: &Path, age: u64| {
+            let file = File::create(path).unwrap();
+            file.set_modified(std::time::SystemTime::now() - Duration::from_secs(age)).unwrap();
+            file
+        };
+        let locked = begin(&abandoned, 60);
+        locked.try_lock().unwrap();
+        begin(&other, 60);
+        replace(&path, |out| out.write_all(b"one")).unwrap();
+        assert!(abandoned.exists(), "somebody writes it");
+        drop(locked);
+        begin(&abandoned, 0);
+        replace(&path, |out| out.write_all(b"two")).unwrap();
+        assert!(abandoned.exists(), "somebody has just begun it");
+        begin(&abandoned, 60);
+        replace(&path, |out| out.write_all(b"three")).unwrap();
+        assert!(!abandoned.exists() && other.exists());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! List of formats; detection and opening of files.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::argoverse2::Argoverse2;
@@ -59,14 +60,17 @@ impl Input {
     }
 }
 
+/// Files or folders that were not read, each with the reason.
+pub type PassedOver = Vec<(PathBuf, String)>;
+
 /// Scenario files found at a path.
 #[derive(Clone)]
 pub struct Survey {
     /// The scenario files, sorted by name; at least one.
     pub inputs: Vec<Input>,
-    /// Files of a folder that are named like scenarios but have no known format. Callers that report what was
-    /// read should list them.
-    pub passed_over: Vec<PathBuf>,
+    /// Files of a folder that are named like scenarios but cannot be read or have no known format, and folders
+    /// in it that cannot be read, with the reason. Callers that report what was read should list them.
+    pub passed_over: PassedOver,
 }
 
 /// Finds the scenario files at a path: the file itself, or those in the folder and its subfolders. Other
@@ -76,14 +80,16 @@ pub struct Survey {
 /// [`FormatError`] if the path cannot be read, a file has no known format, or a folder holds no scenario
 /// file.
 pub fn survey(path: &Path) -> Result<Survey, FormatError> {
-    let (mut inputs, mut passed_over) = (Vec::new(), Vec::new());
-    for path in files_at(path)? {
+    let mut inputs = Vec::new();
+    let (files, mut passed_over) = files_at(path)?;
+    for path in files {
         if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
             inputs.push(Input { path, format, current_frame: None });
         } else if SCENARIO_ENDINGS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {
-            passed_over.push(path);
+            let reason = head(&path, 1).err().map(|error| format!("it cannot be read: {error}"));
+            passed_over.push((path, reason.unwrap_or_else(|| "it is not a scenario file".to_owned())));
         }
     }
     if !inputs.is_empty() {
@@ -116,14 +122,16 @@ pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
 }
 
 /// Lists the file at a path, or the files below a folder.
-fn files_at(path: &Path) -> Result<Vec<PathBuf>, FormatError> {
-    let about = fs::metadata(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
-    if !about.is_dir() {
-        return Ok(vec![path.to_owned()]);
+///
+/// The second list has the folders below it that cannot be read, with the reason.
+fn files_at(path: &Path) -> Result<(Vec<PathBuf>, PassedOver), FormatError> {
+    let refuse = |e| FormatError::file(path, Cause::read(e));
+    if !fs::metadata(path).map_err(refuse)?.is_dir() {
+        return Ok((vec![path.to_owned()], Vec::new()));
     }
-    let mut files = Vec::new();
-    collect(path, &mut Vec::new(), &mut files)?;
-    Ok(files)
+    let (mut files, mut unread) = (Vec::new(), Vec::new());
+    collect(path, &mut Vec::new(), &mut files, &mut unread).map_err(refuse)?;
+    Ok((files, unread))
 }
 
 /// Reads all scenarios at a path, which is a file or a folder. A file of a folder that cannot be read is
@@ -151,23 +159,27 @@ pub fn open_all(inputs: Vec<Input>) -> Result<Scenarios, FormatError> {
 }
 
 /// Collects the files below a folder in the order of their names. Links to one of the folders `above` it are
-/// not followed.
-fn collect(folder: &Path, above: &mut Vec<PathBuf>, files: &mut Vec<PathBuf>) -> Result<(), FormatError> {
-    let refuse = |e| FormatError::file(folder, Cause::read(e));
-    let real = folder.canonicalize().map_err(refuse)?;
+/// not followed. Folders below it that cannot be read are added to `unread`.
+fn collect(
+    folder: &Path,
+    above: &mut Vec<PathBuf>,
+    files: &mut Vec<PathBuf>,
+    unread: &mut PassedOver,
+) -> io::Result<()> {
+    let real = folder.canonicalize()?;
     if above.contains(&real) {
         return Ok(());
     }
-    above.push(real);
-    let mut entries = Vec::new();
-    for entry in fs::read_dir(folder).map_err(refuse)? {
-        entries.push(entry.map_err(refuse)?.path());
-    }
+    let entries = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
+    let mut entries = entries.collect::<io::Result<Vec<PathBuf>>>()?;
     entries.sort();
+    above.push(real);
     for path in entries {
         let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
         if path.is_dir() {
-            collect(&path, above, files)?;
+            if let Err(error) = collect(&path, above, files, unread) {
+                unread.push((path, format!("it cannot be read: {error}")));
+            }
         } else if !hidden {
             files.push(path);
         }

@@ -25,4 +25,4 @@ pub mod rollouts;
 pub use error::{Cause, FormatError};
 pub use format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, decoded, is_parquet};
 pub use json::parse as parse_json;
-pub use list::{FORMATS, Input, Survey, find_inputs, open, open_all, survey};
+pub use list::{FORMATS, Input, PassedOver, Survey, find_inputs, open, open_all, survey};

@@ -24,22 +24,15 @@ impl Exporter for Latex {
         let lines = table::lines(runs);
         let best: Vec<Vec<bool>> = columns.iter().map(|column| table::best(column, &lines)).collect();
         let several = runs.len() > 1;
-        writeln!(out, "\\begin{{table}}[t]")?;
-        for run in runs {
-            let name = if several { format!("{}: ", escape(run.name)) } else { String::new() };
-            writeln!(out, "  % {name}{}", escape(&table::provenance(run)))?;
-        }
-        match style.caption {
-            Some(caption) => writeln!(out, "  \\caption{{{}}}", escape(caption))?,
-            None => writeln!(out, "  \\caption{{{}}}", caption(&lines, style.bold))?,
-        }
-        if let Some(label) = style.label {
-            writeln!(out, "  \\label{{{}}}", label_text(label))?;
-        }
-        writeln!(out, "  \\centering\n  \\small")?;
+        let comments = runs.iter().map(|run| {
+            let name = if several { format!("{}: ", run.name) } else { String::new() };
+            format!("{name}{}", table::provenance(run))
+        });
+        let caption = style.caption.map_or_else(|| caption(&lines, style.bold), escape);
+        begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
         let texts = if several { "ll" } else { "l" };
         writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(columns.len()))?;
-        let heads: Vec<String> = columns.iter().map(head).collect();
+        let heads: Vec<String> = columns.iter().map(column_head).collect();
         let first = if several { "Run & Method" } else { "Method" };
         writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
         for (i, line) in lines.iter().enumerate() {
@@ -54,7 +47,26 @@ impl Exporter for Latex {
     }
 }
 
-fn head(column: &Column) -> String {
+/// Begins a table with comments, caption and label.
+pub(super) fn begin_table(
+    comments: &[String],
+    caption: &str,
+    label: Option<&str>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    writeln!(out, "\\begin{{table}}[t]")?;
+    for comment in comments {
+        writeln!(out, "  % {}", escape(comment))?;
+    }
+    writeln!(out, "  \\caption{{{caption}}}")?;
+    if let Some(label) = label {
+        writeln!(out, "  \\label{{{}}}", label_text(label))?;
+    }
+    writeln!(out, "  \\centering\n  \\small")
+}
+
+/// Returns the head of a column: title, arrow towards better values, unit.
+pub(super) fn column_head(column: &Column) -> String {
     let arrow = if column.kind().1 { "$\\downarrow$" } else { "$\\uparrow$" };
     let unit = column.unit().map(|u| format!(" ({})", escape(u))).unwrap_or_default();
     format!("{} {arrow}{unit}", escape(column.title()))
@@ -66,11 +78,15 @@ fn caption(lines: &[Line<'_>], bold: bool) -> String {
     if bold {
         text.push_str(" Bold: the best simulator among comparable runs, oracles excepted.");
     }
-    let marked = Access::MARKED.into_iter().filter(|access| lines.iter().any(|line| line.access == *access));
-    for access in marked {
-        text.push_str(&format!(" {} {}.", mark(access), escape(access.meaning())));
-    }
+    text.push_str(&meanings(lines.iter().map(|line| line.access)));
     text
+}
+
+/// Returns the meaning of the marks of these simulators, as sentences.
+pub(super) fn meanings(of: impl Iterator<Item = Access>) -> String {
+    let found: Vec<Access> = of.collect();
+    let marked = Access::MARKED.into_iter().filter(|access| found.contains(access));
+    marked.map(|access| format!(" {} {}.", mark(access), escape(access.meaning()))).collect()
 }
 
 /// Returns the characters of a label that LaTeX takes: letters, digits and a few signs.
@@ -78,7 +94,8 @@ fn label_text(label: &str) -> String {
     label.chars().filter(|c| c.is_ascii_alphanumeric() || "-_:.+/".contains(*c)).collect()
 }
 
-fn mark(access: Access) -> &'static str {
+/// Returns the mark of what a simulator can know.
+pub(super) fn mark(access: Access) -> &'static str {
     match access {
         Access::Blind => "",
         Access::BlindByMessage => "$^\\ddagger$",
@@ -95,20 +112,20 @@ fn row(columns: &[Column], line: &Line<'_>, best: &[bool]) -> String {
         let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {
             return "--".to_owned();
         };
-        let number = column.number(*mean);
-        let number = if *best { format!("\\textbf{{{number}}}") } else { number };
-        match low.zip(*high) {
-            Some((low, high)) => {
-                format!("{number} {{\\scriptsize $\\pm${}}}", column.number((high - low) / 2.0))
-            }
-            None => number,
-        }
+        let half = low.zip(*high).map(|(low, high)| column.number((high - low) / 2.0));
+        number(&column.number(*mean), half.as_deref(), *best)
     }));
     cells.join(" & ")
 }
 
+/// Returns a number with the half width of its interval, if it has one.
+pub(super) fn number(mean: &str, half: Option<&str>, is_bold: bool) -> String {
+    let mean = if is_bold { format!("\\textbf{{{mean}}}") } else { mean.to_owned() };
+    half.map_or(mean.clone(), |half| format!("{mean} {{\\scriptsize $\\pm${half}}}"))
+}
+
 /// Escapes text for LaTeX.
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -159,20 +159,20 @@ pub(super) fn groups(runs: &[super::Run<'_>]) -> Vec<usize> {
 /// Returns for every line whether its number in a column is the best of its group, as printed, so that equal
 /// numbers tie. Oracles are not ranked, and one simulator alone is not the best.
 pub(super) fn best(column: &Column, lines: &[Line<'_>]) -> Vec<bool> {
-    let lower_is_better = column.kind().1;
     let value = |line: &Line<'_>| line.metrics.get(column.metric).and_then(|estimate| estimate.mean);
     let of = |line: &Line<'_>| {
         let ranked = lines.iter().filter(|l| l.group == line.group && l.access != Access::Oracle);
         let ranked: Vec<f64> = ranked.filter_map(value).collect();
-        let top = ranked.iter().copied().reduce(if lower_is_better { f64::min } else { f64::max });
-        match (value(line), top) {
-            (Some(value), Some(top)) if line.access != Access::Oracle && ranked.len() > 1 => {
-                column.number(value) == column.number(top)
-            }
-            _ => false,
-        }
+        let own = value(line).filter(|_| line.access != Access::Oracle).map(|value| column.number(value));
+        own.is_some() && own == best_number(column, &ranked)
     };
     lines.iter().map(of).collect()
+}
+
+/// Returns the best of the numbers of a column, as printed; `None` if there are fewer than two.
+pub(super) fn best_number(column: &Column, numbers: &[f64]) -> Option<String> {
+    let better = if column.kind().1 { f64::min } else { f64::max };
+    numbers.iter().copied().reduce(better).filter(|_| numbers.len() > 1).map(|best| column.number(best))
 }
 
 /// A division of the scenarios into parts with separate tables.

@@ -35,14 +35,14 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Creates the folder of a new training. Other files in it stay.
+    /// Creates the folder of a new training. Files that are not of a training stay.
     pub(super) fn create(
         path: &Path,
         identity: Value,
         about: &Map<String, Value>,
     ) -> Result<Self, TrainingError> {
         fs::create_dir_all(path).map_err(|source| TrainingError::Write { path: path.to_owned(), source })?;
-        let begun = [ABOUT, LOG].iter().any(|name| path.join(name).exists());
+        let begun = [ABOUT, LOG, WEIGHTS].iter().any(|name| path.join(name).exists());
         if begun || !checkpoints(path)?.is_empty() {
             return Err(TrainingError::Exists { path: path.to_owned() });
         }

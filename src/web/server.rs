@@ -1,15 +1,18 @@
 //! A server on the loopback interface, for the user who started it.
 
 use std::io;
-use std::net::{Ipv4Addr, TcpListener as StdListener};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener as StdListener};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::serve::Listener;
 use axum::{Router, middleware};
 use rand::TryRng;
 use rand::rngs::SysRng;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
+use tokio_io_timeout::TimeoutStream;
 
 use super::guard::{Guard, guard};
 use super::site::Site;
@@ -79,7 +82,7 @@ impl Loopback {
         let ended = Arc::new(Notify::new());
         let notifier = Arc::clone(&ended);
         runtime.block_on(async move {
-            let listener = TcpListener::from_std(listener).map_err(&refuse)?;
+            let listener = Patient(TcpListener::from_std(listener).map_err(&refuse)?);
             let router = router.layer(middleware::from_fn_with_state(Guard::new(&token, port, &site), guard));
             let graceful = stop.0.clone();
             let server = axum::serve(listener, router).with_graceful_shutdown(async move {
@@ -96,6 +99,30 @@ impl Loopback {
                 () = timeout => Ok(()),
             }
         })
+    }
+}
+
+/// Time after which a connection is closed that sends nothing: half-open ones would use up all descriptors.
+const IDLE_TIME: Duration = Duration::from_secs(60);
+
+/// A listener whose connections end when they are idle for [`IDLE_TIME`].
+struct Patient(TcpListener);
+
+impl Listener for Patient {
+    type Io = Pin<Box<TimeoutStream<TcpStream>>>;
+    type Addr = SocketAddr;
+
+    async fn accept(&mut self) -> (Self::Io, Self::Addr) {
+        // Waits a second if no descriptor is left.
+        let (connection, address) = Listener::accept(&mut self.0).await;
+        let mut connection = TimeoutStream::new(connection);
+        connection.set_read_timeout(Some(IDLE_TIME));
+        connection.set_write_timeout(Some(IDLE_TIME));
+        (Box::pin(connection), address)
+    }
+
+    fn local_addr(&self) -> io::Result<Self::Addr> {
+        self.0.local_addr()
     }
 }
 

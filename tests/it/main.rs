@@ -6,6 +6,7 @@
 )]
 
 mod animation;
+mod attack;
 mod benchmark;
 mod chromium;
 mod circles;

@@ -142,6 +142,22 @@ fn intervals_are_runs_side_by_side() {
     assert_eq!((&simulator["id"], simulator["scenarios"].as_u64()), (&"idm".into(), Some(12)));
     assert_eq!(simulator["metrics"]["aav-ttc"], serde_json::to_value(wanted).unwrap());
     assert_eq!(simulator["metrics"].as_object().unwrap().len(), 2);
+
+    // The tables again, for documents.
+    assert_eq!(said(&["report", text(&out)], 0).0, table);
+    let latex = |more: &[&str]| said(&[&["report", text(&out), "--format", "latex"], more].concat(), 0).0;
+    let usual = latex(&[]);
+    assert!(usual.starts_with("\\begin{table}[t]\n  % steps-05: ") && !usual.contains("\\textbf"), "{usual}");
+    assert_eq!(usual.matches("\\begin{tabular}{lcc}").count(), 2, "{usual}");
+    let bold = latex(&["--bold", "--columns", "ade", "--caption", "Ours & theirs", "--label", "tab:replan"]);
+    assert!(bold.contains("\\caption{Ours \\& theirs}\n  \\label{tab:replan}"), "{bold}");
+    assert_eq!(
+        (bold.matches("\\begin{tabular}").count(), bold.matches("\\textbf{").count()),
+        (1, 2),
+        "{bold}"
+    );
+    let (_, refused) = said(&["report", text(&out), "--caption", "x"], 2);
+    assert!(refused.contains("--caption has no effect on markdown: leave it out, or give --format latex"));
 }
 
 #[test]

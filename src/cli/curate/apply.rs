@@ -9,7 +9,7 @@ use clap::Args;
 use crate::cli::is_same;
 use crate::cli::{ExitStatus, count, say};
 use crate::curation::apply::{self, ApplyReport, FinalDecision, RefusedPick};
-use crate::curation::review::{Journal, ReviewLine};
+use crate::curation::review::{Agreement, Journal, ReviewLine};
 use crate::curation::store::Store;
 use crate::curation::{Application, Decision, InputFile, ScenarioRecord};
 use crate::evaluation::{FileRecord, program_commit, program_version};
@@ -23,6 +23,10 @@ pub(super) struct ApplyArgs {
     /// Journals of other reviewers, in addition to FILE.reviews.jsonl, which `curate review` writes
     #[arg(long, num_args = 1.., value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
+    /// Apply what more than half of the reviewers of a scenario decided, and nothing where there is no
+    /// majority [default: the latest decision]
+    #[arg(long)]
+    majority: bool,
     /// Also accept picked candidates that a filter rejected
     #[arg(long)]
     allow_rejected: bool,
@@ -58,15 +62,22 @@ pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
         let (id, opinions) = decisions.get_key_value(&record.scenario_id)?;
         known.insert(id);
         disagreements += usize::from(opinions.disagree(&record.scenario_digest));
-        let Some((line, fits)) = opinions.verdict_for(record) else {
+        let Some((line, fits)) = opinions.verdict_for(record, args.majority) else {
             let is_decision = |l: &ReviewLine| l.decision != Decision::Clear;
-            outdated += usize::from(opinions.0.values().any(is_decision));
+            let is_current = opinions.verdict(&record.scenario_digest).is_some();
+            outdated += usize::from(!is_current && opinions.0.values().any(is_decision));
             return None;
         };
         Some(FinalDecision { mark: line.mark(), candidate: line.candidate, fits })
     };
     let applied = apply::apply(&args.file, &args.out, application, decided)?;
-    report(&applied, disagreements, outdated + decisions.len() - known.len());
+    let digests = store.scenarios().iter().map(|entry| (&entry.scenario_id, entry.scenario_digest.as_str()));
+    let opinions = digests.filter_map(|(id, digest)| Some((decisions.get(id)?, digest)));
+    if let Some(agreement) = Agreement::of(opinions) {
+        say(format_args!("{agreement}"));
+    }
+    let disputed = Disputed { scenarios: disagreements, by_majority: args.majority };
+    report(&applied, &disputed, outdated + decisions.len() - known.len());
     let n = store.scenarios().len();
     say(format_args!("{}: {} of {} chosen", args.out.display(), applied.chosen, count(n, "scenario")));
     Ok(ExitStatus::Done)
@@ -95,8 +106,14 @@ fn journals(args: &ApplyArgs) -> anyhow::Result<Vec<PathBuf>> {
     Ok(journals)
 }
 
+/// Scenarios about which reviewers disagree.
+struct Disputed {
+    scenarios: usize,
+    by_majority: bool,
+}
+
 /// Prints what was applied and what was not.
-fn report(applied: &ApplyReport, disagreements: usize, unknown: usize) {
+fn report(applied: &ApplyReport, disputed: &Disputed, unknown: usize) {
     let ApplyReport { picked, picked_rejected, refused, dropped, marked, unfit, .. } = applied;
     say(format_args!("{picked} picked, {dropped} dropped, {marked} only marked"));
     if *picked_rejected > 0 {
@@ -113,9 +130,10 @@ fn report(applied: &ApplyReport, disagreements: usize, unknown: usize) {
              `{scenario_id}` by `{rejected_by}`; give --allow-rejected to accept them"
         ));
     }
-    if disagreements > 0 {
-        let n = count(disagreements, "scenario");
-        say(format_args!("warning: reviewers disagree about {n}; the latest decision holds"));
+    if disputed.scenarios > 0 {
+        let n = count(disputed.scenarios, "scenario");
+        let rule = if disputed.by_majority { "the majority decides" } else { "the latest decision holds" };
+        say(format_args!("warning: reviewers disagree about {n}; {rule}"));
     }
     if let Some(first) = unfit.first() {
         let n = count(unfit.len(), "decision");

@@ -43,7 +43,7 @@ pub(super) fn carry_out(
             ));
             return Ok(ExitStatus::Interrupted);
         };
-        let style = TableStyle { also: shared.also.columns(), ..TableStyle::default() };
+        let style = TableStyle { also: shared.table.style().also, ..TableStyle::default() };
         put_table(&run, &summary, style)?;
         if i == 0 || summary.provenance.scenarios == 0 {
             report_left_out(&summary);
@@ -59,11 +59,12 @@ pub(super) fn carry_out(
 /// Writes and prints the table.
 fn finish(folder: &StudyFolder, shared: &SharedArgs, failed: usize) -> anyhow::Result<ExitStatus> {
     let results = StudyResults::read(folder.path())?;
-    let (mut text, also) = (Vec::new(), shared.also.columns());
-    study_tables::write_markdown(&results, also, &mut text).context("could not make the table")?;
+    let (mut text, style) = (Vec::new(), shared.table.style());
+    study_tables::write_markdown(&results, style, &mut text).context("could not make the table")?;
     folder.put(STUDY_TABLE, &String::from_utf8_lossy(&text))?;
     write_result(None, |out| match shared.format.as_str() {
-        "json" => study_tables::write_json(&results, also, out),
+        "json" => study_tables::write_json(&results, style, out),
+        "latex" => study_tables::write_latex(&results, style, out),
         _ => out.write_all(&text),
     })?;
     if failed > 0 {

@@ -6,6 +6,7 @@
 //! disk. The scene that the page draws ([`sketch`](crate::web::sketch())) is stored with the candidates,
 //! so that the page needs no scenarios.
 
+mod agreement;
 mod assets;
 mod clock;
 mod error;
@@ -13,6 +14,7 @@ mod journal;
 mod page;
 mod server;
 
+pub use agreement::Agreement;
 pub use clock::{Clock, is_rfc3339, rfc3339, system_clock};
 pub use error::ReviewError;
 pub use journal::{Decisions, Journal, Opinions, ReviewLine, candidate_digest};

@@ -225,7 +225,7 @@ pub(super) fn scenario_json(
         id: &record.scenario_id,
         digest: &record.scenario_digest,
         origin: [record.origin.x, record.origin.y],
-        stale: opinions.verdict_for(record).is_some_and(|(_, fits)| !fits),
+        stale: opinions.verdict_for(record, false).is_some_and(|(_, fits)| !fits),
         candidates: record.candidates.iter().map(candidate).collect(),
     };
     let mut text = serde_json::to_string(&detail)?;

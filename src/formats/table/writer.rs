@@ -37,7 +37,8 @@ pub(crate) struct TableWriter {
 }
 
 impl TableWriter {
-    /// Starts a file of a kind and version, with row groups of `group_size` rows.
+    /// Starts a file of a kind and version, with row groups of `group_size` rows. It replaces an existing file
+    /// only if that is empty or of the same kind.
     pub(crate) fn create(
         path: &Path,
         (kind, version): (&str, u32),
@@ -45,6 +46,14 @@ impl TableWriter {
         columns: Vec<Column>,
     ) -> Result<Self, FormatError> {
         let refuse = |e| FormatError::file(path, Cause::Io { doing: "create", source: e });
+        let is_empty = path.metadata().is_ok_and(|metadata| metadata.len() == 0);
+        if path.is_file() && !is_empty && !super::kind(path).is_ok_and(|found| found.as_deref() == Some(kind))
+        {
+            return Err(refuse(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                "there is another file of this name; remove it or choose another name",
+            )));
+        }
         let file = NewFile::create(path).map_err(refuse)?;
         let schema = Arc::new(Schema::new(columns.iter().map(Column::field).collect::<Vec<_>>()));
         let key = |k: &str, v: String| KeyValue::new(k.to_owned(), v);

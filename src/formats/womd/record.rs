@@ -25,6 +25,8 @@ pub(super) struct Records {
     path: PathBuf,
     source: Box<dyn Read + Send>,
     payload: Vec<u8>,
+    /// Header of the next record, if it was found behind a damaged one.
+    header: Option<[u8; HEADER_SIZE]>,
     next: u64,
     ended: bool,
 }
@@ -32,7 +34,7 @@ pub(super) struct Records {
 impl Records {
     pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
         let source = source(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
-        Ok(Self { path: path.to_owned(), source, payload: Vec::new(), next: 0, ended: false })
+        Ok(Self { path: path.to_owned(), source, payload: Vec::new(), header: None, next: 0, ended: false })
     }
 
     /// Returns whether a file begins with the header of a record.
@@ -64,7 +66,9 @@ impl Records {
                 Some(Err(FormatError::record(&self.path, record, None, cause)))
             }
             Err(cause) => {
-                self.ended = true;
+                let is_header = matches!(cause, Cause::Checksum { .. });
+                self.header = if is_header { self.find_header() } else { None };
+                self.ended = self.header.is_none();
                 Some(Err(FormatError::file(&self.path, cause).at(record)))
             }
         }
@@ -72,12 +76,18 @@ impl Records {
 
     /// Reads a record into `payload`; `false` at the end of the file.
     fn advance(&mut self) -> Result<bool, Cause> {
-        match self.fill("the header of the record", HEADER_SIZE as u64) {
-            Err(Cause::Truncated { found: 0, .. }) => return Ok(false),
-            done => done?,
-        }
-        let mut header = [0; HEADER_SIZE];
-        header.copy_from_slice(&self.payload);
+        let header = match self.header.take() {
+            Some(header) => header,
+            None => {
+                match self.fill("the header of the record", HEADER_SIZE as u64) {
+                    Err(Cause::Truncated { found: 0, .. }) => return Ok(false),
+                    done => done?,
+                }
+                let mut header = [0; HEADER_SIZE];
+                header.copy_from_slice(&self.payload);
+                header
+            }
+        };
         let length = length(&header)?;
         if length > MAX_RECORD_LENGTH {
             return Err(Cause::value(
@@ -90,6 +100,21 @@ impl Records {
         let stated = self.payload.split_off(length as usize);
         check("the record", &self.payload, &stated)?;
         Ok(true)
+    }
+
+    /// Returns the next header behind a damaged one, which it reads to. Of bytes that are no header, one in four
+    /// billion looks like one by its checksum.
+    fn find_header(&mut self) -> Option<[u8; HEADER_SIZE]> {
+        let mut window = [0; HEADER_SIZE];
+        for read in 1..=MAX_RECORD_LENGTH {
+            window.rotate_left(1);
+            self.source.read_exact(&mut window[HEADER_SIZE - 1..]).ok()?;
+            let is_whole = read >= HEADER_SIZE as u64;
+            if is_whole && length(&window).is_ok_and(|length| (1..=MAX_RECORD_LENGTH).contains(&length)) {
+                return Some(window);
+            }
+        }
+        None
     }
 
     /// Reads `bytes` bytes. The buffer grows as they arrive, so that a wrong length allocates nothing.

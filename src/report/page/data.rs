@@ -170,7 +170,7 @@ impl Gallery {
     fn study_data(&self) -> Result<Vec<StudyData<'_>>, PageError> {
         let numbers = self.studies.iter().map(|(name, results)| {
             let mut text = Vec::new();
-            study_tables::write_json(results, &[], &mut text)?;
+            study_tables::write_json(results, TableStyle::default(), &mut text)?;
             let text = String::from_utf8_lossy(&text).trim().to_owned();
             Ok(StudyData { name, numbers: RawValue::from_string(text)? })
         });

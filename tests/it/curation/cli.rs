@@ -197,6 +197,7 @@ fn decisions_go_into_a_new_file() {
     let (code, said) = apply(&["--reviews", text(&theirs)]);
     assert_eq!(code, Some(0), "{said}");
     insta::assert_snapshot!(said, @r"
+    2 reviewers, 1 scenario decided by several: 0.0 % of their decisions are equal, 100.0 % both pick or both reject
     0 picked, 1 dropped, 0 only marked
     warning: 1 pick not applied: rejected by a filter, such as candidate 2 of scenario `a` by `pressure`; give --allow-rejected to accept them
     warning: reviewers disagree about 1 scenario; the latest decision holds
@@ -204,9 +205,14 @@ fn decisions_go_into_a_new_file() {
     HOME/d.parquet: 3 of 4 scenarios chosen
     ");
     assert_eq!(store::Store::open(&out).unwrap().scenarios()[0].chosen().map(|c| c.number), Some(1));
+    // Of two that differ neither has a majority.
+    let (code, said) = apply(&["--reviews", text(&theirs), "--majority"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("0 picked, 1 dropped, 0 only marked\nwarning: reviewers disagree about 1 scenario; the majority decides"), "{said}");
     let (code, said) = apply(&["--reviews", text(&theirs), "--allow-rejected"]);
     assert_eq!(code, Some(0), "{said}");
     insta::assert_snapshot!(said, @r"
+    2 reviewers, 1 scenario decided by several: 0.0 % of their decisions are equal, 100.0 % both pick or both reject
     1 picked, 1 dropped, 0 only marked
     warning: 1 candidate picked despite rejection by a filter
     warning: reviewers disagree about 1 scenario; the latest decision holds

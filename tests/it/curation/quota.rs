@@ -123,5 +123,27 @@ fn what_is_not_found_is_given_up_difficulty_first() {
     assert!(!taken(&mut quota) && quota.take("x", &mut same_difficulty));
     assert_eq!(quota.relax(), Some(Strictness::Any));
     assert!(taken(&mut quota) && !taken(&mut quota));
+    assert_eq!(quota.left(), 0);
+}
+
+#[test]
+fn groups_that_are_not_found_are_given_up_last() {
+    let mut quota = Quota::new(3, &names(&["x", "y"]));
+    let any = || record(&[Deviation::Lateral, Deviation::Longitudinal, Deviation::Directional]);
+    assert!(quota.take("x", &mut any()) && quota.take("x", &mut any()));
+    // The last place is for the other group.
+    assert!(quota.refuses("x") && !quota.refuses("y"));
+    assert_eq!(quota.relax(), Some(Strictness::Category));
+    assert_eq!(quota.relax(), Some(Strictness::Any));
+    assert!(!quota.take("x", &mut any()));
+    assert_eq!(quota.relax(), Some(Strictness::AnyGroup));
+    assert!(quota.take("x", &mut any()));
     assert_eq!((quota.left(), quota.relax()), (0, None));
+    // With fewer places than groups there is nothing to give up.
+    let mut few = Quota::new(1, &names(&["x", "y"]));
+    assert!(!few.refuses("x") && !few.refuses("y"));
+    assert_eq!(
+        [few.relax(), few.relax(), few.relax()],
+        [Some(Strictness::Category), Some(Strictness::Any), None]
+    );
 }

@@ -229,8 +229,8 @@ fn a_pick_of_another_trajectory_is_stale() {
     assert_eq!(server.get("api/scenario/0").1["stale"], true);
     let (decisions, _) = Journal::read_all(&[Journal::path_for(&path)]).unwrap();
     let opinions = &decisions[&all[0].scenario_id];
-    assert!(matches!(opinions.verdict_for(&all[0]), Some((_, false))));
-    assert!(matches!(opinions.verdict_for(&records(1)[0]), Some((_, true))));
+    assert!(matches!(opinions.verdict_for(&all[0], false), Some((_, false))));
+    assert!(matches!(opinions.verdict_for(&records(1)[0], false), Some((_, true))));
     drop((server, folder));
 }
 

@@ -119,9 +119,11 @@ fn foreign_files_are_refused() {
     assert!(refusal().contains("could not read"));
     fs::write(&path, "{}").unwrap();
     assert!(refusal().contains("truncated"));
+    fs::remove_file(&path).unwrap();
     let writer = reactsim::formats::rollouts::Writer::create(&path).unwrap();
     writer.finish().unwrap();
     assert!(refusal().contains("is `reactsim-rollouts`, expected `reactsim-deviations`"));
+    fs::remove_file(&path).unwrap();
     write(&path, &twenty());
     let sound = fs::read(&path).unwrap();
     for (from, to, expected) in [

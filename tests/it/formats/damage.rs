@@ -41,6 +41,34 @@ fn hurt(path: &Path, stride: usize) {
     assert!(digests(path).iter().any(Result::is_err), "garbage behind the end");
 }
 
+/// The next record is found behind a header that is damaged: one scenario is lost, and one is reported.
+#[test]
+fn a_damaged_header_costs_one_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    let records: Vec<Proto> =
+        ["one", "two", "three", "four"].map(|id| Proto { id: id.into(), ..Proto::default() }).into();
+    let plain = proto::records(&records);
+    fs::write(&path, &plain).unwrap();
+    let sound: Vec<String> = good(&path).iter().map(|s| s.digest()).collect();
+    let second = proto::records(&records[..1]).len();
+    for byte in [0, 3, 7, 8, 11] {
+        let mut bad = plain.clone();
+        bad[second + byte] ^= 0x10;
+        fs::write(&path, &bad).unwrap();
+        let read = digests(&path);
+        assert_eq!(read.len(), 4, "byte {byte}");
+        for (n, one) in read.into_iter().enumerate() {
+            match one {
+                Ok(digest) => assert!(n != 1 && digest == sound[n], "byte {byte}: {n}"),
+                Err(error) => {
+                    assert!(n == 1 && error.to_string().contains("record 1"), "byte {byte}: {error}")
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn damaged_tfrecords() {
     let folder = tempfile::tempdir().unwrap();

@@ -390,7 +390,7 @@ fn files_are_told_by_content() {
     let formats: Vec<&str> = found.iter().map(|i| i.format.id()).collect();
     assert_eq!(formats, ["scenarionet", "json"]);
     let passed = survey(folder.path()).unwrap().passed_over;
-    assert_eq!(passed, [folder.path().join("other.pkl")]);
+    assert_eq!(passed, [(folder.path().join("other.pkl"), "it is not a scenario file".to_owned())]);
 }
 
 #[test]

@@ -1,57 +1,16 @@
 //! Every value for every parameter, each in a call of the program with a limit of time and memory.
 
-use std::fs::{self, File};
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::fs;
 
 use reactsim::models::MODELS;
 
 use super::values::{accepts, values};
 use super::{ranges, setup};
-
-/// Longest duration of a call.
-const LIMIT: Duration = Duration::from_secs(120);
-/// Largest address space of a call, KiB.
-const MEMORY: u32 = 8 << 20;
-
-/// The result of a call.
-struct Answer {
-    /// Exit code; `None` if the program was ended by a signal or after the limit of time.
-    code: Option<i32>,
-    error: String,
-}
-
-/// Calls the program within the limits.
-fn call(arguments: &[String], folder: &Path) -> Answer {
-    let log = folder.join("stderr");
-    let mut child = Command::new("sh")
-        .args(["-c", &format!("ulimit -v {MEMORY}; exec \"$@\""), "sh"])
-        .arg(assert_cmd::cargo::cargo_bin!("reactsim"))
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(File::create(&log).unwrap())
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    let code = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status.code();
-        }
-        if start.elapsed() > LIMIT {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            break None;
-        }
-        sleep(Duration::from_millis(5));
-    };
-    Answer { code, error: fs::read_to_string(&log).unwrap() }
-}
+use crate::attack::call::{Answer, call};
 
 /// The fault of an answer to a value, if it has one.
 fn fault(answer: &Answer, key: &str, accepted: bool) -> Option<&'static str> {
-    let Answer { code, error } = answer;
+    let Answer { code, error, .. } = answer;
     match code {
         _ if error.contains("panicked") => Some("panics"),
         None => Some("does not end"),

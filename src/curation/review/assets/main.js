@@ -30,7 +30,7 @@ let queue, scenario, selected;
 /** Frame shown, fractional. */
 let time = NOW;
 let isPlaying = false, speed = 1, isWriting = false, isDirty = true;
-let reviewer = null, suggestion = "";
+let reviewer = null, suggestion = "", agreed = null;
 /** Index of the requested scenario; responses for others are outdated. */
 let wanted = -1;
 const cache = new Map();
@@ -211,7 +211,8 @@ function refresh() {
     return span;
   });
   $("tally").replaceChildren(...counts, ...(tally.disagree ? [`≠ ${tally.disagree}`] : []));
-  $("tally").title = `picked, rejected, flagged${tally.disagree ? ", reviewers disagree" : ""}`;
+  const agreement = agreed ? `; at the start of this page: ${agreed}` : "";
+  $("tally").title = `picked, rejected, flagged${tally.disagree ? ", reviewers disagree" : ""}${agreement}`;
   refreshPanel();
 }
 
@@ -393,6 +394,7 @@ function options(element, list, onSelect) {
 async function begin() {
   const session = await api.session();
   ({ reviewer, suggestion } = session);
+  agreed = session.agreement;
   queue = new Queue(session.overview, session.standings);
   queue.reviewer = reviewer;
   document.title = `${session.file} · review`;

@@ -36,11 +36,29 @@ impl Opinions {
         views.next().is_some_and(|first| views.any(|view| view != first))
     }
 
-    /// Returns [`Self::verdict`] for a record, and whether it refers to the trajectory that the record
-    /// has under that number. If it does not, the file was made again with other settings, and the
-    /// verdict must not be applied.
-    pub fn verdict_for<'a>(&'a self, record: &'a ScenarioRecord) -> Option<(&'a ReviewLine, bool)> {
-        self.verdict(&record.scenario_digest).map(|line| (line, fits(line, record)))
+    /// Returns the decision about a scenario of this digest that more than half of its reviewers made, with or
+    /// without a flag beside it: the latest line of those. `None` if there is no majority.
+    pub fn majority<'a>(&'a self, digest: &'a str) -> Option<&'a ReviewLine> {
+        let decided: Vec<&ReviewLine> =
+            self.standing(digest).filter(|l| l.decision != Decision::Flag).collect();
+        let same = |l: &ReviewLine| {
+            decided.iter().filter(|o| (o.decision, o.candidate) == (l.decision, l.candidate)).count()
+        };
+        let most = decided.iter().copied().filter(|l| 2 * same(l) > decided.len());
+        most.max_by(|a, b| a.at.cmp(&b.at).then_with(|| a.reviewer.cmp(&b.reviewer)))
+    }
+
+    /// Returns the decision for a record, by majority or the latest, and whether it refers to the trajectory
+    /// that the record has under that number. If it does not, the file was made again with other settings, and
+    /// the decision must not be applied.
+    pub fn verdict_for<'a>(
+        &'a self,
+        record: &'a ScenarioRecord,
+        by_majority: bool,
+    ) -> Option<(&'a ReviewLine, bool)> {
+        let digest = &record.scenario_digest;
+        let line = if by_majority { self.majority(digest) } else { self.verdict(digest) };
+        line.map(|line| (line, fits(line, record)))
     }
 
     /// Adds a line of the same journal, or a later one.

@@ -170,6 +170,13 @@ fn two_reviewers_merge_and_may_disagree() {
     let (both, warnings) = Journal::read_all(&[&path, &other]).unwrap();
     assert_eq!(both, journal.decisions());
     assert!(warnings.is_empty());
+    // Of two there is a majority only if they agree.
+    let majority =
+        |journal: &Journal, id: &str| journal.opinions(id).majority("d").map(|l| (l.decision, l.candidate));
+    assert_eq!(majority(&journal, "a"), None);
+    assert_eq!(majority(&journal, "c"), Some((Decision::Pick, Some(1))));
+    journal.append(line("a", Decision::Reject, None, "cleo", 3)).unwrap();
+    assert_eq!(majority(&journal, "a"), Some((Decision::Reject, None)));
     // A flag is never a disagreement.
     journal.append(line("b", Decision::Flag, None, "anna", 6)).unwrap();
     assert!(!journal.opinions("b").disagree("d"));

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::curation::Decision;
 use crate::curation::review::page::{DecisionStatus, Overview, scenario_json};
 use crate::curation::review::{
-    Clock, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, rfc3339,
+    Agreement, Clock, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, rfc3339,
 };
 use crate::curation::store::Store;
 
@@ -44,6 +44,8 @@ struct Session<'a> {
     warnings: &'a [String],
     overview: Overview,
     standings: Vec<DecisionStatus>,
+    /// Agreement of several reviewers in words.
+    agreement: Option<String>,
 }
 
 impl ReviewState {
@@ -96,6 +98,12 @@ impl ReviewState {
             warnings: &self.warnings(),
             overview: Overview::new(entries),
             standings: standings.collect(),
+            agreement: {
+                let current =
+                    entries.iter().map(|e| (decisions.get(&e.scenario_id), e.scenario_digest.as_str()));
+                let current = current.filter_map(|(opinions, digest)| Some((opinions?, digest)));
+                Agreement::of(current).map(|agreement| agreement.to_string())
+            },
         })
     }
 
