@@ -20,6 +20,7 @@ from typing import IO, Any, Union, cast
 from .client import ProtocolError, Session
 from .program import ReactsimError, find_program
 from .results import Results
+from .scenarios import selection
 
 __all__ = ["run"]
 
@@ -42,6 +43,8 @@ def run(
     rollouts: int = 1,
     seed: int = 0,
     limit: int | None = None,
+    ids: Sequence[str] = (),
+    categories: Sequence[str] = (),
     batch: int | None = None,
     out: PathLike | None = None,
     resume: bool = False,
@@ -69,6 +72,8 @@ def run(
         rollouts: Rollouts per scenario and simulator.
         seed: Seed of all random choices.
         limit: Only the first `limit` scenarios of every file.
+        ids: Only scenarios with one of these ids; all by default.
+        categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
         batch: Number of episodes per batch; the simulator's `batch` by default.
         out: Run folder to write; a temporary folder by default, which lives as long as the results.
         resume: Continue the interrupted run in `out`.
@@ -107,6 +112,7 @@ def run(
     for option, value in given:
         if value is not None:
             command += [option, os.fspath(value) if isinstance(value, os.PathLike) else str(value)]
+    command += selection(ids, categories)
     command += ["--resume"] * resume + ["--reveal-ids"] * reveal_ids + list(options)
     try:
         code, last = _carry_out(command, session, progress)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Union, cast
 
@@ -93,16 +93,19 @@ def scenarios(
     *,
     deviations: PathLike | None = None,
     limit: int | None = None,
+    ids: Sequence[str] = (),
+    categories: Sequence[str] = (),
     future: bool = True,
 ) -> Iterator[Scenario]:
     """Iterates over scenarios, one in memory at a time.
 
     Args:
         source: File or folder of scenarios of any format that the program reads; the shipped
-        benchmark by
-            default.
+            benchmark by default.
         deviations: File of deviated AVs.
         limit: Only the first `limit` scenarios of every file.
+        ids: Only scenarios with one of these ids; all by default.
+        categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
         future: Read the logged future and the deviated AV too.
 
     Raises:
@@ -117,9 +120,20 @@ def scenarios(
         command += ["--deviations", os.fspath(deviations)]
     if limit is not None:
         command += ["--limit", str(limit)]
+    command += selection(ids, categories)
     if future:
         command.append("--future")
     return _read(command, path)
+
+
+def selection(ids: Sequence[str], categories: Sequence[str]) -> list[str]:
+    """Returns the options of the program that select scenarios."""
+    given = [("--id", one) for one in _all(ids)] + [("--category", one) for one in _all(categories)]
+    return [text for option in given for text in option]
+
+
+def _all(names: Sequence[str]) -> Sequence[str]:
+    return [names] if isinstance(names, str) else names
 
 
 def _read(command: list[str], path: str | None) -> Iterator[Scenario]:

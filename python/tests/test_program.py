@@ -111,6 +111,10 @@ def test_scenarios() -> None:
     assert sum(s.av is not None for s in scenarios) > 0
     assert any(s.lanes for s in scenarios)
     assert len(list(reactsim.scenarios(limit=2, future=False))) == 2
+    lateral = [scene.id for scene in reactsim.scenarios(MINI, categories="lateral", future=False)]
+    assert lateral == ["cut-in", "oncoming-nudge", "pull-out", "wide-bend"]
+    results = reactsim.run(Stop(), MINI, ids=lateral[:2], progress=False)
+    assert list(results.provenance["settings"]["selection"]["ids"]) == lateral[:2]
     assert "</svg>" in scenarios[0].svg()
     with pytest.raises(reactsim.ReactsimError):
         list(reactsim.scenarios("not-there"))

@@ -21,3 +21,24 @@ pub struct Event {
     /// Named values at the event, such as `ttc` or `acceleration`.
     pub values: Vec<(&'static str, f64)>,
 }
+
+/// Names and units of the values of events; a value without a unit is a number of steps.
+pub const EVENT_UNITS: &[(&str, &str)] = &[
+    ("acceleration", "m/s²"),
+    ("av_speed", "m/s"),
+    ("curvature", "1/m"),
+    ("driven", "m"),
+    ("excess", "m/s²"),
+    ("heading_error", "rad"),
+    ("log_distance", "m"),
+    ("lost", "m"),
+    ("peak", "m/s²"),
+    ("progress", "m"),
+    ("reference", "m"),
+    ("reference_peak", "m/s²"),
+    ("speed", "m/s"),
+    ("ttc", "s"),
+    ("ttc_step", ""),
+    ("x", "m"),
+    ("y", "m"),
+];

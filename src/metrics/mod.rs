@@ -33,7 +33,7 @@ pub use case::Case;
 pub use collision::{BEHIND_DEGREES, Contact, Fault, STOPPED_SPEED};
 pub use deviation::DeviationStats;
 pub use direction::{WrongWay, WrongWayInterval};
-pub use event::Event;
+pub use event::{EVENT_UNITS, Event};
 pub use judgement::Judgement;
 pub use kinematics::{InfeasibleMotion, ViolationInterval, Violations};
 pub use likelihood::KinematicLikelihood;

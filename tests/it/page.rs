@@ -150,6 +150,13 @@ fn the_page_says_what_the_run_found() {
         .to_vec();
     let counts: Vec<f64> = counts.as_array().unwrap().iter().filter_map(Value::as_f64).collect();
     assert_eq!(counts, means);
+    // Distributions have a line per simulator, of all scenarios with a value, from 0 to 1.
+    let lines = page.evaluate(
+        "[...document.querySelectorAll('[data-chart=\"distribution-ade\"] path[data-values]')].map(p => [p.dataset.subject, Number(p.dataset.values)])",
+    );
+    let scenarios = summary["simulators"]["idm"]["metrics"]["ade"]["scenarios"].as_u64().unwrap();
+    assert_eq!(lines.as_array().unwrap().len(), 4, "{lines}");
+    assert!(lines.as_array().unwrap().iter().any(|line| line[1].as_u64() == Some(scenarios)), "{lines}");
 
     // Every download is what the program prints.
     page.evaluate("window.saved = {}; const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
@@ -281,6 +288,25 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
          const xml = new DOMParser().parseFromString(text, 'image/svg+xml'); return [xml.querySelector('parsererror') === null, xml.querySelectorAll('svg svg').length, text.length, /NaN|undefined|var\\(/.test(text)]; })()",
     );
     assert_eq!((&strip[0], &strip[1], &strip[3]), (&json!(true), &json!(6), &json!(false)), "{strip}");
+
+    // What is shown as a picture and as a video.
+    page.evaluate("window.last = null; document.getElementById('picture-save').click()");
+    page.until("window.last?.type === 'image/png' && window.last.size > 10000");
+    page.evaluate(
+        "window.last = null; const s = document.getElementById('speed'); s.value = '4'; s.onchange(); document.getElementById('video-save').click()",
+    );
+    page.until("window.last?.type.startsWith('video/') && window.last.size > 10000");
+
+    // Events state their units, and the view moves to them.
+    let events = page.evaluate("[...document.querySelectorAll('#events li')].map(e => e.textContent)");
+    let speeds: Vec<&str> = events
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(Value::as_str)
+        .filter(|e| e.contains("speed "))
+        .collect();
+    assert!(!speeds.is_empty() && speeds.iter().all(|text| text.contains(" m/s")), "{events}");
     clean(&page);
 }
 
@@ -602,4 +628,15 @@ fn what_can_not_be_shown_is_refused_or_said() {
     assert!(html(&[text(&run), "--scenarios", MINI], 2).contains("rollouts.parquet"));
     let nobody = reactsim(&["view", text(&run), "--port", "1"]);
     assert_eq!(nobody.status.code(), Some(2));
+}
+
+#[test]
+fn every_value_of_an_event_has_a_unit() {
+    let known: Vec<&str> = reactsim::metrics::EVENT_UNITS.iter().map(|(name, _)| *name).collect();
+    let mut seen = std::collections::BTreeSet::new();
+    for line in lines_of(&crate::reference::run().join("events.jsonl")) {
+        seen.extend(line["values"].as_object().unwrap().keys().cloned());
+    }
+    assert!(seen.len() >= 8, "{seen:?}");
+    assert!(seen.iter().all(|name| known.contains(&name.as_str())), "{seen:?}");
 }

@@ -8,7 +8,7 @@ use serde_json::value::RawValue;
 use super::PageError;
 use super::gallery::{Gallery, GalleryScenario};
 use crate::evaluation::{Access, Entry, Summary, program_commit, program_version};
-use crate::metrics::METRICS;
+use crate::metrics::{EVENT_UNITS, METRICS};
 use crate::report::table::{self, Column};
 use crate::report::{Run, TableStyle, exporter, study_tables};
 
@@ -28,6 +28,8 @@ pub(super) struct Data<'a> {
     metrics: Vec<MetricData>,
     /// Metrics of the main table.
     columns: Vec<&'static str>,
+    /// Units of the values of events, by name.
+    event_units: BTreeMap<&'static str, &'static str>,
     runs: Vec<RunData<'a>>,
     subjects: Vec<SubjectData<'a>>,
     scenarios: ScenarioData<'a>,
@@ -136,6 +138,7 @@ impl Gallery {
                 })
                 .collect(),
             columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
+            event_units: EVENT_UNITS.iter().copied().collect(),
             runs: self
                 .runs
                 .iter()

@@ -21,7 +21,12 @@ export const svg = (name, attributes = {}, ...children) => make(document.createE
 
 /** Saves a text to a file of this name. */
 export function save(name, text, type = "text/plain") {
-  const url = URL.createObjectURL(new Blob([text], { type: `${type};charset=utf-8` }));
+  saveBlob(name, new Blob([text], { type: `${type};charset=utf-8` }));
+}
+
+/** Saves data to a file of this name. */
+export function saveBlob(name, blob) {
+  const url = URL.createObjectURL(blob);
   el("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 }

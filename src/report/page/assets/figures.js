@@ -1,9 +1,9 @@
 // Figures of the paper for the runs of the page.
 
 import { chart, mark, series, steps, ticks } from "./charts.js";
-import { categories, runs, scenarios, subjects } from "./data.js";
+import { categories, data, metric, runs, scenarios, subjects, value } from "./data.js";
 import { $, el, svg } from "./dom.js";
-import { count } from "./format.js";
+import { count, titled } from "./format.js";
 
 const CATEGORY = { longitudinal: [0, "var(--longitudinal)"], lateral: [1, "var(--lateral)"], directional: [2, "var(--directional)"] };
 const tint = (i) => `var(--subject-${i % 8})`;
@@ -170,8 +170,34 @@ function realism() {
   })];
 }
 
+/** Shares of scenarios up to every value of a metric, one line per simulator. */
+function distributions() {
+  const shown = data.columns.filter((id) => metric(id));
+  return shown.flatMap((id) => {
+    const of = metric(id);
+    const scale = of.unit === "rate" ? 100 : 1;
+    const lines = subjects.map((s) => [s, scenarios.id.map((_, i) => value(s.index, id, i)).filter((v) => v !== null).map((v) => scale * v).sort((a, b) => a - b)]);
+    const used = lines.filter(([, values]) => values.length > 1);
+    const all = used.flatMap(([, values]) => values);
+    const [low, high] = [all.reduce((a, b) => Math.min(a, b), 0), all.reduce((a, b) => Math.max(a, b), 0)];
+    if (!used.length || low === high) return [];
+    return [chart({
+      name: `distribution-${id}`, title: `${of.title} by scenario`, about: `Share of the scenarios with at most this value; ${of.lower_is_better ? "higher" : "lower"} lines are better.`,
+      x: { label: titled(of), min: low, max: high }, y: { label: "share of scenarios", min: 0, max: 1 },
+      legend: used.map(([s]) => [s.name, null, ink(s)]),
+      draw: (h, v) => used.map(([s, values]) => {
+        let d = `M${h(low)} ${v(0)}`;
+        values.forEach((x, i) => (d += `H${h(x).toFixed(1)}V${v((i + 1) / values.length).toFixed(1)}`));
+        return svg("path", { d: `${d}H${h(high)}`, fill: "none", stroke: ink(s), "stroke-width": 1.6, "data-subject": s.index, "data-values": values.length });
+      }),
+    })];
+  });
+}
+
 /** Draws all figures for which the runs have data. */
 export function figures() {
   const all = [...replanning(), ...realism(), ...counts(), ...deviations()];
+  const spread = distributions();
+  if (spread.length) all.push(el("details", { class: "full", id: "distributions" }, el("summary", {}, "Distributions over scenarios, by metric"), el("div", { class: "cards" }, ...spread)));
   $("figures-body").replaceChildren(...(all.length ? all : [el("p", { class: "dim" }, "These runs have no data for figures.")]));
 }

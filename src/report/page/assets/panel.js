@@ -1,7 +1,7 @@
 // Information next to the views: timeline, current values, events, and the agent under the pointer.
 
 import { sharp } from "./curves.js";
-import { metric, value } from "./data.js";
+import { data, metric, value } from "./data.js";
 import { FRAMES, NOW } from "./decode.js";
 import { el } from "./dom.js";
 import { number, seconds } from "./format.js";
@@ -61,7 +61,7 @@ export function facts(table, simulators, index) {
     el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(subject, id, index)) : ""),
   ])));
   table.replaceChildren(
-    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, ""), ...simulators.flatMap((subject, i) => (subject === null ? [] : [el("th", { scope: "col", class: "number" }, `${i ? "right" : "left"} now`), el("th", { scope: "col", class: "number" }, "all")])))),
+    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Measure"), ...simulators.flatMap((subject, i) => (subject === null ? [] : [el("th", { scope: "col", class: "number" }, `${i ? "right" : "left"} now`), el("th", { scope: "col", class: "number" }, "all")])))),
     el("tbody", {}, ...shown.map((id) => row(id, `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
 }
 
@@ -99,7 +99,8 @@ export function events(list, scene, parts, several, pick) {
   all.sort((a, b) => a.from - b.from || a.pane - b.pane);
   const words = (e) => {
     const who = scene.agents[e.agent].id, partner = e.partner === undefined ? "" : ` with ${e.partner === 0 ? "the AV" : scene.agents[e.partner].id}`;
-    const values = (e.values ?? []).map(([k, v]) => `${k} ${v}`).join(", ");
+    const unit = (name) => data.event_units[name] && ` ${data.event_units[name]}`;
+    const values = (e.values ?? []).map(([k, v]) => `${k.replaceAll("_", " ")} ${v}${unit(k) || ""}`).join(", ");
     return `${who}${partner}${e.reason ? `, ${e.reason.replaceAll("_", " ")}` : ""}${values ? ` (${values})` : ""}`;
   };
   list.replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {

@@ -30,7 +30,7 @@ function difference(m, w) {
 }
 
 const find = (member, id) => member.simulators.find((s) => s.id === id);
-const wide = (...rows) => el("div", { class: "wide" }, el("table", { class: "data" }, ...rows));
+const wide = (...rows) => el("div", { class: "wide", tabindex: "0", role: "region", "aria-label": "Study, scrollable" }, el("table", { class: "data" }, ...rows));
 
 /** One table per metric: simulators by replan interval. */
 function replan({ members }) {

@@ -4,7 +4,7 @@ import { Camera } from "./camera.js";
 import { Chart, seekable } from "./curves.js";
 import { counted, runs, scenarios, subjects } from "./data.js";
 import { FRAMES, NOW } from "./decode.js";
-import { $, el, save, toast } from "./dom.js";
+import { $, el, save, saveBlob, toast } from "./dom.js";
 import { seconds } from "./format.js";
 import { NO_RISK, RISKY, between } from "./geometry.js";
 import { mark, neighbour } from "./list.js";
@@ -174,8 +174,17 @@ function refresh() {
   panel.events($("events"), scene, panes.map((p) => p.part(scene)), panes[1].subject !== null, (event) => {
     chosen = event.agent;
     seek(event.from);
+    approach(event);
   });
   isDirty = true;
+}
+
+/** Moves the view to an event, close enough to see who touches whom. */
+function approach(event) {
+  const tracks = panes[event.pane].part(scene).tracks;
+  const points = [event.agent, event.partner].filter((i) => i !== undefined).map((i) => tracks[i][event.from]).filter(Boolean);
+  setFollow(false);
+  camera.fit(points);
 }
 
 // ---- pointer
@@ -237,7 +246,71 @@ function saveStrip() {
   const at = times($("strip-times").value);
   if (!at) return toast("write up to 12 times between 0 and 8 s, such as 0, 2, 4, 6");
   const rows = panes.map((p) => p.subject).filter((s) => s !== null);
-  save(`${scenarios.id[index].replace(/[^\w.-]+/g, "_")}.svg`, strip(scene, rows, at, camera, follow, layers, replanOf), "image/svg+xml");
+  save(fileName("svg"), strip(scene, rows, at, camera, follow, layers, replanOf), "image/svg+xml");
+}
+
+/** The views side by side as one canvas, with the names of the simulators above them. */
+function picture() {
+  const shown = panes.filter((p) => !p.root.hidden);
+  const ratio = devicePixelRatio || 1, head = Math.round(26 * ratio);
+  const canvas = el("canvas", {});
+  // Encoders of video need even sizes.
+  const even = (n) => n - (n % 2);
+  canvas.width = even(shown.reduce((sum, p) => sum + p.canvas.width, 0));
+  canvas.height = even(Math.max(...shown.map((p) => p.canvas.height)) + head);
+  const context = canvas.getContext("2d", { alpha: false });
+  const paint = () => {
+    context.fillStyle = colour("panel");
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.fillStyle = colour("text");
+    context.font = `${14 * ratio}px system-ui, sans-serif`;
+    let x = 0;
+    for (const pane of shown) {
+      context.fillText(`${subjects[pane.subject].name} · ${$("time").textContent}`, x + 10 * ratio, 18 * ratio);
+      context.drawImage(pane.canvas, x, head);
+      x += pane.canvas.width;
+    }
+  };
+  paint();
+  return [canvas, paint];
+}
+
+const fileName = (ending) => `${scenarios.id[index].replace(/[^\w.-]+/g, "_")}.${ending}`;
+
+function savePicture() {
+  if (!scene) return;
+  picture()[0].toBlob((blob) => saveBlob(fileName("png"), blob));
+}
+
+let recorder = null;
+
+/** Plays from step 0 to the end and saves what is shown as a video; a second call ends it. */
+function saveVideo() {
+  if (!scene) return;
+  if (recorder) return recorder.stop();
+  const kind = ["video/mp4", "video/webm"].find((type) => window.MediaRecorder?.isTypeSupported(type));
+  if (!kind) return toast("this browser cannot record videos");
+  const [canvas, paint] = picture();
+  const parts = [];
+  recorder = new MediaRecorder(canvas.captureStream(30), { mimeType: kind, videoBitsPerSecond: 8e6 });
+  recorder.ondataavailable = (event) => parts.push(event.data);
+  recorder.onstop = () => {
+    recorder = null;
+    $("video-save").textContent = "save video";
+    setPlaying(false);
+    saveBlob(fileName(kind.slice(6)), new Blob(parts, { type: kind }));
+  };
+  const follow_ = () => {
+    if (!recorder) return;
+    paint();
+    if (isPlaying && time < FRAMES - 1) requestAnimationFrame(follow_);
+    else recorder.stop();
+  };
+  $("video-save").textContent = "stop";
+  seek(NOW);
+  setPlaying(true);
+  recorder.start();
+  requestAnimationFrame(follow_);
 }
 
 /** Key bindings: names of keys, description, action. */
@@ -320,6 +393,8 @@ export function viewer(changed) {
   $("follow").onclick = () => setFollow(!follow);
   $("fit").onclick = () => (setFollow(false), fit());
   $("strip-save").onclick = saveStrip;
+  $("picture-save").onclick = savePicture;
+  $("video-save").onclick = saveVideo;
   $("timeline").addEventListener("keydown", (event) => {
     const to = { Home: NOW, End: FRAMES - 1 }[event.key];
     if (to === undefined) return;
