@@ -104,6 +104,18 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
     assert!(usual.contains("$^\\dagger$") && !usual.contains("\\textbf"), "{usual}");
     let markdown = report(&chosen);
     assert!(markdown.contains("| **") && !markdown.contains("A-AV Coll"), "{markdown}");
-    let csv = report(&[&chosen[..], &["--format", "csv"]].concat());
+    let csv = report(&[&chosen[..2], &["--format", "csv"]].concat());
     assert!(csv.lines().skip(1).all(|line| line.contains(",aav-ttc,") || line.contains(",ade,")), "{csv}");
+    // What a format has no use for is refused, not ignored.
+    for (options, option) in [
+        (&["--bold", "--format", "csv"][..], "--bold"),
+        (&["--label", "tab:x"], "--label"),
+        (&["--columns", "ade", "--format", "json"], "--columns"),
+        (&["--all"], "--all"),
+    ] {
+        let output = reactsim(&[&["report", a.to_str().unwrap()][..], options].concat());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{options:?}");
+        assert!(said.contains(&format!("error: {option} ")), "{options:?}: {said}");
+    }
 }
