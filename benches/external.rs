@@ -1,8 +1,8 @@
 //! Cost of the protocol of external simulators: the example `constant_velocity.py` in closed loop on the
 //! shipped benchmark, on one thread.
 //!
-//! `cargo bench --bench external`, with a `python3` that has numpy. Times are by the wall clock and contain what
-//! the example itself computes: nothing else should run.
+//! `cargo bench --bench external`, with a `python3` that has numpy. Times are by the wall clock and contain
+//! what the example itself computes: nothing else should run.
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! Speed of the program on real scenarios: rollouts, metrics, curation, generation, reading, threads, memory.
 //!
-//! `cargo bench --bench throughput [-- FOLDER]`; without a folder the shared validation split is taken, and where
-//! that is missing there is nothing to measure. Each figure is measured in several rounds: the best and the
-//! median are printed, by the wall clock, and the best by the processor time of the measuring thread, which other
-//! programs on the machine disturb less.
+//! `cargo bench --bench throughput [-- FOLDER]`; without a folder the shared validation split is taken, and
+//! where that is missing there is nothing to measure. Each figure is measured in several rounds: the best and
+//! the median are printed, by the wall clock, and the best by the processor time of the measuring thread,
+//! which other programs on the machine disturb less.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the table is what this program is for")]
 
 use std::fs::{self, File};

@@ -107,7 +107,8 @@ fn stream(
     Ok((good, bad))
 }
 
-/// Returns the scenarios of all files, each with its file. A file that cannot be opened counts as one scenario.
+/// Returns the scenarios of all files, each with its file. A file that cannot be opened counts as one
+/// scenario.
 fn scenarios(
     inputs: &[formats::Input],
 ) -> impl Iterator<Item = (&formats::Input, Result<Scenario, FormatError>)> {

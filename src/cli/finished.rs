@@ -31,8 +31,8 @@ pub(super) fn show_next_steps(folder: &Path, keeps_rollouts: bool) {
     ));
 }
 
-/// Prints which selected scenarios there are not, how many scenarios have no deviation in the file, and how many
-/// deviations have no scenario.
+/// Prints which selected scenarios there are not, how many scenarios have no deviation in the file, and how
+/// many deviations have no scenario.
 pub(super) fn report_left_out(summary: &Summary) {
     let p = &summary.provenance;
     for id in &p.missing_ids {

@@ -193,8 +193,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Parses the arguments. Values may begin with a minus sign, so that a negative number is refused as a value and
-/// not as an unknown option.
+/// Parses the arguments. Values may begin with a minus sign, so that a negative number is refused as a value
+/// and not as an unknown option.
 fn parse() -> Cli {
     let matches = with_negative_numbers(Cli::command()).try_get_matches();
     let matches = matches.unwrap_or_else(|error| match error.kind() {

@@ -92,8 +92,8 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
 /// Writes the tables of a study.
 type StudyWriter = fn(&StudyResults, TableStyle<'_>, &mut dyn Write) -> io::Result<()>;
 
-/// Returns the writer of a format in which a single study has tables of its own. In others its members are runs
-/// like any others.
+/// Returns the writer of a format in which a single study has tables of its own. In others its members are
+/// runs like any others.
 fn study_format(format: Option<&str>) -> Option<StudyWriter> {
     match format {
         None | Some("markdown") => Some(study_tables::write_markdown),

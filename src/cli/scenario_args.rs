@@ -46,7 +46,8 @@ impl SelectionArgs {
         Selection { ids: ids.iter().cloned().collect(), categories: categories.iter().cloned().collect() }
     }
 
-    /// Returns whether a scenario is selected; its category is that in the file of deviations, if there is one.
+    /// Returns whether a scenario is selected; its category is that in the file of deviations, if there is
+    /// one.
     pub(super) fn selects(&self, scenario: &Scenario, deviations: Option<&Deviations>) -> bool {
         let own = scenario.deviation.as_ref().and_then(|d| d.category);
         let listed = |d: &Deviations| d.tracks.get(&scenario.id).and_then(|record| record.category);

@@ -1,7 +1,7 @@
 //! Suggestions for misspelt names.
 
-/// Returns the most similar of the known names, if one is similar enough: one different or swapped character, and
-/// one more for every five.
+/// Returns the most similar of the known names, if one is similar enough: one different or swapped character,
+/// and one more for every five.
 pub(super) fn most_similar<T: AsRef<str>>(name: &str, known: impl IntoIterator<Item = T>) -> Option<T> {
     let length = name.chars().count();
     let distance = |known: &T| strsim::damerau_levenshtein(name, known.as_ref());

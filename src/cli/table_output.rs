@@ -113,8 +113,8 @@ impl TableArgs {
         self.columns.style()
     }
 
-    /// Writes the table of runs to a file or to stdout. `format`: terminal on a terminal and markdown elsewhere
-    /// if it is absent. `below` is appended to tables for people.
+    /// Writes the table of runs to a file or to stdout. `format`: terminal on a terminal and markdown
+    /// elsewhere if it is absent. `below` is appended to tables for people.
     pub(super) fn write(
         &self,
         runs: &[Run<'_>],

@@ -33,8 +33,8 @@ pub struct Provenance {
     pub inputs: Vec<FileRecord>,
     /// The file of deviated AVs, if given.
     pub deviations: Option<FileRecord>,
-    /// The known benchmark of the inputs; `None` for other inputs, for a part of a benchmark (`--limit`, `--id`, `--category`), and
-    /// with a file of deviations.
+    /// The known benchmark of the inputs; `None` for other inputs, for a part of a benchmark (`--limit`,
+    /// `--id`, `--category`), and with a file of deviations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<BenchmarkRecord>,
     /// Name of the tensor backend, such as `flex`; `None` if no simulator has a network.

@@ -62,8 +62,8 @@ pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
 /// out.
 ///
 /// # Errors
-/// [`ForeignRollout`] names an agent that is unknown or repeated, a state beyond the limits of scenarios, or a
-/// missing AV.
+/// [`ForeignRollout`] names an agent that is unknown or repeated, a state beyond the limits of scenarios, or
+/// a missing AV.
 pub fn recorded_tracks(
     scenario: &Scenario,
     record: &RolloutRecord,

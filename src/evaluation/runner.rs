@@ -269,9 +269,9 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Returns whether a simulator has to run a record, one of these `places`: there are no rows of an earlier
-    /// run, or, in a batch of an external simulator, none for some record of the batch. Batches are always
-    /// repeated as a whole.
+    /// Returns whether a simulator has to run a record, one of these `places`: there are no rows of an
+    /// earlier run, or, in a batch of an external simulator, none for some record of the batch. Batches are
+    /// always repeated as a whole.
     fn is_needed(&self, place: Place, simulator: usize, places: &[Place]) -> bool {
         let lacks_rows = |place: &Place| !self.before.has(*place, simulator);
         match self.plan.simulators[simulator].batch() {

@@ -109,7 +109,8 @@ impl PlannedSimulator {
             }
         }
         let make = |selected: SelectedSimulator| {
-            // Adjustments of a variant also apply to it with a stage, unless the id with the stage has its own.
+            // Adjustments of a variant also apply to it with a stage, unless the id with the stage has its
+            // own.
             let variant = selected.variant();
             let ids = [variant.as_str(), selected.id.as_str()];
             let path = ids.iter().rev().find_map(|id| weights.get(id)).copied();
@@ -211,8 +212,8 @@ impl PlannedSimulator {
     }
 }
 
-/// Returns what tells a simulator apart from the shipped one in tables: its label, or else the name of weights
-/// that are not the shipped ones.
+/// Returns what tells a simulator apart from the shipped one in tables: its label, or else the name of
+/// weights that are not the shipped ones.
 fn mark(
     selected: &SelectedSimulator,
     shipped: Option<&str>,

@@ -38,8 +38,8 @@ impl NewFile {
         remove_abandoned(path);
         let partial = path.with_file_name(format!(".{}.{}{SUFFIX}", name.display(), process::id()));
         let file = File::create(&partial)?;
-        // The lock shows that the file is not abandoned. On file systems without locks it stays if this process
-        // is killed.
+        // The lock shows that the file is not abandoned. On file systems without locks it stays if this
+        // process is killed.
         file.try_lock().ok();
         Ok(Self { path: path.to_owned(), partial, file: BufWriter::new(file) })
     }

@@ -68,8 +68,9 @@ pub type PassedOver = Vec<(PathBuf, String)>;
 pub struct Survey {
     /// The scenario files, sorted by name; at least one.
     pub inputs: Vec<Input>,
-    /// Files of a folder that are named like scenarios but cannot be read or have no known format, and folders
-    /// in it that cannot be read, with the reason. Callers that report what was read should list them.
+    /// Files of a folder that are named like scenarios but cannot be read or have no known format, and
+    /// folders in it that cannot be read, with the reason. Callers that report what was read should list
+    /// them.
     pub passed_over: PassedOver,
 }
 

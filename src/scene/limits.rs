@@ -12,8 +12,8 @@ pub const MAX_VELOCITY: f64 = 1000.0;
 /// Heading magnitude in radians: about a thousand turns.
 pub const MAX_HEADING: f64 = 6300.0;
 
-/// Returns the name and the value of a state that is beyond the limits, and what is expected instead. `center`
-/// is a position of the AV. Unknown velocities (NaN) are accepted.
+/// Returns the name and the value of a state that is beyond the limits, and what is expected instead.
+/// `center` is a position of the AV. Unknown velocities (NaN) are accepted.
 pub fn beyond(state: &AgentState, center: Vec2) -> Option<(&'static str, f64, &'static str)> {
     let far = "a position within 100 km of the AV";
     let fast = "a velocity below 1000 m/s";

@@ -311,8 +311,8 @@ where
         }
     }
 
-    /// Checks that the weights of the lowest validation loss so far are still there, or writes them again if they
-    /// are those of the checkpoint.
+    /// Checks that the weights of the lowest validation loss so far are still there, or writes them again if
+    /// they are those of the checkpoint.
     fn find_weights(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
         let Progress { step, best: Some(best), .. } = run.state.progress else { return Ok(()) };
         match run.folder.weights() {

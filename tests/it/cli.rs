@@ -561,7 +561,8 @@ fn rollout_documents_are_scored() {
             "heading": vec![0.0; 91], "vx": null, "vy": null, "valid": vec![true; 91]
         })
     };
-    // The agent drives half a metre behind the AV's bumper into nothing, and is risky to nobody at the same speed.
+    // The agent drives half a metre behind the AV's bumper into nothing, and is risky to nobody at the same
+    // speed.
     let scenario = serde_json::json!({
         "id": "pair", "current_index": 10, "num_future": 80, "av_index": 0, "map": {},
         "agents": [agent("av", 5.0), agent("follower", 0.0)]

@@ -1,4 +1,5 @@
-//! Leaderboards: entries in one table, with how far each was checked; what cannot stand beside the others is refused.
+//! Leaderboards: entries in one table, with how far each was checked; what cannot stand beside the others is
+//! refused.
 
 use std::fs;
 use std::path::Path;

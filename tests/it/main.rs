@@ -56,7 +56,8 @@ mod smart_simulator;
 // Path of the geometry in sources of the library that are compiled here again.
 use reactsim::geometry;
 
-/// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is said here.
+/// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is
+/// said here.
 #[track_caller]
 pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
     let found = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
@@ -67,7 +68,8 @@ pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
     None
 }
 
-/// Says that a test is passed over. Past the harness, which shows nothing of what a test prints that goes well.
+/// Says that a test is passed over. Past the harness, which shows nothing of what a test prints that goes
+/// well.
 #[track_caller]
 pub(crate) fn skipped(why: &str) {
     use std::io::Write;

@@ -1,4 +1,5 @@
-//! The report page: what it says equals what the run found, it works by mouse, keyboard and address, and nothing of a run becomes markup.
+//! The report page: what it says equals what the run found, it works by mouse, keyboard and address, and
+//! nothing of a run becomes markup.
 
 use std::collections::BTreeMap;
 use std::fs;

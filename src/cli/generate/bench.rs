@@ -14,8 +14,8 @@ use crate::evaluation::{FileRecord, program_version};
 use crate::formats::native::Writer;
 use crate::generation::{GenerationSettings, Generator, VERSION};
 
-/// Largest number of scenarios that are tried in vain, per requested scenario: a few scenarios are not worth a
-/// long search.
+/// Largest number of scenarios that are tried in vain, per requested scenario: a few scenarios are not worth
+/// a long search.
 const PATIENCE_PER_SCENARIO: u64 = 20;
 
 /// Returns the path of the file of candidates for a file of scenarios.

@@ -8,7 +8,8 @@ use crate::scene::Scenario;
 /// Text of a property that a scenario does not have.
 const NONE: &str = "-";
 
-/// Returns a row per selected scenario below a row of headings, and the number of scenarios that cannot be read.
+/// Returns a row per selected scenario below a row of headings, and the number of scenarios that cannot be
+/// read.
 pub(super) fn rows(args: &ScenarioArgs) -> anyhow::Result<(Vec<Vec<String>>, usize)> {
     let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
     let headings = ["scenario_id", "source", "agents", "category", "difficulty"].map(str::to_owned);

@@ -19,11 +19,11 @@ pub struct Agreement {
     pub same: f64,
     /// Share of the pairs that both pick or both reject, whatever the candidate. Mean over scenarios, 0 to 1.
     pub same_decision: f64,
-    /// Fleiss' kappa of picking and rejecting: 0 for agreement by chance, 1 for perfect agreement; `None` if all
-    /// decisions are alike.
+    /// Fleiss' kappa of picking and rejecting: 0 for agreement by chance, 1 for perfect agreement; `None` if
+    /// all decisions are alike.
     ///
-    /// Source: Fleiss, "Measuring nominal scale agreement among many raters", Psychological Bulletin 76, 1971;
-    /// for different numbers of decisions per scenario, with the mean over scenarios.
+    /// Source: Fleiss, "Measuring nominal scale agreement among many raters", Psychological Bulletin 76,
+    /// 1971; for different numbers of decisions per scenario, with the mean over scenarios.
     pub kappa: Option<f64>,
 }
 

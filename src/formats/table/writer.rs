@@ -37,8 +37,8 @@ pub(crate) struct TableWriter {
 }
 
 impl TableWriter {
-    /// Starts a file of a kind and version, with row groups of `group_size` rows. It replaces an existing file
-    /// only if that is empty or of the same kind.
+    /// Starts a file of a kind and version, with row groups of `group_size` rows. It replaces an existing
+    /// file only if that is empty or of the same kind.
     pub(crate) fn create(
         path: &Path,
         (kind, version): (&str, u32),

@@ -102,8 +102,8 @@ impl Records {
         Ok(true)
     }
 
-    /// Returns the next header behind a damaged one, which it reads to. Of bytes that are no header, one in four
-    /// billion looks like one by its checksum.
+    /// Returns the next header behind a damaged one, which it reads to. Of bytes that are no header, one in
+    /// four billion looks like one by its checksum.
     fn find_header(&mut self) -> Option<[u8; HEADER_SIZE]> {
         let mut window = [0; HEADER_SIZE];
         for read in 1..=MAX_RECORD_LENGTH {

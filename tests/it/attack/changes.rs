@@ -2,8 +2,8 @@
 
 use rand::{Rng, RngExt};
 
-/// Returns a content with one change, drawn at random: bytes flipped, cut out, repeated, inserted or zeroed, the
-/// end cut off, a number or a word of a text replaced.
+/// Returns a content with one change, drawn at random: bytes flipped, cut out, repeated, inserted or zeroed,
+/// the end cut off, a number or a word of a text replaced.
 pub(crate) fn changed(content: &[u8], rng: &mut impl Rng) -> Vec<u8> {
     let mut bytes = content.to_vec();
     if bytes.is_empty() {

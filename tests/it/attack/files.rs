@@ -1,5 +1,5 @@
-//! Changed files of every kind that the program reads: an answer with an exit code, soon, and never a panic, a
-//! number that is none, or another result without a word.
+//! Changed files of every kind that the program reads: an answer with an exit code, soon, and never a panic,
+//! a number that is none, or another result without a word.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -236,7 +236,8 @@ fn older_and_other_flavours() {
     let shown = s.light_states(0);
     assert_eq!((shown[0], shown[20]), (Some(LightState::Stop), Some(LightState::Go)));
     assert_eq!(s.start.map.stop_lines.len(), 2);
-    // nuScenes: no links, outlines of lanes, the drivable area as rings, an AV that is wider than long, limits that are filled in.
+    // nuScenes: no links, outlines of lanes, the drivable area as rings, an AV that is wider than long,
+    // limits that are filled in.
     let nuscenes = |v: &mut Value| {
         v["metadata"]["dataset"] = json!("nuscenes");
         v["tracks"]["8"]["state"]["length"] = numbers(91, |_| 1.73);

@@ -42,7 +42,8 @@ fn nothing_depends_on_what_the_av_does_later() {
     assert!(reactions > 20, "hardly anything reacted at all ({reactions}): the test would show nothing");
 }
 
-/// Checks that agents do not differ before they can see the AV differ, and counts how often they do afterwards.
+/// Checks that agents do not differ before they can see the AV differ, and counts how often they do
+/// afterwards.
 fn reactions_to_a_halt(model: &Baseline, controller: &Controller, n: usize, scenario: &Scenario) -> usize {
     let (now, base) = (scenario.start.now(0), coasting(scenario));
     let mut reactions = 0;

@@ -36,8 +36,8 @@ impl Opinions {
         views.next().is_some_and(|first| views.any(|view| view != first))
     }
 
-    /// Returns the decision about a scenario of this digest that more than half of its reviewers made, with or
-    /// without a flag beside it: the latest line of those. `None` if there is no majority.
+    /// Returns the decision about a scenario of this digest that more than half of its reviewers made, with
+    /// or without a flag beside it: the latest line of those. `None` if there is no majority.
     pub fn majority<'a>(&'a self, digest: &'a str) -> Option<&'a ReviewLine> {
         let decided: Vec<&ReviewLine> =
             self.standing(digest).filter(|l| l.decision != Decision::Flag).collect();
@@ -49,8 +49,8 @@ impl Opinions {
     }
 
     /// Returns the decision for a record, by majority or the latest, and whether it refers to the trajectory
-    /// that the record has under that number. If it does not, the file was made again with other settings, and
-    /// the decision must not be applied.
+    /// that the record has under that number. If it does not, the file was made again with other settings,
+    /// and the decision must not be applied.
     pub fn verdict_for<'a>(
         &'a self,
         record: &'a ScenarioRecord,
