@@ -34,8 +34,7 @@ impl WeightsFile {
     /// # Errors
     /// [`ModelError::DigestMismatch`] naming both digests.
     pub fn check(&self, id: &'static str) -> Result<(), ModelError> {
-        let rows = manifest()?;
-        let Some(row) = rows.into_iter().find(|row| row.is_for(id) && row.file == self.name) else {
+        let Some(row) = rows_for(id)?.find(|row| row.file == self.name) else {
             return Ok(());
         };
         if row.sha256 == self.digest {
@@ -43,6 +42,14 @@ impl WeightsFile {
         }
         let (file, found) = (self.name.clone(), self.digest.clone());
         Err(ModelError::DigestMismatch { id, file, expected: row.sha256, found })
+    }
+
+    /// Returns whether the manifest lists a file of this content, under any name, for the baseline.
+    ///
+    /// # Errors
+    /// [`ModelError::Manifest`]; a test rules it out.
+    pub fn is_listed(&self, id: &str) -> Result<bool, ModelError> {
+        Ok(rows_for(id)?.any(|row| row.sha256 == self.digest))
     }
 }
 
@@ -113,13 +120,17 @@ pub fn manifest() -> Result<Vec<WeightsRow>, ModelError> {
     toml::from_str::<Manifest>(MANIFEST).map(|m| m.weights).map_err(ModelError::Manifest)
 }
 
+/// Returns the rows of the manifest for a baseline.
+fn rows_for(id: &str) -> Result<impl Iterator<Item = WeightsRow>, ModelError> {
+    Ok(manifest()?.into_iter().filter(move |row| row.is_for(id)))
+}
+
 /// Returns the weights that ship for a baseline.
 ///
 /// # Errors
 /// [`ModelError`] if manifest and files do not agree; a test rules it out.
 pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
-    let rows = manifest()?;
-    let Some(row) = rows.into_iter().find(|row| row.is_for(id) && row.shipped) else { return Ok(None) };
+    let Some(row) = rows_for(id)?.find(|row| row.shipped) else { return Ok(None) };
     let Some((_, bytes)) = SHIPPED.iter().find(|(name, _)| *name == row.file) else {
         return Err(ModelError::NotEmbedded { id, file: row.file });
     };

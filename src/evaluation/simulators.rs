@@ -166,7 +166,6 @@ impl PlannedSimulator {
             return Err(ModelError::TakesNoStage { id }.into());
         }
         let mut setup = baseline.setup()?;
-        let shipped = setup.weights.as_ref().map(|file| file.digest.clone());
         setup.backend = backend;
         let mut parameters = BTreeMap::new();
         for (key, value) in changes {
@@ -189,7 +188,7 @@ impl PlannedSimulator {
         let weights = setup.weights.as_ref().map(WeightsRecord::of);
         let backend = weights.is_some().then_some(backend);
         let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
-        if let Some(mark) = mark(selected, shipped.as_deref(), weights.as_ref()) {
+        if let Some(mark) = mark(selected, setup.weights.as_ref())? {
             title = format!("{title} ({mark})");
         }
         let mut controller = (baseline.make)(setup)?;
@@ -212,19 +211,20 @@ impl PlannedSimulator {
     }
 }
 
-/// Returns what tells a simulator apart from the shipped one in tables: its label, or else the name of
-/// weights that are not the shipped ones.
+/// Returns what tells a simulator apart from the known one in tables: its label, or else the name of weights
+/// that the manifest does not list, be they new or a damaged copy.
 fn mark(
     selected: &SelectedSimulator,
-    shipped: Option<&str>,
-    weights: Option<&WeightsRecord>,
-) -> Option<String> {
+    weights: Option<&WeightsFile>,
+) -> Result<Option<String>, EvaluationError> {
     if let Some(label) = &selected.label {
-        return Some(label.clone());
+        return Ok(Some(label.clone()));
     }
-    let other = weights.filter(|weights| shipped.is_some_and(|shipped| shipped != weights.sha256))?;
-    let stem = Path::new(&other.name).file_stem()?;
-    Some(stem.to_string_lossy().into_owned())
+    let Some(file) = weights else { return Ok(None) };
+    if file.is_listed(selected.baseline.id)? {
+        return Ok(None);
+    }
+    Ok(Path::new(&file.name).file_stem().map(|stem| stem.to_string_lossy().into_owned()))
 }
 
 /// Returns the simulators to run.

@@ -7,6 +7,7 @@ use reactsim::evaluation::{Adjustments, PlannedSimulator, read_summary};
 
 use crate::program::reactsim;
 use crate::reference::{said, text};
+use crate::shared;
 
 fn with_parameters(parameters: &[(&str, &str)]) -> Adjustments {
     let parameter =
@@ -85,6 +86,23 @@ fn old_and_new_weights_stand_in_one_table() {
     let plain = format!("ntp-reactive={}", text(&file));
     let (table, _) = said(&["run", "--limit", "1", "--models", "ntp-reactive", "--model-weights", &plain], 0);
     assert!(table.contains("| NTP-reactive (mine) "), "{table}");
+}
+
+#[test]
+fn copies_of_published_weights_that_differ_are_named() {
+    let Some(published) = shared("data/weights/pufferdrive_v2.safetensors") else { return };
+    let home = tempfile::tempdir().unwrap();
+    let mut bytes = fs::read(published).unwrap();
+    let title_of = |bytes: &[u8]| {
+        let file = home.path().join("copy.safetensors");
+        fs::write(&file, bytes).unwrap();
+        let weights = vec![("pufferdrive".to_owned(), file)];
+        let adjustments = Adjustments { weights, ..Adjustments::default() };
+        PlannedSimulator::adjusted(&["pufferdrive".to_owned()], &adjustments).unwrap().remove(0).title
+    };
+    assert_eq!(title_of(&bytes), "PufferDrive");
+    *bytes.last_mut().unwrap() ^= 1;
+    assert_eq!(title_of(&bytes), "PufferDrive (copy)");
 }
 
 #[test]

@@ -120,6 +120,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     }
     let mut writer = Writer::create(out)?;
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
+    let total = found.iter().map(|input| Some(input.count()?.min(most))).sum();
     let (mut inputs, mut registrar) = (Vec::new(), Registrar::default());
     for input in found {
         let record = registrar.record(&input)?;
@@ -140,6 +141,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     let jobs = args.jobs.map_or_else(available_threads, usize::from);
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
+    progress.set_total(total);
     let curation = Curation { inputs: &inputs, source: *source, settings: &settings, jobs };
     let done = curation.run(base, &mut writer, &progress, &stop);
     progress.end();
