@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::futures::Futures;
 use super::progress::Progress;
-use super::scenario_args::SelectionArgs;
+use super::scenario_args::{SelectionArgs, is_selected};
 use super::{ExitStatus, ReadingArgs, count, is_same, say};
 use crate::curation::driver::CurationObserver;
 use crate::formats::native::Writer;
@@ -68,10 +68,11 @@ fn stream(
     let mut writer = Writer::create(&args.out)?;
     progress.set_total(inputs.iter().map(formats::Input::count).sum());
     let (mut good, mut bad, mut ids) = (0, 0, BTreeSet::new());
+    let selection = args.selection.selection();
     for (done, (input, scenario)) in scenarios(inputs).enumerate() {
         progress.scenario_done(done);
         let mut scenario = match scenario {
-            Ok(scenario) if !args.selection.selects(&scenario, None) => continue,
+            Ok(scenario) if !is_selected(&scenario, &selection, None) => continue,
             Ok(scenario) if ids.insert(scenario.id.clone()) => scenario,
             Ok(scenario) => {
                 let file = input.path.display();

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use super::scenario_args::ScenarioArgs;
+use super::scenario_args::{ScenarioArgs, is_selected};
 use super::{ExitStatus, count, say};
 use crate::evaluation::Deviations;
 use crate::files;
@@ -35,11 +35,12 @@ pub(super) struct ExportAvArgs {
 pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
     let sources = args.input.sources()?;
     let deviations = args.input.deviations.as_deref().map(Deviations::read).transpose()?;
+    let selection = args.input.selection.selection();
     let (mut entries, mut failed) = (Vec::new(), 0);
     for source in &sources {
         for scenario in source.scenarios()? {
             match scenario {
-                Ok(scenario) if !args.input.selection.selects(&scenario, deviations.as_ref()) => {}
+                Ok(scenario) if !is_selected(&scenario, &selection, deviations.as_ref()) => {}
                 Ok(scenario) => entries.extend(entry(&scenario, deviations.as_ref())),
                 Err(error) => {
                     say(format_args!("warning: {error}"));
@@ -50,7 +51,8 @@ pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
     }
     if entries.is_empty() {
         bail!(
-            "no selected scenario has a deviated AV: give --deviations FILE, or make one with `reactsim curate`"
+            "no selected scenario has a deviated AV: give --deviations FILE, or make one with \
+             `reactsim curate`"
         );
     }
     let number = entries.len();

@@ -45,7 +45,7 @@ use anyhow::{Context, anyhow};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use self::suggestion::{did_you_mean, most_similar};
+use self::suggestion::{did_you_mean, most_similar, question};
 use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
 use crate::files;
 use crate::formats::{self, Input};
@@ -231,15 +231,14 @@ fn hint(error: &anyhow::Error) -> Option<String> {
     }
     match error.downcast_ref::<EvaluationError>()? {
         EvaluationError::UnknownSimulator { id, .. } => {
-            let meant = most_similar(id, MODELS.iter().map(|m| m.id));
-            let meant = meant.map(|meant| format!("did you mean `{meant}`? "));
-            Some(format!("{}`reactsim list models` describes each of them", meant.unwrap_or_default()))
+            let meant = question(most_similar(id, MODELS.iter().map(|m| m.id)));
+            Some(format!("{meant}`reactsim list models` describes each of them"))
         }
         EvaluationError::Model(ModelError::UnknownParameter { id, key, .. }) => {
             let setup = models::find(id)?.setup().ok()?;
             let meant = most_similar(key, setup.ranges().ok()?.into_iter().map(|(key, _, _)| key));
-            let meant = meant.map(|meant| format!("did you mean `{id}.{meant}`? "));
-            Some(format!("{}`reactsim list parameters {id}` shows all", meant.unwrap_or_default()))
+            let meant = question(meant.map(|meant| format!("{id}.{meant}")));
+            Some(format!("{meant}`reactsim list parameters {id}` shows all"))
         }
         EvaluationError::NoRun { .. } => Some("`reactsim run --out FOLDER` writes a run folder".to_owned()),
         EvaluationError::Model(ModelError::OutOfRange { id, .. }) => {

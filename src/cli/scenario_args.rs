@@ -45,15 +45,6 @@ impl SelectionArgs {
         let (ids, categories) = (&self.ids, &self.categories);
         Selection { ids: ids.iter().cloned().collect(), categories: categories.iter().cloned().collect() }
     }
-
-    /// Returns whether a scenario is selected; its category is that in the file of deviations, if there is
-    /// one.
-    pub(super) fn selects(&self, scenario: &Scenario, deviations: Option<&Deviations>) -> bool {
-        let own = scenario.deviation.as_ref().and_then(|d| d.category);
-        let listed = |d: &Deviations| d.tracks.get(&scenario.id).and_then(|record| record.category);
-        let selection = self.selection();
-        selection.has_id(&scenario.id) && selection.has_category(deviations.map_or(own, listed))
-    }
 }
 
 impl ScenarioArgs {
@@ -68,4 +59,15 @@ impl ScenarioArgs {
         }
         Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)
     }
+}
+
+/// Returns whether a scenario is selected; its category is that in the file of deviations, if there is one.
+pub(super) fn is_selected(
+    scenario: &Scenario,
+    selection: &Selection,
+    deviations: Option<&Deviations>,
+) -> bool {
+    let own = scenario.deviation.as_ref().and_then(|d| d.category);
+    let listed = |d: &Deviations| d.tracks.get(&scenario.id).and_then(|record| record.category);
+    selection.has_id(&scenario.id) && selection.has_category(deviations.map_or(own, listed))
 }

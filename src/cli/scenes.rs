@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use clap::Args;
 
-use super::scenario_args::ScenarioArgs;
+use super::scenario_args::{ScenarioArgs, is_selected};
 use super::{ExitStatus, say, write_result};
 use crate::evaluation::Deviations;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};
@@ -29,6 +29,7 @@ pub(super) struct ScenesArgs {
 pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
     let sources = args.input.sources()?;
     let deviations = args.input.deviations.as_deref().map(Deviations::read).transpose()?;
+    let selection = args.input.selection.selection();
     let mut failed = 0;
     write_result(None, |out| {
         let mut number = 0;
@@ -50,7 +51,7 @@ pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
                         continue;
                     }
                 };
-                if !args.input.selection.selects(&scenario, deviations.as_ref()) {
+                if !is_selected(&scenario, &selection, deviations.as_ref()) {
                     continue;
                 }
                 let Some(av) = chosen_av(&scenario, deviations.as_ref()) else { continue };

@@ -1,5 +1,7 @@
 //! Suggestions for misspelt names.
 
+use std::fmt::Display;
+
 /// Returns the most similar of the known names, if one is similar enough: one different or swapped character,
 /// and one more for every five.
 pub(super) fn most_similar<T: AsRef<str>>(name: &str, known: impl IntoIterator<Item = T>) -> Option<T> {
@@ -15,6 +17,11 @@ pub(super) fn most_similar<T: AsRef<str>>(name: &str, known: impl IntoIterator<I
 pub(super) fn did_you_mean<T: AsRef<str>>(name: &str, known: impl IntoIterator<Item = T>) -> String {
     most_similar(name, known)
         .map_or_else(String::new, |known| format!("; did you mean `{}`?", known.as_ref()))
+}
+
+/// Returns the beginning of a hint that suggests a name; empty without one.
+pub(super) fn question(meant: Option<impl Display>) -> String {
+    meant.map_or_else(String::new, |meant| format!("did you mean `{meant}`? "))
 }
 
 #[cfg(test)]

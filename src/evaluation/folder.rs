@@ -69,10 +69,7 @@ impl RunFolder {
         let mut text = serde_json::to_string_pretty(provenance).expect("provenance is text and numbers");
         text.push('\n');
         replace(&path.join(PROVENANCE), |out| out.write_all(text.as_bytes()))?;
-        let folder = Self::open(path)?;
-        // An earlier run was killed before it had a provenance.
-        folder.remove_temporary_files()?;
-        Ok(folder)
+        Self::open(path)
     }
 
     /// Opens the folder of an earlier run with the same settings: drops truncated lines and incomplete pairs,
@@ -86,7 +83,6 @@ impl RunFolder {
         }
         Self::is_of(path, provenance)?;
         let folder = Self::open(path)?;
-        folder.remove_temporary_files()?;
         folder.keep_complete_pairs(tally, provenance)?;
         Ok(folder)
     }
@@ -116,7 +112,9 @@ impl RunFolder {
         }
         let append = |name| Appender::open(path.join(name)).map(Mutex::new);
         let (rows, events, failures) = (append(ROWS)?, append(EVENTS)?, append(FAILURES)?);
-        Ok(Self { path: path.to_owned(), rows, events, failures, _lock: lock })
+        let folder = Self { path: path.to_owned(), rows, events, failures, _lock: lock };
+        folder.remove_temporary_files()?;
+        Ok(folder)
     }
 
     /// Returns the path of the folder.

@@ -197,7 +197,7 @@ pub struct EventRecord {
     pub values: BTreeMap<String, f64>,
 }
 
-/// What identifies a line of `events.jsonl`, and whether it counts.
+/// The identity of a line of `events.jsonl`, and whether it counts.
 #[derive(Debug, Deserialize)]
 pub(super) struct EventHead {
     input: usize,

@@ -290,8 +290,7 @@ impl Runner<'_> {
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
         let selection = &self.plan.settings.selection;
         if !selection.has_id(&scenario.id) {
-            self.unselected.fetch_add(1, Ordering::Relaxed);
-            return Ok(None);
+            return Ok(self.unselected());
         }
         let deviations = self.plan.deviations.as_ref();
         if selection.ids.contains(&scenario.id)
@@ -300,18 +299,12 @@ impl Runner<'_> {
             self.named.lock().unwrap_or_else(PoisonError::into_inner).insert(scenario.id.clone());
         }
         match self.plan.av(&scenario) {
-            Ok((_, deviation)) if !selection.has_category(deviation.category) => {
-                self.unselected.fetch_add(1, Ordering::Relaxed);
-                Ok(None)
-            }
+            Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
                 let digest = scenario.digest();
                 Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, scenario }))
             }
-            Err(NoAv::Missing) if !selection.has_category(None) => {
-                self.unselected.fetch_add(1, Ordering::Relaxed);
-                Ok(None)
-            }
+            Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
                 self.passed_over.fetch_add(1, Ordering::Relaxed);
                 Ok(None)
@@ -321,6 +314,12 @@ impl Runner<'_> {
                 Err(refuse(Some(scenario.id), text))
             }
         }
+    }
+
+    /// Counts a scenario that the selection leaves out.
+    fn unselected(&self) -> Option<PreparedScenario> {
+        self.unselected.fetch_add(1, Ordering::Relaxed);
+        None
     }
 
     fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {

@@ -290,7 +290,7 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
     );
     assert_eq!((&strip[0], &strip[1], &strip[3]), (&json!(true), &json!(6), &json!(false)), "{strip}");
 
-    // What is shown as a picture and as a video.
+    // The view is saved as a picture and as a video.
     page.evaluate("window.last = null; document.getElementById('picture-save').click()");
     page.until("window.last?.type === 'image/png' && window.last.size > 10000");
     page.evaluate(

@@ -106,7 +106,7 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
     assert!(markdown.contains("| **") && !markdown.contains("A-AV Coll"), "{markdown}");
     let csv = report(&[&chosen[..2], &["--format", "csv"]].concat());
     assert!(csv.lines().skip(1).all(|line| line.contains(",aav-ttc,") || line.contains(",ade,")), "{csv}");
-    // What a format has no use for is refused, not ignored.
+    // Options without effect on a format are refused, not ignored.
     for (options, option) in [
         (&["--bold", "--format", "csv"][..], "--bold"),
         (&["--label", "tab:x"], "--label"),

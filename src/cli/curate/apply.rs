@@ -71,9 +71,7 @@ pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
         Some(FinalDecision { mark: line.mark(), candidate: line.candidate, fits })
     };
     let applied = apply::apply(&args.file, &args.out, application, decided)?;
-    let digests = store.scenarios().iter().map(|entry| (&entry.scenario_id, entry.scenario_digest.as_str()));
-    let opinions = digests.filter_map(|(id, digest)| Some((decisions.get(id)?, digest)));
-    if let Some(agreement) = Agreement::of(opinions) {
+    if let Some(agreement) = Agreement::about(store.scenarios(), &decisions) {
         say(format_args!("{agreement}"));
     }
     let disputed = Disputed { scenarios: disagreements, by_majority: args.majority };

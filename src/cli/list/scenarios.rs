@@ -1,7 +1,7 @@
 //! `reactsim list scenarios`: the scenarios of files.
 
 use super::super::say;
-use super::super::scenario_args::ScenarioArgs;
+use super::super::scenario_args::{ScenarioArgs, is_selected};
 use crate::evaluation::Deviations;
 use crate::scene::Scenario;
 
@@ -12,12 +12,13 @@ const NONE: &str = "-";
 /// read.
 pub(super) fn rows(args: &ScenarioArgs) -> anyhow::Result<(Vec<Vec<String>>, usize)> {
     let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
+    let selection = args.selection.selection();
     let headings = ["scenario_id", "source", "agents", "category", "difficulty"].map(str::to_owned);
     let (mut rows, mut failed) = (vec![headings.to_vec()], 0);
     for source in args.sources()? {
         for scenario in source.scenarios()? {
             match scenario {
-                Ok(scenario) if !args.selection.selects(&scenario, deviations.as_ref()) => {}
+                Ok(scenario) if !is_selected(&scenario, &selection, deviations.as_ref()) => {}
                 Ok(scenario) => rows.push(row(&scenario, deviations.as_ref())),
                 Err(error) => {
                     say(format_args!("warning: {error}"));

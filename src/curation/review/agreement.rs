@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use super::{Opinions, ReviewLine};
+use super::{Decisions, Opinions, ReviewLine};
 use crate::curation::Decision;
+use crate::curation::store::ScenarioEntry;
 
 /// How far the reviewers of a file agree about the scenarios that at least two of them decided. Flags are no
 /// decisions.
@@ -28,13 +29,20 @@ pub struct Agreement {
 }
 
 impl Agreement {
+    /// Compares the decisions about the scenarios of a store, as they are now. `None` if none has two
+    /// decisions.
+    pub fn about(entries: &[ScenarioEntry], decisions: &Decisions) -> Option<Self> {
+        Self::of(
+            entries.iter().filter_map(|e| Some((decisions.get(&e.scenario_id)?, e.scenario_digest.as_str()))),
+        )
+    }
+
     /// Compares the decisions about scenarios, each with its digest. `None` if no scenario has two decisions.
-    pub fn of<'a>(opinions: impl IntoIterator<Item = (&'a Opinions, &'a str)>) -> Option<Self> {
+    fn of<'a>(opinions: impl IntoIterator<Item = (&'a Opinions, &'a str)>) -> Option<Self> {
         let (mut reviewers, mut shares) = (BTreeSet::new(), BTreeMap::<Decision, f64>::new());
         let (mut scenarios, mut same, mut same_decision) = (0, 0.0, 0.0);
         for (opinions, digest) in opinions {
-            let decided = |line: &&ReviewLine| line.decision != Decision::Flag;
-            let lines: Vec<&ReviewLine> = opinions.standing(digest).filter(decided).collect();
+            let lines: Vec<&ReviewLine> = opinions.decided(digest).collect();
             if lines.len() < 2 {
                 continue;
             }

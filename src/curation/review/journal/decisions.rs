@@ -23,29 +23,32 @@ impl Opinions {
         self.0.values().filter(move |l| l.decision != Decision::Clear && l.scenario_digest == digest)
     }
 
+    /// Returns [`Self::standing`] without flags, which are no decisions.
+    pub fn decided<'a>(&'a self, digest: &'a str) -> impl Iterator<Item = &'a ReviewLine> {
+        self.standing(digest).filter(|l| l.decision != Decision::Flag)
+    }
+
     /// Returns the decision that counts for a scenario of this digest: the latest. Of two at the same
     /// instant, that of the reviewer whose name sorts last.
     pub fn verdict<'a>(&'a self, digest: &'a str) -> Option<&'a ReviewLine> {
-        self.standing(digest).max_by(|a, b| a.at.cmp(&b.at).then_with(|| a.reviewer.cmp(&b.reviewer)))
+        latest(self.standing(digest))
     }
 
     /// Returns whether reviewers decided differently. A flag is never a disagreement.
     pub fn disagree(&self, digest: &str) -> bool {
-        let decided = |l: &&ReviewLine| l.decision != Decision::Flag;
-        let mut views = self.standing(digest).filter(decided).map(|l| (l.decision, l.candidate));
+        let mut views = self.decided(digest).map(|l| (l.decision, l.candidate));
         views.next().is_some_and(|first| views.any(|view| view != first))
     }
 
     /// Returns the decision about a scenario of this digest that more than half of its reviewers made, with
     /// or without a flag beside it: the latest line of those. `None` if there is no majority.
     pub fn majority<'a>(&'a self, digest: &'a str) -> Option<&'a ReviewLine> {
-        let decided: Vec<&ReviewLine> =
-            self.standing(digest).filter(|l| l.decision != Decision::Flag).collect();
+        let decided: Vec<&ReviewLine> = self.decided(digest).collect();
         let same = |l: &ReviewLine| {
             decided.iter().filter(|o| (o.decision, o.candidate) == (l.decision, l.candidate)).count()
         };
         let most = decided.iter().copied().filter(|l| 2 * same(l) > decided.len());
-        most.max_by(|a, b| a.at.cmp(&b.at).then_with(|| a.reviewer.cmp(&b.reviewer)))
+        latest(most)
     }
 
     /// Returns the decision for a record, by majority or the latest, and whether it refers to the trajectory
@@ -80,6 +83,11 @@ impl Opinions {
             }
         }
     }
+}
+
+/// Returns the latest line. Of two at the same instant, that of the reviewer whose name sorts last.
+fn latest<'a>(lines: impl Iterator<Item = &'a ReviewLine>) -> Option<&'a ReviewLine> {
+    lines.max_by(|a, b| a.at.cmp(&b.at).then_with(|| a.reviewer.cmp(&b.reviewer)))
 }
 
 /// Returns whether a line refers to a trajectory that the record has.

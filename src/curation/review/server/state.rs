@@ -98,12 +98,7 @@ impl ReviewState {
             warnings: &self.warnings(),
             overview: Overview::new(entries),
             standings: standings.collect(),
-            agreement: {
-                let current =
-                    entries.iter().map(|e| (decisions.get(&e.scenario_id), e.scenario_digest.as_str()));
-                let current = current.filter_map(|(opinions, digest)| Some((opinions?, digest)));
-                Agreement::of(current).map(|agreement| agreement.to_string())
-            },
+            agreement: Agreement::about(entries, &decisions).map(|agreement| agreement.to_string()),
         })
     }
 
