@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use super::live_table::LiveTable;
 use super::{is_quiet, say};
@@ -18,7 +18,7 @@ const MAX_PRINTED_FAILURES: usize = 20;
 const TABLE_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Style with a known number of scenarios, and without.
-const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {eta} left{msg}";
+const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {left}{msg}";
 const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{msg}";
 
 /// Bar with the number of scenarios, and the preliminary table of a run below it. Hidden if stderr is not a
@@ -95,13 +95,19 @@ impl Progress {
     }
 }
 
-/// Returns a style with the rate in three digits.
+/// Returns a style with the rate in three digits, and with the time left as soon as there is a rate.
 fn style(template: &str) -> ProgressStyle {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+    let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
         let rate = state.per_sec();
         let digits = if rate < 1.0 { 2 } else { usize::from(rate < 100.0) };
         write!(out, "{rate:.digits$}/s").ok();
+    });
+    style.with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+        match state.pos() {
+            0 => write!(out, "time left unknown").ok(),
+            _ => write!(out, "{:#} left", HumanDuration(state.eta())).ok(),
+        };
     })
 }
 
