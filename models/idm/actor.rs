@@ -19,6 +19,11 @@ pub(super) struct Actor {
 }
 
 impl Actor {
+    /// Returns the distance of a corner from the centre, metres.
+    pub(super) fn radius(&self) -> f64 {
+        (self.half_length * self.half_length + self.half_width * self.half_width).sqrt()
+    }
+
     /// Returns the present box.
     pub(super) fn footprint(&self) -> OrientedBox {
         OrientedBox::new(self.pose.position, self.pose.heading, 2.0 * self.half_length, 2.0 * self.half_width)

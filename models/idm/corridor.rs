@@ -7,6 +7,7 @@ use super::actor::Actor;
 use super::driver::PathFollower;
 use super::forecast::Forecast;
 use super::parameters::Conflict;
+use super::strip::Strip;
 
 /// A leader: an agent or obstacle ahead in the corridor that stands or moves along it.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +82,27 @@ fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> 
     Some((low * DrivenPath::STEP + own.half_length, high * DrivenPath::STEP - own.half_length))
 }
 
+/// Returns the length, metres, that a moving box sweeps on each side of a sample: half an interval before it
+/// and half after.
+fn swept(k: usize, speed: f64, settings: &Conflict) -> f64 {
+    if k == 0 { 0.0 } else { 0.5 * settings.sample * speed.abs() }
+}
+
+/// Returns the arc lengths, metres, between which a vehicle looks for others.
+fn section(own: &Actor, driver: &PathFollower) -> (f64, f64) {
+    let reach = own.half_length + 15.0 + 4.5 * own.speed;
+    (driver.s - own.half_length, driver.s + reach)
+}
+
+/// Bounds the section of the path in which a vehicle looks for others, and what it drives in `horizon` seconds
+/// at its largest acceleration.
+pub(super) fn strip(own: &Actor, driver: &PathFollower, horizon: f64) -> Option<Strip> {
+    let (from, to) = section(own, driver);
+    let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);
+    let last = driver.path.index(to.max(driver.s + driven) + DrivenPath::STEP);
+    Strip::of(&driver.path, driver.path.index(from), last)
+}
+
 /// Finds leaders and crossing agents in the corridor of the vehicle `own` (index `index`).
 pub(super) fn look(
     index: usize,
@@ -88,36 +110,39 @@ pub(super) fn look(
     driver: &PathFollower,
     actors: &[Actor],
     forecasts: &[Forecast],
+    strip: Option<&Strip>,
     settings: &Conflict,
 ) -> Corridor {
     let mut corridor = Corridor::default();
     let path = &driver.path;
-    let reach = own.half_length + 15.0 + 4.5 * own.speed;
-    let (from, to) = (driver.s - own.half_length, driver.s + reach);
+    let (from, to) = section(own, driver);
     let bounds =
         path.bounds(from, to).inflated(own.half_width + own.half_length.min(3.0) + LATERAL_CLEARANCE);
     let (first, last) = (path.index(from), path.index(to));
+    let samples = 1 + (settings.horizon / settings.sample).round() as usize;
     for forecast in forecasts {
         if forecast.actor == index || !bounds.intersects(&forecast.bounds) {
             continue;
         }
         let other = &actors[forecast.actor];
+        let known = &forecast.samples[..samples.min(forecast.samples.len())];
+        let beside = |strip: &Strip| {
+            let half_length = other.half_length + swept(1, forecast.band.speed, settings);
+            let extent = strip.half_extent_at_most(&forecast.band, half_length, other.half_width);
+            strip.offset_at_least(path, &forecast.band, last) > own.half_width + extent + LATERAL_CLEARANCE
+        };
+        if strip.is_some_and(beside) {
+            continue;
+        }
         let mut covered: Vec<CoveredPart> = Vec::new();
         let mut near = None;
         let mut from_behind = false;
-        for (k, sample) in forecast
-            .samples
-            .iter()
-            .take(1 + (settings.horizon / settings.sample).round() as usize)
-            .enumerate()
-        {
+        for (k, sample) in known.iter().enumerate() {
             let at = path.project(sample.center, first, last, near);
             near = Some(at.index);
             let axis = path.points()[at.index].axis;
             let (cos, sin) = (axis.dot(&sample.axis), axis.perp(&sample.axis).abs());
-            // A moving box covers what it sweeps around a sample: half an interval before it and half
-            // after.
-            let swept = if k == 0 { 0.0 } else { 0.5 * settings.sample * sample.speed.abs() };
+            let swept = swept(k, sample.speed, settings);
             let along = (other.half_length + swept) * cos.abs() + other.half_width * sin;
             let across = (other.half_length + swept) * sin + other.half_width * cos.abs();
             if k == 0 && at.s < driver.s && cos > ALIGNED_COSINE {

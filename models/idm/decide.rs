@@ -6,7 +6,7 @@ use reactsim::scene::{AgentKind, StopKind};
 use super::actor::Actor;
 use super::corridor::{Corridor, Crossing};
 use super::driver::{AgentBehaviour, PathFollower};
-use super::evade::travelled;
+use super::own_motion::travelled;
 use super::parameters::Parameters;
 
 /// Candidate accelerations, m/s², in addition to that of car following.

@@ -11,8 +11,10 @@ use reactsim::scene::{LaneHit, Road};
 use super::actor::Actor;
 use super::driver::PathFollower;
 use super::forecast::Forecast;
+use super::own_motion::{OwnMotion, Profile};
 use super::parameters::{Class, Conflict};
 use super::signals::RequiredStop;
+use super::strip::Strip;
 
 /// Candidate offsets from the present lateral position, metres.
 const OFFSETS: [f64; 9] = [0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, 3.4, -3.4];
@@ -27,12 +29,13 @@ const PROFILES: [Profile; 8] = [
     Profile::steady(-2.5),
     Profile::steady(-5.5),
 ];
-/// Time until a profile changes, seconds: swerve first, where there is room, then brake.
-const SWITCH_TIME: f64 = 1.2;
 /// Clearance to the AV, metres.
 const AV_CLEARANCE: f64 = 0.3;
 /// Clearance to other agents, metres.
 const CLEARANCE: f64 = 0.15;
+/// Largest distance of two boxes per metre of their separation, slightly more than √2: the separating axis
+/// that is nearest to the direction from box to box is at most 45° away.
+const DISTANCE_PER_SEPARATION: f64 = 1.415;
 /// Growth of the half length of the AV's forecast box per second, m/s.
 const AV_GROWTH_ALONG: f64 = 0.8;
 /// Growth of the half width of the AV's forecast box per second, m/s.
@@ -40,7 +43,7 @@ const AV_GROWTH_ACROSS: f64 = 0.1;
 /// Duration of this growth, seconds.
 const GROWTH_DURATION: f64 = 4.0;
 /// Horizon of contacts, seconds: later ones may resolve themselves.
-const CONTACT_HORIZON: f64 = 6.0;
+pub(super) const CONTACT_HORIZON: f64 = 6.0;
 /// Time constant, in seconds, with which the cost of a later contact decays.
 const CONTACT_DECAY_TIME: f64 = 2.5;
 /// Weight of the worst forecast of the AV; the mean over all its forecasts has the rest.
@@ -68,26 +71,6 @@ const STANDSTILL_SPEED: f64 = 0.5;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE_ACCELERATION: f64 = 4.0;
 
-/// An acceleration now and another one after [`SWITCH_TIME`], m/s². Only the first part is executed
-/// before the next decision.
-#[derive(Clone, Copy, Debug)]
-struct Profile {
-    now: f64,
-    then: f64,
-}
-
-impl Profile {
-    const fn steady(a: f64) -> Self {
-        Self { now: a, then: a }
-    }
-
-    /// Returns the distance after `t` seconds from `speed`.
-    fn distance(&self, speed: f64, t: f64) -> f64 {
-        let (first, between) = travelled(speed, self.now, t.min(SWITCH_TIME));
-        if t <= SWITCH_TIME { first } else { first + travelled(between, self.then, t - SWITCH_TIME).0 }
-    }
-}
-
 /// Chosen evasion.
 pub(super) struct Escape {
     /// Acceleration, m/s².
@@ -100,103 +83,127 @@ pub(super) struct Escape {
 pub(super) struct Surroundings<'a> {
     pub(super) index: usize,
     pub(super) actors: &'a [Actor],
-    pub(super) forecasts: &'a [Forecast],
+    /// Present boxes of the actors.
+    pub(super) footprints: &'a [OrientedBox],
+    /// Forecasts of the AV.
+    pub(super) of_av: &'a [Forecast],
+    /// Forecasts of all other actors.
+    pub(super) of_others: &'a [Forecast],
     pub(super) road: Road<'a>,
+    /// Bounds of the path that the driver follows, if it bends little.
+    pub(super) strip: Option<Strip>,
     pub(super) settings: &'a Conflict,
 }
 
 impl Surroundings<'_> {
-    fn is_av(&self, forecast: &Forecast) -> bool {
-        self.actors[forecast.actor].is_av
-    }
-
     /// Returns whether a path at a constant acceleration meets a forecast of the AV within the horizon.
     pub(super) fn meets_av(&self, own: &Actor, path: &DrivenPath, s: f64, a: f64) -> bool {
-        self.first_contact(own, path, s, Profile::steady(a), |f| self.is_av(f), AV_CLEARANCE).is_some()
+        let av = self.avoidable(own, self.of_av);
+        self.first_contact(&mut self.motion(own, path, s, Profile::steady(a)), &av, AV_CLEARANCE).is_some()
     }
 
-    /// Returns the cost of contacts with the AV on a path: a weighted sum of the worst and the mean
-    /// over the AV's forecasts.
-    fn av_contact_cost(&self, own: &Actor, path: &DrivenPath, s: f64, a: Profile) -> f64 {
+    /// Returns the motion along a path from arc length `s`.
+    fn motion<'m>(&self, own: &'m Actor, path: &'m DrivenPath, s: f64, profile: Profile) -> OwnMotion<'m> {
+        let count = (CONTACT_HORIZON / self.settings.sample).round() as usize;
+        OwnMotion::new(own, path, s, profile, self.settings.sample, count)
+    }
+
+    /// Returns the forecasts within reach whose actors do not touch the vehicle yet: a contact that exists
+    /// already cannot be avoided.
+    fn avoidable<'f>(&self, own: &Actor, forecasts: &'f [Forecast]) -> Vec<&'f Forecast> {
         let reach = self.reach(own);
-        let (mut sum, mut worst, mut count) = (0.0, 0.0_f64, 0);
-        for forecast in self.forecasts.iter().filter(|f| self.is_av(f)) {
-            count += 1;
-            if forecast.bounds.intersects(&reach) {
-                let here = contact_cost(self.first_contact(
-                    own,
-                    path,
-                    s,
-                    a,
-                    |f| std::ptr::eq(f, forecast),
-                    AV_CLEARANCE,
-                ));
-                sum += here;
-                worst = worst.max(here);
-            }
+        let is_avoidable = |f: &&Forecast| {
+            f.actor != self.index
+                && f.bounds.intersects(&reach)
+                && self.footprints[f.actor].separation(&self.footprints[self.index]) > 0.0
+        };
+        forecasts.iter().filter(is_avoidable).collect()
+    }
+
+    /// Returns the cost of contacts with the AV: a weighted sum of the worst and the mean over the AV's
+    /// forecasts, of which `av` are avoidable.
+    fn av_contact_cost(&self, motion: &mut OwnMotion<'_>, av: &[&Forecast]) -> f64 {
+        let (mut sum, mut worst) = (0.0, 0.0_f64);
+        for forecast in av {
+            let here = contact_cost(self.first_contact(motion, std::slice::from_ref(forecast), AV_CLEARANCE));
+            sum += here;
+            worst = worst.max(here);
         }
-        if count == 0 {
+        if self.of_av.is_empty() {
             0.0
         } else {
-            WORST_CASE_WEIGHT * worst + (1.0 - WORST_CASE_WEIGHT) * sum / f64::from(count)
+            WORST_CASE_WEIGHT * worst + (1.0 - WORST_CASE_WEIGHT) * sum / self.of_av.len() as f64
         }
     }
 
+    /// Returns the time, in seconds, of the first contact with one of the forecasts.
     fn first_contact(
         &self,
-        own: &Actor,
-        path: &DrivenPath,
-        s: f64,
-        profile: Profile,
-        counts: impl Fn(&Forecast) -> bool,
+        motion: &mut OwnMotion<'_>,
+        forecasts: &[&Forecast],
         clearance: f64,
     ) -> Option<f64> {
-        let reach = self.reach(own);
-        let relevant = self
-            .forecasts
-            .iter()
-            .filter(|f| f.actor != self.index && counts(f) && f.bounds.intersects(&reach));
-        let relevant: Vec<&Forecast> = relevant
-            // A contact that exists already cannot be avoided.
-            .filter(|f| self.actors[f.actor].footprint().separation(&own.footprint()) > 0.0)
-            .collect();
-        if relevant.is_empty() {
-            return None;
-        }
-        let last = (CONTACT_HORIZON / self.settings.sample).round() as usize;
-        for k in 1..=last {
-            let t = k as f64 * self.settings.sample;
-            let point = path.point_at(s + profile.distance(own.speed, t));
-            let ours = OrientedBox {
-                center: point.pose.position,
-                axis: point.axis,
-                half_length: own.half_length,
-                half_width: own.half_width,
-            };
-            for forecast in &relevant {
-                let other = &self.actors[forecast.actor];
-                let known = forecast.samples.len();
-                if k >= known && known > 1 {
-                    continue;
-                }
-                let sample = forecast.samples[k.min(known - 1)];
-                // The AV's forecast is less certain the later it is. A standing vehicle considers that
-                // only for an AV in its own direction: others pass in front of queues all the time.
-                let wary = other.is_av && (own.speed > STANDSTILL_SPEED || sample.axis.dot(&ours.axis) > 0.5);
-                let lasting = if wary { t.min(GROWTH_DURATION) } else { 0.0 };
-                let growth = (AV_GROWTH_ALONG * lasting, AV_GROWTH_ACROSS * lasting);
-                let theirs = OrientedBox {
-                    center: sample.center,
-                    axis: sample.axis,
-                    half_length: other.half_length + growth.0,
-                    half_width: other.half_width + growth.1,
-                };
-                if theirs.separation(&ours) < clearance {
-                    return Some(t);
-                }
+        let swept = motion.bounds.map(|bounds| bounds.inflated(DISTANCE_PER_SEPARATION * clearance));
+        let mut first: Option<usize> = None;
+        for forecast in forecasts {
+            let apart = swept.is_some_and(|swept| !swept.intersects(&self.widest(forecast)))
+                || self.is_beside(motion, forecast, clearance);
+            if !apart && let Some(k) = self.contact(motion, forecast, clearance) {
+                first = Some(first.map_or(k, |first| first.min(k)));
             }
         }
-        None
+        first.map(|k| k as f64 * self.settings.sample)
+    }
+
+    /// Returns whether all of a motion is farther than the clearance to the side of a forecast.
+    fn is_beside(&self, motion: &OwnMotion<'_>, forecast: &Forecast, clearance: f64) -> bool {
+        let (own, other) = (motion.own, &self.actors[forecast.actor]);
+        let lasting = if other.is_av { GROWTH_DURATION } else { 0.0 };
+        let other =
+            (other.half_length + AV_GROWTH_ALONG * lasting, other.half_width + AV_GROWTH_ACROSS * lasting);
+        let distance =
+            |strip: &Strip| strip.distance_at_least((own.half_length, own.half_width), &forecast.band, other);
+        motion.strip().is_some_and(|strip| distance(strip) > DISTANCE_PER_SEPARATION * clearance)
+    }
+
+    /// Returns bounds of a forecast with the growth of the AV's box.
+    fn widest(&self, forecast: &Forecast) -> Bounds {
+        let grows = if self.actors[forecast.actor].is_av { AV_GROWTH_ALONG + AV_GROWTH_ACROSS } else { 0.0 };
+        forecast.bounds.inflated(grows * GROWTH_DURATION)
+    }
+
+    /// Returns the number of the first sample at which the vehicle is closer to a forecast than the
+    /// clearance.
+    fn contact(&self, motion: &mut OwnMotion<'_>, forecast: &Forecast, clearance: f64) -> Option<usize> {
+        let (own, other) = (motion.own, &self.actors[forecast.actor]);
+        let known = forecast.samples.len();
+        let last = if known > 1 { motion.count.min(known - 1) } else { motion.count };
+        let near = own.radius() + other.radius() + DISTANCE_PER_SEPARATION * clearance;
+        (1..=last).find(|&k| {
+            let sample = &forecast.samples[k.min(known - 1)];
+            let lasting = (k as f64 * self.settings.sample).min(GROWTH_DURATION);
+            let reach = near + if other.is_av { (AV_GROWTH_ALONG + AV_GROWTH_ACROSS) * lasting } else { 0.0 };
+            let is_beyond = |p: Vec2, reach: f64| (sample.center - p).norm_squared() > reach * reach;
+            if motion.about(k).is_some_and(|p| is_beyond(p, reach + DrivenPath::STEP)) {
+                return false;
+            }
+            let ours = motion.at(k);
+            if is_beyond(ours.center, reach) {
+                return false;
+            }
+            // The AV's forecast is less certain the later it is. A standing vehicle considers that only for an
+            // AV in its own direction: others pass in front of queues all the time.
+            let wary = other.is_av && (own.speed > STANDSTILL_SPEED || sample.axis.dot(&ours.axis) > 0.5);
+            let lasting = if wary { lasting } else { 0.0 };
+            let growth = (AV_GROWTH_ALONG * lasting, AV_GROWTH_ACROSS * lasting);
+            let theirs = OrientedBox {
+                center: sample.center,
+                axis: sample.axis,
+                half_length: other.half_length + growth.0,
+                half_width: other.half_width + growth.1,
+            };
+            theirs.separation(&ours) < clearance
+        })
     }
 
     fn reach(&self, own: &Actor) -> Bounds {
@@ -213,10 +220,13 @@ impl Surroundings<'_> {
         stop: Option<RequiredStop>,
     ) -> Option<Escape> {
         let present = Profile::steady(a);
-        let foreseen = self.av_contact_cost(own, &driver.path, driver.s, present);
+        let av = self.avoidable(own, self.of_av);
+        let kept_path = |profile| self.motion(own, &driver.path, driver.s, profile).with_strip(self.strip);
+        let foreseen = self.av_contact_cost(&mut kept_path(present), &av);
         if foreseen == 0.0 {
             return None;
         }
+        let others = self.avoidable(own, self.of_others);
         let here = driver.home.project(own.pose.position).offset;
         let mut best = (foreseen, a, None);
         for offset in OFFSETS {
@@ -227,7 +237,6 @@ impl Surroundings<'_> {
             }
             let swerve = (offset != 0.0)
                 .then(|| self.path_at_offset(own, driver, class, target, self.judged_length(own)));
-            let (path, s) = swerve.as_ref().map_or((&driver.path, driver.s), |p| (p, 0.0));
             let mut off_lane = None;
             for profile in std::iter::once(present).chain(PROFILES) {
                 let mut cost = aside + CHANGE_COST * (profile.now - a).abs();
@@ -235,20 +244,16 @@ impl Surroundings<'_> {
                 if let Some(stop) = stop.filter(|stop| driver.s + own.half_length + distance > stop.s) {
                     cost += if stop.strict { RED_COST } else { SIGN_COST };
                 }
+                let mut motion = swerve
+                    .as_ref()
+                    .map_or_else(|| kept_path(profile), |path| self.motion(own, path, 0.0, profile));
                 if cost < best.0 {
-                    cost += self.av_contact_cost(own, path, s, profile);
+                    cost += self.av_contact_cost(&mut motion, &av);
                 }
                 if cost < best.0 {
-                    cost += contact_cost(self.first_contact(
-                        own,
-                        path,
-                        s,
-                        profile,
-                        |f| !self.is_av(f),
-                        CLEARANCE,
-                    ));
+                    cost += contact_cost(self.first_contact(&mut motion, &others, CLEARANCE));
                 }
-                if cost < best.0 && swerve.is_some() {
+                if let Some(path) = swerve.as_ref().filter(|_| cost < best.0) {
                     cost += *off_lane.get_or_insert_with(|| self.cost_off_lane(own, path));
                 }
                 if cost < best.0 {
@@ -320,10 +325,4 @@ impl Surroundings<'_> {
 /// Returns the cost of a contact at a time: a later one is more likely to resolve itself.
 fn contact_cost(contact: Option<f64>) -> f64 {
     contact.map_or(0.0, |t| 100.0 * math::exp(-t / CONTACT_DECAY_TIME))
-}
-
-/// Returns distance and speed after `t` seconds at a constant acceleration; vehicles do not roll back.
-pub(super) fn travelled(speed: f64, a: f64, t: f64) -> (f64, f64) {
-    let lasting = if a < 0.0 { t.min(speed / -a) } else { t };
-    (speed * lasting + 0.5 * a * lasting * lasting, (speed + a * lasting).max(0.0))
 }

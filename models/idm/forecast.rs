@@ -26,6 +26,52 @@ pub(super) struct Forecast {
     pub(super) samples: Vec<Sample>,
     /// Bounds of all boxes.
     pub(super) bounds: Bounds,
+    /// Straight band around the samples.
+    pub(super) band: Band,
+}
+
+/// A straight band around the centres of samples.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Band {
+    /// Beginning of the band, on its axis.
+    pub(super) origin: Vec2,
+    /// Unit vector along the band: from the first sample to the last, or along the heading of an agent that
+    /// stands.
+    pub(super) axis: Vec2,
+    /// Length, metres.
+    pub(super) length: f64,
+    /// Smallest and largest position of a centre across the axis, metres, left positive.
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Largest sine of the angle between a sample and the axis.
+    pub(super) sine: f64,
+    /// Largest speed of a sample, m/s.
+    pub(super) speed: f64,
+}
+
+impl Band {
+    fn around(samples: &[Sample]) -> Self {
+        let (first, last) = (&samples[0], &samples[samples.len() - 1]);
+        let chord = last.center - first.center;
+        let distance = chord.norm();
+        let axis = if distance > 0.1 { chord / distance } else { first.axis };
+        let mut band =
+            Self { origin: first.center, axis, length: 0.0, low: 0.0, high: 0.0, sine: 0.0, speed: 0.0 };
+        let mut start = 0.0_f64;
+        for sample in samples {
+            let from_first = sample.center - first.center;
+            let (along, across) = (axis.dot(&from_first), axis.perp(&from_first));
+            start = start.min(along);
+            band.length = band.length.max(along);
+            band.low = band.low.min(across);
+            band.high = band.high.max(across);
+            band.sine = band.sine.max(axis.perp(&sample.axis).abs());
+            band.speed = band.speed.max(sample.speed.abs());
+        }
+        band.origin += axis * start;
+        band.length -= start;
+        band
+    }
 }
 
 /// Duration for which an acceleration is kept, seconds.
@@ -74,7 +120,8 @@ impl Forecast {
         let starting = actor.acceleration > 0.3;
         if actor.speed.abs() < STANDSTILL_SPEED && !starting {
             let bounds = Bounds::around(now.center, radius);
-            return Self { actor: index, samples: vec![now], bounds };
+            let samples = vec![now];
+            return Self { actor: index, band: Band::around(&samples), samples, bounds };
         }
         let horizon = if actor.is_av { settings.av_horizon } else { settings.horizon };
         let count = (horizon / settings.sample).round() as usize;
@@ -88,7 +135,7 @@ impl Forecast {
             samples.push(Sample { center, axis, speed });
             bounds = bounds.union(&Bounds::around(center, radius + 0.5 * settings.sample * speed));
         }
-        Self { actor: index, samples, bounds }
+        Self { actor: index, band: Band::around(&samples), samples, bounds }
     }
 }
 

@@ -9,9 +9,11 @@ mod evade;
 mod follow;
 mod forecast;
 mod motion;
+mod own_motion;
 mod parameters;
 mod route;
 mod signals;
+mod strip;
 
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};

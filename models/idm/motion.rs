@@ -9,7 +9,7 @@ use super::actor::Actor;
 use super::corridor::{self, Corridor};
 use super::decide::{Situation, decide};
 use super::driver::{AgentBehaviour, PathFollower};
-use super::evade::Surroundings;
+use super::evade::{CONTACT_HORIZON, Surroundings};
 use super::forecast::{Forecast, forecast_all};
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
@@ -215,12 +215,15 @@ impl Traffic {
         let settings = &parameters.conflict;
         let forecasts =
             forecast_all(&self.actors, &self.behaviours, self.av_curvature, &self.av_paths, settings);
+        let footprints: Vec<OrientedBox> = self.actors.iter().map(Actor::footprint).collect();
         for i in 0..self.behaviours.len() {
             match &mut self.behaviours[i] {
-                AgentBehaviour::OnPath(_) => intents[i] = self.decide_one(i, seen, &forecasts, parameters),
+                AgentBehaviour::OnPath(_) => {
+                    intents[i] = self.decide_one(i, seen, &forecasts, &footprints, parameters)
+                }
                 AgentBehaviour::Walking { velocity } => {
                     let velocity = *velocity;
-                    walks[i] = self.may_walk(i, velocity, &forecasts, parameters);
+                    walks[i] = self.may_walk(i, velocity, &forecasts, &footprints, parameters);
                 }
                 AgentBehaviour::Parked
                 | AgentBehaviour::Leaving { .. }
@@ -235,13 +238,26 @@ impl Traffic {
         i: usize,
         seen: &Observation<'_>,
         forecasts: &[Forecast],
+        footprints: &[OrientedBox],
         parameters: &Parameters,
     ) -> Intent {
         let own = self.actors[i];
         let settings = &parameters.conflict;
         let class = if own.kind == AgentKind::Cyclist { &parameters.cyclist } else { &parameters.vehicle };
-        let around =
-            Surroundings { index: i, actors: &self.actors, forecasts, road: seen.start().road(), settings };
+        let road = seen.start().road();
+        // The AV is the first actor.
+        let (of_av, of_others) =
+            forecasts.split_at(forecasts.partition_point(|f| self.actors[f.actor].is_av));
+        let mut around = Surroundings {
+            index: i,
+            actors: &self.actors,
+            footprints,
+            of_av,
+            of_others,
+            road,
+            strip: None,
+            settings,
+        };
         let AgentBehaviour::OnPath(driver) = &mut self.behaviours[i] else { return Intent::default() };
         if let Some((offset, quiet)) = driver.aside {
             // Return to the lane when nothing has been in the way for a while, and nothing will be on
@@ -256,7 +272,9 @@ impl Traffic {
             }
         }
         let stop = signals::next_stop(seen, &own, driver);
-        let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
+        let strip = corridor::strip(&own, driver, CONTACT_HORIZON);
+        around.strip = strip;
+        let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, strip.as_ref(), settings);
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let wanted = following(driver, &own, &intent, 0.0);
         driver.waits = own.speed < WAITING_SPEED && wanted > WAITING_ACCELERATION;
@@ -287,7 +305,9 @@ impl Traffic {
             driver.take(path, class);
             driver.aside = Some((offset, 0));
             let AgentBehaviour::OnPath(driver) = &self.behaviours[i] else { return intent };
-            intent.corridor = corridor::look(i, &own, driver, &self.actors, forecasts, settings);
+            let strip = corridor::strip(&own, driver, 0.0);
+            intent.corridor =
+                corridor::look(i, &own, driver, &self.actors, forecasts, strip.as_ref(), settings);
             intent.stop = None;
         } else if let Some((_, quiet)) = &mut driver.aside {
             *quiet = 0;
@@ -302,6 +322,7 @@ impl Traffic {
         index: usize,
         velocity: Vec2,
         forecasts: &[Forecast],
+        footprints: &[OrientedBox],
         parameters: &Parameters,
     ) -> bool {
         let own = &self.actors[index];
@@ -323,7 +344,7 @@ impl Traffic {
                     half_length: other.half_length + 0.5 * parameters.conflict.sample * sample.speed.abs(),
                     half_width: other.half_width,
                 };
-                let ours = OrientedBox { center: own.pose.position + velocity * t, ..own.footprint() };
+                let ours = OrientedBox { center: own.pose.position + velocity * t, ..footprints[index] };
                 theirs.separation(&ours) < clearance
             })
         };
@@ -332,7 +353,7 @@ impl Traffic {
             if forecast.actor == index
                 || !matches!(other.kind, AgentKind::Vehicle | AgentKind::Cyclist)
                 || !around.intersects(&forecast.bounds)
-                || other.footprint().separation(&own.footprint()) < 0.0
+                || footprints[forecast.actor].separation(&footprints[index]) < 0.0
             {
                 continue;
             }

@@ -8,6 +8,8 @@ use crate::geometry::{Bounds, Polyline, Vec2, direction, math, wrap};
 pub struct DrivenPath {
     points: Vec<PathPoint>,
     bounds: Vec<Bounds>,
+    /// Sum of the absolute turns before each point, radians.
+    turns: Vec<f64>,
 }
 
 /// A point of a [`DrivenPath`].
@@ -165,12 +167,23 @@ impl DrivenPath {
             Bounds::of(points[first..=last].iter().map(|p| p.pose.position))
         };
         let bounds = (0..points.len()).step_by(Self::BLOCK).map(block).collect();
-        Self { points, bounds }
+        let before = |sum: &mut f64, point: &PathPoint| {
+            let before = *sum;
+            *sum += point.curvature.abs() * Self::STEP;
+            Some(before)
+        };
+        let turns = points.iter().scan(0.0, before).collect();
+        Self { points, bounds, turns }
     }
 
     /// Returns the points, one per metre.
     pub fn points(&self) -> &[PathPoint] {
         &self.points
+    }
+
+    /// Returns the sum of the absolute turns between two points, by index, radians.
+    pub fn turn_between(&self, from: usize, to: usize) -> f64 {
+        self.turns[to] - self.turns[from]
     }
 
     /// Returns the length, metres.
@@ -214,36 +227,74 @@ impl DrivenPath {
         let last = last.min(self.points.len() - 1);
         let first = first.min(last);
         let d2 = |i: usize| (self.points[i].pose.position - p).norm_squared();
-        let mut best = near.map_or_else(
+        let start = near.map_or_else(
             || {
                 let coarse = (first..=last).step_by(4).chain([last]);
-                coarse.map(|i| (i, d2(i))).fold((first, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a })
+                let nearest = |a: (usize, f64), b: (usize, f64)| if b.1 < a.1 { b } else { a };
+                coarse.map(|i| (i, d2(i))).fold((first, f64::INFINITY), nearest).0
             },
-            |i| (i.clamp(first, last), d2(i.clamp(first, last))),
+            |i| i.clamp(first, last),
         );
-        loop {
-            let lower = if best.0 > first { d2(best.0 - 1) } else { f64::INFINITY };
-            let upper = if best.0 < last { d2(best.0 + 1) } else { f64::INFINITY };
-            if lower < best.1 && lower <= upper {
-                best = (best.0 - 1, lower);
-            } else if upper < best.1 {
-                best = (best.0 + 1, upper);
-            } else {
-                break;
-            }
-        }
-        let point = &self.points[best.0];
+        let here = d2(start);
+        let lower = if start > first { d2(start - 1) } else { f64::INFINITY };
+        let upper = if start < last { d2(start + 1) } else { f64::INFINITY };
+        let index = if lower < here && lower <= upper {
+            self.descend(p, start, first, |i| i - 1)
+        } else if upper < here {
+            self.descend(p, start, last, |i| i + 1)
+        } else {
+            start
+        };
+        let point = &self.points[index];
         let d = p - point.pose.position;
         PathProjection {
-            s: best.0 as f64 * Self::STEP + d.dot(&point.axis),
+            s: index as f64 * Self::STEP + d.dot(&point.axis),
             offset: point.axis.perp(&d),
-            index: best.0,
+            index,
         }
+    }
+
+    /// Returns the first point from `start` towards `end` whose successor in that direction is no nearer to
+    /// `p`.
+    fn descend(&self, p: Vec2, start: usize, end: usize, next: impl Fn(usize) -> usize) -> usize {
+        let d2 = |i: usize| (self.points[i].pose.position - p).norm_squared();
+        let mut index = self.skip_towards(p, start, end);
+        let mut best = d2(index);
+        while index != end {
+            let following = d2(next(index));
+            if following >= best {
+                break;
+            }
+            (index, best) = (next(index), following);
+        }
+        index
+    }
+
+    /// Returns a point between `start` and `end` up to which every point is nearer to `p` than the one
+    /// before.
+    fn skip_towards(&self, p: Vec2, start: usize, end: usize) -> usize {
+        /// Largest turn of the points that are skipped, radians.
+        const MAX_TURN: f64 = 0.2;
+        /// Largest number of points that are skipped.
+        const MAX_POINTS: f64 = 16.0;
+        // The chord of each skipped arc deviates by at most 0.2 from the axis here, and the path by at most
+        // 16 sin(0.2) = 3.2 m to the side. With more than 1 m + lateral / 2 left along the axis, the way to `p`
+        // has a component along the chord of at least (1 + lateral / 2) cos(0.2) - (lateral + 3.2) sin(0.2)
+        // > 0.3 m: each step along a chord brings `p` nearer, whatever the rounding.
+        let point = &self.points[start];
+        let d = p - point.pose.position;
+        let (along, lateral) = (d.dot(&point.axis), point.axis.perp(&d).abs());
+        let along = if end < start { -along } else { along };
+        let count = (along / Self::STEP - 0.5 * lateral - 0.5).clamp(0.0, MAX_POINTS) as usize;
+        let there = if end < start { start - count.min(start - end) } else { start + count.min(end - start) };
+        if (self.turns[there] - self.turns[start]).abs() <= MAX_TURN { there } else { start }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn straight() -> Polyline {
@@ -271,6 +322,56 @@ mod tests {
         let path = DrivenPath::pursue(start, 0.0, &short, 80.0, &PURSUIT);
         let end = path.at(80.0);
         assert!(end.position.x > 79.0 && end.position.y.abs() < 0.1 && end.heading.abs() < 0.01, "{end:?}");
+    }
+
+    /// Returns the nearest point by descending step by step from the nearest of every fourth point.
+    fn nearest_step_by_step(
+        path: &DrivenPath,
+        p: Vec2,
+        first: usize,
+        last: usize,
+        near: Option<usize>,
+    ) -> usize {
+        let d2 = |i: usize| (path.points[i].pose.position - p).norm_squared();
+        let coarse = (first..=last).step_by(4).chain([last]);
+        let mut at = near.map_or_else(
+            || coarse.fold((first, f64::INFINITY), |a, i| if d2(i) < a.1 { (i, d2(i)) } else { a }).0,
+            |i| i.clamp(first, last),
+        );
+        loop {
+            let lower = if at > first { d2(at - 1) } else { f64::INFINITY };
+            let upper = if at < last { d2(at + 1) } else { f64::INFINITY };
+            if lower < d2(at) && lower <= upper {
+                at -= 1;
+            } else if upper < d2(at) {
+                at += 1;
+            } else {
+                return at;
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn skipping_points_changes_no_projection(
+            heading in -1.0..1.0_f64,
+            curvature in -0.2..0.2_f64,
+            fade in 2.0..300.0_f64,
+            (x, y) in (-120.0..240.0_f64, -40.0..40.0_f64),
+            near in prop::option::of(0..200_usize),
+            (first, count) in (0..60_usize, 0..140_usize),
+        ) {
+            let start = Pose { position: Vec2::new(0.0, 0.0), heading };
+            let path = DrivenPath::fade(start, curvature, fade, 180.0);
+            let last = (first + count).min(path.points.len() - 1);
+            let first = first.min(last);
+            // Beside a point of the path and anywhere.
+            let beside = path.point_at(x.abs().floor()).pose.position + Vec2::new(0.0, (y / 10.0).round() / 2.0);
+            for p in [beside, Vec2::new(x, y)] {
+                let found = path.project(p, first, last, near).index;
+                prop_assert_eq!(found, nearest_step_by_step(&path, p, first, last, near));
+            }
+        }
     }
 
     #[test]

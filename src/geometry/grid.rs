@@ -83,6 +83,10 @@ const MAX_CELLS: f64 = 65_536.0;
 /// Maximum number of list entries over all cells, unless sixteen per item are more; beyond it the cells grow.
 const MAX_ENTRIES: f64 = 4e6;
 
+/// Squared distance of a start, in squared cell sizes, up to which all cells within that distance are visited
+/// row by row.
+const NEAR_CELLS: f64 = 16.0;
+
 impl Grid {
     /// Indexes `bounds` (item `i` is `bounds[i]`) in cells of about `cell` metres. Empty bounds are left out.
     pub fn new(bounds: &[Bounds], cell: f64) -> Self {
@@ -196,6 +200,12 @@ impl Grid {
         if self.items.is_empty() {
             return None;
         }
+        if let Some(start) = start {
+            let found = distance2(start);
+            if found < NEAR_CELLS * self.cell * self.cell {
+                return Some(self.nearest_within(p, (start, found), distance2));
+            }
+        }
         let mut best = start.map_or((u32::MAX, f64::INFINITY), |i| (i, distance2(i)));
         let (column, row) = (self.column(p.x), self.row(p.y));
         let outside = |v: i64, n: i64| (-v).max(v - (n - 1)).max(0);
@@ -234,6 +244,37 @@ impl Grid {
             }
         }
         Some(best)
+    }
+
+    /// Finds the nearest item as [`Self::nearest`] does, in the cells that are no farther than `best`, an item
+    /// and its squared distance.
+    fn nearest_within(
+        &self,
+        p: Vec2,
+        mut best: (u32, f64),
+        mut distance2: impl FnMut(u32) -> f64,
+    ) -> (u32, f64) {
+        // The slack covers ties exactly on the border of a cell.
+        let reach = (best.1 + 1e-9).sqrt() + 1e-9;
+        for row in self.row(p.y - reach).max(0)..=self.row(p.y + reach).min(self.rows - 1) {
+            let low = self.origin.y + row as f64 * self.cell;
+            let dy = (low - p.y).max(p.y - low - self.cell).max(0.0);
+            let rest = best.1 + 1e-9 - dy * dy;
+            if rest < 0.0 {
+                continue;
+            }
+            let reach = rest.sqrt() + 1e-9;
+            let columns = self.column(p.x - reach).max(0)..=self.column(p.x + reach).min(self.columns - 1);
+            for column in columns {
+                for &i in self.items_of((row * self.columns + column) as usize) {
+                    let d2 = distance2(i);
+                    if d2 < best.1 || (d2 == best.1 && i < best.0) {
+                        best = (i, d2);
+                    }
+                }
+            }
+        }
+        best
     }
 }
 

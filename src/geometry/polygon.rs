@@ -30,9 +30,14 @@ impl Polygon {
 pub fn point_in_ring(p: Vec2, ring: &[Vec2]) -> Option<bool> {
     let mut inside = false;
     let mut a = *ring.last()?;
+    let mut a_is_above = a.y > p.y;
     for &b in ring {
-        inside ^= crosses(p, a, b)?;
-        a = b;
+        let b_is_above = b.y > p.y;
+        // All other edges are above or below: neither crossed nor met.
+        if a_is_above != b_is_above || b.y == p.y {
+            inside ^= crosses(p, a, b)?;
+        }
+        (a, a_is_above) = (b, b_is_above);
     }
     Some(inside)
 }

@@ -9,6 +9,10 @@ pub struct Polyline {
     arc: Vec<f64>,
 }
 
+/// Squared ratio of the distance of a point to the least distance so far above which [`Polyline::project`] skips
+/// segments: below it hardly any could be.
+const FAR2: f64 = 9.0;
+
 /// The reason why points do not form a polyline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolylineError {
@@ -157,10 +161,21 @@ impl Polyline {
         let last = last.clamp(1, self.segments());
         let first = first.min(last - 1);
         let (mut best, mut segment, mut at) = (f64::INFINITY, first, 0.0);
-        for i in first..last {
+        let mut i = first;
+        while i < last {
             let (d2, t) = point_segment(p, self.points[i], self.points[i + 1]);
             if d2 < best {
                 (best, segment, at) = (d2, i, t);
+            }
+            i += 1;
+            // Along the line the distance shrinks at most by the arc length: segments that end within the
+            // difference to the best one are farther away.
+            let next2 = (self.points[i] - p).norm_squared();
+            if next2 > FAR2 * best {
+                let within = self.arc[i] + (next2.sqrt() - best.sqrt()) * (1.0 - 1e-9) - 1e-9;
+                while i < last && self.arc[i + 1] < within {
+                    i += 1;
+                }
             }
         }
         let (a, b) = self.segment(segment);
@@ -179,7 +194,33 @@ impl Polyline {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        #[test]
+        fn a_projection_is_the_nearest_of_all_segments(
+            steps in prop::collection::vec((-4.0..6.0_f64, -4.0..4.0_f64), 1..60),
+            (x, y) in (-30.0..90.0_f64, -40.0..40.0_f64),
+            (first, count) in (0..50_usize, 1..60_usize),
+        ) {
+            let mut points = vec![Vec2::zeros()];
+            // Whole metres, so that there are ties.
+            points.extend(steps.iter().scan(Vec2::zeros(), |at, (dx, dy)| {
+                *at += Vec2::new(dx.round(), dy.round());
+                Some(*at)
+            }));
+            let Ok(line) = Polyline::new(&points) else { return Ok(()) };
+            let p = Vec2::new(x.round(), y.round());
+            let last = (first + count).clamp(1, line.segments());
+            let d2 = |i: usize| point_segment(p, line.points[i], line.points[i + 1]).0;
+            let all = first.min(last - 1)..last;
+            let nearest = all.fold((f64::INFINITY, 0), |a, i| if d2(i) < a.0 { (d2(i), i) } else { a });
+            let found = line.project_between(p, first, first + count);
+            prop_assert_eq!((found.distance, found.segment), (nearest.0.sqrt(), nearest.1));
+        }
+    }
 
     #[test]
     fn projects_with_sign_and_arc_length() {

@@ -1,6 +1,6 @@
 //! Collisions between agents (ReactSim-Bench, "Metric Computation Details": agent-agent collision rate).
 
-use super::boxes::overlap;
+use super::boxes::overlapping_frames;
 use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 use crate::scene::AgentKind;
 
@@ -65,20 +65,20 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
             if apart {
                 continue;
             }
-            let mut open: Option<usize> = None;
-            for f in case.future() {
+            let mut open: Option<(usize, usize)> = None;
+            for f in overlapping_frames(motion, i, j, case.current + 1, options.corner_rounding) {
                 let step = f - case.current;
-                if overlap(motion, i, j, f, options.corner_rounding) {
-                    hit[motion.at(i, f)] = true;
-                    hit[motion.at(j, f)] = true;
-                    open.get_or_insert(step);
-                } else if let Some(first) = open.take() {
-                    found[i].intervals.push((j, first, step - 1));
-                }
+                hit[motion.at(i, f)] = true;
+                hit[motion.at(j, f)] = true;
+                open = match open {
+                    Some((first, last)) if last + 1 == step => Some((first, step)),
+                    ended => {
+                        found[i].intervals.extend(ended.map(|(first, last)| (j, first, last)));
+                        Some((step, step))
+                    }
+                };
             }
-            if let Some(first) = open {
-                found[i].intervals.push((j, first, case.frames() - 1 - case.current));
-            }
+            found[i].intervals.extend(open.map(|(first, last)| (j, first, last)));
         }
     }
     for i in case.agents() {

@@ -12,6 +12,19 @@ pub(super) fn overlap(motion: &Motion, a: usize, b: usize, frame: usize, roundin
         && rounded_distance(&motion.footprint(a, frame), &motion.footprint(b, frame), rounding) < 0.0
 }
 
+/// Returns the frames from `first` on at which two objects overlap, in order.
+pub(super) fn overlapping_frames(
+    motion: &Motion,
+    a: usize,
+    b: usize,
+    first: usize,
+    rounding: f64,
+) -> impl Iterator<Item = usize> {
+    let touches =
+        move |f: &usize| rounded_distance(&motion.footprint(a, *f), &motion.footprint(b, *f), rounding) < 0.0;
+    motion.close_frames(a, b, first).filter(touches)
+}
+
 /// Overlaps with the AV, per object × frame.
 struct AvOverlaps(Vec<bool>);
 
@@ -22,9 +35,9 @@ impl Judgement for AvOverlaps {
             return Self(hits);
         }
         for i in case.vehicles() {
-            for f in case.current..case.frames() {
-                hits[case.motion.at(i, f)] =
-                    overlap(&case.motion, i, case.av, f, case.options.corner_rounding);
+            let rounding = case.options.corner_rounding;
+            for f in overlapping_frames(&case.motion, i, case.av, case.current, rounding) {
+                hits[case.motion.at(i, f)] = true;
             }
         }
         Self(hits)

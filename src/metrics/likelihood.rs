@@ -217,10 +217,13 @@ fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
         let acceleration_valid = neighbours_valid(&speed_valid);
         for (k, histogram) in histograms.iter().enumerate() {
             let total = counts[k].iter().sum::<u64>() as f64 + PSEUDOCOUNT * histogram.bins as f64;
+            // Few bins are met; the logarithm of each is computed once.
+            let mut logarithms = [None; MAX_BINS];
             let valid = if k % 2 == 0 { &speed_valid } else { &acceleration_valid };
             for (&value, _) in logged.features[k][first..].iter().zip(valid).filter(|s| *s.1) {
-                let count = counts[k][histogram.bin(value)] as f64 + PSEUDOCOUNT;
-                sums[k] += math::ln(count / total);
+                let bin = histogram.bin(value);
+                let share = || math::ln((counts[k][bin] as f64 + PSEUDOCOUNT) / total);
+                sums[k] += *logarithms[bin].get_or_insert_with(share);
                 samples[k] += 1;
             }
         }

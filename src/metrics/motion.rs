@@ -133,6 +133,27 @@ impl Motion {
         reach * reach * (1.0 + 1e-9) + 1e-9
     }
 
+    /// Returns the frames from `first` on at which two objects may touch, in order.
+    pub(super) fn close_frames(&self, a: usize, b: usize, first: usize) -> impl Iterator<Item = usize> {
+        /// Frames that are examined together, without a branch in between.
+        const CHUNK: usize = 8;
+        let reach2 = self.reach2(a, b);
+        let track = |object: usize| self.at(object, first)..self.at(object, self.frames - 1) + 1;
+        let (a, b) = (track(a), track(b));
+        let (ax, bx) = (&self.x[a.clone()], &self.x[b.clone()]);
+        let (ay, by) = (&self.y[a], &self.y[b]);
+        (0..ax.len()).step_by(CHUNK).flat_map(move |from| {
+            let to = (from + CHUNK).min(ax.len());
+            let mut close = [false; CHUNK];
+            for (k, close) in (from..to).zip(&mut close) {
+                let (dx, dy) = (ax[k] - bx[k], ay[k] - by[k]);
+                // NaN distances of absent objects fail the comparison.
+                *close = dx * dx + dy * dy <= reach2;
+            }
+            close.into_iter().enumerate().filter_map(move |(k, close)| close.then_some(first + from + k))
+        })
+    }
+
     /// Returns the squared centre distance; NaN if either is absent.
     pub(super) fn distance2(&self, a: usize, b: usize, frame: usize) -> f64 {
         let (i, j) = (self.at(a, frame), self.at(b, frame));
