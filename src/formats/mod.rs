@@ -21,6 +21,7 @@ pub mod deviations;
 pub mod document;
 pub mod native;
 pub mod rollouts;
+pub mod wosac;
 
 pub use error::{Cause, FormatError};
 pub use format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, decoded, is_parquet};

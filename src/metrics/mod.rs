@@ -26,6 +26,7 @@ mod scores;
 mod spec;
 mod ttc;
 mod undisturbed;
+pub mod wosac;
 
 pub use ade::Displacement;
 pub use agent_agent::{Overlaps, pair_counts};

@@ -12,6 +12,7 @@ mod map_index;
 mod parts;
 mod scenario;
 mod time;
+pub mod wosac;
 
 pub use agent::{Agent, AgentKind, AgentState, Frame, LoggedAgent};
 pub use certificate::{

@@ -2,8 +2,8 @@
 
 mod message;
 mod parts;
-mod record;
-mod size;
+pub(super) mod record;
+pub(super) mod size;
 
 use std::path::{Path, PathBuf};
 

@@ -12,7 +12,7 @@ use crate::formats::format::{GZIP, ZSTD, head};
 
 /// Maximum length of a record in bytes: a scenario has a few megabytes, and compressed files can claim much
 /// more than they contain.
-const MAX_RECORD_LENGTH: u64 = 1 << 27;
+pub(in crate::formats) const MAX_RECORD_LENGTH: u64 = 1 << 27;
 /// Maximum window size of zstd files, as a power of two: files of long records need large windows.
 const MAX_WINDOW_LOG: u32 = 27;
 /// Size of the read buffer in bytes.
@@ -21,7 +21,7 @@ const BUFFER_SIZE: usize = 1 << 16;
 const HEADER_SIZE: usize = 12;
 
 /// Reader of the records of a file, one at a time.
-pub(super) struct Records {
+pub(in crate::formats) struct Records {
     path: PathBuf,
     source: Box<dyn Read + Send>,
     payload: Vec<u8>,
@@ -32,13 +32,13 @@ pub(super) struct Records {
 }
 
 impl Records {
-    pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
+    pub(in crate::formats) fn open(path: &Path) -> Result<Self, FormatError> {
         let source = source(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
         Ok(Self { path: path.to_owned(), source, payload: Vec::new(), header: None, next: 0, ended: false })
     }
 
     /// Returns whether a file begins with the header of a record.
-    pub(super) fn starts(path: &Path) -> bool {
+    pub(in crate::formats) fn starts(path: &Path) -> bool {
         let mut header = [0; HEADER_SIZE];
         let read = source(path).and_then(|mut s| s.read_exact(&mut header));
         read.is_ok() && length(&header).is_ok()
@@ -46,7 +46,7 @@ impl Records {
 
     /// Returns the checked payload of the next record; `None` at the end and after an error that ends the
     /// file.
-    pub(super) fn next(&mut self) -> Option<Result<&[u8], FormatError>> {
+    pub(in crate::formats) fn next(&mut self) -> Option<Result<&[u8], FormatError>> {
         if self.ended {
             return None;
         }
@@ -142,7 +142,7 @@ pub(super) fn count(path: &Path) -> Option<usize> {
 }
 
 /// Opens a file with the decompressor that its first bytes indicate.
-fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
+pub(in crate::formats) fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
     let first = head(path, ZSTD.len() as u64)?;
     let file = open_regular(path)?;
     Ok(if first.starts_with(ZSTD) {

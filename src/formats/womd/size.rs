@@ -14,7 +14,7 @@ const MAP_FEATURES_TAG: u64 = 8;
 const ID_LIST_TAGS: [u64; 3] = [1, 9, 10];
 
 /// Refuses messages with more fields than a scenario has. Malformed messages are left to the decoder.
-pub(super) fn check(payload: &[u8]) -> Result<(), Cause> {
+pub(in crate::formats) fn check(payload: &[u8]) -> Result<(), Cause> {
     let mut found = 0;
     for (tag, content) in Fields(payload) {
         found += 1;
@@ -44,7 +44,7 @@ pub(super) fn check(payload: &[u8]) -> Result<(), Cause> {
 
 /// Iterator over the fields of a message: tag and content, which is empty for numbers. It ends where the
 /// message is malformed.
-struct Fields<'a>(&'a [u8]);
+pub(in crate::formats) struct Fields<'a>(pub(in crate::formats) &'a [u8]);
 
 impl<'a> Iterator for Fields<'a> {
     type Item = (u64, &'a [u8]);

@@ -1,0 +1,4 @@
+mod fixture;
+#[cfg(feature = "formats")]
+mod golden;
+mod pruning;

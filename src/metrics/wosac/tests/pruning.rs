@@ -1,0 +1,53 @@
+//! Pruned searches find what comparisons with everything find, to the last bit.
+
+use super::super::edge_cells::EdgeCells;
+use super::super::footprint::RoundedBox;
+use super::super::objects::{Motion, Objects};
+use super::super::road_edges::RoadEdges;
+use super::super::{nearest_object, road_edges, time_to_collision};
+use super::fixture;
+use crate::scene::wosac::{ScenarioRollouts, WosacLog, align};
+
+fn compare(log: &WosacLog, rollouts: &ScenarioRollouts) {
+    let objects = Objects::new(log).unwrap();
+    let boxes: Vec<RoundedBox> = objects.tracks.iter().map(|track| RoundedBox::of(track)).collect();
+    let (edges, mut cells) = (RoadEdges::new(&log.road_edges), EdgeCells::default());
+    let aligned = align(rollouts, log).unwrap();
+    let motions: Vec<Motion> =
+        [objects.logged()].into_iter().chain(aligned.iter().map(|r| objects.simulated(r))).collect();
+    for (m, motion) in motions.iter().enumerate() {
+        for object in 0..motion.evaluated {
+            let place = format!("{} motion {m} object {object}", log.scenario_id);
+            let distances = nearest_object::distances(motion, &boxes, object);
+            assert_eq!(distances, nearest_object::distances_to_all(motion, &boxes, object), "{place}");
+            let times = time_to_collision::times(motion, object);
+            assert_eq!(times, time_to_collision::times_to_all(motion, object), "{place}");
+            let distances = road_edges::distances(motion, &edges, &mut cells, object);
+            assert_eq!(distances, road_edges::distances_to_all(motion, &edges, object), "{place}");
+        }
+    }
+}
+
+#[test]
+fn pruning_changes_nothing() {
+    for (seed, center) in [(1, [0.0, 0.0]), (2, [-3000.0, 7000.0]), (3, [40_000.0, -33_000.0])] {
+        let (log, rollouts) = fixture::scenario(seed, 24, 4, center);
+        compare(&log, &rollouts);
+    }
+}
+
+#[test]
+fn pruning_changes_nothing_without_partners() {
+    let (log, rollouts) = fixture::scenario(4, 1, 2, [100.0, 100.0]);
+    compare(&log, &rollouts);
+}
+
+#[cfg(feature = "formats")]
+#[test]
+fn pruning_changes_nothing_in_recordings() {
+    for mut golden in super::golden::all() {
+        // A few rollouts of every kind: comparing everything takes long.
+        golden.rollouts.joint_scenes = golden.rollouts.joint_scenes.into_iter().step_by(4).collect();
+        compare(&golden.log, &golden.rollouts);
+    }
+}
