@@ -7,4 +7,4 @@ mod message;
 mod rollouts;
 
 pub use log::WosacLogs;
-pub use rollouts::{decode_rollouts, encode_rollouts};
+pub use rollouts::{decode_rollouts, encode_rollouts, read_rollouts};

@@ -1,9 +1,13 @@
 //! Encoding and decoding of `ScenarioRollouts` messages.
 
+use std::io::Read;
+use std::path::Path;
+
 use prost::Message;
 
 use super::message;
-use crate::formats::error::Cause;
+use crate::formats::error::{Cause, FormatError};
+use crate::formats::womd::record::source;
 use crate::formats::womd::size::Fields;
 use crate::scene::wosac::{JointScene, ObjectTrajectory, ScenarioRollouts};
 
@@ -61,4 +65,21 @@ pub fn encode_rollouts(rollouts: &ScenarioRollouts) -> Vec<u8> {
         joint_scenes: rollouts.joint_scenes.iter().map(scene).collect(),
     }
     .encode_to_vec()
+}
+
+/// Reads a file with one `ScenarioRollouts` message, plain or compressed with gzip or zstd.
+///
+/// # Errors
+/// [`FormatError`] if the file cannot be read or decoded, or is longer than the rollouts of a scenario.
+pub fn read_rollouts(path: &Path) -> Result<ScenarioRollouts, FormatError> {
+    let refuse = |cause| FormatError::file(path, cause);
+    let mut message = Vec::new();
+    source(path)
+        .and_then(|s| s.take(MAX_LENGTH + 1).read_to_end(&mut message))
+        .map_err(|e| refuse(Cause::read(e)))?;
+    if message.len() as u64 > MAX_LENGTH {
+        let expected = "at most 128 MiB of one `ScenarioRollouts` message";
+        return Err(refuse(Cause::value("the length of the content", "more", expected)));
+    }
+    decode_rollouts(&message).map_err(refuse)
 }

@@ -6,92 +6,78 @@
 
 use std::collections::HashMap;
 
-use super::road_edges::{HEIGHT_STRETCH, RoadEdges, Segment};
+use super::edge_segments::{CellBox, EdgeSegments, Scratch};
 
 /// Widths of the cells of every level in metres. They are powers of two, so that cells nest exactly.
-const WIDTHS: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
+const WIDTHS: [f64; 5] = [512.0, 128.0, 32.0, 8.0, 2.0];
 /// Heights of the cells relative to their width.
-const HEIGHT_PER_WIDTH: f64 = 0.25;
-/// Bounds are widened by this much, in metres, since distances are compared in single precision.
-const BOUND_SLACK: f64 = 1e-4;
-/// Bounds are also widened by this share of the distance and of the length of the segment.
-const RELATIVE_SLACK: f64 = 1e-6;
-/// Maximum number of stored candidates; beyond it all cells are emptied. Only rollouts that leave the map get
+const HEIGHT_PER_WIDTH: f64 = 0.125;
+/// Maximum number of stored segments; beyond it all cells are emptied. Only rollouts that leave the map get
 /// there.
-const MAX_STORED: usize = 1 << 24;
+const MAX_STORED: usize = 1 << 22;
 
 /// Cells filled so far.
-#[derive(Default)]
-pub(super) struct EdgeCells {
-    cells: HashMap<Key, Stored>,
-    /// Candidates of all cells, one after another.
-    candidates: Vec<u32>,
+pub(super) struct EdgeCells<'a> {
+    all: &'a EdgeSegments,
+    indices: HashMap<Key, usize>,
+    cells: Vec<EdgeSegments>,
+    /// Number of segments in all cells.
+    stored: usize,
     /// The cell of the most recent query.
-    recent: Option<(Key, Stored)>,
+    recent: Option<(Key, usize)>,
+    scratch: Scratch,
 }
 
 /// Level and position of a cell.
 type Key = (u8, [i32; 3]);
 
-/// Range of the candidates of a cell.
-#[derive(Clone, Copy)]
-struct Stored {
-    start: u32,
-    end: u32,
-}
-
-impl EdgeCells {
-    /// Returns the segments that can be nearest to a point, in map order.
-    pub(super) fn candidates(
-        &mut self,
-        edges: &RoadEdges,
-        point: [f32; 3],
-    ) -> impl Iterator<Item = usize> + use<'_> {
-        if self.candidates.len() > MAX_STORED {
-            *self = Self::default();
+impl<'a> EdgeCells<'a> {
+    /// Begins with no cells.
+    pub(super) fn new(all: &'a EdgeSegments) -> Self {
+        Self {
+            all,
+            indices: HashMap::new(),
+            cells: Vec::new(),
+            stored: 0,
+            recent: None,
+            scratch: Scratch::default(),
         }
-        let key = key(WIDTHS.len() - 1, point);
-        let stored = match self.recent {
-            Some((recent, stored)) if recent == key => stored,
-            _ => self.cell(edges, WIDTHS.len() - 1, point),
+    }
+
+    /// Returns the index in map order of the segment that is nearest to a point, the first one on ties.
+    pub(super) fn nearest(&mut self, point: [f32; 3]) -> Option<usize> {
+        if self.stored > MAX_STORED {
+            (self.stored, self.recent) = (0, None);
+            self.indices.clear();
+            self.cells.clear();
+        }
+        let level = WIDTHS.len() - 1;
+        let key = key(level, point);
+        let cell = match self.recent {
+            Some((recent, cell)) if recent == key => cell,
+            _ => self.cell(level, point),
         };
-        self.recent = Some((key, stored));
-        self.candidates[stored.start as usize..stored.end as usize].iter().map(|&i| i as usize)
+        self.recent = Some((key, cell));
+        self.cells[cell].nearest(point, &mut self.scratch)
     }
 
     /// Returns the cell of a level that contains a point, and fills it if it is new.
-    fn cell(&mut self, edges: &RoadEdges, level: usize, point: [f32; 3]) -> Stored {
+    fn cell(&mut self, level: usize, point: [f32; 3]) -> usize {
         let key = key(level, point);
-        if let Some(stored) = self.cells.get(&key) {
-            return *stored;
+        if let Some(cell) = self.indices.get(&key) {
+            return *cell;
         }
-        let above = level.checked_sub(1).map(|level| self.cell(edges, level, point));
-        let bounds = CellBounds::of(key);
-        let start = self.candidates.len();
-        // The lower bounds of the candidates, and the smallest upper bound.
-        let mut lower = Vec::new();
-        let mut nearest = f64::INFINITY;
-        let count = above.map_or(edges.segments.len(), |above| (above.end - above.start) as usize);
-        for n in 0..count {
-            let i = above.map_or(n as u32, |above| self.candidates[above.start as usize + n]);
-            let (least, most) = bounds.distances(&edges.segments[i as usize]);
-            if least <= nearest {
-                nearest = nearest.min(most);
-                self.candidates.push(i);
-                lower.push(least);
+        let segments = match level.checked_sub(1) {
+            None => self.all.within(&cell_box(key), &mut self.scratch),
+            Some(above) => {
+                let above = self.cell(above, point);
+                self.cells[above].within(&cell_box(key), &mut self.scratch)
             }
-        }
-        let mut kept = start;
-        for (n, least) in lower.into_iter().enumerate() {
-            if least <= nearest {
-                self.candidates[kept] = self.candidates[start + n];
-                kept += 1;
-            }
-        }
-        self.candidates.truncate(kept);
-        let stored = Stored { start: start as u32, end: kept as u32 };
-        self.cells.insert(key, stored);
-        stored
+        };
+        self.stored += segments.len();
+        self.cells.push(segments);
+        self.indices.insert(key, self.cells.len() - 1);
+        self.cells.len() - 1
     }
 }
 
@@ -102,48 +88,14 @@ fn key(level: usize, point: [f32; 3]) -> Key {
     (level as u8, [index(point[0], width), index(point[1], width), index(point[2], height)])
 }
 
-/// The extent of a cell.
-struct CellBounds {
-    center: [f64; 2],
-    /// Half the diagonal in the plane, metres.
-    reach: f64,
-    bottom: f64,
-    top: f64,
-}
-
-impl CellBounds {
-    fn of((level, position): Key) -> Self {
-        let width = WIDTHS[usize::from(level)];
-        let height = width * HEIGHT_PER_WIDTH;
-        let center = |index: i32| (f64::from(index) + 0.5) * width;
-        Self {
-            center: [center(position[0]), center(position[1])],
-            reach: width * std::f64::consts::FRAC_1_SQRT_2,
-            bottom: f64::from(position[2]) * height,
-            top: (f64::from(position[2]) + 1.0) * height,
-        }
-    }
-
-    /// Returns bounds of the stretched distances of all points in the cell to a segment, metres. The distance
-    /// in the plane changes by at most the distance of two points; heights are bounded by their ranges.
-    fn distances(&self, segment: &Segment) -> (f64, f64) {
-        let ([x, y, z], [dx, dy, dz]) = (segment.start.map(f64::from), segment.edge.map(f64::from));
-        let (px, py) = (self.center[0] - x, self.center[1] - y);
-        let length_squared = dx * dx + dy * dy;
-        let t =
-            if length_squared > 0.0 { ((px * dx + py * dy) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-        let (mx, my) = (px - t * dx, py - t * dy);
-        let planar = (mx * mx + my * my).sqrt();
-        let (low, high) = (z.min(z + dz), z.max(z + dz));
-        let gap = (low - self.top).max(self.bottom - high).max(0.0);
-        let span = (self.top - low).abs().max((high - self.bottom).abs());
-        let stretched = |planar: f64, height: f64| {
-            let height = f64::from(HEIGHT_STRETCH) * height;
-            (planar * planar + height * height).sqrt()
-        };
-        let (least, most) =
-            (stretched((planar - self.reach).max(0.0), gap), stretched(planar + self.reach, span));
-        let slack = BOUND_SLACK + RELATIVE_SLACK * (most + (length_squared + dz * dz).sqrt());
-        (least - slack, most + slack)
+fn cell_box((level, position): Key) -> CellBox {
+    let width = WIDTHS[usize::from(level)];
+    let center = |index: i32| ((f64::from(index) + 0.5) * width) as f32;
+    let height = |index: f64| (index * width * HEIGHT_PER_WIDTH) as f32;
+    let bottom = f64::from(position[2]);
+    CellBox {
+        center: [center(position[0]), center(position[1])],
+        reach: (width * std::f64::consts::FRAC_1_SQRT_2) as f32,
+        heights: [height(bottom), height(bottom + 1.0)],
     }
 }

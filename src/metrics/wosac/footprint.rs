@@ -48,6 +48,6 @@ pub(super) fn corners(center: [f32; 2], heading: f32, length: f32, width: f32) -
     let (sin, cos) = math::sin_cos(f64::from(heading));
     let (sin, cos) = (sin as f32, cos as f32);
     let (ahead, left) = (length / 2.0, width / 2.0);
-    [[ahead, left], [-ahead, left], [-ahead, -left], [ahead, -left]]
-        .map(|[dx, dy]| [cos * dx - sin * dy + center[0], sin * dx + cos * dy + center[1]])
+    let corner = |dx: f32, dy: f32| [cos * dx - sin * dy + center[0], sin * dx + cos * dy + center[1]];
+    [corner(ahead, left), corner(-ahead, left), corner(-ahead, -left), corner(ahead, -left)]
 }

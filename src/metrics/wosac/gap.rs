@@ -12,8 +12,7 @@ const SECOND: [usize; 8] = [0, 0, 1, 1, 2, 2, 3, 3];
 /// Returns the distance of two boxes, given by corners in counter-clockwise order, in metres: minus the
 /// smallest penetration if they overlap.
 pub(super) fn signed_distance(a: &[[f32; 2]; 4], b: &[[f32; 2]; 4]) -> f64 {
-    let a = from_lowest(a.map(|[x, y]| [f64::from(x), f64::from(y)]));
-    let b = from_lowest(b.map(|[x, y]| [-f64::from(x), -f64::from(y)]));
+    let (a, b) = (from_lowest(a, 1.0), from_lowest(b, -1.0));
     let cross = |u: [f64; 2], v: [f64; 2]| u[0] * v[1] - u[1] * v[0];
     let edge = |c: &[[f64; 2]; 4]| [c[1][0] - c[0][0], c[1][1] - c[0][1]];
     // Lengths do not change the sign.
@@ -45,16 +44,21 @@ pub(super) fn signed_distance(a: &[[f32; 2]; 4], b: &[[f32; 2]; 4]) -> f64 {
     if has_edge && is_inside { -distance } else { distance }
 }
 
-/// Rotates the corners so that the lowest comes first; on ties the first of them.
-fn from_lowest(mut corners: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
+/// Multiplies the corners by 1 or -1 and rotates them so that the lowest comes first; on ties the first of
+/// them.
+fn from_lowest(corners: &[[f32; 2]; 4], sign: f32) -> [[f64; 2]; 4] {
     let mut lowest = 0;
     for k in 1..4 {
-        if corners[k][1] < corners[lowest][1] {
+        if sign * corners[k][1] < sign * corners[lowest][1] {
             lowest = k;
         }
     }
-    corners.rotate_left(lowest);
-    corners
+    let mut rotated = [[0.0; 2]; 4];
+    for (k, rotated) in rotated.iter_mut().enumerate() {
+        let corner = corners[(lowest + k) % 4];
+        *rotated = [f64::from(sign * corner[0]), f64::from(sign * corner[1])];
+    }
+    rotated
 }
 
 #[cfg(test)]

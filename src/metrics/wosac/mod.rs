@@ -9,6 +9,7 @@
 mod config;
 mod displacement;
 mod edge_cells;
+mod edge_segments;
 mod error;
 mod feature;
 mod footprint;

@@ -6,69 +6,39 @@
 //! are equally far up to rounding, the choice changes the result by up to a millimetre.
 
 use super::edge_cells::EdgeCells;
+use super::edge_segments::EdgeSegments;
 use super::footprint::corners;
 use super::objects::Motion;
 use crate::scene::FUTURE;
 
 /// Distance in metres where an object is invalid.
 pub(super) const INVALID_DISTANCE: f32 = -1e10;
-/// Factor by which heights are stretched in the search for the nearest segment.
-pub(super) const HEIGHT_STRETCH: f32 = 3.0;
 /// Distance in metres below which the ends of a polyline make it a closed one.
 const CLOSED_DISTANCE: f32 = 1.0;
 
 /// The segments of all road edges, in map order.
 pub(super) struct RoadEdges {
-    pub(super) segments: Vec<Segment>,
+    segments: Vec<Segment>,
+    /// The same segments as arrays.
+    pub(super) arrays: EdgeSegments,
 }
 
 /// A segment of a road edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment {
-    /// Start, metres.
-    pub(super) start: [f32; 3],
-    /// Vector from start to end, metres.
-    pub(super) edge: [f32; 3],
-    /// Squared length in the plane.
-    pub(super) length_squared: f32,
+struct Segment {
+    /// Start in the plane, metres.
+    start: [f32; 2],
+    /// Vector from start to end in the plane, metres.
+    edge: [f32; 2],
     /// Index of the segment that ends where this one starts, if any.
-    previous: Option<u32>,
+    previous: Option<usize>,
     /// Index of the segment that starts where this one ends, if any.
-    next: Option<u32>,
-}
-
-/// The point of a segment that is nearest to a point in the plane.
-#[derive(Clone, Copy)]
-pub(super) struct Projection {
-    /// Position along the segment: 0 at its start, 1 at its end; not clipped.
-    t: f32,
-    /// Squared distance in the plane.
-    planar_squared: f32,
-    /// Squared distance in three dimensions, with stretched heights.
-    stretched_squared: f32,
-}
-
-impl Projection {
-    /// Returns whether this distance is the smaller one. Distances whose squares differ can be equal.
-    fn is_nearer(&self, other: Self) -> bool {
-        self.stretched_squared < other.stretched_squared
-            && self.stretched_squared.sqrt() < other.stretched_squared.sqrt()
-    }
+    next: Option<usize>,
 }
 
 impl Segment {
-    fn project(&self, point: [f32; 3]) -> Projection {
-        let (d, e) = (difference(point, self.start), &self.edge);
-        let along = d[0] * e[0] + d[1] * e[1];
-        let t = if self.length_squared > 0.0 { along / self.length_squared } else { 0.0 };
-        let clipped = t.clamp(0.0, 1.0);
-        let m = [d[0] - clipped * e[0], d[1] - clipped * e[1], HEIGHT_STRETCH * (d[2] - clipped * e[2])];
-        let planar_squared = m[0] * m[0] + m[1] * m[1];
-        Projection { t, planar_squared, stretched_squared: planar_squared + m[2] * m[2] }
-    }
-
     /// Returns 1 if a point is on the right (off the road), -1 if it is on the left, 0 if it is on the line.
-    fn side(&self, point: [f32; 3]) -> f32 {
+    fn side(&self, point: [f32; 2]) -> f32 {
         let d = [point[0] - self.start[0], point[1] - self.start[1]];
         let right = d[0] * self.edge[1] - d[1] * self.edge[0];
         if right > 0.0 {
@@ -78,6 +48,14 @@ impl Segment {
         } else {
             0.0
         }
+    }
+
+    /// Returns the position of a point along the segment: 0 at its start, 1 at its end; 0 without a length.
+    fn along(&self, point: [f32; 2]) -> f32 {
+        let d = [point[0] - self.start[0], point[1] - self.start[1]];
+        let length_squared = self.edge[0] * self.edge[0] + self.edge[1] * self.edge[1];
+        let along = d[0] * self.edge[0] + d[1] * self.edge[1];
+        if length_squared > 0.0 { along / length_squared } else { 0.0 }
     }
 
     fn turns_left_into(&self, next: &Self) -> bool {
@@ -90,7 +68,7 @@ impl RoadEdges {
     /// other road edge has more points, as in the official code.
     pub(super) fn new(lines: &[Vec<[f32; 3]>]) -> Self {
         let most_points = lines.iter().map(Vec::len).max().unwrap_or(0);
-        let mut segments: Vec<Segment> = Vec::new();
+        let (mut segments, mut arrays) = (Vec::new(), EdgeSegments::default());
         for line in lines.iter().filter(|line| line.len() >= 2) {
             let (first, count) = (segments.len(), line.len() - 1);
             let gap = difference(line[count], line[0]);
@@ -98,68 +76,41 @@ impl RoadEdges {
             let is_ring = line.len() == most_points && gap_squared < CLOSED_DISTANCE * CLOSED_DISTANCE;
             for (i, ends) in line.windows(2).enumerate() {
                 let edge = difference(ends[1], ends[0]);
-                let index = |i: usize| Some((first + i) as u32);
+                arrays.push(ends[0], edge, segments.len() as u32);
+                let cyclic = |neighbor: Option<usize>, around: usize| {
+                    neighbor.or(is_ring.then_some(around)).map(|neighbor| first + neighbor)
+                };
                 segments.push(Segment {
-                    start: ends[0],
-                    edge,
-                    length_squared: edge[0] * edge[0] + edge[1] * edge[1],
-                    previous: if i > 0 {
-                        index(i - 1)
-                    } else if is_ring {
-                        index(count - 1)
-                    } else {
-                        None
-                    },
-                    next: if i + 1 < count {
-                        index(i + 1)
-                    } else if is_ring {
-                        index(0)
-                    } else {
-                        None
-                    },
+                    start: [ends[0][0], ends[0][1]],
+                    edge: [edge[0], edge[1]],
+                    previous: cyclic(i.checked_sub(1), count - 1),
+                    next: cyclic(Some(i + 1).filter(|&next| next < count), 0),
                 });
             }
         }
-        Self { segments }
+        Self { segments, arrays }
     }
 
     /// Returns the signed distance of a point to the segment that is the nearest one, in metres.
-    fn signed_distance(&self, point: [f32; 3], nearest: usize, projection: Projection) -> f32 {
+    fn signed_distance(&self, point: [f32; 2], nearest: usize) -> f32 {
         let segment = &self.segments[nearest];
-        let side = segment.side(point);
-        let at_end = match projection.t {
-            t if t < 0.0 => segment.previous.map(|i| {
-                let previous = &self.segments[i as usize];
-                (previous, previous.turns_left_into(segment))
-            }),
-            t if t > 1.0 => segment.next.map(|i| {
-                let next = &self.segments[i as usize];
-                (next, segment.turns_left_into(next))
-            }),
-            _ => None,
+        let (side, t) = (segment.side(point), segment.along(point));
+        let joint = if t < 0.0 {
+            segment.previous.map(|i| (&self.segments[i], self.segments[i].turns_left_into(segment)))
+        } else if t > 1.0 {
+            segment.next.map(|i| (&self.segments[i], segment.turns_left_into(&self.segments[i])))
+        } else {
+            None
         };
-        let side = match at_end {
+        let side = match joint {
             Some((neighbor, true)) => side.max(neighbor.side(point)),
             Some((neighbor, false)) => side.min(neighbor.side(point)),
             None => side,
         };
-        side * projection.planar_squared.sqrt()
-    }
-
-    /// Returns the nearest of some segments, the first on ties, as index and projection.
-    pub(super) fn nearest(
-        &self,
-        point: [f32; 3],
-        candidates: impl Iterator<Item = usize>,
-    ) -> Option<(usize, Projection)> {
-        let mut nearest: Option<(usize, Projection)> = None;
-        for i in candidates {
-            let projection = self.segments[i].project(point);
-            if nearest.is_none_or(|(_, best)| projection.is_nearer(best)) {
-                nearest = Some((i, projection));
-            }
-        }
-        nearest
+        let t = t.clamp(0.0, 1.0);
+        let mx = point[0] - segment.start[0] - t * segment.edge[0];
+        let my = point[1] - segment.start[1] - t * segment.edge[1];
+        side * (mx * mx + my * my).sqrt()
     }
 }
 
@@ -175,25 +126,21 @@ pub(super) fn distances(
     cells: &mut EdgeCells,
     object: usize,
 ) -> [f32; FUTURE] {
-    distances_by(motion, object, |point| {
-        let nearest = edges.nearest(point, cells.candidates(edges, point));
-        nearest.map(|(i, projection)| edges.signed_distance(point, i, projection))
-    })
+    distances_by(motion, edges, object, |point| cells.nearest(point))
 }
 
 /// Returns the signed distances as [`distances`] does, comparing all segments.
 #[cfg(test)]
 pub(super) fn distances_to_all(motion: &Motion, edges: &RoadEdges, object: usize) -> [f32; FUTURE] {
-    distances_by(motion, object, |point| {
-        let nearest = edges.nearest(point, 0..edges.segments.len());
-        nearest.map(|(i, projection)| edges.signed_distance(point, i, projection))
-    })
+    let mut scratch = super::edge_segments::Scratch::default();
+    distances_by(motion, edges, object, |point| edges.arrays.nearest(point, &mut scratch))
 }
 
 fn distances_by(
     motion: &Motion,
+    edges: &RoadEdges,
     object: usize,
-    mut signed_distance: impl FnMut([f32; 3]) -> Option<f32>,
+    mut nearest: impl FnMut([f32; 3]) -> Option<usize>,
 ) -> [f32; FUTURE] {
     let (track, future) = (motion.tracks()[object], &motion.futures[object]);
     let mut distances = [INVALID_DISTANCE; FUTURE];
@@ -204,8 +151,8 @@ fn distances_by(
         let bottom = future.z[k] - track.height / 2.0;
         let corners = corners([future.x[k], future.y[k]], future.heading[k], track.length, track.width);
         for [x, y] in corners {
-            if let Some(value) = signed_distance([x, y, bottom]) {
-                *distance = distance.max(value);
+            if let Some(nearest) = nearest([x, y, bottom]) {
+                *distance = distance.max(edges.signed_distance([x, y], nearest));
             }
         }
     }
@@ -218,8 +165,8 @@ mod tests {
 
     fn distance(lines: &[&[[f32; 3]]], point: [f32; 3]) -> f32 {
         let edges = RoadEdges::new(&lines.iter().map(|line| line.to_vec()).collect::<Vec<_>>());
-        let (i, projection) = edges.nearest(point, 0..edges.segments.len()).unwrap();
-        edges.signed_distance(point, i, projection)
+        let nearest = edges.arrays.nearest(point, &mut Default::default()).unwrap();
+        edges.signed_distance([point[0], point[1]], nearest)
     }
 
     #[test]

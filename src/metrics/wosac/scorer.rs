@@ -40,7 +40,7 @@ impl<'a> Scorer<'a> {
         }
         let objects = Objects::new(log)?;
         let edges = RoadEdges::new(&log.road_edges);
-        if edges.segments.is_empty() {
+        if edges.arrays.len() == 0 {
             return Err(WosacError::NoRoadEdge { scenario: log.scenario_id.clone() });
         }
         let surroundings = Surroundings {
@@ -51,7 +51,7 @@ impl<'a> Scorer<'a> {
         let motion = objects.logged();
         let mask = |object: usize| Masks::new(std::array::from_fn(|k| motion.is_valid(object, k)));
         let masks: Vec<Masks> = (0..objects.evaluated).map(mask).collect();
-        let mut cells = EdgeCells::default();
+        let mut cells = EdgeCells::new(&surroundings.edges.arrays);
         let logged = (0..objects.evaluated)
             .map(|object| StepFeatures::of(&motion, &surroundings, &mut cells, object, &mut |_| ()))
             .collect();
@@ -82,7 +82,7 @@ impl<'a> Scorer<'a> {
     /// [`WosacError::Invalid`] if the rollouts do not belong to the scenario or have invalid values.
     pub fn features(&self, rollouts: &ScenarioRollouts) -> Result<Vec<Vec<StepFeatures>>, WosacError> {
         let aligned = align(rollouts, self.log)?;
-        let mut cells = EdgeCells::default();
+        let mut cells = EdgeCells::new(&self.surroundings.edges.arrays);
         let mut of_rollout = |motion: &Motion| {
             (0..motion.evaluated)
                 .map(|i| StepFeatures::of(motion, &self.surroundings, &mut cells, i, &mut |_| ()))
@@ -129,7 +129,7 @@ impl<'a> Scorer<'a> {
     ) -> Result<Tally, WosacError> {
         let aligned = align(rollouts, self.log)?;
         observer(Stage::Alignment);
-        let (logged, mut cells) = (self.objects.logged(), EdgeCells::default());
+        let (logged, mut cells) = (self.objects.logged(), EdgeCells::new(&self.surroundings.edges.arrays));
         let mut tally = Tally::new(configs, self.objects.evaluated);
         for rollout in &aligned {
             let motion = self.objects.simulated(rollout);

@@ -11,7 +11,8 @@ use crate::scene::wosac::{ScenarioRollouts, WosacLog, align};
 fn compare(log: &WosacLog, rollouts: &ScenarioRollouts) {
     let objects = Objects::new(log).unwrap();
     let boxes: Vec<RoundedBox> = objects.tracks.iter().map(|track| RoundedBox::of(track)).collect();
-    let (edges, mut cells) = (RoadEdges::new(&log.road_edges), EdgeCells::default());
+    let edges = RoadEdges::new(&log.road_edges);
+    let mut cells = EdgeCells::new(&edges.arrays);
     let aligned = align(rollouts, log).unwrap();
     let motions: Vec<Motion> =
         [objects.logged()].into_iter().chain(aligned.iter().map(|r| objects.simulated(r))).collect();
