@@ -1,3 +1,5 @@
+#[cfg(feature = "formats")]
+mod attack;
 mod fixture;
 #[cfg(feature = "formats")]
 mod golden;

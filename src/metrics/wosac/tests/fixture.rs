@@ -49,7 +49,7 @@ fn track(rng: &mut ChaCha8Rng, i: usize, center: [f32; 2]) -> WosacTrack {
     let (length, width) = (rng.random_range(0.5..9.0), rng.random_range(0.5..2.6));
     let start = [rng.random_range(-60.0f32..60.0), rng.random_range(-20.0f32..20.0)];
     let (speed, heading) = (rng.random_range(0.0f32..15.0), rng.random_range(-0.6f32..0.6));
-    let mut frames = || (0..FRAMES).map(|f| (f as f32 - CURRENT as f32) / 10.0);
+    let frames = || (0..FRAMES).map(|f| (f as f32 - CURRENT as f32) / 10.0);
     WosacTrack {
         id: 1000 - i as i32,
         kind: AgentKind::ALL[i % 4 * usize::from(i > 1)],
