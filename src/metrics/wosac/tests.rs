@@ -4,3 +4,4 @@ mod fixture;
 #[cfg(feature = "formats")]
 mod golden;
 mod pruning;
+mod quirks;
