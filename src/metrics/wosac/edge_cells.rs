@@ -16,16 +16,26 @@ const HEIGHT_PER_WIDTH: f64 = 0.125;
 /// there.
 const MAX_STORED: usize = 1 << 22;
 
+/// Number of queries after which a cell is divided. Before, its own segments are compared: points far from the
+/// map, which are all in different cells, would otherwise fill a cell of every level each.
+const QUERIES_BEFORE_DIVISION: u32 = 4;
+
 /// Cells filled so far.
 pub(super) struct EdgeCells<'a> {
     all: &'a EdgeSegments,
     indices: HashMap<Key, usize>,
-    cells: Vec<EdgeSegments>,
+    cells: Vec<Cell>,
     /// Number of segments in all cells.
     stored: usize,
-    /// The cell of the most recent query.
+    /// The cell of the most recent query, if it is of the lowest level.
     recent: Option<(Key, usize)>,
     scratch: Scratch,
+}
+
+struct Cell {
+    segments: EdgeSegments,
+    /// Number of queries that this cell answered or passed on to a new cell below.
+    queries: u32,
 }
 
 /// Level and position of a cell.
@@ -51,31 +61,43 @@ impl<'a> EdgeCells<'a> {
             self.indices.clear();
             self.cells.clear();
         }
-        let level = WIDTHS.len() - 1;
-        let key = key(level, point);
+        let lowest = key(WIDTHS.len() - 1, point);
         let cell = match self.recent {
-            Some((recent, cell)) if recent == key => cell,
-            _ => self.cell(level, point),
+            Some((recent, cell)) if recent == lowest => cell,
+            _ => match self.indices.get(&lowest).copied() {
+                Some(cell) => {
+                    self.recent = Some((lowest, cell));
+                    cell
+                }
+                None => self.divided_cell(point),
+            },
         };
-        self.recent = Some((key, cell));
-        self.cells[cell].nearest(point, &mut self.scratch)
+        self.cells[cell].segments.nearest(point, &mut self.scratch)
     }
 
-    /// Returns the cell of a level that contains a point, and fills it if it is new.
-    fn cell(&mut self, level: usize, point: [f32; 3]) -> usize {
+    /// Returns the lowest cell that contains a point, after the division of cells that were queried often.
+    fn divided_cell(&mut self, point: [f32; 3]) -> usize {
+        let mut cell = self.cell(0, None, point);
+        for level in 1..WIDTHS.len() {
+            self.cells[cell].queries += 1;
+            if self.cells[cell].queries <= QUERIES_BEFORE_DIVISION {
+                break;
+            }
+            cell = self.cell(level, Some(cell), point);
+        }
+        cell
+    }
+
+    /// Returns the cell of a level that contains a point, and fills it from the cell above if it is new.
+    fn cell(&mut self, level: usize, above: Option<usize>, point: [f32; 3]) -> usize {
         let key = key(level, point);
         if let Some(cell) = self.indices.get(&key) {
             return *cell;
         }
-        let segments = match level.checked_sub(1) {
-            None => self.all.within(&cell_box(key), &mut self.scratch),
-            Some(above) => {
-                let above = self.cell(above, point);
-                self.cells[above].within(&cell_box(key), &mut self.scratch)
-            }
-        };
+        let above = above.map_or(self.all, |above| &self.cells[above].segments);
+        let segments = above.within(&cell_box(key), &mut self.scratch);
         self.stored += segments.len();
-        self.cells.push(segments);
+        self.cells.push(Cell { segments, queries: 0 });
         self.indices.insert(key, self.cells.len() - 1);
         self.cells.len() - 1
     }

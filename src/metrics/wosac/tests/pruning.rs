@@ -52,3 +52,17 @@ fn pruning_changes_nothing_in_recordings() {
         compare(&golden.log, &golden.rollouts);
     }
 }
+
+#[test]
+fn pruning_changes_nothing_far_from_the_map() {
+    let (log, mut rollouts) = fixture::scenario(5, 6, 4, [-500.0, 300.0]);
+    for (r, scene) in rollouts.joint_scenes.iter_mut().enumerate() {
+        for (i, trajectory) in scene.trajectories.iter_mut().enumerate() {
+            for (k, x) in trajectory.x.iter_mut().enumerate() {
+                *x += 37.0 * (i * k * (r + 1)) as f32;
+            }
+            trajectory.z.iter_mut().for_each(|z| *z -= 5000.0 * r as f32);
+        }
+    }
+    compare(&log, &rollouts);
+}
