@@ -94,9 +94,6 @@ fn decode(path: &Path, record: u64, payload: &[u8]) -> Result<WosacLog, FormatEr
 
 /// Converts a message. Coordinates are rounded to single precision here, and only here.
 fn log(proto: Scenario) -> Result<WosacLog, Cause> {
-    if proto.scenario_id.is_empty() {
-        return Err(Cause::value("scenario_id", "empty", "an id"));
-    }
     if proto.current_time_index != CURRENT as i32 {
         return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
     }

@@ -26,15 +26,13 @@ pub(super) fn distances(motion: &Motion, boxes: &[RoundedBox], object: usize) ->
     // Distances between centres, and the smallest upper bound over all partners.
     let mut centers = vec![[f32::INFINITY; FUTURE]; boxes.len()];
     let mut nearest = [f32::INFINITY; FUTURE];
-    let mut slack = [0.0; FUTURE];
-    for k in 0..FUTURE {
-        slack[k] = BOUND_SLACK + RELATIVE_SLACK * (own.x[k].abs() + own.y[k].abs());
-    }
+    let slack: [f32; FUTURE] =
+        std::array::from_fn(|k| BOUND_SLACK + RELATIVE_SLACK * (own.x[k].abs() + own.y[k].abs()));
     for other in partners() {
         let (theirs, centers) = (&motion.futures[other], &mut centers[other]);
-        for k in 0..FUTURE {
+        for (k, center) in centers.iter_mut().enumerate() {
             let (dx, dy) = (theirs.x[k] - own.x[k], theirs.y[k] - own.y[k]);
-            centers[k] = (dx * dx + dy * dy).sqrt();
+            *center = (dx * dx + dy * dy).sqrt();
         }
         if !motion.is_all_valid() {
             for (k, center) in centers.iter_mut().enumerate() {

@@ -7,6 +7,9 @@ use crate::scene::{AgentKind, CURRENT, FRAMES, HISTORY, SceneError, limits};
 /// Largest magnitude of a world coordinate in metres; beyond it, single precision resolves less than a metre.
 const MAX_WORLD_COORDINATE: f32 = 1e7;
 
+/// Maximum length of the id of a scenario in bytes.
+const MAX_ID_LENGTH: usize = 1000;
+
 /// A recorded scenario in world coordinates. Everything is in single precision, the precision of the official
 /// code: values that files store in double precision are rounded once, when they are read.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -106,6 +109,11 @@ impl WosacLog {
         let error = |field: String, value: String, expected: &str| {
             Err(SceneError { scenario: self.scenario_id.clone(), field, value, expected: expected.into() })
         };
+        let id = &self.scenario_id;
+        if id.is_empty() || id.len() > MAX_ID_LENGTH || id.contains(char::is_control) {
+            let expected = "an id of 1 to 1000 bytes without control characters";
+            return error("scenario_id".into(), format!("`{}`", id.escape_debug()), expected);
+        }
         for (field, index) in [("sdc_track_index", self.av)]
             .into_iter()
             .chain(self.tracks_to_predict.iter().map(|&track| ("tracks_to_predict", track)))

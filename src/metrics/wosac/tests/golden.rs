@@ -1,5 +1,6 @@
 //! Agreement with results of the official code. The recordings and results may not be distributed; where they
 //! are missing, these tests are skipped with a message.
+#![expect(clippy::print_stdout, reason = "the largest differences are shown with `--nocapture`")]
 
 use std::collections::BTreeMap;
 use std::fs::File;

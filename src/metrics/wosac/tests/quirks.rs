@@ -208,6 +208,5 @@ fn scenarios_of_other_formats_can_be_scored() {
             }
         }
     }
-    println!("{scored} scored, {refused} without road edges");
     assert!(scored + refused > 0);
 }
