@@ -9,15 +9,15 @@ use std::collections::HashMap;
 use super::edge_segments::{CellBox, EdgeSegments, Scratch};
 
 /// Widths of the cells of every level in metres. They are powers of two, so that cells nest exactly.
-const WIDTHS: [f64; 5] = [512.0, 128.0, 32.0, 8.0, 2.0];
+const WIDTHS: [f64; 5] = [1024.0, 256.0, 64.0, 16.0, 4.0];
 /// Heights of the cells relative to their width.
 const HEIGHT_PER_WIDTH: f64 = 0.125;
 /// Maximum number of stored segments; beyond it all cells are emptied. Only rollouts that leave the map get
 /// there.
 const MAX_STORED: usize = 1 << 22;
 
-/// Number of queries after which a cell is divided. Before, its own segments are compared: points far from the
-/// map, which are all in different cells, would otherwise fill a cell of every level each.
+/// Number of queries after which a cell is divided. Before, its own segments are compared: points far from
+/// the map, which are all in different cells, would otherwise fill a cell of every level each.
 const QUERIES_BEFORE_DIVISION: u32 = 4;
 
 /// Cells filled so far.
@@ -117,7 +117,7 @@ fn cell_box((level, position): Key) -> CellBox {
     let bottom = f64::from(position[2]);
     CellBox {
         center: [center(position[0]), center(position[1])],
-        reach: (width * std::f64::consts::FRAC_1_SQRT_2) as f32,
+        width: width as f32,
         heights: [height(bottom), height(bottom + 1.0)],
     }
 }

@@ -68,7 +68,7 @@ impl RoadEdges {
     /// other road edge has more points, as in the official code.
     pub(super) fn new(lines: &[Vec<[f32; 3]>]) -> Self {
         let most_points = lines.iter().map(Vec::len).max().unwrap_or(0);
-        let (mut segments, mut arrays) = (Vec::new(), EdgeSegments::default());
+        let (mut segments, mut vectors) = (Vec::new(), Vec::new());
         for line in lines.iter().filter(|line| line.len() >= 2) {
             let (first, count) = (segments.len(), line.len() - 1);
             let gap = difference(line[count], line[0]);
@@ -76,7 +76,7 @@ impl RoadEdges {
             let is_ring = line.len() == most_points && gap_squared < CLOSED_DISTANCE * CLOSED_DISTANCE;
             for (i, ends) in line.windows(2).enumerate() {
                 let edge = difference(ends[1], ends[0]);
-                arrays.push(ends[0], edge, segments.len() as u32);
+                vectors.push([ends[0], edge]);
                 let cyclic = |neighbor: Option<usize>, around: usize| {
                     neighbor.or(is_ring.then_some(around)).map(|neighbor| first + neighbor)
                 };
@@ -88,7 +88,7 @@ impl RoadEdges {
                 });
             }
         }
-        Self { segments, arrays }
+        Self { segments, arrays: EdgeSegments::new(&vectors) }
     }
 
     /// Returns the signed distance of a point to the segment that is the nearest one, in metres.
