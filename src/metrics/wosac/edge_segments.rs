@@ -182,7 +182,10 @@ impl Rival {
         let [start, edge] = segment;
         let length_squared = edge[0] * edge[0] + edge[1] * edge[1];
         let t = along(segment, self.center);
-        let change = self.width / 2.0 * (edge[0].abs() + edge[1].abs()) / length_squared + END_SLACK;
+        // The rounding of the position in single precision grows with the distance to the start.
+        let away = (self.center[0] - start[0]).abs() + (self.center[1] - start[1]).abs();
+        let reach = self.width / 2.0 + f64::from(RELATIVE_SLACK) * away;
+        let change = reach * (edge[0].abs() + edge[1].abs()) / length_squared + END_SLACK;
         let end = if t + change < 0.0 {
             start
         } else if t - change > 1.0 {
