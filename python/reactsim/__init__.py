@@ -39,6 +39,7 @@ from .program import ReactsimError, find_program
 from .results import Markdown, Results, Rollout
 from .run import run
 from .scenarios import Scenario, scenarios
+from .wosac import WosacRollouts, WosacScores, wosac
 
 __all__ = [
     "DT",
@@ -62,10 +63,13 @@ __all__ = [
     "Scene",
     "Scenes",
     "Simulator",
+    "WosacRollouts",
+    "WosacScores",
     "find_program",
     "plot_rollout",
     "plot_scene",
     "run",
     "scenarios",
     "serve",
+    "wosac",
 ]

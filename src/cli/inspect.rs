@@ -107,6 +107,9 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
         if args.reading.current_frame.is_some() {
             bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
         }
+        if args.reading.all_agents {
+            bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
+        }
         let scenarios = Source::shipped(usize::MAX).scenarios()?;
         return wanted.pick(scenarios, "the shipped benchmark");
     };

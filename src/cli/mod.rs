@@ -6,6 +6,7 @@ mod compare;
 mod convert;
 mod curate;
 mod duration;
+mod export;
 mod export_av;
 mod external;
 mod finished;
@@ -106,6 +107,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Describe and draw a scenario
     Inspect(inspect::InspectArgs),
+    /// Write runs in the formats of others
+    Export(export::ExportArgs),
     /// Write the trajectories of deviated AVs without anything of the recorded future
     ExportAv(export_av::ExportAvArgs),
     /// Write scenarios as frames that the Python package reads
@@ -166,6 +169,7 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::view(&args),
         Command::Study(args) => study::study(&args),
         Command::Inspect(args) => inspect::inspect(&args),
+        Command::Export(args) => export::export(&args),
         Command::ExportAv(args) => export_av::export_av(&args),
         Command::Scenes(args) => scenes::scenes(&args),
         Command::List(args) => list::list(&args),
@@ -350,13 +354,19 @@ struct ReadingArgs {
     /// [default: 49 for Argoverse 2, the recorded index for ScenarioNet]
     #[arg(long, value_name = "N")]
     current_frame: Option<usize>,
+    /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
+    /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
+    #[arg(long)]
+    all_agents: bool,
 }
 
 impl ReadingArgs {
     /// Finds inputs as [`find_inputs`] and sets their current frame.
     fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
         let mut inputs = find_inputs(paths)?;
-        inputs.iter_mut().for_each(|input| input.current_frame = self.current_frame);
+        for input in &mut inputs {
+            (input.current_frame, input.all_agents) = (self.current_frame, self.all_agents);
+        }
         Ok(inputs)
     }
 }

@@ -66,7 +66,13 @@ impl Progress {
         self.bar.suspend(print);
     }
 
-    fn failure(&self, text: std::fmt::Arguments<'_>) {
+    /// Shows how many scenarios are finished.
+    pub(super) fn set_done(&self, done: usize) {
+        self.bar.set_position(done as u64);
+    }
+
+    /// Prints that a scenario failed; `text` begins with a colon.
+    pub(super) fn failure(&self, text: std::fmt::Arguments<'_>) {
         let n = self.failures.fetch_add(1, Ordering::Relaxed) + 1;
         if self.table.is_none() {
             self.bar.set_message(self.failure_count());
@@ -117,7 +123,7 @@ impl RunObserver for Progress {
     }
 
     fn scenario_done(&self, done: usize) {
-        self.bar.set_position(done as u64);
+        self.set_done(done);
     }
 
     fn rows(&self, rows: &[Row]) {
@@ -138,7 +144,7 @@ impl RunObserver for Progress {
 
 impl CurationObserver for Progress {
     fn scenario_done(&self, done: usize) {
-        self.bar.set_position(done as u64);
+        self.set_done(done);
     }
 
     fn failed(&self, error: &str) {

@@ -55,6 +55,9 @@ impl ScenarioArgs {
             if self.reading.current_frame.is_some() {
                 bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
             }
+            if self.reading.all_agents {
+                bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
+            }
             return Ok(vec![Source::shipped(most)]);
         }
         Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)

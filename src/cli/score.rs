@@ -1,5 +1,7 @@
 //! `reactsim score`: scores rollouts that any program produced.
 
+mod wosac;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -18,7 +20,8 @@ use crate::report::Run;
 /// Arguments of `score`.
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
-    /// A rollout document (JSON), or rollouts in Parquet, which need --scenarios
+    /// A rollout document (JSON), or rollouts in Parquet, which need --scenarios; with --wosac a submission
+    /// to the Sim Agents challenge (.tar.gz, a folder or a .binproto) or a run folder with kept rollouts
     #[arg(required = true, value_name = "ROLLOUTS")]
     rollouts: Vec<PathBuf>,
     /// Scenarios of the rollouts; may be repeated
@@ -42,9 +45,15 @@ pub(super) struct ScoreArgs {
     /// document the file of the scores [default: stdout only]
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    wosac: wosac::WosacArgs,
 }
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
+    if args.wosac.wosac {
+        return wosac::score(args);
+    }
+    args.wosac.check_absent()?;
     args.table.check(args.format.as_deref())?;
     let is_parquet = |path: &PathBuf| {
         formats::is_parquet(path).with_context(|| format!("could not read {}", path.display()))

@@ -90,6 +90,7 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
         // The provenance holds the current frame of each file.
         for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
             input.current_frame = file.current_frame;
+            input.all_agents = file.all_agents;
         }
         Source::of_inputs(inputs, most)?
     };

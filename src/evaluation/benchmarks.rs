@@ -34,7 +34,7 @@ impl BenchmarkRecord {
     /// Returns the known benchmark that a file contains.
     pub fn of(file: &FileRecord) -> Option<Self> {
         let known = known_benchmarks().into_iter().map(|known| known.record);
-        known.into_iter().find(|record| record.blake3 == file.blake3 && file.current_frame.is_none())
+        known.into_iter().find(|record| record.blake3 == file.blake3 && file.is_plain())
     }
 
     /// Returns the known benchmark of this record; `None` if the program does not know it.

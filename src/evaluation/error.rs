@@ -138,6 +138,26 @@ pub enum EvaluationError {
         /// The folder.
         path: PathBuf,
     },
+    /// A run kept no rollouts.
+    #[error("{path} has no rollouts: run again with --keep-rollouts")]
+    NoRollouts {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// One simulator of a run is needed.
+    #[error(
+        "{path} has the simulators {}{}: choose one with --simulator",
+        .ids.join(", "),
+        .asked.as_ref().map_or_else(String::new, |id| format!(", not `{id}`"))
+    )]
+    WhichSimulator {
+        /// The folder.
+        path: PathBuf,
+        /// The simulator that was asked for.
+        asked: Option<String>,
+        /// Those of the run.
+        ids: Vec<String>,
+    },
     /// Another run is writing to the folder.
     #[error("another run is writing to {path}")]
     Busy {

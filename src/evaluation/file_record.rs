@@ -25,6 +25,9 @@ pub struct FileRecord {
     /// The requested current frame; absent if it is the one defined by the format.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub current_frame: Option<usize>,
+    /// Whether all agents are simulated, of all kinds and any number.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub all_agents: bool,
     /// Other files from which its scenarios are read, such as maps.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub companions: Vec<CompanionRecord>,
@@ -50,7 +53,15 @@ impl FileRecord {
     pub fn of(path: &Path, format: &str) -> Result<Self, EvaluationError> {
         let CompanionRecord { name, bytes, blake3 } = CompanionRecord::of(path)?;
         let format = format.to_owned();
-        Ok(Self { name, format, bytes, blake3, current_frame: None, companions: Vec::new() })
+        Ok(Self {
+            name,
+            format,
+            bytes,
+            blake3,
+            current_frame: None,
+            all_agents: false,
+            companions: Vec::new(),
+        })
     }
 
     /// Creates the record of a file whose content is embedded in the program.
@@ -61,19 +72,28 @@ impl FileRecord {
             bytes: content.len() as u64,
             blake3: blake3::hash(content).to_hex().to_string(),
             current_frame: None,
+            all_agents: false,
             companions: Vec::new(),
         }
+    }
+
+    /// Returns whether its scenarios are read as the format defines them.
+    pub(super) fn is_plain(&self) -> bool {
+        self.current_frame.is_none() && !self.all_agents
     }
 
     /// Returns the digest of everything that determines the scenarios: the content, and the current frame and
     /// companions if there are any.
     pub fn digest(&self) -> String {
-        if self.current_frame.is_none() && self.companions.is_empty() {
+        if self.is_plain() && self.companions.is_empty() {
             return self.blake3.clone();
         }
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.blake3.as_bytes());
         hasher.update(format!(" {:?}", self.current_frame).as_bytes());
+        if self.all_agents {
+            hasher.update(b" all agents");
+        }
         for companion in &self.companions {
             hasher.update(companion.blake3.as_bytes());
         }
@@ -116,6 +136,7 @@ impl Registrar {
     pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
         let mut record = FileRecord::of(&input.path, input.format.id())?;
         record.current_frame = input.current_frame;
+        record.all_agents = input.all_agents;
         for path in input.format.companions(&input.path) {
             if let Some(known) = self.companions.get(&path) {
                 record.companions.push(known.clone());

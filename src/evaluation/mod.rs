@@ -37,6 +37,7 @@ mod known_deviation;
 mod long_tables;
 mod plan;
 mod provenance;
+pub mod realism;
 mod recorded;
 pub mod reference;
 mod rollouts;

@@ -85,6 +85,7 @@ impl Shelf {
                 pending.map(|decode| decode.and_then(|d| d())).transpose()?
             }
         };
+        let found = if file.all_agents { found.map(Scenario::with_all_agents) } else { found };
         match found {
             Some(scenario) if scenario.digest() == digest => Ok(Some(scenario)),
             _ => Err(EvaluationError::NotThatScenario {

@@ -15,6 +15,7 @@ use super::native::Native;
 use super::nuplan::NuPlan;
 use super::scenarionet::ScenarioNet;
 use super::womd::Womd;
+use crate::scene::Scenario;
 
 /// All formats.
 pub const FORMATS: &[&dyn ScenarioFormat] =
@@ -30,6 +31,9 @@ pub struct Input {
     /// Index of the current frame, from 0, if it overrides that of the format: see
     /// [`ScenarioFormat::read_at`].
     pub current_frame: Option<usize>,
+    /// Whether all agents that are present at the current frame are simulated, of all kinds and any number:
+    /// [`Scenario::with_all_agents`].
+    pub all_agents: bool,
 }
 
 impl Input {
@@ -38,9 +42,14 @@ impl Input {
     /// # Errors
     /// [`FormatError`] if the file cannot be read at all, or not with this current frame.
     pub fn open(&self) -> Result<Scenarios, FormatError> {
-        let Some(frame) = self.current_frame else { return self.format.open(&self.path) };
-        let scenario = self.format.read_at(&self.path, frame)?;
-        Ok(Box::new(std::iter::once(Ok(scenario))))
+        let scenarios: Scenarios = match self.current_frame {
+            None => self.format.open(&self.path)?,
+            Some(frame) => Box::new(std::iter::once(Ok(self.format.read_at(&self.path, frame)?))),
+        };
+        if !self.all_agents {
+            return Ok(scenarios);
+        }
+        Ok(Box::new(scenarios.map(|scenario| scenario.map(Scenario::with_all_agents))))
     }
 
     /// Opens the file for reading by several threads: [`ScenarioFormat::open_undecoded`].
@@ -48,10 +57,21 @@ impl Input {
     /// # Errors
     /// Same as [`Input::open`]; with a given current frame, errors appear when the record is decoded.
     pub fn open_undecoded(&self) -> Result<PendingScenarios, FormatError> {
-        let Some(frame) = self.current_frame else { return self.format.open_undecoded(&self.path) };
-        let Self { path, format, .. } = self.clone();
-        let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
-        Ok(Box::new(std::iter::once(Ok(decode))))
+        let scenarios: PendingScenarios = match self.current_frame {
+            None => self.format.open_undecoded(&self.path)?,
+            Some(frame) => {
+                let Self { path, format, .. } = self.clone();
+                let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
+                Box::new(std::iter::once(Ok(decode)))
+            }
+        };
+        if !self.all_agents {
+            return Ok(scenarios);
+        }
+        let with_all = |decode: UndecodedScenario| -> UndecodedScenario {
+            Box::new(move || decode().map(Scenario::with_all_agents))
+        };
+        Ok(Box::new(scenarios.map(move |decode| decode.map(with_all))))
     }
 
     /// Returns the number of records if it can be found without reading them.
@@ -85,7 +105,7 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     let (files, mut passed_over) = files_at(path)?;
     for path in files {
         if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
-            inputs.push(Input { path, format, current_frame: None });
+            inputs.push(Input { path, format, current_frame: None, all_agents: false });
         } else if SCENARIO_ENDINGS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {

@@ -15,6 +15,7 @@ mod markdown;
 mod parquet;
 pub mod page;
 pub mod realism_charts;
+pub mod realism_scores;
 pub mod realism_tables;
 pub mod study_tables;
 mod style;

@@ -1,6 +1,7 @@
 //! The data types of scenarios: agents, tracks, maps and lights. This module depends on geometry only.
 
 mod agent;
+mod all_agents;
 mod assemble;
 mod certificate;
 mod digest;

@@ -125,6 +125,7 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
             bytes: 0,
             blake3: String::new(),
             current_frame: None,
+            all_agents: false,
             companions: Vec::new(),
         },
         open: Box::new(move || {

@@ -47,6 +47,69 @@ impl WosacLogs {
     }
 }
 
+impl WosacLogs {
+    /// Passes over this many records without decoding them.
+    pub fn pass_over(&mut self, records: u64) {
+        for _ in 0..records {
+            self.next += 1;
+            let was_there = match &mut self.content {
+                Content::Records(records) => records.next().is_some(),
+                Content::Message(_) | Content::Ended => false,
+            };
+            if !was_there {
+                self.content = Content::Ended;
+                return;
+            }
+        }
+    }
+
+    /// Reads the scenario id of the next record, and the log if it is `wanted`.
+    pub fn next_if(
+        &mut self,
+        wanted: impl FnOnce(&str) -> bool,
+    ) -> Option<Result<(String, Option<WosacLog>), FormatError>> {
+        self.next_with(|path, record, payload| {
+            let id = decode_id(path, record, payload)?;
+            let log = wanted(&id).then(|| decode(path, record, payload)).transpose()?;
+            Ok((id, log))
+        })
+    }
+
+    /// Reads the next record with this function of path, index and message.
+    fn next_with<T>(
+        &mut self,
+        read: impl FnOnce(&Path, u64, &[u8]) -> Result<T, FormatError>,
+    ) -> Option<Result<T, FormatError>> {
+        let record = self.next;
+        self.next += 1;
+        match &mut self.content {
+            Content::Records(records) => {
+                let payload = records.next()?;
+                Some(payload.and_then(|payload| read(&self.path, record, payload)))
+            }
+            Content::Message(message) => {
+                let item = read(&self.path, record, message);
+                self.content = Content::Ended;
+                Some(item)
+            }
+            Content::Ended => None,
+        }
+    }
+}
+
+/// The id of a `Scenario` message; all other fields are passed over.
+#[derive(Clone, PartialEq, Message)]
+struct ScenarioId {
+    #[prost(string, tag = "5")]
+    scenario_id: String,
+}
+
+fn decode_id(path: &Path, record: u64, payload: &[u8]) -> Result<String, FormatError> {
+    let proto = ScenarioId::decode(payload)
+        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
+    Ok(proto.scenario_id)
+}
+
 /// Reads a file, decompressed, as a whole. Longer content than that of a record is refused.
 fn read_message(path: &Path) -> Result<Vec<u8>, FormatError> {
     let refuse = |e| FormatError::file(path, Cause::read(e));
@@ -65,20 +128,7 @@ impl Iterator for WosacLogs {
     type Item = Result<WosacLog, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let record = self.next;
-        self.next += 1;
-        match &mut self.content {
-            Content::Records(records) => {
-                let payload = records.next()?;
-                Some(payload.and_then(|payload| decode(&self.path, record, payload)))
-            }
-            Content::Message(message) => {
-                let log = decode(&self.path, record, message);
-                self.content = Content::Ended;
-                Some(log)
-            }
-            Content::Ended => None,
-        }
+        self.next_with(decode)
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::archive::{self, Archive};
 use super::metadata::SubmissionMetadata;
+use super::rollouts::read_rollouts;
 use super::shards::Shards;
 use super::stream::{Event, SubmissionStream};
 use crate::formats::error::{Cause, FormatError};
@@ -36,7 +37,12 @@ pub struct SubmissionReader {
 /// The files that are not yet read.
 enum Files {
     Archive(Archive),
-    Paths { paths: VecDeque<PathBuf>, open: Option<Source> },
+    Paths {
+        paths: VecDeque<PathBuf>,
+        open: Option<Source>,
+    },
+    /// The file is a message with the rollouts of one scenario.
+    OneScenario,
     Ended,
 }
 
@@ -51,8 +57,8 @@ struct Current {
 }
 
 impl SubmissionReader {
-    /// Opens a submission: a tar archive, plain or compressed, a folder with its files, or one of these
-    /// files.
+    /// Opens a submission: a tar archive, plain or compressed, a folder with its files, one of these files, or
+    /// the message with the rollouts of one scenario, which has no metadata.
     ///
     /// # Errors
     /// [`FormatError`] if the file or folder cannot be opened, or the folder has no file of a submission.
@@ -62,8 +68,10 @@ impl SubmissionReader {
             Files::Paths { paths: files_of(path).map_err(refuse)?, open: None }
         } else {
             let source = start(path).map_err(refuse)?;
-            match archive::header(source.get_ref().0.get_ref()) {
+            let head = source.get_ref().0.get_ref();
+            match archive::header(head) {
                 Some(_) => Files::Archive(Archive::new(Box::new(source))),
+                None if is_of_one_scenario(head) => Files::OneScenario,
                 None => Files::Paths { paths: VecDeque::from([path.to_owned()]), open: Some(source) },
             }
         };
@@ -79,7 +87,7 @@ impl SubmissionReader {
     fn next_file(&mut self) -> Result<bool, FormatError> {
         let is_folder = self.path.is_dir();
         let (file, name) = match &mut self.files {
-            Files::Ended => return Ok(false),
+            Files::Ended | Files::OneScenario => return Ok(false),
             Files::Archive(archive) => match archive.next_file() {
                 Ok(Some(name)) => (self.path.join(&name), Some(name)),
                 Ok(None) => return self.end(),
@@ -105,6 +113,10 @@ impl SubmissionReader {
         }
         self.current = Some(Current { file, stream: SubmissionStream::default(), next: 0 });
         Ok(true)
+    }
+
+    fn of_one_scenario(&self, rollouts: ScenarioRollouts) -> SubmittedRollouts {
+        SubmittedRollouts { file: self.path.clone(), record: 0, rollouts }
     }
 
     fn end(&mut self) -> Result<bool, FormatError> {
@@ -160,6 +172,11 @@ impl Iterator for SubmissionReader {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
+            if matches!(self.files, Files::OneScenario) {
+                self.files = Files::Ended;
+                let rollouts = read_rollouts(&self.path);
+                return Some(rollouts.map(|rollouts| self.of_one_scenario(rollouts)));
+            }
             if let Some(rollouts) = self.next_rollouts() {
                 return Some(rollouts);
             }
@@ -170,6 +187,15 @@ impl Iterator for SubmissionReader {
             }
         }
     }
+}
+
+/// Returns whether a file begins like the rollouts of one scenario. Both messages begin with their field 1: here
+/// the scenario id, in a submission a message, which begins with its own field 1.
+fn is_of_one_scenario(head: &[u8]) -> bool {
+    const FIELD_1: u8 = 1 << 3 | 2;
+    // The length is a varint of few bytes, of which all but the last have the highest bit.
+    let length = head.iter().skip(1).take_while(|byte| **byte & 0x80 != 0).count() + 1;
+    head.first() == Some(&FIELD_1) && head.get(1 + length).is_some_and(|byte| *byte != FIELD_1)
 }
 
 /// Opens a file, decompressed, and reads as many bytes as the header of an archive has.

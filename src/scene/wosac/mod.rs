@@ -13,6 +13,7 @@ mod scenario;
 pub use check::{align, check_rollouts};
 pub use log::{LaneSignal, SurfaceLane, WosacLog, WosacTrack};
 pub use rollouts::{JointScene, ObjectTrajectory, ScenarioRollouts};
+pub use scenario::ObjectIds;
 
 /// Number of rollouts (joint scenes) per scenario that the challenge requires.
 pub const CHALLENGE_ROLLOUTS: usize = 32;

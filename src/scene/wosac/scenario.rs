@@ -1,6 +1,6 @@
 //! Conversion of the crate's scenarios, so that rollouts on scenarios of any format can be scored.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{LaneSignal, SurfaceLane, WosacLog, WosacTrack};
 use crate::geometry::Vec2;
@@ -65,6 +65,31 @@ impl WosacLog {
                 })
                 .collect(),
             signals: if start.lights.is_empty() { Vec::new() } else { (0..FRAMES).map(signals).collect() },
+        }
+    }
+}
+
+/// The ids of agents as those of objects.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ObjectIds {
+    /// Ids are whole numbers.
+    Own,
+    /// Ids by those of the agents.
+    ByAgent(BTreeMap<String, i32>),
+}
+
+impl ObjectIds {
+    /// Returns the ids of the agents of a scenario, as in [`WosacLog::of_scenario`].
+    pub fn of(scenario: &Scenario) -> Self {
+        let names = scenario.start.agents.iter().map(|agent| agent.id.clone());
+        Self::ByAgent(names.zip(object_ids(scenario)).collect())
+    }
+
+    /// Returns the id of the object with this agent id; `None` if there is none.
+    pub fn get(&self, agent: &str) -> Option<i32> {
+        match self {
+            Self::Own => agent.parse().ok(),
+            Self::ByAgent(ids) => ids.get(agent).copied(),
         }
     }
 }

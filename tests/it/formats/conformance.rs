@@ -284,7 +284,12 @@ fn scenarios_are_valid_and_the_same_in_every_reading() {
         assert_eq!(scenarios[0].start.agents[0].id, case.fixture.av);
         let again = case.read().remove(0).unwrap();
         assert_eq!(again.digest(), scenarios[0].digest(), "{}", case.fixture.format);
-        let input = Input { path: case.files[0].clone(), format: case.format, current_frame: None };
+        let input = Input {
+            path: case.files[0].clone(),
+            format: case.format,
+            current_frame: None,
+            all_agents: false,
+        };
         check_undecoded(&input, &scenarios);
     }
 }
@@ -292,7 +297,7 @@ fn scenarios_are_valid_and_the_same_in_every_reading() {
 #[test]
 fn real_scenarios_are_valid_and_the_same_in_every_reading() {
     for (format, path) in real_files() {
-        let input = Input { path, format, current_frame: None };
+        let input = Input { path, format, current_frame: None, all_agents: false };
         let read = || input.open().unwrap().take(REAL_SCENARIOS).map(|s| s.unwrap());
         let scenarios: Vec<Scenario> = read().collect();
         assert!(!scenarios.is_empty(), "{}", format.id());

@@ -1,0 +1,226 @@
+//! `reactsim score --wosac`: the realism metrics of the Sim Agents challenge.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+use super::ScoreArgs;
+use crate::cli::progress::Progress;
+use crate::cli::{ExitStatus, count, find_inputs, note, say, write_file, write_result};
+use crate::evaluation::realism::{
+    LogFiles, LogSource, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
+};
+use crate::evaluation::{PROVENANCE, Source};
+use crate::formats::wosac::SubmissionReader;
+use crate::metrics::wosac::Config;
+use crate::report::realism_scores::{realism_csv, realism_json, realism_markdown, realism_rows};
+use crate::work::available_threads;
+
+/// Id of the format whose files hold more than a scenario.
+const WOMD: &str = "womd";
+/// Number of missing scenarios that are named.
+const NAMED_MISSING: usize = 3;
+
+/// Arguments of `score --wosac`.
+#[derive(Debug, Args)]
+pub(super) struct WosacArgs {
+    /// Compute the realism metrics of the Waymo Open Sim Agents Challenge. --scenarios are then files of the
+    /// Waymo Open Motion Dataset, or for a run folder its scenarios [default: the shipped ones]
+    #[arg(long)]
+    pub(super) wosac: bool,
+    /// Configurations: 2025, 2024, 2023 (histograms and weights of that year, present code),
+    /// 2024_challenge_code
+    #[arg(long = "wosac-config", value_name = "YEAR", value_delimiter = ',', value_parser = config,
+          default_value = "2025")]
+    configs: Vec<Config>,
+    /// Accept a submission with scenarios of the recordings missing, or with another number of rollouts than 32
+    #[arg(long)]
+    partial: bool,
+    /// Simulator of a run folder, if it has several
+    #[arg(long, value_name = "ID")]
+    simulator: Option<String>,
+    /// Threads of --wosac [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+}
+
+impl WosacArgs {
+    /// Refuses options without effect.
+    pub(super) fn check_absent(&self) -> anyhow::Result<()> {
+        let only_2025 = matches!(self.configs.as_slice(), [config] if config.id == Config::CHALLENGE_2025.id);
+        for (option, is_given) in [
+            ("--wosac-config", !only_2025),
+            ("--partial", self.partial),
+            ("--simulator", self.simulator.is_some()),
+            ("--jobs", self.jobs.is_some()),
+        ] {
+            if is_given {
+                bail!("{option} goes with --wosac only");
+            }
+        }
+        Ok(())
+    }
+}
+
+fn config(id: &str) -> Result<Config, String> {
+    let known = || Config::ALL.map(|config| config.id).join(", ");
+    Config::find(id).ok_or_else(|| format!("expected one of {}", known()))
+}
+
+pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
+    let [path] = args.rollouts.as_slice() else {
+        bail!("give one submission or run folder with --wosac");
+    };
+    if !args.metric_options.is_empty() || !args.allow.is_empty() || !args.table.is_usual() {
+        bail!("--metric-option, --allow and options of tables have no effect with --wosac: leave them out");
+    }
+    let format = Format::of(args.format.as_deref())?;
+    if args
+        .out
+        .as_deref()
+        .is_some_and(|out| out.exists() && fs::read_dir(out).map_or(true, |mut d| d.next().is_some()))
+    {
+        bail!("--out names a folder to write, which must be new or empty");
+    }
+    let (progress, jobs) = (Progress::new(), args.wosac.jobs.map_or_else(available_threads, usize::from));
+    let mut observe = |done: usize, failure: Option<&RealismFailure>| match failure {
+        Some(failure) => progress.failure(format_args!(": {}", failure.error)),
+        None => progress.set_done(done),
+    };
+    let scores = if path.join(PROVENANCE).exists() {
+        let mut pairs = RunPairs::open(path, args.wosac.simulator.as_deref(), sources(&args.scenarios)?)?;
+        let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
+        scores.method = pairs.simulator().to_owned();
+        if !args.wosac.partial {
+            scores.missing = pairs.missing().to_vec();
+        }
+        scores
+    } else {
+        if args.wosac.simulator.is_some() {
+            bail!("--simulator goes with a run folder: a submission has one method");
+        }
+        score_submission(args, path, jobs, &mut observe)?
+    };
+    progress.end();
+    finish(args, &scores, format)
+}
+
+fn score_submission(
+    args: &ScoreArgs,
+    path: &Path,
+    jobs: usize,
+    observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
+) -> anyhow::Result<RealismScores> {
+    let mut recordings = Vec::new();
+    for source in sources(&args.scenarios)? {
+        match source {
+            LogSource::Recording(path) => recordings.push(path),
+            LogSource::Scenarios(_) => bail!(
+                "a submission needs the recordings of its scenarios: give files of the Waymo Open Motion \
+                 Dataset with --scenarios"
+            ),
+        }
+    }
+    let mut pairs =
+        SubmittedPairs::new(SubmissionReader::open(path)?, LogFiles::new(recordings), args.wosac.partial);
+    let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, observe);
+    scores.method = pairs.method().unwrap_or_default().to_owned();
+    let (missing, unreadable) = if args.wosac.partial { Default::default() } else { pairs.missing() };
+    scores.missing = missing;
+    for error in unreadable {
+        let failure = RealismFailure { scenario_id: None, error: error.to_string() };
+        observe(scores.rows.len() + scores.failures.len(), Some(&failure));
+        scores.failures.push(failure);
+    }
+    if let Some(fault) = pairs.metadata_fault().filter(|_| !args.wosac.partial) {
+        say(format_args!("warning: the server would refuse the metadata: {fault}"));
+    }
+    Ok(scores)
+}
+
+/// Returns the sources of logs; the shipped scenarios without paths.
+fn sources(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
+    if paths.is_empty() {
+        return Ok(vec![LogSource::Scenarios(Source::shipped(usize::MAX))]);
+    }
+    let mut sources = Vec::new();
+    for path in paths {
+        // A `Scenario` message without framing is of no format that simulators read.
+        if path.is_file() && path.to_string_lossy().contains(".binproto") {
+            sources.push(LogSource::Recording(path.clone()));
+            continue;
+        }
+        for input in find_inputs(std::slice::from_ref(path))? {
+            if input.format.id() == WOMD {
+                sources.push(LogSource::Recording(input.path));
+            } else {
+                let scenarios = Source::of_inputs(vec![input], usize::MAX)?;
+                sources.extend(scenarios.into_iter().map(LogSource::Scenarios));
+            }
+        }
+    }
+    Ok(sources)
+}
+
+/// Format of the result on stdout.
+#[derive(Clone, Copy)]
+enum Format {
+    Markdown,
+    Json,
+    Csv,
+}
+
+impl Format {
+    fn of(name: Option<&str>) -> anyhow::Result<Self> {
+        match name {
+            None | Some("markdown" | "terminal") => Ok(Self::Markdown),
+            Some("json") => Ok(Self::Json),
+            Some("csv") => Ok(Self::Csv),
+            Some(other) => bail!("--wosac has no format `{other}`: choose markdown, json or csv"),
+        }
+    }
+}
+
+/// Prints the result and writes the folder.
+fn finish(args: &ScoreArgs, scores: &RealismScores, format: Format) -> anyhow::Result<ExitStatus> {
+    if scores.rows.is_empty() {
+        bail!("no scenario could be scored: see the warnings above");
+    }
+    let json = || {
+        let mut text = serde_json::to_string_pretty(&realism_json(scores)).unwrap_or_default();
+        text.push('\n');
+        text
+    };
+    write_result(None, |out| match format {
+        Format::Markdown => out.write_all(realism_markdown(scores).as_bytes()),
+        Format::Json => out.write_all(json().as_bytes()),
+        Format::Csv => out.write_all(realism_csv(scores).as_bytes()),
+    })?;
+    if let Some(folder) = &args.out {
+        let write = |name: &str, text: &str| {
+            let path = folder.join(name);
+            write_file(&path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
+                .with_context(|| format!("could not write {}", path.display()))
+        };
+        fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
+        write("wosac.jsonl", &realism_rows(scores))?;
+        write("wosac.md", &realism_markdown(scores))?;
+        write("wosac.json", &json())?;
+        note(format_args!("{} contains wosac.json, wosac.md and wosac.jsonl", folder.display()));
+    }
+    if !scores.missing.is_empty() {
+        let named: Vec<&str> = scores.missing.iter().take(NAMED_MISSING).map(String::as_str).collect();
+        let more = if scores.missing.len() > NAMED_MISSING { ", …" } else { "" };
+        let n = count(scores.missing.len(), "scenario");
+        say(format_args!("warning: {n} without rollouts: {}{more}", named.join(", ")));
+    }
+    if !scores.failures.is_empty() {
+        let n = scores.failures.len();
+        say(format_args!("warning: {n} failed; the means are those of the others"));
+    }
+    let is_whole = scores.failures.is_empty() && scores.missing.is_empty();
+    Ok(if is_whole { ExitStatus::Done } else { ExitStatus::SomeFailed })
+}

@@ -1,0 +1,17 @@
+//! Realism metrics of the Sim Agents challenge for many scenarios: of a submission, or of the rollouts of a run.
+//!
+//! [`SubmittedPairs`] and [`RunPairs`] bring logs and rollouts together, one scenario at a time; [`score_all`]
+//! scores them. [`LogFiles`] finds the log of a scenario, [`run_rollouts`] turns the rollouts of a run into those
+//! of a submission.
+
+mod logs;
+mod run_pairs;
+mod run_rollouts;
+mod scores;
+mod submission;
+
+pub use logs::LogFiles;
+pub use run_pairs::{LogSource, RunPairs};
+pub use run_rollouts::{RunRolloutsError, run_rollouts};
+pub use scores::{RealismFailure, RealismRow, RealismScores, ScoredPair, score_all};
+pub use submission::SubmittedPairs;

@@ -1,0 +1,171 @@
+//! The scenarios of a run with their logs.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+use super::run_rollouts::run_rollouts;
+use super::scores::{RealismFailure, ScoredPair};
+use crate::evaluation::folder::{ROLLOUTS, read_summary};
+use crate::evaluation::{EvaluationError, Source};
+use crate::formats::rollouts::{ByName, RolloutRecord};
+use crate::formats::wosac::WosacLogs;
+use crate::formats::{FormatError, Scenarios};
+use crate::scene::Scenario;
+use crate::scene::wosac::{ObjectIds, WosacLog};
+
+/// Files of logs.
+pub enum LogSource {
+    /// A file of the Waymo Open Motion Dataset, from which logs are read as they were recorded.
+    Recording(PathBuf),
+    /// Scenarios of any other format, whose logs lack what [`WosacLog::of_scenario`] says.
+    Scenarios(Source),
+}
+
+/// Iterator over the scenarios of a run for one simulator: each log with the rollouts of the run, in the order of
+/// the logs. Logs of scenarios that are not in the run are counted by [`Self::missing`].
+pub struct RunPairs {
+    folder: PathBuf,
+    simulator: String,
+    rollouts: u32,
+    scenarios: usize,
+    records: ByName,
+    sources: VecDeque<LogSource>,
+    open: Option<Logs>,
+    missing: Vec<String>,
+}
+
+enum Logs {
+    Recorded(WosacLogs),
+    Scenarios(Scenarios),
+}
+
+/// A log, and how agents of the run are found in it.
+struct Logged {
+    log: WosacLog,
+    ids: ObjectIds,
+}
+
+impl RunPairs {
+    /// Opens a run folder with kept rollouts. `simulator` may be absent if the run has only one.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, or it lacks the simulator.
+    pub fn open(
+        folder: &Path,
+        simulator: Option<&str>,
+        sources: Vec<LogSource>,
+    ) -> Result<Self, EvaluationError> {
+        let summary = read_summary(folder)?;
+        let path = folder.join(ROLLOUTS);
+        if !path.exists() {
+            return Err(EvaluationError::NoRollouts { path: folder.to_owned() });
+        }
+        let ids: Vec<String> = summary.provenance.run.simulators.iter().map(|s| s.id.clone()).collect();
+        let chosen = match (simulator, ids.as_slice()) {
+            (Some(id), _) => ids.iter().find(|other| *other == id).cloned(),
+            (None, [only]) => Some(only.clone()),
+            (None, _) => None,
+        };
+        let Some(simulator) = chosen else {
+            let asked = simulator.map(str::to_owned);
+            return Err(EvaluationError::WhichSimulator { path: folder.to_owned(), asked, ids });
+        };
+        let records = ByName::open(&path)?;
+        let rollouts = summary.provenance.run.settings.rollouts;
+        let scenarios = summary.provenance.scenarios;
+        let (folder, sources) = (folder.to_owned(), sources.into());
+        Ok(Self { folder, simulator, rollouts, scenarios, records, sources, open: None, missing: Vec::new() })
+    }
+
+    /// Returns the id of the simulator.
+    pub fn simulator(&self) -> &str {
+        &self.simulator
+    }
+
+    /// Returns the number of scenarios of the run.
+    pub fn scenarios(&self) -> usize {
+        self.scenarios
+    }
+
+    /// Returns the ids of the scenarios with a log that are not in the run, of those so far.
+    pub fn missing(&self) -> &[String] {
+        &self.missing
+    }
+
+    /// Returns the next log.
+    fn next_log(&mut self) -> Option<Result<Logged, FormatError>> {
+        loop {
+            let next = match &mut self.open {
+                Some(Logs::Recorded(logs)) => logs.next().map(|log| log.map(Logged::recorded)),
+                Some(Logs::Scenarios(scenarios)) => {
+                    scenarios.next().map(|scenario| scenario.map(|scenario| Logged::of(&scenario)))
+                }
+                None => None,
+            };
+            if next.is_some() {
+                return next;
+            }
+            let opened = match self.sources.pop_front()? {
+                LogSource::Recording(path) => WosacLogs::open(&path).map(Logs::Recorded),
+                LogSource::Scenarios(source) => source.scenarios().map(Logs::Scenarios),
+            };
+            match opened {
+                Ok(logs) => self.open = Some(logs),
+                Err(error) => {
+                    self.open = None;
+                    return Some(Err(error));
+                }
+            }
+        }
+    }
+
+    fn records(&self, id: &str) -> Result<Vec<RolloutRecord>, FormatError> {
+        let read = |rollout| self.records.read(id, &self.simulator, rollout).transpose();
+        (0..self.rollouts).filter_map(read).collect()
+    }
+
+    fn pair(&self, logged: Logged, records: &[RolloutRecord]) -> Result<ScoredPair, RealismFailure> {
+        let rollouts = run_rollouts(records, &logged.log, |id| logged.ids.get(id));
+        let place = self.folder.display().to_string();
+        match rollouts {
+            Ok(rollouts) => Ok(ScoredPair { place, log: logged.log, rollouts }),
+            Err(error) => Err(RealismFailure {
+                scenario_id: Some(logged.log.scenario_id),
+                error: format!("{place}: {error}"),
+            }),
+        }
+    }
+}
+
+impl Logged {
+    fn recorded(log: WosacLog) -> Self {
+        Self { log, ids: ObjectIds::Own }
+    }
+
+    fn of(scenario: &Scenario) -> Self {
+        Self { log: WosacLog::of_scenario(scenario), ids: ObjectIds::of(scenario) }
+    }
+}
+
+impl Iterator for RunPairs {
+    type Item = Result<ScoredPair, RealismFailure>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let logged = match self.next_log()? {
+                Ok(logged) => logged,
+                Err(error) => {
+                    return Some(Err(RealismFailure { scenario_id: None, error: error.to_string() }));
+                }
+            };
+            let id = logged.log.scenario_id.clone();
+            match self.records(&id) {
+                Ok(records) if records.is_empty() => self.missing.push(id),
+                Ok(records) => return Some(self.pair(logged, &records)),
+                Err(error) => {
+                    return Some(Err(RealismFailure { scenario_id: Some(id), error: error.to_string() }));
+                }
+            }
+        }
+    }
+}

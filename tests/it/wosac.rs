@@ -1,0 +1,215 @@
+//! The realism metrics of the Sim Agents challenge as a user computes them: from submissions and from runs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use reactsim::evaluation::realism::LogFiles;
+use reactsim::formats::wosac::WosacLogs;
+use serde_json::Value;
+
+use crate::program::reactsim;
+use crate::reference::{said, text};
+use crate::shared;
+
+/// What the server requires.
+const METADATA: &str = "
+account_name = \"somebody@example.org\"
+unique_method_name = \"Constant velocity\"
+num_model_parameters = \"0\"
+uses_lidar_data = false
+uses_camera_data = false
+uses_public_model_pretraining = false
+";
+
+fn json(arguments: &[&str]) -> Value {
+    let (out, _) = said(&[arguments, &["--format", "json"]].concat(), 0);
+    serde_json::from_str(&out).unwrap()
+}
+
+/// Decompresses a golden file.
+fn unpacked(path: &Path) -> Vec<u8> {
+    zstd::decode_all(fs::File::open(path).unwrap()).unwrap()
+}
+
+/// The recordings of WOMD.
+fn recordings() -> Option<PathBuf> {
+    shared("data/womd")
+}
+
+#[test]
+fn rollouts_of_others_have_the_official_scores() {
+    let (Some(golden), Some(recordings)) = (shared("wosac_golden"), recordings()) else { return };
+    for id in ["2a1e44d405a6833f", "ee519cf571686d19"] {
+        let expected = unpacked(&golden.join(format!("{id}.expected.json.zst")));
+        let expected: Value = serde_json::from_slice(&expected).unwrap();
+        let rollouts = golden.join(format!("{id}.rollouts.binproto.zst"));
+        let raw = golden.join(format!("{id}.scenario.binproto.zst"));
+        let scenarios = if raw.exists() { raw } else { recordings.clone() };
+        let configs = "2025,2024,2023,2024_challenge_code";
+        let found = json(&[
+            "score",
+            text(&rollouts),
+            "--wosac",
+            "--partial",
+            "--scenarios",
+            text(&scenarios),
+            "--wosac-config",
+            configs,
+        ]);
+        for config in configs.split(',') {
+            for kind in ["metrics", "buckets"] {
+                let found = found["configs"][config][kind].as_object().unwrap();
+                for (name, value) in found {
+                    let expected = expected[config][kind][name].as_f64().unwrap();
+                    let difference = (value.as_f64().unwrap() - expected).abs();
+                    assert!(difference < 1e-6, "{id} {config} {name}: {value} is not {expected}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn runs_become_submissions_with_the_same_scores() {
+    let Some(recordings) = recordings() else { return };
+    let home = tempfile::tempdir().unwrap();
+    let file = recordings.join("val/womd-val-00000-of-00002.tfrecord.zst");
+    let (run, archive) = (home.path().join("run"), home.path().join("cv.tar.gz"));
+    let metadata = home.path().join("cv.toml");
+    fs::write(&metadata, METADATA).unwrap();
+    let realism = |rollouts: &str, out: &Path, more: &[&str]| {
+        let arguments = [
+            "run",
+            text(&file),
+            "--models",
+            "constant-velocity",
+            "--protocol",
+            "realism",
+            "--rollouts",
+            rollouts,
+            "--keep-rollouts",
+            "--out",
+            text(out),
+        ];
+        said(&[&arguments, more].concat(), 0);
+    };
+    realism("32", &run, &["--all-agents", "--limit", "3"]);
+    let export = |run: &Path| {
+        let scenarios = text(&file);
+        let (metadata, archive) = (text(&metadata), text(&archive));
+        reactsim(&[
+            "export",
+            "wosac",
+            text(run),
+            "--scenarios",
+            scenarios,
+            "--metadata",
+            metadata,
+            "--out",
+            archive,
+            "--shards",
+            "2",
+        ])
+    };
+    let exported = export(&run);
+    let warned = String::from_utf8_lossy(&exported.stderr).into_owned();
+    // The recordings have more than three scenarios.
+    assert_eq!(exported.status.code(), Some(1), "{warned}");
+    assert!(warned.contains("are not in the run"), "{warned}");
+
+    let scores = |path: &Path, out: &str| {
+        let out = home.path().join(out);
+        let found = json(&[
+            "score",
+            text(path),
+            "--wosac",
+            "--partial",
+            "--scenarios",
+            text(&file),
+            "--out",
+            text(&out),
+        ]);
+        assert_eq!(found["scenarios"], 3, "{found}");
+        fs::read_to_string(out.join("wosac.jsonl")).unwrap()
+    };
+    assert_eq!(scores(&run, "of-run"), scores(&archive, "of-archive"));
+    let complete = reactsim(&["score", text(&archive), "--wosac", "--scenarios", text(&file)]);
+    assert_eq!(complete.status.code(), Some(1), "a submission that lacks scenarios is reported");
+    let said_about = String::from_utf8_lossy(&complete.stderr).into_owned();
+    assert!(said_about.contains("scenarios without rollouts"), "{said_about}");
+
+    // Runs that the challenge would not accept.
+    let logs = WosacLogs::open(&file).unwrap().map(Result::unwrap);
+    let crowded = logs.into_iter().find(|log| log.simulated().count() > 64).unwrap().scenario_id;
+    for (name, rollouts, more, fault) in [
+        (
+            "few",
+            "2",
+            &["--all-agents", "--limit", "1"][..],
+            "has 2 rollouts per scenario: run with --rollouts 32",
+        ),
+        ("slow", "32", &["--all-agents", "--limit", "1", "--replan", "20steps"], "at least 1 Hz"),
+        ("some", "32", &["--id", &crowded], "run with --all-agents"),
+    ] {
+        let run = home.path().join(name);
+        realism(rollouts, &run, more);
+        let refused = export(&run);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && said.contains(fault), "{name}: {said}");
+    }
+}
+
+#[test]
+fn runs_on_shipped_scenarios_have_realism_scores() {
+    let home = tempfile::tempdir().unwrap();
+    let run = home.path().join("run");
+    let arguments = ["run", "--models", "log-replay,constant-velocity", "--protocol", "realism"];
+    let rest = ["--limit", "6", "--keep-rollouts", "--out", text(&run)];
+    said(&[&arguments[..], &rest].concat(), 0);
+    let of = |simulator: &str| {
+        let found = json(&["score", text(&run), "--wosac", "--partial", "--simulator", simulator]);
+        assert_eq!(found["method"], simulator);
+        found["configs"]["2025"]["metrics"].clone()
+    };
+    let (replay, constant) = (of("log-replay"), of("constant-velocity"));
+    assert!(replay["average_displacement_error"].as_f64().unwrap() < 1e-4, "{replay}");
+    assert!(replay["metametric"].as_f64() > constant["metametric"].as_f64(), "{replay} {constant}");
+    let refused = reactsim(&["score", text(&run), "--wosac"]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("log-replay, constant-velocity: choose one with --simulator"), "{said}");
+}
+
+#[test]
+fn options_of_the_realism_metrics_go_with_them() {
+    for (option, value) in [("--wosac-config", "2024"), ("--simulator", "idm"), ("--jobs", "1")] {
+        let output = reactsim(&["score", "some.parquet", option, value]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains("goes with --wosac only"), "{said}");
+    }
+    let output = reactsim(&["score", "some.binproto", "--wosac", "--wosac-config", "2022"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("expected one of 2025, 2024, 2023, 2024_challenge_code"), "{said}");
+}
+
+#[test]
+fn logs_are_found_in_any_order() {
+    let Some(recordings) = recordings() else { return };
+    let file = |i: usize| recordings.join(format!("val/womd-val-0000{i}-of-00002.tfrecord.zst"));
+    let files = || LogFiles::new(vec![file(1), file(0)]);
+    let ids = files().ids();
+    let chosen: Vec<&String> = ids.iter().rev().step_by(17).collect();
+    assert!(chosen.len() > 3, "{ids:?}");
+    // With all places known, and with none.
+    let mut known = files();
+    known.ids();
+    for mut logs in [known, files()] {
+        for id in &chosen {
+            assert_eq!(logs.get(id).unwrap().unwrap().scenario_id, **id);
+        }
+        assert!(logs.get("none").unwrap().is_none());
+        assert!(logs.take_errors().is_empty());
+    }
+    let mut missing = LogFiles::new(vec![recordings.join("none.tfrecord")]);
+    assert!(missing.get("none").unwrap().is_none());
+    assert!(missing.take_errors()[0].to_string().contains("none.tfrecord"));
+}
