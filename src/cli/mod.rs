@@ -17,6 +17,7 @@ mod inspect;
 mod leaderboard;
 mod list;
 mod live_table;
+mod log_sources;
 mod progress;
 mod reference;
 mod report;

@@ -25,7 +25,7 @@ pub(super) struct ScenarioArgs {
     #[command(flatten)]
     pub(super) selection: SelectionArgs,
     #[command(flatten)]
-    reading: ReadingArgs,
+    pub(super) reading: ReadingArgs,
 }
 
 /// Scenarios by id and category.

@@ -60,7 +60,8 @@ struct SharedArgs {
     /// Continue the interrupted study in --out
     #[arg(long)]
     resume: bool,
-    /// Keep the rollouts in the run folders
+    /// Keep the rollouts in the run folders; `study realism` then also computes the realism metrics of the Sim
+    /// Agents challenge
     #[arg(long)]
     keep_rollouts: bool,
     #[command(flatten)]
@@ -79,5 +80,11 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
         StudyCommand::Guards(args) => (guards::plan(args)?, &args.shared),
     };
     shared.table.check(&shared.format, &FORMATS)?;
-    carry_out::carry_out(plan, shared)
+    let status = carry_out::carry_out(plan, shared)?;
+    let is_realism = matches!(args.command, StudyCommand::Realism(_));
+    if is_realism && shared.keep_rollouts && status != ExitStatus::Interrupted {
+        let sources = || shared.subject.log_sources();
+        realism::score_realism(&shared.out, sources, shared.format == "markdown")?;
+    }
+    Ok(status)
 }

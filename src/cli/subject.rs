@@ -7,8 +7,10 @@ use anyhow::bail;
 use clap::{Args, ValueEnum};
 
 use super::external::ExternalArgs;
+use super::log_sources;
 use super::metric_options;
 use super::scenario_args::ScenarioArgs;
+use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
 };
@@ -106,6 +108,11 @@ impl EvaluationArgs {
             ));
         }
         Ok(adjustments)
+    }
+
+    /// Returns the sources of the scenarios' logs.
+    pub(super) fn log_sources(&self) -> anyhow::Result<Vec<LogSource>> {
+        log_sources::simulated(&self.input.scenarios, &self.input.reading)
     }
 
     /// Creates the simulators: baselines with the requested weights and parameters, then external ones, each

@@ -61,6 +61,19 @@ pub fn realism_markdown(scores: &RealismScores) -> String {
     text
 }
 
+/// Returns a table of several methods as Markdown: the aggregates of the leaderboard in the first configuration,
+/// one row per method with scores.
+pub fn realism_comparison(methods: &[RealismScores]) -> String {
+    let mut text = String::new();
+    row(&mut text, std::iter::once("Method").chain(BUCKET_HEADINGS));
+    rule(&mut text, BUCKET_HEADINGS.len());
+    for scores in methods.iter().filter(|scores| !scores.rows.is_empty() && !scores.configs.is_empty()) {
+        let estimates = (0..BUCKET_HEADINGS.len()).map(|field| cell(bucket(scores, 0, field)));
+        row(&mut text, std::iter::once(scores.method.clone()).chain(estimates));
+    }
+    text
+}
+
 /// Returns the scores as JSON, with the field names of the official messages.
 pub fn realism_json(scores: &RealismScores) -> Value {
     let mut configs = Map::new();
@@ -100,6 +113,7 @@ pub fn realism_rows(scores: &RealismScores) -> String {
         for (config, metrics) in scores.configs.iter().zip(&row.metrics) {
             let mut line = Map::new();
             line.insert("scenario_id".to_owned(), json!(row.scenario_id));
+            line.insert("method".to_owned(), json!(scores.method));
             line.insert("config".to_owned(), json!(config.id));
             line.insert("rollouts".to_owned(), json!(row.rollouts));
             line.extend(

@@ -171,6 +171,7 @@ fn help_fits_a_terminal() {
       view         Show run folders in a browser: tables, figures, every scene from above
       study        Run studies: replan interval, reactive against realism protocol, ablations
       inspect      Describe and draw a scenario
+      export       Write runs in the formats of others
       export-av    Write the trajectories of deviated AVs without anything of the recorded future
       scenes       Write scenarios as frames that the Python package reads
       list         List models, parameters, metrics, formats, weights, maps, cases or backends

@@ -130,7 +130,13 @@ fn runs_become_submissions_with_the_same_scores() {
             text(&out),
         ]);
         assert_eq!(found["scenarios"], 3, "{found}");
-        fs::read_to_string(out.join("wosac.jsonl")).unwrap()
+        let rows = fs::read_to_string(out.join("wosac.jsonl")).unwrap();
+        let without_method = |line: &str| {
+            let mut row: Value = serde_json::from_str(line).unwrap();
+            row.as_object_mut().unwrap().remove("method").unwrap();
+            row
+        };
+        rows.lines().map(without_method).collect::<Vec<_>>()
     };
     assert_eq!(scores(&run, "of-run"), scores(&archive, "of-archive"));
     let complete = reactsim(&["score", text(&archive), "--wosac", "--scenarios", text(&file)]);
@@ -177,6 +183,23 @@ fn runs_on_shipped_scenarios_have_realism_scores() {
     let refused = reactsim(&["score", text(&run), "--wosac"]);
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(said.contains("log-replay, constant-velocity: choose one with --simulator"), "{said}");
+}
+
+#[test]
+fn the_realism_study_has_the_metrics_of_kept_rollouts() {
+    let home = tempfile::tempdir().unwrap();
+    let study = home.path().join("study");
+    let models = "idm,constant-velocity";
+    let arguments = ["study", "realism", "--models", models, "--limit", "5", "--rollouts", "2"];
+    let (table, _) = said(&[&arguments[..], &["--keep-rollouts", "--out", text(&study)]].concat(), 0);
+    let (_, realism) = table.split_once("Realism metrics of the Sim Agents challenge 2025").unwrap();
+    let value = |name: &str| {
+        let line = realism.lines().find(|line| line.starts_with(&format!("| {name} "))).unwrap();
+        let cell = line.split('|').nth(2).unwrap();
+        cell.split_whitespace().next().unwrap().parse::<f64>().unwrap()
+    };
+    assert!(value("IDM") > value("Constant velocity"), "{realism}");
+    assert_eq!(fs::read_to_string(study.join("wosac.jsonl")).unwrap().lines().count(), 10);
 }
 
 #[test]

@@ -2,25 +2,23 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use clap::Args;
 
 use super::ScoreArgs;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, note, say, write_file, write_result};
+use crate::cli::{ExitStatus, count, log_sources, note, say, write_file, write_result};
+use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
     LogFiles, LogSource, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
 };
-use crate::evaluation::{PROVENANCE, Source};
 use crate::formats::wosac::SubmissionReader;
 use crate::metrics::wosac::Config;
 use crate::report::realism_scores::{realism_csv, realism_json, realism_markdown, realism_rows};
 use crate::work::available_threads;
 
-/// Id of the format whose files hold more than a scenario.
-const WOMD: &str = "womd";
 /// Number of missing scenarios that are named.
 const NAMED_MISSING: usize = 3;
 
@@ -91,7 +89,8 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
         None => progress.set_done(done),
     };
     let scores = if path.join(PROVENANCE).exists() {
-        let mut pairs = RunPairs::open(path, args.wosac.simulator.as_deref(), sources(&args.scenarios)?)?;
+        let mut pairs =
+            RunPairs::open(path, args.wosac.simulator.as_deref(), log_sources::recorded(&args.scenarios)?)?;
         let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
         scores.method = pairs.simulator().to_owned();
         if !args.wosac.partial {
@@ -115,7 +114,7 @@ fn score_submission(
     observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
 ) -> anyhow::Result<RealismScores> {
     let mut recordings = Vec::new();
-    for source in sources(&args.scenarios)? {
+    for source in log_sources::recorded(&args.scenarios)? {
         match source {
             LogSource::Recording(path) => recordings.push(path),
             LogSource::Scenarios(_) => bail!(
@@ -139,30 +138,6 @@ fn score_submission(
         say(format_args!("warning: the server would refuse the metadata: {fault}"));
     }
     Ok(scores)
-}
-
-/// Returns the sources of logs; the shipped scenarios without paths.
-fn sources(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
-    if paths.is_empty() {
-        return Ok(vec![LogSource::Scenarios(Source::shipped(usize::MAX))]);
-    }
-    let mut sources = Vec::new();
-    for path in paths {
-        // A `Scenario` message without framing is of no format that simulators read.
-        if path.is_file() && path.to_string_lossy().contains(".binproto") {
-            sources.push(LogSource::Recording(path.clone()));
-            continue;
-        }
-        for input in find_inputs(std::slice::from_ref(path))? {
-            if input.format.id() == WOMD {
-                sources.push(LogSource::Recording(input.path));
-            } else {
-                let scenarios = Source::of_inputs(vec![input], usize::MAX)?;
-                sources.extend(scenarios.into_iter().map(LogSource::Scenarios));
-            }
-        }
-    }
-    Ok(sources)
 }
 
 /// Format of the result on stdout.

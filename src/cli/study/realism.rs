@@ -1,11 +1,21 @@
 //! `reactsim study realism`: whether simulators that resemble the log also react to the AV.
 
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::Context;
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
-use crate::evaluation::StudyPlan;
+use crate::cli::progress::Progress;
+use crate::cli::{say, write_file, write_result};
+use crate::evaluation::realism::{LogSource, RealismScores, RunPairs, score_all};
+use crate::evaluation::{StudyPlan, read_summary};
 use crate::external::RunOutline;
-use crate::rollout::{Replan, Settings};
+use crate::metrics::wosac::Config;
+use crate::report::realism_scores::{realism_comparison, realism_rows};
+use crate::rollout::{Protocol, Replan, Settings};
+use crate::work::available_threads;
 
 /// Arguments of `study realism`.
 #[derive(Debug, Args)]
@@ -33,4 +43,44 @@ pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
     let plan = subject.plan(simulators, settings, args.reactive_rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::realism(plan, args.rollouts), external))
+}
+
+/// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, prints the table
+/// and writes it to the folder of the study.
+pub(super) fn score_realism(
+    study: &Path,
+    sources: impl Fn() -> anyhow::Result<Vec<LogSource>>,
+    prints: bool,
+) -> anyhow::Result<()> {
+    let run = study.join(Protocol::Realism.name());
+    let mut methods: Vec<RealismScores> = Vec::new();
+    for simulator in read_summary(&run)?.provenance.run.simulators {
+        let progress = Progress::new();
+        let mut observe = |done: usize, _: Option<&_>| progress.set_done(done);
+        let pairs = RunPairs::open(&run, Some(&simulator.id), sources()?)?;
+        let mut scores = score_all(pairs, &[Config::CHALLENGE_2025], available_threads(), &mut observe);
+        progress.end();
+        simulator.title.clone_into(&mut scores.method);
+        if let Some(first) = scores.failures.first() {
+            let (title, n) = (&simulator.title, scores.failures.len());
+            say(format_args!(
+                "warning: {title}: {n} scenarios have no realism metrics, first: {}",
+                first.error
+            ));
+        }
+        methods.push(scores);
+    }
+    let table = format!(
+        "\nRealism metrics of the Sim Agents challenge 2025:\n\n{}\nMeans over scenarios ± half the width of the \
+         95 % bootstrap interval.\n",
+        realism_comparison(&methods)
+    );
+    let rows = |scores: &RealismScores| realism_rows(scores);
+    let rows: String = methods.iter().map(rows).collect();
+    for (name, text) in [("wosac.md", &table), ("wosac.jsonl", &rows)] {
+        let path = study.join(name);
+        write_file(&path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
+            .with_context(|| format!("could not write {}", path.display()))?;
+    }
+    if prints { write_result(None, |out| out.write_all(table.as_bytes())) } else { Ok(()) }
 }
