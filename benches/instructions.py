@@ -32,10 +32,9 @@ def workloads(home):
     run = ["run", "--jobs", "1"]
     braking = ["--models", "idm", "--av", "brake:4"]
     return {
-        "nothing": ["--version"],
         "idm, 4 roads with 64 cars": [*run, home / "json", *braking],
-        "idm, 15 shipped scenarios": [*run, "--models", "idm", "--limit", "15"],
-        "log-replay, 15 shipped scenarios": [*run, "--models", "log-replay", "--limit", "15"],
+        "idm, 8 shipped scenarios": [*run, "--models", "idm", "--limit", "8"],
+        "log-replay, 8 shipped scenarios": [*run, "--models", "log-replay", "--limit", "8"],
         "ntp-reactive, 1 shipped scenario": [*run, "--models", "ntp-reactive", "--limit", "1"],
         "qp-regression, 1 shipped scenario": [*run, "--models", "qp-regression", "--limit", "1"],
         "generate, 2 logs": [

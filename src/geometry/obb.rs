@@ -34,6 +34,7 @@ impl OrientedBox {
     }
 
     /// Returns the radius of the circumscribed circle, metres.
+    #[inline]
     pub fn radius(&self) -> f64 {
         math::hypot(self.half_length, self.half_width)
     }

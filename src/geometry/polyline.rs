@@ -12,6 +12,8 @@ pub struct Polyline {
 /// Squared ratio of the distance of a point to the least distance so far above which [`Polyline::project`] skips
 /// segments: below it hardly any could be.
 const FAR2: f64 = 9.0;
+/// Number of segments that are examined without an attempt to skip some.
+const FEW: usize = 3;
 
 /// The reason why points do not form a polyline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -171,7 +173,7 @@ impl Polyline {
             // Along the line the distance shrinks at most by the arc length: segments that end within the
             // difference to the best one are farther away.
             let next2 = (self.points[i] - p).norm_squared();
-            if next2 > FAR2 * best {
+            if i + FEW < last && next2 > FAR2 * best {
                 let within = self.arc[i] + (next2.sqrt() - best.sqrt()) * (1.0 - 1e-9) - 1e-9;
                 while i < last && self.arc[i + 1] < within {
                     i += 1;
