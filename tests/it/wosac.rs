@@ -198,7 +198,7 @@ fn the_realism_study_has_the_metrics_of_kept_rollouts() {
         let cell = line.split('|').nth(2).unwrap();
         cell.split_whitespace().next().unwrap().parse::<f64>().unwrap()
     };
-    assert!(value("IDM") > value("Constant velocity"), "{realism}");
+    assert!(value("IDM") > value("Constant Velocity"), "{realism}");
     assert_eq!(fs::read_to_string(study.join("wosac.jsonl")).unwrap().lines().count(), 10);
 }
 
