@@ -104,12 +104,7 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
         category: args.category.as_deref().and_then(Deviation::from_name),
     };
     let Some(path) = &args.scenario else {
-        if args.reading.current_frame.is_some() {
-            bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
-        }
-        if args.reading.all_agents {
-            bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
-        }
+        args.reading.check_absent()?;
         let scenarios = Source::shipped(usize::MAX).scenarios()?;
         return wanted.pick(scenarios, "the shipped benchmark");
     };

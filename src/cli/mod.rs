@@ -43,7 +43,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -362,6 +362,17 @@ struct ReadingArgs {
 }
 
 impl ReadingArgs {
+    /// Refuses options without effect on the shipped scenarios.
+    fn check_absent(&self) -> anyhow::Result<()> {
+        if self.current_frame.is_some() {
+            bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
+        }
+        if self.all_agents {
+            bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
+        }
+        Ok(())
+    }
+
     /// Finds inputs as [`find_inputs`] and sets their current frame.
     fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
         let mut inputs = find_inputs(paths)?;

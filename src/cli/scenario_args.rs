@@ -3,7 +3,6 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use anyhow::bail;
 use clap::Args;
 
 use super::ReadingArgs;
@@ -52,12 +51,7 @@ impl ScenarioArgs {
     pub(super) fn sources(&self) -> anyhow::Result<Vec<Source>> {
         let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
         if self.scenarios.is_empty() {
-            if self.reading.current_frame.is_some() {
-                bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
-            }
-            if self.reading.all_agents {
-                bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
-            }
+            self.reading.check_absent()?;
             return Ok(vec![Source::shipped(most)]);
         }
         Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)

@@ -11,7 +11,7 @@ use crate::program::reactsim;
 use crate::reference::{said, text};
 use crate::shared;
 
-/// What the server requires.
+/// The metadata that the server requires.
 const METADATA: &str = "
 account_name = \"somebody@example.org\"
 unique_method_name = \"Constant velocity\"

@@ -36,7 +36,7 @@ pub struct RealismRow {
 pub struct RealismFailure {
     /// Id of the scenario, if it is known.
     pub scenario_id: Option<String>,
-    /// What is wrong, with file, scenario and object.
+    /// Reason, with file, scenario and object.
     pub error: String,
 }
 
@@ -49,7 +49,7 @@ pub struct RealismScores {
     pub configs: Vec<Config>,
     /// Scores by scenario, in the order of the rollouts.
     pub rows: Vec<RealismRow>,
-    /// What could not be scored.
+    /// Scenarios, records and files without scores.
     pub failures: Vec<RealismFailure>,
     /// Ids of the scenarios that have a log but no rollouts.
     pub missing: Vec<String>,

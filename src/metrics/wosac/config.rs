@@ -67,17 +67,16 @@ impl Config {
     pub const CONFIG_2023: Self = Self {
         id: "2023",
         title: "2023 histograms and weights, present code",
-        code: CodeVersion::Challenge2025,
         estimators: ESTIMATORS_2023,
         weights: [0.09, 0.09, 0.09, 0.09, 0.09, 0.18, 0.09, 0.09, 0.18, 0.0],
+        ..Self::CHALLENGE_2025
     };
     /// Configuration of 2024 with the code of 2024, which made the leaderboard of that year.
     pub const CHALLENGE_2024: Self = Self {
         id: "2024_challenge_code",
         title: "Sim Agents 2024",
         code: CodeVersion::Challenge2024,
-        estimators: ESTIMATORS_2024,
-        weights: WEIGHTS_2024,
+        ..Self::CONFIG_2024
     };
     /// All configurations; the first is the default.
     pub const ALL: [Self; 4] =

@@ -22,7 +22,7 @@ fn groups() -> Vec<String> {
 }
 
 /// The scenario of a number: a road with traffic both ways, every other time with a branch to the left. Every
-/// seventh can not be made.
+/// seventh cannot be made.
 fn scenario(number: u64) -> Result<Scenario, GenerationError> {
     let id = format!("bench-0-{number:06}");
     if number % 7 == 6 {
