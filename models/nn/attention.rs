@@ -4,14 +4,12 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::activation::{sigmoid, softmax};
-use burn::tensor::module::layer_norm;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
-use super::{FeedForward, FeedForwardConfig, Initializer, Neighbors, Noise, Relations};
-
-/// Variance offset of layer norms, dimensionless; value of the published networks.
-const NORM_EPSILON: f64 = 1e-5;
+use super::host::attend_to_neighbors;
+use super::relations::RelationVectors;
+use super::{FeedForward, FeedForwardConfig, Initializer, Neighbors, Noise, Relations, Rows, linear};
 
 /// Largest ratio of sources to slots at which products are computed with all sources instead of
 /// gathered ones.
@@ -96,19 +94,11 @@ impl AttentionConfig {
     }
 }
 
-/// Normalizes the last axis to zero mean and unit variance, without gain and bias. Relations go
-/// through this once, before all layers.
-pub fn normalize<const D: usize>(x: Tensor<D>) -> Tensor<D> {
-    let dims = x.dims();
-    let ones = Tensor::ones([dims[D - 1]], &x.device());
-    layer_norm(x, ones, None, NORM_EPSILON)
-}
-
 impl RelationalAttention {
     /// Applies this layer's source norm to source features [M, h]. Constant sources (a map, earlier
     /// steps) need this only once.
     pub fn sources(&self, features: Tensor<2>) -> Tensor<2> {
-        self.attn_prenorm_x_src.forward(features)
+        Rows::of(features).norm(&self.attn_prenorm_x_src).done()
     }
 
     /// Returns the new features of the destinations.
@@ -139,13 +129,14 @@ impl RelationalAttention {
         noise: &mut Noise,
     ) -> Tensor<2> {
         let own_norm = self.attn_prenorm_x_dst.as_ref().unwrap_or(&self.attn_prenorm_x_src);
-        let own = own_norm.forward(destinations.clone());
+        let own = Rows::of(destinations.clone()).norm(own_norm).done();
         let message = self.attend(own.clone(), sources, neighbors, relations, noise);
-        let gate = sigmoid(self.to_g.forward(Tensor::cat(vec![message.clone(), own.clone()], 1)));
-        let mixed = message.clone() + gate * (self.to_s.forward(own) - message);
-        let x = destinations + self.attn_postnorm.forward(self.to_out.forward(mixed));
-        let ff = self.ff_mlp.forward(self.ff_prenorm.forward(x.clone()), self.dropout, noise);
-        x + self.ff_postnorm.forward(ff)
+        let gate = sigmoid(linear(&self.to_g, Tensor::cat(vec![message.clone(), own.clone()], 1)));
+        let mixed = message.clone() + gate * (linear(&self.to_s, own) - message);
+        let x = destinations + Rows::linear(&self.to_out, mixed).norm(&self.attn_postnorm).done();
+        let inner = Rows::of(x.clone()).norm(&self.ff_prenorm).done();
+        let ff = self.ff_mlp.forward(inner, self.dropout, noise);
+        x + Rows::of(ff).norm(&self.ff_postnorm).done()
     }
 
     /// Returns the messages from the neighbours, [N, heads · head_dim]; exactly 0 for a destination
@@ -162,27 +153,43 @@ impl RelationalAttention {
         if count == 0 || neighbors.slots() == 0 {
             return Tensor::zeros([count, width], &own.device());
         }
-        let query = self.to_q.forward(own) * (1.0 / (self.head_dim as f32).sqrt());
+        let query = linear(&self.to_q, own) * (1.0 / (self.head_dim as f32).sqrt());
         let query = query.reshape([count, heads, self.head_dim]).swap_dims(0, 1);
         let (key_r, value_r) = (self.folded(&self.to_k_r), self.folded(&self.to_v_r));
         let to_sources = query.clone().matmul(self.keys(self.to_k.weight.val())).swap_dims(0, 1);
         let to_relations = query.matmul(self.keys(key_r)).swap_dims(0, 1);
-        let slot_sources = SlotSources::new(sources, neighbors);
-        let scores = slot_sources.scores(to_sources)
-            + to_relations.matmul(relations.columns.clone())
-            + neighbors.closed();
-        let weights = noise.drop(softmax(scores, 2), self.dropout);
-
-        let of_sources = slot_sources.sum(weights.clone()).swap_dims(0, 1);
-        let of_relations = weights.clone().matmul(relations.rows.clone()).swap_dims(0, 1);
+        let vectors = match &relations.0 {
+            RelationVectors::OfSlots(vectors) | RelationVectors::OfEdges(vectors) if !noise.active() => {
+                Some(vectors)
+            }
+            _ => None,
+        };
+        let (of_sources, of_relations, weights) = match vectors {
+            Some(vectors) => {
+                let slots = neighbors.host(matches!(relations.0, RelationVectors::OfEdges(_)));
+                let (of_sources, of_relations) =
+                    attend_to_neighbors(to_sources, to_relations, sources, vectors, &slots);
+                (of_sources, of_relations, None)
+            }
+            None => {
+                let rows = relations.tensor(neighbors, &sources.device());
+                let slot_sources = SlotSources::new(sources, neighbors);
+                let scores = slot_sources.scores(to_sources)
+                    + to_relations.matmul(rows.clone().swap_dims(1, 2))
+                    + neighbors.closed();
+                let weights = noise.drop(softmax(scores, 2), self.dropout);
+                (slot_sources.sum(weights.clone()), weights.clone().matmul(rows), Some(weights))
+            }
+        };
+        let (of_sources, of_relations) = (of_sources.swap_dims(0, 1), of_relations.swap_dims(0, 1));
         let message = of_sources.matmul(self.values(self.to_v.weight.val()))
             + of_relations.matmul(self.values(value_r));
         let message = message.swap_dims(0, 1);
         let bias = self.value_bias(&message.device()).reshape([1, heads, self.head_dim]);
-        let message = if noise.active() {
-            message + bias * weights.sum_dim(2) // After dropout the weights do not sum to 1.
-        } else {
-            message + bias
+        let message = match weights.filter(|_| noise.active()) {
+            // After dropout the weights do not sum to 1.
+            Some(weights) => message + bias * weights.sum_dim(2),
+            None => message + bias,
         };
         message.reshape([count, width]) * neighbors.any()
     }

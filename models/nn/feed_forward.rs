@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
-use burn::tensor::activation::{relu, silu};
+use burn::tensor::activation::silu;
 use serde::{Deserialize, Serialize};
 
-use super::{Initializer, Noise};
+use super::{Initializer, Noise, Rows, linear};
 
 /// Type and width of a feed-forward network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -68,12 +68,15 @@ impl FeedForward {
     /// Maps [N, width] to [N, width].
     pub fn forward(&self, x: Tensor<2>, dropout: f64, noise: &mut Noise) -> Tensor<2> {
         match self {
-            Self::Relu(layers) => layers.narrow.forward(noise.drop(relu(layers.wide.forward(x)), dropout)),
+            Self::Relu(layers) => {
+                let hidden = Rows::linear(&layers.wide, x).relu().done();
+                linear(&layers.narrow, noise.drop(hidden, dropout))
+            }
             Self::SwiGlu(layers) => {
-                let both = layers.wide.forward(x);
+                let both = linear(&layers.wide, x);
                 let hidden = both.dims()[1] / 2;
                 let (gate, value) = (both.clone().narrow(1, 0, hidden), both.narrow(1, hidden, hidden));
-                layers.narrow.forward(silu(gate) * value)
+                linear(&layers.narrow, silu(gate) * value)
             }
         }
     }

@@ -4,12 +4,11 @@ use std::f32::consts::TAU;
 
 use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
-use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::Initializer;
-use super::device::is_gpu;
+use super::host::is_host;
 use super::turns::cos_sin_rows;
+use super::{Initializer, Rows, linear};
 
 /// Rows per pass through the layers, so that intermediate results stay in the processor's caches.
 const CHUNK_ROWS: usize = 1024;
@@ -85,7 +84,7 @@ impl FourierEmbedding {
         let [count, frequencies] = self.freqs.dims();
         assert_eq!(scalars.len() % count, 0, "scalars of a Fourier embedding");
         let rows = scalars.len() / count;
-        if device.is_autodiff() || is_gpu(device) {
+        if !is_host(device) {
             let scalars = TensorData::new(scalars.to_vec(), [rows, count]);
             return self.forward(Tensor::from_data(scalars, device), categorical);
         }
@@ -117,14 +116,15 @@ impl FourierEmbedding {
     ) -> Tensor<2> {
         let mut sum = categorical;
         for (d, layers) in self.mlps.iter().enumerate() {
-            let x = layers.mix.forward(relu(layers.lift_norm.forward(layers.lift.forward(features(d)))));
+            let lifted = Rows::linear(&layers.lift, features(d)).norm(&layers.lift_norm).relu().done();
+            let x = linear(&layers.mix, lifted);
             sum = Some(match sum {
                 Some(sum) => sum + x,
                 None => x,
             });
         }
         let sum = sum.unwrap_or_else(|| Tensor::zeros([rows, self.width()], device));
-        self.merge.forward(relu(self.merge_norm.forward(sum)))
+        linear(&self.merge, Rows::of(sum).norm(&self.merge_norm).relu().done())
     }
 
     /// Returns the width of the embedded vectors.

@@ -3,9 +3,8 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
-use burn::tensor::activation::relu;
 
-use super::Initializer;
+use super::{Initializer, Rows, linear};
 
 /// Linear, layer norm, ReLU, linear.
 #[derive(Module, Debug)]
@@ -25,9 +24,9 @@ impl MlpLayer {
         }
     }
 
-    /// Maps [.., inputs] to [.., outputs].
-    pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
-        self.output.forward(relu(self.hidden_norm.forward(self.hidden.forward(x))))
+    /// Maps [n, inputs] to [n, outputs].
+    pub fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        linear(&self.output, Rows::linear(&self.hidden, x).norm(&self.hidden_norm).relu().done())
     }
 }
 
@@ -55,10 +54,10 @@ impl MlpEmbedding {
         }
     }
 
-    /// Maps [.., inputs] to [.., outputs].
-    pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
-        let x = relu(self.first_norm.forward(self.first.forward(x)));
-        let x = relu(self.second_norm.forward(self.second.forward(x)));
-        self.third.forward(x)
+    /// Maps [n, inputs] to [n, outputs].
+    pub fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        let x = Rows::linear(&self.first, x).norm(&self.first_norm).relu().done();
+        let x = Rows::linear(&self.second, x).norm(&self.second_norm).relu().done();
+        linear(&self.third, x)
     }
 }

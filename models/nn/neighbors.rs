@@ -1,6 +1,10 @@
 //! Neighbour lists of attention: edges as rows of equal length.
 
+use std::sync::{Arc, OnceLock};
+
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
+
+use super::host::Slots;
 
 /// Up to K sources for each of N destinations; the remaining slots of a row are closed. A list of
 /// edges is converted to this form so that attention consists of gathers and dense products.
@@ -10,12 +14,33 @@ pub struct Neighbors {
     slots: usize,
     /// Whether the row length was given by the caller, not derived from edges.
     fixed: bool,
+    rows: Arc<Rows>,
+    device: Device,
+}
+
+/// The slots, row by row.
+#[derive(Debug)]
+struct Rows {
     /// Row of the source of each slot, [N·K]; 0 for closed slots.
+    sources: Vec<u32>,
+    /// Row of the edge of each slot in the list of edges, [N·K]; 0 for closed slots.
+    edges: Vec<u32>,
+    /// Number of each slot, [N·K].
+    numbers: Vec<u32>,
+    /// Whether a slot is open, [N·K].
+    open: Vec<bool>,
+    /// The same on the device, made when a layer first asks for them.
+    tensors: OnceLock<SlotTensors>,
+}
+
+#[derive(Debug)]
+struct SlotTensors {
+    /// Row of the source of each slot, [N·K].
     source: Tensor<1, Int>,
     /// Row of each slot in a table of all pairs of sources and destinations, [N·K]: source · N +
     /// destination.
     pair: Tensor<1, Int>,
-    /// Row of the edge of each slot in the list of edges, [N·K]; 0 for closed slots.
+    /// Row of the edge of each slot, [N·K].
     edge: Tensor<1, Int>,
     /// Offset added to scores, [N, 1, K]: 0 for open slots, very negative for closed ones.
     closed: Tensor<3>,
@@ -40,29 +65,16 @@ impl Neighbors {
             degree[target as usize] += 1;
         }
         let slots = degree.iter().copied().max().unwrap_or(0);
-        let mut source = vec![0i32; destinations * slots];
-        let mut edge = vec![0i32; destinations * slots];
-        let mut closed = vec![CLOSED_SCORE; destinations * slots];
+        let all = destinations * slots;
+        let (mut from, mut edges, mut open) = (vec![0; all], vec![0; all], vec![false; all]);
         let mut filled = vec![0usize; destinations];
-        for (row, (&from, &to)) in sources.iter().zip(targets).enumerate() {
+        for (edge, (&source, &to)) in (0..).zip(sources.iter().zip(targets)) {
             let to = to as usize;
             let slot = to * slots + filled[to];
             filled[to] += 1;
-            source[slot] = from as i32;
-            edge[slot] = row as i32;
-            closed[slot] = 0.0;
+            (from[slot], edges[slot], open[slot]) = (source, edge, true);
         }
-        let any = degree.iter().map(|&d| if d > 0 { 1.0f32 } else { 0.0 }).collect::<Vec<_>>();
-        Self {
-            destinations,
-            slots,
-            fixed: false,
-            pair: pairs(&source, destinations, slots, device),
-            source: ints(source, device),
-            edge: ints(edge, device),
-            closed: Tensor::from_data(TensorData::new(closed, [destinations, 1, slots]), device),
-            any: Tensor::from_data(TensorData::new(any, [destinations, 1]), device),
-        }
+        Self::of(destinations, slots, false, Rows::new(from, edges, open), device)
     }
 
     /// Builds rows from row-major lists [N, K] of sources and of flags for open slots. Slots are
@@ -77,26 +89,41 @@ impl Neighbors {
         open: &[bool],
         device: &Device,
     ) -> Self {
-        assert_eq!(
-            (sources.len(), open.len()),
-            (destinations * slots, destinations * slots),
-            "rows of slots"
-        );
-        let any = (0..destinations)
-            .map(|n| if open[n * slots..(n + 1) * slots].contains(&true) { 1.0f32 } else { 0.0 })
-            .collect::<Vec<_>>();
-        let closed = open.iter().map(|&o| if o { 0.0 } else { CLOSED_SCORE }).collect::<Vec<_>>();
-        let source: Vec<i32> =
-            sources.iter().zip(open).map(|(&s, &o)| if o { s as i32 } else { 0 }).collect();
-        Self {
-            destinations,
-            slots,
-            fixed: true,
-            pair: pairs(&source, destinations, slots, device),
-            source: ints(source, device),
-            edge: ints((0..(destinations * slots) as i32).collect(), device),
-            closed: Tensor::from_data(TensorData::new(closed, [destinations, 1, slots]), device),
-            any: Tensor::from_data(TensorData::new(any, [destinations, 1]), device),
+        let all = destinations * slots;
+        assert_eq!((sources.len(), open.len()), (all, all), "rows of slots");
+        let from = sources.iter().zip(open).map(|(&source, &open)| if open { source } else { 0 }).collect();
+        let rows = Rows::new(from, (0..all as u32).collect(), open.to_vec());
+        Self::of(destinations, slots, true, rows, device)
+    }
+
+    fn of(destinations: usize, slots: usize, fixed: bool, rows: Rows, device: &Device) -> Self {
+        Self { destinations, slots, fixed, rows: Arc::new(rows), device: device.clone() }
+    }
+
+    fn tensors(&self) -> &SlotTensors {
+        self.rows.tensors.get_or_init(|| {
+            let (n, k, rows) = (self.destinations, self.slots, &self.rows);
+            let pair = |(slot, source): (usize, &u32)| source * n as u32 + (slot / k) as u32;
+            let closed: Vec<f32> = rows.open.iter().map(|&o| if o { 0.0 } else { CLOSED_SCORE }).collect();
+            let any = |n: usize| if rows.open[n * k..(n + 1) * k].contains(&true) { 1.0f32 } else { 0.0 };
+            let any: Vec<f32> = (0..n).map(any).collect();
+            SlotTensors {
+                source: ints(rows.sources.iter().copied(), &self.device),
+                pair: ints(rows.sources.iter().enumerate().map(pair), &self.device),
+                edge: ints(rows.edges.iter().copied(), &self.device),
+                closed: Tensor::from_data(TensorData::new(closed, [n, 1, k]), &self.device),
+                any: Tensor::from_data(TensorData::new(any, [n, 1]), &self.device),
+            }
+        })
+    }
+
+    /// Returns the slots in host memory. Relations are those of edges or of slots.
+    pub(super) fn host(&self, of_edges: bool) -> Slots<'_> {
+        Slots {
+            per_destination: self.slots,
+            sources: &self.rows.sources,
+            relations: if of_edges { &self.rows.edges } else { &self.rows.numbers },
+            open: &self.rows.open,
         }
     }
 
@@ -118,12 +145,12 @@ impl Neighbors {
     /// Gathers the edge vectors of all slots: [E, d] to [N, K, d]. Closed slots get the vector of
     /// the first edge, which has no effect.
     pub fn relations(&self, edges: Tensor<2>) -> Tensor<3> {
-        self.gather(edges, &self.edge)
+        self.gather(edges, &self.tensors().edge)
     }
 
     /// Gathers the source features of all slots: [M, h] to [N, K, h].
     pub fn sources(&self, nodes: Tensor<2>) -> Tensor<3> {
-        self.gather(nodes, &self.source)
+        self.gather(nodes, &self.tensors().source)
     }
 
     fn gather(&self, rows: Tensor<2>, index: &Tensor<1, Int>) -> Tensor<3> {
@@ -137,7 +164,7 @@ impl Neighbors {
     /// Gathers the rows of all slots from a table of all pairs of sources and destinations: [M·N,
     /// w] to [N, K, w].
     pub(super) fn pairs(&self, table: Tensor<2>) -> Tensor<3> {
-        self.gather(table, &self.pair)
+        self.gather(table, &self.tensors().pair)
     }
 
     /// Scatters [N, K, w] into a table of `sources` · N rows that is 0 elsewhere; the inverse of
@@ -147,26 +174,29 @@ impl Neighbors {
         let width = slots.dims()[2];
         let table = Tensor::zeros([sources * self.destinations, width], &slots.device());
         let rows = slots.reshape([self.destinations * self.slots, width]);
-        table.select_assign(0, self.pair.clone(), rows, IndexingUpdateOp::Add)
+        table.select_assign(0, self.tensors().pair.clone(), rows, IndexingUpdateOp::Add)
     }
 
     /// Returns the offsets of scores, [N, 1, K].
     pub(super) fn closed(&self) -> Tensor<3> {
-        self.closed.clone()
+        self.tensors().closed.clone()
     }
 
     /// Returns 1 for destinations with a source, else 0; [N, 1].
     pub(super) fn any(&self) -> Tensor<2> {
-        self.any.clone()
+        self.tensors().any.clone()
     }
 }
 
-fn pairs(source: &[i32], destinations: usize, slots: usize, device: &Device) -> Tensor<1, Int> {
-    let pair = |(slot, source): (usize, &i32)| source * destinations as i32 + (slot / slots) as i32;
-    ints(source.iter().enumerate().map(pair).collect(), device)
+impl Rows {
+    fn new(sources: Vec<u32>, edges: Vec<u32>, open: Vec<bool>) -> Self {
+        let numbers = (0..open.len() as u32).collect();
+        Self { sources, edges, numbers, open, tensors: OnceLock::new() }
+    }
 }
 
-fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
+fn ints(values: impl ExactSizeIterator<Item = u32>, device: &Device) -> Tensor<1, Int> {
     let length = values.len();
+    let values: Vec<i32> = values.map(|value| value as i32).collect();
     Tensor::from_data(TensorData::new(values, [length]), device)
 }

@@ -9,7 +9,7 @@ use reactsim::geometry::math;
 const MAX_TURNS: f32 = 1_048_576.0;
 
 /// Returns, for every scalar u, a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u.
-pub(super) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequencies: &[f32]) -> Vec<f32> {
+pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequencies: &[f32]) -> Vec<f32> {
     let count = frequencies.len();
     let fastest = frequencies.iter().fold(0.0f32, |most, f| most.max(f.abs()));
     let mut rows = vec![0.0; scalars.len() * (2 * count + 1)];

@@ -2,7 +2,6 @@
 
 use burn::module::Module;
 use burn::nn::Linear;
-use burn::tensor::activation::relu;
 use burn::tensor::{Int, Tensor, TensorData};
 
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
@@ -11,7 +10,7 @@ use super::pair::PAIR_FEATURES;
 use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::step::PAST_FEATURES;
 use crate::models::nn::{
-    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations,
+    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations, Rows,
 };
 use crate::models::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
@@ -160,7 +159,7 @@ fn attend(
 /// replaces a bias. The following linear layer is part of the attention layer.
 fn embed(linear: &Linear, links: &LinkTensors) -> Relations {
     let (n, k) = (links.neighbors.destinations(), links.neighbors.slots());
-    let embedded = relu(linear.forward(links.relation.clone()));
+    let embedded = Rows::linear(linear, links.relation.clone()).relu().done();
     let width = embedded.dims()[1];
     Relations::new(embedded.reshape([n, k, width]))
 }

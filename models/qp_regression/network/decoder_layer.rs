@@ -3,10 +3,9 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
-use burn::tensor::activation::relu;
 
-use super::attention::{attend, split};
-use crate::models::nn::Initializer;
+use super::attention::attend;
+use crate::models::nn::{Initializer, Rows, linear};
 
 /// Output projection of an attention whose input projections are separate fields.
 #[derive(Module, Debug)]
@@ -106,28 +105,28 @@ impl DecoderLayer {
         scenes: usize,
     ) -> Tensor<2> {
         let Queries { content, intention, searching } = queries;
-        let heads = |x: Tensor<2>| split(x, scenes, self.heads);
-        let q = self.sa_qcontent_proj.forward(content.clone()) + self.sa_qpos_proj.forward(intention.clone());
-        let k = self.sa_kcontent_proj.forward(content.clone()) + self.sa_kpos_proj.forward(intention.clone());
-        let v = self.sa_v_proj.forward(content.clone());
+        let q =
+            linear(&self.sa_qcontent_proj, content.clone()) + linear(&self.sa_qpos_proj, intention.clone());
+        let k =
+            linear(&self.sa_kcontent_proj, content.clone()) + linear(&self.sa_kpos_proj, intention.clone());
+        let v = linear(&self.sa_v_proj, content.clone());
         let all_open = Tensor::zeros([1, 1, 1, 1], &content.device());
-        let taken = attend(heads(q), heads(k), heads(v), all_open);
-        let x = self.norm1.forward(content + self.self_attn.out_proj.forward(taken));
+        let taken = attend(scenes, self.heads, vec![(q, k)], v, all_open);
+        let x = Rows::linear(&self.self_attn.out_proj, taken).plus(content).norm(&self.norm1).done();
 
-        let mut q = self.ca_qcontent_proj.forward(x.clone());
-        let mut k = self.ca_kcontent_proj.forward(attended.tokens.clone());
-        let v = self.ca_v_proj.forward(attended.tokens.clone());
-        let k_position = self.ca_kpos_proj.forward(attended.positions.clone());
+        let mut q = linear(&self.ca_qcontent_proj, x.clone());
+        let mut k = linear(&self.ca_kcontent_proj, attended.tokens.clone());
+        let v = linear(&self.ca_v_proj, attended.tokens.clone());
+        let k_position = linear(&self.ca_kpos_proj, attended.positions.clone());
         if first {
-            q = q + self.ca_qpos_proj.forward(intention);
+            q = q + linear(&self.ca_qpos_proj, intention);
             k = k + k_position.clone();
         }
-        let sought = self.ca_qpos_sine_proj.forward(searching);
-        let q = Tensor::cat(vec![heads(q), heads(sought)], 3);
-        let k = Tensor::cat(vec![heads(k), heads(k_position)], 3);
-        let taken = attend(q, k, heads(v), attended.closed.clone()) * attended.any.clone();
-        let x = self.norm2.forward(x + self.cross_attn.out_proj.forward(taken));
-        let wide = relu(self.linear1.forward(x.clone()));
-        self.norm3.forward(x + self.linear2.forward(wide))
+        let sought = linear(&self.ca_qpos_sine_proj, searching);
+        let products = vec![(q, k), (sought, k_position)];
+        let taken = attend(scenes, self.heads, products, v, attended.closed.clone()) * attended.any.clone();
+        let x = Rows::linear(&self.cross_attn.out_proj, taken).plus(x).norm(&self.norm2).done();
+        let wide = Rows::linear(&self.linear1, x.clone()).relu().done();
+        Rows::linear(&self.linear2, wide).plus(x).norm(&self.norm3).done()
     }
 }

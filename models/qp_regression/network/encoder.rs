@@ -3,14 +3,13 @@
 use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
-use burn::tensor::activation::relu;
 
-use super::attention::{attend, split};
+use super::attention::attend;
 use super::batch::Batch;
 use super::config::Config;
 use super::polyline_encoder::PolylineEncoder;
 use super::sine::sine;
-use crate::models::nn::Initializer;
+use crate::models::nn::{Initializer, Rows};
 use crate::models::qp_regression::inputs::{agent_numbers, point_numbers};
 
 /// Attention with one matrix for queries, keys and values, as in PyTorch: `[3 width, width]`.
@@ -34,20 +33,22 @@ impl SelfAttention {
         }
     }
 
+    /// Returns what tokens take from their neighbours, before the output projection.
     fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
         let scenes = closed.dims()[0];
         let width = x.dims()[1];
         let (weight, bias) = (self.in_proj_weight.val().transpose(), self.in_proj_bias.val());
         let bias = bias.unsqueeze_dim::<2>(0);
         let part = |from: usize, count: usize, x: Tensor<2>| {
-            x.matmul(weight.clone().narrow(1, from * width, count * width))
-                + bias.clone().narrow(1, from * width, count * width)
+            let columns = from * width..(from + count) * width;
+            Rows::product(x, weight.clone().slice([0..width, columns.clone()]))
+                .plus(bias.clone().slice([0..1, columns]))
+                .done()
         };
         let both = part(0, 2, x.clone() + positions);
-        let queries = split(both.clone().narrow(1, 0, width), scenes, self.heads);
-        let keys = split(both.narrow(1, width, width), scenes, self.heads);
-        let values = split(part(2, 1, x), scenes, self.heads);
-        self.out_proj.forward(attend(queries, keys, values, closed))
+        let (queries, keys) = (both.clone().narrow(1, 0, width), both.narrow(1, width, width));
+        let values = part(2, 1, x);
+        attend(scenes, self.heads, vec![(queries, keys)], values, closed)
     }
 }
 
@@ -75,9 +76,9 @@ impl EncoderLayer {
 
     fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
         let taken = self.self_attn.forward(x.clone(), positions, closed);
-        let x = self.norm1.forward(x + taken);
-        let wide = relu(self.linear1.forward(x.clone()));
-        self.norm2.forward(x + self.linear2.forward(wide))
+        let x = Rows::linear(&self.self_attn.out_proj, taken).plus(x).norm(&self.norm1).done();
+        let wide = Rows::linear(&self.linear1, x.clone()).relu().done();
+        Rows::linear(&self.linear2, wide).plus(x).norm(&self.norm2).done()
     }
 }
 

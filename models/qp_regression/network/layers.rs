@@ -2,14 +2,12 @@
 
 use burn::module::{Module, Param};
 use burn::nn::Linear;
-use burn::tensor::activation::relu;
-use burn::tensor::module::layer_norm;
 use burn::tensor::{Tensor, TensorData};
 
 use super::config::Norms;
-use crate::models::nn::Initializer;
+use crate::models::nn::{Initializer, Rows};
 
-/// Constant added to variances.
+/// Constant added to the variances of batch norms.
 const EPSILON: f64 = 1e-5;
 /// Factor on the initial weights of the third layer of a perceptron, which is that of a head: the
 /// reference motion is better than an untrained output.
@@ -33,16 +31,17 @@ impl Norm {
         Self { weight: filled(1.0), bias: filled(0.0), running_mean: fixed(0.0), running_var: fixed(1.0) }
     }
 
-    /// Normalises `[n, width]`.
-    fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+    /// Normalises rows, then applies ReLU.
+    fn forward(&self, x: Rows) -> Rows {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         match (&self.running_mean, &self.running_var) {
             (Some(mean), Some(variance)) => {
                 let gain = weight / (variance.val() + EPSILON).sqrt();
                 let shift = bias - mean.val() * gain.clone();
-                x * gain.unsqueeze_dim::<2>(0) + shift.unsqueeze_dim::<2>(0)
+                let x = x.done() * gain.unsqueeze_dim::<2>(0) + shift.unsqueeze_dim::<2>(0);
+                Rows::of(x).relu()
             }
-            _ => layer_norm(x, weight, Some(bias), EPSILON),
+            _ => x.normalize(weight, Some(bias)).relu(),
         }
     }
 }
@@ -88,16 +87,20 @@ impl NormedMlp {
 
     /// Maps `[n, inputs]` to `[n, last width]`.
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        let x = self.first.forward(x);
-        self.after_first(x)
+        self.rows(x).done()
+    }
+
+    /// Like [`NormedMlp::forward`], for callers that go on with the rows.
+    pub(crate) fn rows(&self, x: Tensor<2>) -> Rows {
+        self.after_first(Rows::linear(&self.first, x))
     }
 
     /// Applies everything after the first linear layer, for callers that compute that layer themselves.
-    pub(crate) fn after_first(&self, x: Tensor<2>) -> Tensor<2> {
+    pub(crate) fn after_first(&self, x: Rows) -> Rows {
         let mut x = normed(&self.first_norm, x);
         for (linear, norm) in [(&self.second, &self.second_norm), (&self.third, &self.third_norm)] {
             if let Some(linear) = linear {
-                x = normed(norm, linear.forward(x));
+                x = normed(norm, Rows::linear(linear, x.done()));
             }
         }
         x
@@ -109,9 +112,9 @@ impl NormedMlp {
     }
 }
 
-fn normed(norm: &Option<Norm>, x: Tensor<2>) -> Tensor<2> {
+fn normed(norm: &Option<Norm>, x: Rows) -> Rows {
     match norm {
-        Some(norm) => relu(norm.forward(x)),
+        Some(norm) => norm.forward(x),
         None => x,
     }
 }
@@ -139,10 +142,10 @@ impl PlainMlp {
 
     /// Maps `[n, inputs]` to `[n, last width]`.
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        let x = self.second.forward(relu(self.first.forward(x)));
+        let x = Rows::linear(&self.second, Rows::linear(&self.first, x).relu().done());
         match &self.third {
-            Some(third) => third.forward(relu(x)),
-            None => x,
+            Some(third) => Rows::linear(third, x.relu().done()).done(),
+            None => x.done(),
         }
     }
 }

@@ -5,7 +5,7 @@ use burn::tensor::Tensor;
 
 use super::config::Norms;
 use super::layers::{NormedMlp, PlainMlp};
-use crate::models::nn::Initializer;
+use crate::models::nn::{Initializer, Rows, pool};
 
 /// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
 /// the pooled values, and are pooled again.
@@ -46,24 +46,15 @@ impl PolylineEncoder {
         lines_there: Tensor<2>,
         count: usize,
     ) -> Tensor<2> {
-        let lines = lines_there.dims()[0];
-        let x = self.pre_mlps.forward(points) * there.clone();
+        let x = self.pre_mlps.rows(points).times(there.clone()).done();
         let pooled = pool(x.clone(), count);
         // The first layer of the second perceptron takes points and pooled values side by side. Its
         // halves are applied separately, to pooled values once per line.
         let weight = self.mlps.first_weight();
-        let of_points = x.matmul(weight.clone().narrow(0, 0, self.hidden));
-        let of_pooled = pooled.matmul(weight.narrow(0, self.hidden, self.hidden));
-        let width = of_pooled.dims()[1];
-        let both = of_points.reshape([count, lines, width]) + of_pooled.unsqueeze_dim::<3>(0);
-        let x = self.mlps.after_first(both.reshape([count * lines, width])) * there;
+        let of_points = weight.clone().narrow(0, 0, self.hidden);
+        let of_pooled = Rows::product(pooled, weight.narrow(0, self.hidden, self.hidden)).done();
+        let both = Rows::product(x, of_points).plus(of_pooled);
+        let x = self.mlps.after_first(both).times(there).done();
         self.out_mlps.forward(pool(x, count)) * lines_there
     }
-}
-
-/// Returns the element-wise maximum of `count` blocks of rows.
-fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
-    let rows = x.dims()[0] / count;
-    let block = |k: usize| x.clone().narrow(0, k * rows, rows);
-    (1..count).fold(block(0), |largest, k| largest.max_pair(block(k)))
 }

@@ -3,6 +3,8 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::geometry::math;
 
+use crate::models::nn::{cos_sin_rows, is_host};
+
 /// Factor from the shortest wavelength, 1 m, up to which wavelengths grow.
 const TEMPERATURE: f64 = 10_000.0;
 
@@ -14,14 +16,19 @@ const TEMPERATURE: f64 = 10_000.0;
 pub(crate) fn sine(positions: Tensor<2>, width: usize) -> Tensor<2> {
     let device: Device = positions.device();
     let half = width / 2;
+    let frequency = |i: usize| math::pow(TEMPERATURE, -2.0 * (i / 2) as f64 / half as f64);
+    if is_host(&device) {
+        let frequencies: Vec<f32> = (0..half).step_by(2).map(|i| frequency(i) as f32).collect();
+        return on_host(positions, width, &frequencies);
+    }
     // A cosine is a sine a quarter turn later: one product and one sine for all numbers.
     let mut factors = vec![0.0f32; 2 * width];
     let mut phases = vec![0.0f32; width];
     for i in 0..half {
-        let scale = std::f64::consts::TAU / math::pow(TEMPERATURE, 2.0 * (i / 2) as f64 / half as f64);
+        let scale = (std::f64::consts::TAU * frequency(i)) as f32;
         let phase = if i % 2 == 1 { std::f32::consts::FRAC_PI_2 } else { 0.0 };
-        factors[width + i] = scale as f32;
-        factors[half + i] = scale as f32;
+        factors[width + i] = scale;
+        factors[half + i] = scale;
         phases[i] = phase;
         phases[half + i] = phase;
     }
@@ -30,13 +37,39 @@ pub(crate) fn sine(positions: Tensor<2>, width: usize) -> Tensor<2> {
     (positions.matmul(factors) + phases).sin()
 }
 
+/// Embeds positions by many sines at a time; a backend calls the system's sine for each number.
+/// `frequencies` are those of pairs of sine and cosine, in turns per metre.
+fn on_host(positions: Tensor<2>, width: usize, frequencies: &[f32]) -> Tensor<2> {
+    let (device, rows, half) = (positions.device(), positions.dims()[0], width / 2);
+    let mut out = vec![0.0; rows * width];
+    let positions: Vec<f32> = positions.into_data().iter::<f32>().collect();
+    let (xy, _) = positions.as_chunks::<2>();
+    for (axis, first) in [(1, 0), (0, half)] {
+        let pairs = cos_sin_rows(xy.iter().map(|p| p[axis]), frequencies);
+        for (to, row) in out.chunks_exact_mut(width).zip(pairs.chunks_exact(2 * frequencies.len() + 1)) {
+            let (cosines, sines) = row.split_at(frequencies.len());
+            let (to, _) = to[first..first + half].as_chunks_mut::<2>();
+            to.iter_mut().zip(sines.iter().zip(cosines)).for_each(|(to, (sin, cos))| *to = [*sin, *cos]);
+        }
+    }
+    Tensor::from_data(TensorData::new(out, [rows, width]), &device)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::nn::device;
 
     #[test]
     fn the_embedding_follows_the_formula() {
-        let at = Tensor::<2>::from_data([[3.25f32, -7.5]], &crate::models::nn::device());
+        // One of them with the operations of the backend.
+        for device in [device(), device().autodiff()] {
+            check(&device);
+        }
+    }
+
+    fn check(device: &Device) {
+        let at = Tensor::<2>::from_data([[3.25f32, -7.5]], device);
         let found: Vec<f32> = sine(at, 8).into_data().iter::<f32>().collect();
         let wave = |v: f64, i: usize| v * std::f64::consts::TAU / 10_000f64.powf(2.0 * (i / 2) as f64 / 4.0);
         for (base, v) in [(0, -7.5), (4, 3.25)] {

@@ -1,0 +1,220 @@
+//! Matrix products, norms and activations in one pass.
+
+use burn::tensor::{Tensor, TensorData};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::product::{BLOCK_ROWS, Weights};
+use super::{LANES, slice};
+
+/// What happens to each row of a matrix, in this order.
+#[derive(Default)]
+pub(crate) struct RowPass {
+    /// Weights `[k, width]` that rows of width k are multiplied with; otherwise they have this width.
+    pub weights: Option<Tensor<2>>,
+    /// Matrices that are added, `[m, width]`: row r of the first one to row r, r + m, r + 2m and so on.
+    pub added: Vec<Tensor<2>>,
+    /// Added to each row, `[width]`.
+    pub bias: Option<Tensor<1>>,
+    /// Gain and shift, `[width]`, after normalisation to zero mean and unit variance, and the constant that
+    /// is added to variances.
+    pub norm: Option<(Tensor<1>, Option<Tensor<1>>, f32)>,
+    /// Whether negative numbers become 0.
+    pub relu: bool,
+    /// Factors of the rows, `[n, 1]`.
+    pub factors: Option<Tensor<2>>,
+}
+
+/// Applies a pass to the rows of a matrix. Returns a matrix `[rows, width]`.
+///
+/// # Panics
+/// If shapes do not fit together.
+pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
+    let RowPass { weights, added, bias, norm, relu, factors } = pass;
+    let (device, [rows, k]) = (x.device(), x.dims());
+    let width = weights.as_ref().map_or(k, |weights| weights.dims()[1]);
+    assert!(weights.as_ref().is_none_or(|weights| weights.dims()[0] == k), "weights for {k} columns");
+    for added in &added {
+        let [m, columns] = added.dims();
+        assert!(columns == width && m > 0 && rows.is_multiple_of(m), "[{m}, {columns}] to [{rows}, {width}]");
+    }
+    let vector = |x: Option<Tensor<1>>| {
+        let data = x.map(Tensor::into_data);
+        assert!(data.as_ref().is_none_or(|data| data.num_elements() == width), "a vector of the width");
+        data
+    };
+    let (epsilon, gain, shift) = match norm {
+        Some((gain, shift, epsilon)) => (epsilon, vector(Some(gain)), vector(shift)),
+        None => (0.0, None, None),
+    };
+    let added: Vec<TensorData> = added.into_iter().map(Tensor::into_data).collect();
+    let (bias, factors) = (vector(bias), factors.map(Tensor::into_data));
+    assert!(factors.as_ref().is_none_or(|f| f.num_elements() == rows), "a factor for each row");
+    let added: Vec<&[f32]> = added.iter().map(slice).collect();
+
+    let (mut x, weights) = (x.into_data(), weights.map(Tensor::into_data));
+    let mut product = weights.as_ref().map(|_| vec![0.0; rows * width]);
+    let (product_of, out) = match (&weights, &mut product) {
+        (Some(weights), Some(product)) => (Some((slice(&x), k, slice(weights))), product.as_mut_slice()),
+        _ => (None, x.as_mut_slice().expect("32-bit floating-point numbers")),
+    };
+    Arch::new().dispatch(Pass {
+        product_of,
+        out,
+        width,
+        added: &added,
+        bias: bias.as_ref().map(slice),
+        norm: gain.as_ref().map(|gain| Norm { gain: slice(gain), shift: shift.as_ref().map(slice), epsilon }),
+        relu,
+        factors: factors.as_ref().map(slice),
+    });
+    let out = product.map_or(x, |product| TensorData::new(product, [rows, width]));
+    Tensor::from_data(out, &device)
+}
+
+/// [`RowPass`] as slices.
+struct Pass<'a> {
+    /// Matrix, its width, and weights that it is multiplied with to get the rows.
+    product_of: Option<(&'a [f32], usize, &'a [f32])>,
+    /// The rows, or where they go.
+    out: &'a mut [f32],
+    width: usize,
+    added: &'a [&'a [f32]],
+    bias: Option<&'a [f32]>,
+    norm: Option<Norm<'a>>,
+    relu: bool,
+    factors: Option<&'a [f32]>,
+}
+
+/// A layer norm.
+struct Norm<'a> {
+    gain: &'a [f32],
+    shift: Option<&'a [f32]>,
+    /// Added to variances.
+    epsilon: f32,
+}
+
+impl WithSimd for Pass<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let (width, out) = (self.width, std::mem::take(&mut self.out));
+        if width == 0 {
+            return;
+        }
+        let Some((x, k, weights)) = self.product_of else {
+            return self.finish(0, out);
+        };
+        let weights = Weights::new(simd, weights, width, out.len() / width);
+        for (block, out) in out.chunks_mut(BLOCK_ROWS * width).enumerate() {
+            let first = block * BLOCK_ROWS;
+            weights.multiply(simd, &x[first * k..][..out.len() / width * k], out);
+            self.finish(first, out);
+        }
+    }
+}
+
+impl Pass<'_> {
+    /// Does what follows the product to rows, of which the first has this number.
+    #[inline(always)]
+    fn finish(&self, first: usize, rows: &mut [f32]) {
+        let width = self.width;
+        for (i, row) in rows.chunks_exact_mut(width).enumerate() {
+            let i = first + i;
+            for added in self.added {
+                add(row, &added[(i * width) % added.len()..][..width]);
+            }
+            if let Some(bias) = self.bias {
+                add(row, bias);
+            }
+            if let Some(norm) = &self.norm {
+                normalize(row, norm.gain, norm.epsilon);
+                if let Some(shift) = norm.shift {
+                    add(row, shift);
+                }
+            }
+            if self.relu {
+                for x in &mut *row {
+                    // NaN stays.
+                    *x = if *x < 0.0 { 0.0 } else { *x };
+                }
+            }
+            if let Some(factors) = self.factors {
+                let factor = factors[i];
+                for x in row {
+                    *x *= factor;
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add(row: &mut [f32], other: &[f32]) {
+    let other = &other[..row.len()];
+    for i in 0..row.len() {
+        row[i] += other[i];
+    }
+}
+
+#[inline(always)]
+fn normalize(row: &mut [f32], gain: &[f32], epsilon: f32) {
+    let share = 1.0 / row.len() as f32;
+    let mean = sum(row, |x| x) * share;
+    let variance = sum(row, |x| (x - mean) * (x - mean)) * share;
+    let factor = 1.0 / (variance + epsilon).sqrt();
+    let gain = &gain[..row.len()];
+    for i in 0..row.len() {
+        row[i] = (row[i] - mean) * factor * gain[i];
+    }
+}
+
+/// Adds up the terms of a row, each [`LANES`]-th in a sum of its own.
+#[inline(always)]
+fn sum(row: &[f32], term: impl Fn(f32) -> f32) -> f32 {
+    let mut sums = [0.0; LANES];
+    let (blocks, rest) = row.as_chunks::<LANES>();
+    for block in blocks {
+        for i in 0..LANES {
+            sums[i] += term(block[i]);
+        }
+    }
+    for i in 0..rest.len() {
+        sums[i] += term(rest[i]);
+    }
+    sums.into_iter().sum()
+}
+
+/// Returns the element-wise maximum of `count` blocks of rows of equal height.
+///
+/// # Panics
+/// If the rows cannot be divided into `count` blocks.
+pub(crate) fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
+    let (device, [rows, width]) = (x.device(), x.dims());
+    assert!(count > 0 && rows.is_multiple_of(count), "{count} blocks of {rows} rows");
+    let data = x.into_data();
+    let block = rows / count * width;
+    let mut out = slice(&data)[..block].to_vec();
+    for other in slice(&data)[block..].chunks_exact(block.max(1)) {
+        Arch::new().dispatch(Maximum { out: &mut out, other });
+    }
+    Tensor::from_data(TensorData::new(out, [rows / count, width]), &device)
+}
+
+struct Maximum<'a> {
+    out: &'a mut [f32],
+    other: &'a [f32],
+}
+
+impl WithSimd for Maximum<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { out, other } = self;
+        for i in 0..out.len() {
+            // NaN counts as larger than any number, so that it is not lost.
+            out[i] = if other[i] <= out[i] || out[i].is_nan() { out[i] } else { other[i] };
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Matrix products with weights, and the norms and activations that follow them.
+
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::activation::relu;
+use burn::tensor::module::layer_norm;
+use burn::tensor::{Tensor, TensorData};
+
+use super::host::{self, RowPass, is_host};
+
+/// Constant added to the variances of layer norms, dimensionless; value of the published networks.
+const NORM_EPSILON: f64 = 1e-5;
+
+/// A matrix and what is done to its rows, which gives a matrix `[n, width]`. Without gradients, in host memory,
+/// this is one pass; otherwise these are operations of the backend.
+///
+/// The operations are carried out in the order of the methods below, each at most once but for
+/// [`Rows::plus`].
+pub(crate) struct Rows {
+    x: Tensor<2>,
+    pass: RowPass,
+}
+
+impl Rows {
+    /// Begins with a matrix.
+    pub(crate) fn of(x: Tensor<2>) -> Self {
+        Self { x, pass: RowPass::default() }
+    }
+
+    /// Begins with the product of a matrix `[n, k]` and weights `[k, width]`.
+    pub(crate) fn product(x: Tensor<2>, weights: Tensor<2>) -> Self {
+        Self { x, pass: RowPass { weights: Some(weights), ..RowPass::default() } }
+    }
+
+    /// Begins with the output of a linear layer for a matrix `[n, inputs]`.
+    pub(crate) fn linear(layer: &Linear, x: Tensor<2>) -> Self {
+        let mut rows = Self::product(x, layer.weight.val());
+        rows.pass.bias = layer.bias.as_ref().map(|bias| bias.val());
+        rows
+    }
+
+    /// Adds a matrix of the same shape, or one of fewer rows that is repeated.
+    pub(crate) fn plus(mut self, other: Tensor<2>) -> Self {
+        self.pass.added.push(other);
+        self
+    }
+
+    /// Applies a layer norm.
+    pub(crate) fn norm(self, norm: &LayerNorm) -> Self {
+        self.normalize(norm.gamma.val(), norm.beta.as_ref().map(|beta| beta.val()))
+    }
+
+    /// Normalises rows to zero mean and unit variance, then applies gain and shift, `[width]`.
+    pub(crate) fn normalize(mut self, gain: Tensor<1>, shift: Option<Tensor<1>>) -> Self {
+        self.pass.norm = Some((gain, shift, NORM_EPSILON as f32));
+        self
+    }
+
+    /// Replaces negative numbers by 0.
+    pub(crate) fn relu(mut self) -> Self {
+        self.pass.relu = true;
+        self
+    }
+
+    /// Multiplies each row by its factor, `[n, 1]`.
+    pub(crate) fn times(mut self, factors: Tensor<2>) -> Self {
+        self.pass.factors = Some(factors);
+        self
+    }
+
+    /// Returns the matrix.
+    ///
+    /// # Panics
+    /// If shapes do not fit together.
+    pub(crate) fn done(self) -> Tensor<2> {
+        let Self { x, pass } = self;
+        if is_host(&x.device()) {
+            return host::pass(x, pass);
+        }
+        let RowPass { weights, added, bias, norm, relu: rectified, factors } = pass;
+        let x = match weights {
+            Some(weights) => x.matmul(weights),
+            None => x,
+        };
+        let [n, width] = x.dims();
+        let mut x = added.into_iter().fold(x, |x, other| {
+            let m = other.dims()[0];
+            if m == n {
+                return x + other;
+            }
+            (x.reshape([n / m, m, width]) + other.unsqueeze_dim::<3>(0)).reshape([n, width])
+        });
+        if let Some(bias) = bias {
+            x = x + bias.unsqueeze_dim::<2>(0);
+        }
+        if let Some((gain, shift, _)) = norm {
+            x = layer_norm(x, gain, shift, NORM_EPSILON);
+        }
+        if rectified {
+            x = relu(x);
+        }
+        match factors {
+            Some(factors) => x * factors,
+            None => x,
+        }
+    }
+}
+
+/// Returns the output of a linear layer, `[n, outputs]`, for a matrix `[n, inputs]`.
+pub(crate) fn linear(layer: &Linear, x: Tensor<2>) -> Tensor<2> {
+    Rows::linear(layer, x).done()
+}
+
+/// Normalizes the last axis to zero mean and unit variance, without gain and bias. Relations go
+/// through this once, before all layers.
+pub fn normalize<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    let dims = x.dims();
+    let width = dims[D - 1];
+    let ones = Tensor::from_data(TensorData::new(vec![1.0f32; width], [width]), &x.device());
+    let rows = dims.iter().product::<usize>() / width.max(1);
+    Rows::of(x.reshape([rows, width])).normalize(ones, None).done().reshape(dims)
+}
+
+/// Returns the element-wise maximum of `count` blocks of rows of equal height.
+///
+/// # Panics
+/// If the rows cannot be divided into `count` blocks.
+pub(crate) fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
+    if is_host(&x.device()) {
+        return host::pool(x, count);
+    }
+    let rows = x.dims()[0] / count;
+    let block = |k: usize| x.clone().narrow(0, k * rows, rows);
+    (1..count).fold(block(0), |largest, k| largest.max_pair(block(k)))
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::{Device, Distribution};
+
+    use super::*;
+    use crate::models::nn::device;
+
+    fn numbers<const D: usize>(x: Tensor<D>) -> Vec<f32> {
+        x.into_data().iter::<f32>().collect()
+    }
+
+    /// Runs the same on the host and with the operations of the backend.
+    fn check(work: impl Fn(&Device) -> Tensor<2>) {
+        let (host, backend) = (numbers(work(&device())), numbers(work(&device().autodiff())));
+        assert_eq!(host.len(), backend.len());
+        for (a, b) in host.iter().zip(&backend) {
+            assert!((a - b).abs() <= 2e-5 * b.abs().max(1.0), "{a} {b}");
+        }
+    }
+
+    fn made<const D: usize>(shape: [usize; D], device: &Device) -> Tensor<D> {
+        let count = shape.iter().product::<usize>();
+        let values: Vec<f32> = (0..count).map(|i| ((i * 7919 + 13) % 1009) as f32 / 300.0 - 1.5).collect();
+        Tensor::from_data(TensorData::new(values, shape), device)
+    }
+
+    #[test]
+    fn one_pass_equals_the_operations() {
+        for (rows, width) in [(12, 1), (6, 16), (24, 64), (3, 37), (0, 8)] {
+            check(|device| {
+                let m = if rows > 0 { rows / 3 } else { 1 };
+                Rows::of(made([rows, width], device))
+                    .plus(made([m, width], device))
+                    .normalize(made([width], device), Some(made([width], device)))
+                    .relu()
+                    .times(made([rows, 1], device))
+                    .done()
+            });
+            check(|device| {
+                Rows::of(made([rows, width], device)).plus(made([rows.max(1), width], device)).done()
+            });
+            check(|device| normalize(made([rows, width], device)));
+        }
+    }
+
+    #[test]
+    fn products_equal_those_of_the_backend() {
+        for (rows, k, width) in
+            [(1, 1, 1), (100, 18, 32), (49, 64, 112), (31, 33, 50), (3, 129, 128), (0, 4, 4)]
+        {
+            check(|device| {
+                Rows::product(made([rows, k], device), made([k, width], device))
+                    .plus(made([rows.max(1), width], device))
+                    .relu()
+                    .done()
+            });
+        }
+    }
+
+    #[test]
+    fn a_row_of_a_product_depends_on_this_row_alone() {
+        let device = device();
+        let (x, weights) = (made([200, 37], &device), made([37, 70], &device));
+        let all = numbers(Rows::product(x.clone(), weights.clone()).done());
+        for rows in [1, 5, 31, 32, 77] {
+            let some = Rows::product(x.clone().narrow(0, 3, rows), weights.clone()).done();
+            assert_eq!(numbers(some), all[3 * 70..(3 + rows) * 70]);
+        }
+    }
+
+    #[test]
+    fn blocks_are_pooled() {
+        check(|device| pool(made([20, 7], device), 5));
+        check(|device| pool(made([20, 32], device), 1));
+        let x = Tensor::<2>::from_data([[1.0f32], [f32::NAN], [2.0]], &device());
+        assert!(numbers(pool(x, 3))[0].is_nan());
+    }
+
+    #[test]
+    fn shared_tensors_are_not_changed() {
+        let x = Tensor::<2>::random([4, 16], Distribution::Uniform(-1.0, 1.0), &device());
+        let before = numbers(x.clone());
+        let _ = Rows::of(x.clone()).relu().done();
+        assert_eq!(numbers(x), before);
+    }
+
+    #[test]
+    fn not_a_number_remains() {
+        let x = Tensor::<2>::from_data([[f32::NAN, -1.0, 2.0]], &device());
+        let found = numbers(Rows::of(x).relu().done());
+        assert!(found[0].is_nan());
+        assert_eq!(found[1..], [0.0, 2.0]);
+    }
+}
