@@ -12,6 +12,7 @@ use std::ops::Range;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::NonnegativeConeT;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus};
+use nalgebra::{Cholesky, Const, SMatrix, SVector};
 
 /// Number of controls of every program.
 pub(super) const CONTROLS: usize = 10;
@@ -80,46 +81,23 @@ impl Quadratic {
 
     /// Returns the minimiser; `None` unless `P` is positive definite.
     pub(super) fn minimum(&self) -> Option<Controls> {
-        Some(Cholesky::of(&self.p)?.solve(&self.q.map(|q| -q)))
+        Some(Factor::of(&self.p)?.solve(&self.q.map(|q| -q)))
     }
 }
 
 /// Cholesky factor of a positive definite matrix.
 #[derive(Clone, Debug)]
-pub(super) struct Cholesky([Controls; CONTROLS]);
+pub(super) struct Factor(Cholesky<f64, Const<CONTROLS>>);
 
-impl Cholesky {
+impl Factor {
+    /// Factorises a symmetric matrix; `None` unless it is positive definite.
     pub(super) fn of(p: &[Controls; CONTROLS]) -> Option<Self> {
-        let mut l = [[0.0; CONTROLS]; CONTROLS];
-        for i in 0..CONTROLS {
-            for j in 0..=i {
-                let dot: f64 = l[i][..j].iter().zip(&l[j][..j]).map(|(a, b)| a * b).sum();
-                let rest = p[i][j] - dot;
-                if i == j {
-                    if !(rest > 0.0) {
-                        return None;
-                    }
-                    l[i][i] = rest.sqrt();
-                } else {
-                    l[i][j] = rest / l[j][j];
-                }
-            }
-        }
-        Some(Self(l))
+        Cholesky::new(SMatrix::from(*p)).map(Self)
     }
 
+    /// Solves the system of equations with this matrix.
     pub(super) fn solve(&self, right: &Controls) -> Controls {
-        let l = &self.0;
-        let mut x = *right;
-        for i in 0..CONTROLS {
-            let dot: f64 = l[i][..i].iter().zip(&x[..i]).map(|(a, b)| a * b).sum();
-            x[i] = (x[i] - dot) / l[i][i];
-        }
-        for i in (0..CONTROLS).rev() {
-            let dot: f64 = (i + 1..CONTROLS).map(|j| l[j][i] * x[j]).sum();
-            x[i] = (x[i] - dot) / l[i][i];
-        }
-        x
+        self.0.solve(&SVector::from(*right)).into()
     }
 }
 

@@ -7,7 +7,7 @@
 
 use reactsim::scene::DT;
 
-use super::program::{CONTROLS, Cholesky, Controls, Pattern, Program, Quadratic, Solution};
+use super::program::{CONTROLS, Controls, Factor, Pattern, Program, Quadratic, Solution};
 use super::settings::Settings;
 
 /// Number of planned steps: 5 s.
@@ -76,7 +76,7 @@ pub(super) struct SpeedProgram {
     /// Cost of accelerations and jerks.
     comfort: Quadratic,
     /// Quadratic part of the whole cost for the default standard deviations, and its factor.
-    default_cost: ([Controls; CONTROLS], Cholesky),
+    default_cost: ([Controls; CONTROLS], Factor),
     program: Program,
     /// Largest magnitude of the acceleration, m/s².
     limit: f64,
@@ -115,7 +115,7 @@ impl SpeedProgram {
         for (k, row) in distances.iter().enumerate() {
             whole.add(row, 0.0, distance_weight(default_sigma(k + 1)));
         }
-        let factor = Cholesky::of(&whole.p)?;
+        let factor = Factor::of(&whole.p)?;
         let upto = |step: usize| {
             let last = KNOTS.partition_point(|&knot| knot < step).min(CONTROLS - 1);
             0..last + 1
