@@ -106,7 +106,10 @@ fn tile<S: Simd, const V: usize, const R: usize>(
     n: usize,
 ) -> usize {
     let lanes = S::F32_LANES;
-    let rows: [&[f32]; R] = std::array::from_fn(|row| &x[row * k..][..k]);
+    let mut rows = [x; R];
+    for row in 0..R {
+        rows[row] = &x[row * k..][..k];
+    }
     let mut sums = [[simd.splat_f32s(0.0); V]; R];
     for i in 0..k {
         let (weights, _) = S::as_simd_f32s(&panel[i * stride..][..V * lanes]);

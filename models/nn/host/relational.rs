@@ -160,17 +160,21 @@ fn add_products<S: Simd, const H: usize>(
     tails: &mut [f32; H],
 ) {
     let width = key.len();
-    let (key, tail) = S::as_simd_f32s(key);
-    let queries: [(&[S::f32s], &[f32]); H] =
-        std::array::from_fn(|head| S::as_simd_f32s(&queries[head * width..][..width]));
+    let whole = width / S::F32_LANES * S::F32_LANES;
+    let (key, tail) = key.split_at(whole);
+    let (key, _) = S::as_simd_f32s(key);
+    let mut own = [key; H];
+    for head in 0..H {
+        own[head] = S::as_simd_f32s(&queries[head * width..][..whole]).0;
+    }
     for j in 0..key.len() {
         for head in 0..H {
-            sums[head] = simd.mul_add_e_f32s(queries[head].0[j], key[j], sums[head]);
+            sums[head] = simd.mul_add_e_f32s(own[head][j], key[j], sums[head]);
         }
     }
     for j in 0..tail.len() {
         for head in 0..H {
-            tails[head] += queries[head].1[j] * tail[j];
+            tails[head] += queries[head * width + whole + j] * tail[j];
         }
     }
 }
