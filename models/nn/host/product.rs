@@ -1,9 +1,11 @@
 //! Products of a tall matrix and a matrix of weights.
 
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 
-/// Vector registers of columns that are computed together.
-const VECTORS: usize = 2;
+use super::LANES;
+
+/// Columns that are computed together: two of the largest registers.
+const PANEL: usize = 2 * LANES;
 /// Rows that go through all weights before the next, so that they stay in the caches.
 pub(super) const BLOCK_ROWS: usize = 48;
 /// Rows from which on it pays to copy the weights, so that a panel is contiguous.
@@ -14,16 +16,15 @@ pub(super) struct Weights<'a> {
     numbers: &'a [f32],
     k: usize,
     n: usize,
-    /// Panels of [`VECTORS`] registers of columns, one after the other, each with all k rows; empty if they
-    /// are read where they are.
+    /// Panels of [`PANEL`] columns, one after the other, each with all k rows; empty if they are read where
+    /// they are.
     packed: Vec<f32>,
 }
 
 impl<'a> Weights<'a> {
     /// Prepares weights for the product with a matrix of this many rows.
-    #[inline(always)]
-    pub(super) fn new<S: Simd>(_: S, numbers: &'a [f32], n: usize, rows: usize) -> Self {
-        let (k, width) = (numbers.len() / n.max(1), VECTORS * S::F32_LANES);
+    pub(super) fn new(numbers: &'a [f32], n: usize, rows: usize) -> Self {
+        let (k, width) = (numbers.len() / n, PANEL);
         let mut packed = Vec::new();
         if rows >= MIN_ROWS_TO_PACK && n >= width {
             packed.reserve_exact(n / width * width * k);
@@ -35,33 +36,47 @@ impl<'a> Weights<'a> {
         }
         Self { numbers, k, n, packed }
     }
+}
 
-    /// Writes the product of `x`, `[rows, k]`, with the weights, `[rows, n]`. A row depends on that row of `x`
-    /// alone, to the last bit.
+/// Product of a matrix `[rows, k]` with weights, `[rows, n]`. A row of the product depends on that row of the
+/// matrix alone, to the last bit.
+pub(super) struct Product<'a> {
+    /// Weights.
+    pub weights: &'a Weights<'a>,
+    /// The matrix.
+    pub x: &'a [f32],
+    /// The product.
+    pub out: &'a mut [f32],
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
     #[inline(always)]
-    pub(super) fn multiply<S: Simd>(&self, simd: S, x: &[f32], out: &mut [f32]) {
-        let Self { k, n, .. } = *self;
-        let lanes = S::F32_LANES;
-        let width = VECTORS * lanes;
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { weights: Weights { numbers, k, n, packed }, x, out } = self;
+        let (k, n, lanes) = (*k, *n, S::F32_LANES);
         let mut column = 0;
-        while column + width <= n {
-            let (panel, stride) = if self.packed.is_empty() {
-                (&self.numbers[column..], n)
+        while column + PANEL <= n {
+            let (panel, stride) = if packed.is_empty() {
+                (&numbers[column..], n)
             } else {
-                (&self.packed[column * k..][..width * k], width)
+                (&packed[column * k..][..PANEL * k], PANEL)
             };
-            rows::<S, VECTORS>(simd, x, k, panel, stride, &mut out[column..], n);
-            column += width;
+            for part in (0..PANEL).step_by(2 * lanes) {
+                rows::<S, 2>(simd, x, k, &panel[part..], stride, &mut out[column + part..], n);
+            }
+            column += PANEL;
         }
         while column + lanes <= n {
-            rows::<S, 1>(simd, x, k, &self.numbers[column..], n, &mut out[column..], n);
+            rows::<S, 1>(simd, x, k, &numbers[column..], n, &mut out[column..], n);
             column += lanes;
         }
         for (x, out) in x.chunks_exact(k).zip(out.chunks_exact_mut(n)) {
             for j in column..n {
                 let mut sum = 0.0;
                 for i in 0..k {
-                    sum += x[i] * self.numbers[i * n + j];
+                    sum += x[i] * numbers[i * n + j];
                 }
                 out[j] = sum;
             }

@@ -3,7 +3,7 @@
 use burn::tensor::{Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::product::{BLOCK_ROWS, Weights};
+use super::product::{BLOCK_ROWS, Product, Weights};
 use super::{LANES, slice};
 
 /// What happens to each row of a matrix, in this order.
@@ -57,26 +57,31 @@ pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
         (Some(weights), Some(product)) => (Some((slice(&x), k, slice(weights))), product.as_mut_slice()),
         _ => (None, x.as_mut_slice().expect("32-bit floating-point numbers")),
     };
-    Arch::new().dispatch(Pass {
-        product_of,
-        out,
+    let follow = Follow {
         width,
         added: &added,
         bias: bias.as_ref().map(slice),
         norm: gain.as_ref().map(|gain| Norm { gain: slice(gain), shift: shift.as_ref().map(slice), epsilon }),
         relu,
         factors: factors.as_ref().map(slice),
-    });
+    };
+    if width > 0 {
+        let arch = Arch::new();
+        let weights = product_of.map(|(_, _, weights)| Weights::new(weights, width, rows));
+        for (block, out) in out.chunks_mut(BLOCK_ROWS * width).enumerate() {
+            let first = block * BLOCK_ROWS;
+            if let (Some((x, k, _)), Some(weights)) = (product_of, &weights) {
+                arch.dispatch(Product { weights, x: &x[first * k..][..out.len() / width * k], out });
+            }
+            arch.dispatch(Rows { follow: &follow, first, rows: out });
+        }
+    }
     let out = product.map_or(x, |product| TensorData::new(product, [rows, width]));
     Tensor::from_data(out, &device)
 }
 
-/// [`RowPass`] as slices.
-struct Pass<'a> {
-    /// Matrix, its width, and weights that it is multiplied with to get the rows.
-    product_of: Option<(&'a [f32], usize, &'a [f32])>,
-    /// The rows, or where they go.
-    out: &'a mut [f32],
+/// What follows the product, as slices.
+struct Follow<'a> {
     width: usize,
     added: &'a [&'a [f32]],
     bias: Option<&'a [f32]>,
@@ -93,31 +98,25 @@ struct Norm<'a> {
     epsilon: f32,
 }
 
-impl WithSimd for Pass<'_> {
+/// Rows, of which the first has this number, and what is done to them.
+struct Rows<'a, 'b> {
+    follow: &'a Follow<'a>,
+    first: usize,
+    rows: &'b mut [f32],
+}
+
+impl WithSimd for Rows<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        let (width, out) = (self.width, std::mem::take(&mut self.out));
-        if width == 0 {
-            return;
-        }
-        let Some((x, k, weights)) = self.product_of else {
-            return self.finish(0, out);
-        };
-        let weights = Weights::new(simd, weights, width, out.len() / width);
-        for (block, out) in out.chunks_mut(BLOCK_ROWS * width).enumerate() {
-            let first = block * BLOCK_ROWS;
-            weights.multiply(simd, &x[first * k..][..out.len() / width * k], out);
-            self.finish(first, out);
-        }
+    fn with_simd<S: Simd>(self, _: S) {
+        self.follow.apply(self.first, self.rows);
     }
 }
 
-impl Pass<'_> {
-    /// Does what follows the product to rows, of which the first has this number.
+impl Follow<'_> {
     #[inline(always)]
-    fn finish(&self, first: usize, rows: &mut [f32]) {
+    fn apply(&self, first: usize, rows: &mut [f32]) {
         let width = self.width;
         for (i, row) in rows.chunks_exact_mut(width).enumerate() {
             let i = first + i;
