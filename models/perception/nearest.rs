@@ -21,11 +21,17 @@ impl Nearest {
     /// Offers an index with its value. Values that differ by less than a millionth count as equal, so
     /// that rounding does not decide between places that are equally far by symmetry.
     pub(crate) fn offer(&mut self, value: f64, index: usize) {
-        let value = (value * 1e6).round();
-        if self.found.len() == self.k {
-            match self.found.last() {
-                Some(worst) if value < worst.0 => {}
-                _ => return,
+        let value = value * 1e6;
+        let full = self.found.len() == self.k;
+        let worst = self.found.last().map_or(f64::NEG_INFINITY, |worst| worst.0);
+        // Rounding, which is slow, takes at most a half off.
+        if full && !(value - 0.5 < worst) {
+            return;
+        }
+        let value = value.round();
+        if full {
+            if !(value < worst) {
+                return;
             }
             self.found.pop();
         }
@@ -36,5 +42,25 @@ impl Nearest {
     /// Returns the kept indices, smallest value first.
     pub(crate) fn found(&self) -> impl Iterator<Item = usize> {
         self.found.iter().map(|f| f.1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smallest_are_kept_in_the_order_of_offering() {
+        for k in [0, 1, 3, 40] {
+            let mut nearest = Nearest::new(k);
+            // Many values are equal once they are rounded; some are just beyond a half.
+            let values: Vec<f64> = (0..200u32).map(|i| f64::from((i * 7919) % 37) * 0.49e-6).collect();
+            let mut wanted: Vec<(f64, usize)> =
+                values.iter().enumerate().map(|(i, v)| ((v * 1e6).round(), i)).collect();
+            wanted.sort_by(|a, b| a.0.total_cmp(&b.0));
+            values.iter().enumerate().for_each(|(i, v)| nearest.offer(*v, i));
+            let wanted: Vec<usize> = wanted.into_iter().take(k).map(|(_, i)| i).collect();
+            assert_eq!(nearest.found().collect::<Vec<_>>(), wanted);
+        }
     }
 }

@@ -4,32 +4,21 @@ use std::path::PathBuf;
 
 use super::ReadingArgs;
 use super::find_inputs;
-use crate::evaluation::Source;
 use crate::evaluation::realism::LogSource;
-
-/// Id of the format whose files hold more than a scenario.
-const WOMD: &str = "womd";
 
 /// Returns the sources of logs as they were recorded, as far as files are recordings of the Waymo Open Motion
 /// Dataset; the shipped scenarios without paths.
 pub(super) fn recorded(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
     if paths.is_empty() {
-        return Ok(vec![LogSource::Scenarios(Source::shipped(usize::MAX))]);
+        return Ok(vec![LogSource::Shipped]);
     }
     let mut sources = Vec::new();
     for path in paths {
         // A `Scenario` message without framing is of no format that simulators read.
         if path.is_file() && path.to_string_lossy().contains(".binproto") {
             sources.push(LogSource::Recording(path.clone()));
-            continue;
-        }
-        for input in find_inputs(std::slice::from_ref(path))? {
-            if input.format.id() == WOMD {
-                sources.push(LogSource::Recording(input.path));
-            } else {
-                let scenarios = Source::of_inputs(vec![input], usize::MAX)?;
-                sources.extend(scenarios.into_iter().map(LogSource::Scenarios));
-            }
+        } else {
+            sources.extend(find_inputs(std::slice::from_ref(path))?.into_iter().map(LogSource::of));
         }
     }
     Ok(sources)
@@ -40,6 +29,5 @@ pub(super) fn simulated(paths: &[PathBuf], reading: &ReadingArgs) -> anyhow::Res
     if reading.all_agents || paths.is_empty() {
         return recorded(paths);
     }
-    let scenarios = Source::of_inputs(reading.find_inputs(paths)?, usize::MAX)?;
-    Ok(scenarios.into_iter().map(LogSource::Scenarios).collect())
+    Ok(reading.find_inputs(paths)?.into_iter().map(LogSource::Scenarios).collect())
 }

@@ -83,8 +83,7 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
     let status = carry_out::carry_out(plan, shared)?;
     let is_realism = matches!(args.command, StudyCommand::Realism(_));
     if is_realism && shared.keep_rollouts && status != ExitStatus::Interrupted {
-        let sources = || shared.subject.log_sources();
-        realism::score_realism(&shared.out, sources, shared.format == "markdown")?;
+        realism::score_realism(&shared.out, &shared.subject.log_sources()?, shared.format == "markdown")?;
     }
     Ok(status)
 }

@@ -83,10 +83,10 @@ pub(super) fn export(args: &ExportWosacArgs) -> anyhow::Result<ExitStatus> {
     check_run(&args.run)?;
     let mut sources = Vec::new();
     for input in find_inputs(&args.scenarios)? {
-        if input.format.id() != "womd" {
+        if !input.is_recording() {
             bail!("{} is no recording of the Waymo Open Motion Dataset", input.path.display());
         }
-        sources.push(LogSource::Recording(input.path));
+        sources.push(LogSource::of(input));
     }
     let mut pairs = RunPairs::open(&args.run, args.simulator.as_deref(), sources)?;
     let total = pairs.scenarios();

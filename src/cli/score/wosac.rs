@@ -117,7 +117,7 @@ fn score_submission(
     for source in log_sources::recorded(&args.scenarios)? {
         match source {
             LogSource::Recording(path) => recordings.push(path),
-            LogSource::Scenarios(_) => bail!(
+            LogSource::Scenarios(_) | LogSource::Shipped => bail!(
                 "a submission needs the recordings of its scenarios: give files of the Waymo Open Motion \
                  Dataset with --scenarios"
             ),

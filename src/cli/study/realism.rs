@@ -47,17 +47,13 @@ pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
 
 /// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, prints the table
 /// and writes it to the folder of the study.
-pub(super) fn score_realism(
-    study: &Path,
-    sources: impl Fn() -> anyhow::Result<Vec<LogSource>>,
-    prints: bool,
-) -> anyhow::Result<()> {
+pub(super) fn score_realism(study: &Path, sources: &[LogSource], prints: bool) -> anyhow::Result<()> {
     let run = study.join(Protocol::Realism.name());
     let mut methods: Vec<RealismScores> = Vec::new();
     for simulator in read_summary(&run)?.provenance.run.simulators {
         let progress = Progress::new();
         let mut observe = |done: usize, _: Option<&_>| progress.set_done(done);
-        let pairs = RunPairs::open(&run, Some(&simulator.id), sources()?)?;
+        let pairs = RunPairs::open(&run, Some(&simulator.id), sources.to_vec())?;
         let mut scores = score_all(pairs, &[Config::CHALLENGE_2025], available_threads(), &mut observe);
         progress.end();
         simulator.title.clone_into(&mut scores.method);

@@ -9,16 +9,27 @@ use crate::evaluation::folder::{ROLLOUTS, read_summary};
 use crate::evaluation::{EvaluationError, Source};
 use crate::formats::rollouts::{ByName, RolloutRecord};
 use crate::formats::wosac::WosacLogs;
-use crate::formats::{FormatError, Scenarios};
+use crate::formats::{FormatError, Input, Scenarios};
 use crate::scene::Scenario;
 use crate::scene::wosac::{ObjectIds, WosacLog};
 
 /// Files of logs.
+#[derive(Clone)]
 pub enum LogSource {
     /// A file of the Waymo Open Motion Dataset, from which logs are read as they were recorded.
     Recording(PathBuf),
-    /// Scenarios of any other format, whose logs lack what [`WosacLog::of_scenario`] says.
-    Scenarios(Source),
+    /// Scenarios of any format, whose logs lack what [`WosacLog::of_scenario`] says.
+    Scenarios(Input),
+    /// The scenarios that ship with the program.
+    Shipped,
+}
+
+impl LogSource {
+    /// Returns the source of the logs of a file as they were recorded, if it is a recording, else of its
+    /// scenarios.
+    pub fn of(input: Input) -> Self {
+        if input.is_recording() { Self::Recording(input.path) } else { Self::Scenarios(input) }
+    }
 }
 
 /// Iterator over the scenarios of a run for one simulator: each log with the rollouts of the run, in the order of
@@ -107,7 +118,8 @@ impl RunPairs {
             }
             let opened = match self.sources.pop_front()? {
                 LogSource::Recording(path) => WosacLogs::open(&path).map(Logs::Recorded),
-                LogSource::Scenarios(source) => source.scenarios().map(Logs::Scenarios),
+                LogSource::Scenarios(input) => input.open().map(Logs::Scenarios),
+                LogSource::Shipped => Source::shipped(usize::MAX).scenarios().map(Logs::Scenarios),
             };
             match opened {
                 Ok(logs) => self.open = Some(logs),

@@ -27,7 +27,7 @@ pub enum SimulatorClass {
 
 impl SimulatorClass {
     /// Returns the class of a simulator with its default bounds: half of the half-width of each metric's 95 %
-    /// interval, at least 0.001.
+    /// interval, at least 0.001. Metrics without an interval, of fewer than five scenarios, have none.
     pub fn of(simulator: &SimulatorRecord, summary: &SimulatorSummary) -> Self {
         if !simulator.is_network() {
             return Self::Exact;
@@ -48,15 +48,30 @@ impl SimulatorClass {
     }
 
     /// Returns what is wrong with the bounds of a simulator with these metrics, if anything: an invalid
-    /// bound, or a metric without a bound.
+    /// bound, or a metric with an interval but without a bound.
     pub(super) fn wrong_bound(&self, metrics: &BTreeMap<String, Estimate>) -> Option<String> {
         let Self::Tolerance { bounds } = self else { return None };
         let wrong = bounds.iter().find(|(_, bound)| !(bound.is_finite() && **bound >= 0.0));
         if let Some((metric, bound)) = wrong {
             return Some(format!("the bound of `{metric}` is {bound}, expected a number of at least 0"));
         }
-        let mut defined = metrics.iter().filter(|(_, estimate)| estimate.mean.is_some());
+        let mut defined = metrics.iter().filter(|(_, estimate)| estimate.high.is_some());
         let (metric, _) = defined.find(|(metric, _)| !bounds.contains_key(*metric))?;
         Some(format!("`{metric}` has no bound"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_with_an_interval_need_a_bound() {
+        let estimate = |low, high| Estimate { mean: Some(0.1), low, high, scenarios: 4 };
+        let metric = |estimate| BTreeMap::from([("ade".to_owned(), estimate)]);
+        let class = SimulatorClass::Tolerance { bounds: BTreeMap::new() };
+        assert_eq!(class.wrong_bound(&metric(estimate(None, None))), None);
+        let wrong = class.wrong_bound(&metric(estimate(Some(0.0), Some(0.2))));
+        assert_eq!(wrong.as_deref(), Some("`ade` has no bound"));
     }
 }
