@@ -11,7 +11,7 @@ use super::{LANES, slice};
 pub(crate) struct RowPass {
     /// Weights `[k, width]` that rows of width k are multiplied with; otherwise they have this width.
     pub weights: Option<Tensor<2>>,
-    /// Matrices that are added, `[m, width]`: row r of the first one to row r, r + m, r + 2m and so on.
+    /// Matrices `[m, width]` that are added: their row r to the rows r, r + m, r + 2m and so on.
     pub added: Vec<Tensor<2>>,
     /// Added to each row, `[width]`.
     pub bias: Option<Tensor<1>>,
