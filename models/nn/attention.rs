@@ -106,7 +106,7 @@ impl RelationalAttention {
     /// - `destinations`: [N, h], raw; `sources`: [M, h], from [`RelationalAttention::sources`].
     /// - `neighbors`: up to K sources for each destination. A destination without sources uses only
     ///   its own transform.
-    /// - `relations`: [N, K, r], one vector per slot. They must be [`normalize`]d if and only if
+    /// - `relations`: [N, K, r], one vector per slot. They must be [`normalize`](super::normalize)d if and only if
     ///   the layer has `relation_norm`.
     pub fn forward(
         &self,
