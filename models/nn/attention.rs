@@ -106,8 +106,8 @@ impl RelationalAttention {
     /// - `destinations`: [N, h], raw; `sources`: [M, h], from [`RelationalAttention::sources`].
     /// - `neighbors`: up to K sources for each destination. A destination without sources uses only
     ///   its own transform.
-    /// - `relations`: [N, K, r], one vector per slot. They must be [`normalize`](super::normalize)d if and only if
-    ///   the layer has `relation_norm`.
+    /// - `relations`: [N, K, r], one vector per slot. They must be [`normalize`](super::normalize)d
+    ///   if and only if the layer has `relation_norm`.
     pub fn forward(
         &self,
         destinations: Tensor<2>,
@@ -158,20 +158,14 @@ impl RelationalAttention {
         let (key_r, value_r) = (self.folded(&self.to_k_r), self.folded(&self.to_v_r));
         let to_sources = query.clone().matmul(self.keys(self.to_k.weight.val())).swap_dims(0, 1);
         let to_relations = query.matmul(self.keys(key_r)).swap_dims(0, 1);
-        let vectors = match &relations.0 {
-            RelationVectors::OfSlots(vectors) | RelationVectors::OfEdges(vectors) if !noise.active() => {
-                Some(vectors)
-            }
-            _ => None,
-        };
-        let (of_sources, of_relations, weights) = match vectors {
-            Some(vectors) => {
-                let slots = neighbors.host(matches!(relations.0, RelationVectors::OfEdges(_)));
+        let (of_sources, of_relations, weights) = match &relations.0 {
+            RelationVectors::Host { vectors, of_edges } if !noise.active() => {
+                let slots = neighbors.host(*of_edges);
                 let (of_sources, of_relations) =
                     attend_to_neighbors(to_sources, to_relations, sources, vectors, &slots);
                 (of_sources, of_relations, None)
             }
-            None => {
+            _ => {
                 let rows = relations.tensor(neighbors, &sources.device());
                 let slot_sources = SlotSources::new(sources, neighbors);
                 let scores = slot_sources.scores(to_sources)

@@ -15,7 +15,8 @@ pub struct Neighbors {
     /// Whether the row length was given by the caller, not derived from edges.
     fixed: bool,
     rows: Arc<Rows>,
-    device: Device,
+    /// 1 if a destination has a source, else 0; [N, 1].
+    any: Tensor<2>,
 }
 
 /// The slots, row by row.
@@ -44,8 +45,6 @@ struct SlotTensors {
     edge: Tensor<1, Int>,
     /// Offset added to scores, [N, 1, K]: 0 for open slots, very negative for closed ones.
     closed: Tensor<3>,
-    /// 1 if a destination has a source, else 0; [N, 1].
-    any: Tensor<2>,
 }
 
 /// Offset added to the score of a closed slot, large enough that the exponential is exactly 0 in
@@ -97,7 +96,10 @@ impl Neighbors {
     }
 
     fn of(destinations: usize, slots: usize, fixed: bool, rows: Rows, device: &Device) -> Self {
-        Self { destinations, slots, fixed, rows: Arc::new(rows), device: device.clone() }
+        let any = |n: usize| rows.open[n * slots..(n + 1) * slots].contains(&true);
+        let any: Vec<f32> = (0..destinations).map(|n| if any(n) { 1.0 } else { 0.0 }).collect();
+        let any = Tensor::from_data(TensorData::new(any, [destinations, 1]), device);
+        Self { destinations, slots, fixed, rows: Arc::new(rows), any }
     }
 
     fn tensors(&self) -> &SlotTensors {
@@ -105,14 +107,12 @@ impl Neighbors {
             let (n, k, rows) = (self.destinations, self.slots, &self.rows);
             let pair = |(slot, source): (usize, &u32)| source * n as u32 + (slot / k) as u32;
             let closed: Vec<f32> = rows.open.iter().map(|&o| if o { 0.0 } else { CLOSED_SCORE }).collect();
-            let any = |n: usize| if rows.open[n * k..(n + 1) * k].contains(&true) { 1.0f32 } else { 0.0 };
-            let any: Vec<f32> = (0..n).map(any).collect();
+            let device = self.any.device();
             SlotTensors {
-                source: ints(rows.sources.iter().copied(), &self.device),
-                pair: ints(rows.sources.iter().enumerate().map(pair), &self.device),
-                edge: ints(rows.edges.iter().copied(), &self.device),
-                closed: Tensor::from_data(TensorData::new(closed, [n, 1, k]), &self.device),
-                any: Tensor::from_data(TensorData::new(any, [n, 1]), &self.device),
+                source: ints(rows.sources.iter().copied(), &device),
+                pair: ints(rows.sources.iter().enumerate().map(pair), &device),
+                edge: ints(rows.edges.iter().copied(), &device),
+                closed: Tensor::from_data(TensorData::new(closed, [n, 1, k]), &device),
             }
         })
     }
@@ -184,7 +184,7 @@ impl Neighbors {
 
     /// Returns 1 for destinations with a source, else 0; [N, 1].
     pub(super) fn any(&self) -> Tensor<2> {
-        self.tensors().any.clone()
+        self.any.clone()
     }
 }
 

@@ -16,17 +16,20 @@ pub struct Relations(pub(super) RelationVectors);
 pub(super) enum RelationVectors {
     /// The vectors of slots, [N, K, r].
     Tensor(Box<Tensor<3>>),
-    /// In host memory, for layers without gradients: the vectors of slots, [N, K, r].
-    OfSlots(Arc<TensorData>),
-    /// The same, of edges, [E, r].
-    OfEdges(Arc<TensorData>),
+    /// In host memory, for layers without gradients.
+    Host {
+        /// The vectors of slots, [N, K, r], or of edges, [E, r].
+        vectors: Arc<TensorData>,
+        /// Whether they are those of edges.
+        of_edges: bool,
+    },
 }
 
 impl Relations {
     /// Builds relations from the vectors of slots, [N, K, r].
     pub fn new(rows: Tensor<3>) -> Self {
         if is_host(&rows.device()) {
-            return Self(RelationVectors::OfSlots(Arc::new(rows.into_data())));
+            return Self::on_host(rows.into_data(), false);
         }
         Self(RelationVectors::Tensor(Box::new(rows)))
     }
@@ -35,18 +38,26 @@ impl Relations {
     /// [`Neighbors::relations`].
     pub fn of_edges(neighbors: &Neighbors, edges: Tensor<2>) -> Self {
         if is_host(&edges.device()) {
-            return Self(RelationVectors::OfEdges(Arc::new(edges.into_data())));
+            return Self::on_host(edges.into_data(), true);
         }
         Self::new(neighbors.relations(edges))
+    }
+
+    fn on_host(vectors: TensorData, of_edges: bool) -> Self {
+        Self(RelationVectors::Host { vectors: Arc::new(vectors), of_edges })
     }
 
     /// Returns the vectors of slots as a tensor, [N, K, r].
     pub(super) fn tensor(&self, neighbors: &Neighbors, device: &Device) -> Tensor<3> {
         match &self.0 {
             RelationVectors::Tensor(rows) => rows.as_ref().clone(),
-            RelationVectors::OfSlots(rows) => Tensor::from_data(rows.as_ref().clone(), device),
-            RelationVectors::OfEdges(edges) => {
-                neighbors.relations(Tensor::from_data(edges.as_ref().clone(), device))
+            RelationVectors::Host { vectors, of_edges } => {
+                let vectors = vectors.as_ref().clone();
+                if *of_edges {
+                    neighbors.relations(Tensor::from_data(vectors, device))
+                } else {
+                    Tensor::from_data(vectors, device)
+                }
             }
         }
     }

@@ -10,8 +10,8 @@ use super::host::{self, RowPass, is_host};
 /// Constant added to the variances of layer norms, dimensionless; value of the published networks.
 const NORM_EPSILON: f64 = 1e-5;
 
-/// A matrix and what is done to its rows, which gives a matrix `[n, width]`. Without gradients, in host memory,
-/// this is one pass; otherwise these are operations of the backend.
+/// A matrix and operations on its rows, which give a matrix `[n, width]`. Without gradients, in host
+/// memory, this is one pass; otherwise these are operations of the backend.
 ///
 /// The operations are carried out in the order of the methods below, each at most once but for
 /// [`Rows::plus`].

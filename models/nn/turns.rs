@@ -8,6 +8,9 @@ use reactsim::geometry::math;
 /// [`cos_sin`].
 const MAX_TURNS: f32 = 1_048_576.0;
 
+/// 1.5 · 2²³. Adding it removes the fraction: the last bits are those of the nearest whole number.
+pub(super) const ROUNDING_OFFSET: f32 = 12_582_912.0;
+
 /// Returns, for every scalar u, a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u.
 pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequencies: &[f32]) -> Vec<f32> {
     let count = frequencies.len();
@@ -34,9 +37,7 @@ pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequenc
 /// so that a processor computes several at once.
 #[inline(always)]
 fn cos_sin(turns: f32) -> (f32, f32) {
-    // Adding 1.5 · 2²³ removes the fraction: the last bits are the nearest whole number of quarter
-    // turns.
-    const ROUNDING_OFFSET: f32 = 12_582_912.0;
+    // The last bits are the number of quarter turns.
     let quarters = turns * 4.0 + ROUNDING_OFFSET;
     let angle = (turns - (quarters - ROUNDING_OFFSET) * 0.25) * TAU;
     // Taylor series; the angle is at most π/4, so the truncation errors are below 2e-9 and 3e-8.

@@ -52,8 +52,8 @@ impl Input {
         Ok(Box::new(scenarios.map(|scenario| scenario.map(Scenario::with_all_agents))))
     }
 
-    /// Returns whether the file is a recording of the Waymo Open Motion Dataset, which has more than scenarios
-    /// hold: [`WosacLogs`](super::wosac::WosacLogs).
+    /// Returns whether the file is a recording of the Waymo Open Motion Dataset, which has more than
+    /// scenarios hold: [`WosacLogs`](super::wosac::WosacLogs).
     pub fn is_recording(&self) -> bool {
         self.format.id() == Womd.id()
     }

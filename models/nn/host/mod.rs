@@ -7,8 +7,8 @@
 #![allow(
     clippy::needless_range_loop,
     clippy::manual_memcpy,
-    reason = "iterators of pairs are not always inlined into code for a class of processors, and copies of slices \
-              keep sums in memory instead of registers"
+    reason = "iterators of pairs are not always inlined into code for a class of processors, and copies of \
+              slices keep sums in memory instead of registers"
 )]
 
 mod attention;

@@ -58,18 +58,19 @@ impl WithSimd for Product<'_> {
         let (k, n, lanes) = (*k, *n, S::F32_LANES);
         let mut column = 0;
         while column + PANEL <= n {
-            let (panel, stride) = if packed.is_empty() {
-                (&numbers[column..], n)
+            let panel = if packed.is_empty() {
+                Panel { numbers: &numbers[column..], stride: n, k, n }
             } else {
-                (&packed[column * k..][..PANEL * k], PANEL)
+                Panel { numbers: &packed[column * k..][..PANEL * k], stride: PANEL, k, n }
             };
             for part in (0..PANEL).step_by(2 * lanes) {
-                rows::<S, 2>(simd, x, k, &panel[part..], stride, &mut out[column + part..], n);
+                panel.starting_at(part).rows::<S, 2>(simd, x, &mut out[column + part..]);
             }
             column += PANEL;
         }
         while column + lanes <= n {
-            rows::<S, 1>(simd, x, k, &numbers[column..], n, &mut out[column..], n);
+            let panel = Panel { numbers: &numbers[column..], stride: n, k, n };
+            panel.rows::<S, 1>(simd, x, &mut out[column..]);
             column += lanes;
         }
         for (x, out) in x.chunks_exact(k).zip(out.chunks_exact_mut(n)) {
@@ -84,62 +85,65 @@ impl WithSimd for Product<'_> {
     }
 }
 
-/// Computes V registers of columns of all rows.
-#[inline(always)]
-fn rows<S: Simd, const V: usize>(
-    simd: S,
-    x: &[f32],
-    k: usize,
-    panel: &[f32],
+/// Some columns of the weights.
+#[derive(Clone, Copy)]
+struct Panel<'a> {
+    numbers: &'a [f32],
+    /// Distance from row to row.
     stride: usize,
-    out: &mut [f32],
+    /// Number of rows.
+    k: usize,
+    /// Number of columns of the product.
     n: usize,
-) {
-    let count = x.len() / k;
-    let mut row = 0;
-    while row < count {
-        let (x, out) = (&x[row * k..], &mut out[row * n..]);
-        // As many sums as there are registers.
-        row += match count - row {
-            8.. if S::F32_LANES == 16 => tile::<S, V, 8>(simd, x, k, panel, stride, out, n),
-            6.. => tile::<S, V, 6>(simd, x, k, panel, stride, out, n),
-            4.. => tile::<S, V, 4>(simd, x, k, panel, stride, out, n),
-            _ => tile::<S, V, 1>(simd, x, k, panel, stride, out, n),
-        };
-    }
 }
 
-/// Computes V registers of columns of R rows. Returns R.
-#[inline(always)]
-fn tile<S: Simd, const V: usize, const R: usize>(
-    simd: S,
-    x: &[f32],
-    k: usize,
-    panel: &[f32],
-    stride: usize,
-    out: &mut [f32],
-    n: usize,
-) -> usize {
-    let lanes = S::F32_LANES;
-    let mut rows = [x; R];
-    for row in 0..R {
-        rows[row] = &x[row * k..][..k];
+impl Panel<'_> {
+    #[inline(always)]
+    fn starting_at(self, column: usize) -> Self {
+        Self { numbers: &self.numbers[column..], ..self }
     }
-    let mut sums = [[simd.splat_f32s(0.0); V]; R];
-    for i in 0..k {
-        let (weights, _) = S::as_simd_f32s(&panel[i * stride..][..V * lanes]);
+
+    /// Computes V registers of columns of all rows.
+    #[inline(always)]
+    fn rows<S: Simd, const V: usize>(self, simd: S, x: &[f32], out: &mut [f32]) {
+        let count = x.len() / self.k;
+        let mut row = 0;
+        while row < count {
+            let (x, out) = (&x[row * self.k..], &mut out[row * self.n..]);
+            // As many sums as there are registers.
+            row += match count - row {
+                8.. if S::F32_LANES == 16 => self.tile::<S, V, 8>(simd, x, out),
+                6.. => self.tile::<S, V, 6>(simd, x, out),
+                4.. => self.tile::<S, V, 4>(simd, x, out),
+                _ => self.tile::<S, V, 1>(simd, x, out),
+            };
+        }
+    }
+
+    /// Computes V registers of columns of R rows. Returns R.
+    #[inline(always)]
+    fn tile<S: Simd, const V: usize, const R: usize>(self, simd: S, x: &[f32], out: &mut [f32]) -> usize {
+        let (k, lanes) = (self.k, S::F32_LANES);
+        let mut rows = [x; R];
         for row in 0..R {
-            let factor = simd.splat_f32s(rows[row][i]);
-            for v in 0..V {
-                sums[row][v] = simd.mul_add_e_f32s(factor, weights[v], sums[row][v]);
+            rows[row] = &x[row * k..][..k];
+        }
+        let mut sums = [[simd.splat_f32s(0.0); V]; R];
+        for i in 0..k {
+            let (weights, _) = S::as_simd_f32s(&self.numbers[i * self.stride..][..V * lanes]);
+            for row in 0..R {
+                let factor = simd.splat_f32s(rows[row][i]);
+                for v in 0..V {
+                    sums[row][v] = simd.mul_add_e_f32s(factor, weights[v], sums[row][v]);
+                }
             }
         }
-    }
-    for row in 0..R {
-        let (out, _) = S::as_mut_simd_f32s(&mut out[row * n..][..V * lanes]);
-        for v in 0..V {
-            out[v] = sums[row][v];
+        for row in 0..R {
+            let (out, _) = S::as_mut_simd_f32s(&mut out[row * self.n..][..V * lanes]);
+            for v in 0..V {
+                out[v] = sums[row][v];
+            }
         }
+        R
     }
-    R
 }

@@ -6,7 +6,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::product::{BLOCK_ROWS, Product, Weights};
 use super::{LANES, slice};
 
-/// What happens to each row of a matrix, in this order.
+/// Operations on each row of a matrix, in this order.
 #[derive(Default)]
 pub(crate) struct RowPass {
     /// Weights `[k, width]` that rows of width k are multiplied with; otherwise they have this width.
@@ -80,7 +80,7 @@ pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
     Tensor::from_data(out, &device)
 }
 
-/// What follows the product, as slices.
+/// The operations after the product, as slices.
 struct Follow<'a> {
     width: usize,
     added: &'a [&'a [f32]],

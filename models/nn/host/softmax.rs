@@ -1,9 +1,11 @@
 //! Softmax weights of a row of scores.
 
+use super::super::turns::ROUNDING_OFFSET;
 use super::LANES;
 
-/// Difference to the largest score of a row below which a weight is exactly 0: e⁻⁸⁰ is far below the last
-/// bit of any sum, and products with smaller numbers would be subnormal, with which processors are slow.
+/// Difference to the largest score of a row below which a weight is exactly 0: e⁻⁸⁰ is far below the
+/// last bit of any sum, and products with smaller numbers would be subnormal, with which processors are
+/// slow.
 const LEAST: f32 = -80.0;
 
 /// Replaces scores, whole blocks of [`LANES`], by weights e^(score - largest), and returns their sum.
@@ -33,8 +35,6 @@ pub(super) fn weights(scores: &mut [f32]) -> f32 {
 /// that a processor computes several at once.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
-    // Adding 1.5 · 2²³ removes the fraction: the last bits are the nearest whole number.
-    const ROUNDING_OFFSET: f32 = 12_582_912.0;
     // ln 2 in two parts, the first of which has so few bits that its products are exact.
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;

@@ -171,22 +171,26 @@ fn closed_slots_count_for_nothing() {
 
 #[test]
 fn dropout_is_what_its_stream_says() {
-    let (config, device) = (config(), Device::flex());
-    let layer = layer(&config, &device);
+    let config = config();
     let case = Case::new(&config);
     let (sources, targets): (Vec<u32>, Vec<u32>) =
         case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
-    let neighbors = Neighbors::from_edges(9, &sources, &targets, &device);
-    let run = |mut noise: Noise| {
+    let run_on = |device: &Device, mut noise: Noise| {
+        let layer = layer(&config, device);
+        let neighbors = Neighbors::from_edges(9, &sources, &targets, device);
         let relations =
-            neighbors.relations(normalize(tensor(&case.relations, config.relation_width, &device)));
-        let (dst, src) = (tensor(&case.dst, config.width, &device), tensor(&case.src, config.width, &device));
+            neighbors.relations(normalize(tensor(&case.relations, config.relation_width, device)));
+        let (dst, src) = (tensor(&case.dst, config.width, device), tensor(&case.src, config.width, device));
         values(layer.forward(dst, layer.sources(src), &neighbors, relations, &mut noise))
     };
+    let device = Device::flex();
+    let run = |noise: Noise| run_on(&device, noise);
     let stream = |seed| Noise::new(ChaCha8Rng::seed_from_u64(seed));
     assert_eq!(run(stream(1)), run(stream(1)));
     assert_ne!(run(stream(1)), run(stream(2)));
     assert_ne!(run(stream(1)), run(Noise::none()));
+    // Without gradients the same is dropped as with them.
+    assert!(worst(&run(stream(1)), &run_on(&device.clone().autodiff(), stream(1))) < 1e-5);
 }
 
 #[test]
