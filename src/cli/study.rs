@@ -80,10 +80,5 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
         StudyCommand::Guards(args) => (guards::plan(args)?, &args.shared),
     };
     shared.table.check(&shared.format, &FORMATS)?;
-    let status = carry_out::carry_out(plan, shared)?;
-    let is_realism = matches!(args.command, StudyCommand::Realism(_));
-    if is_realism && shared.keep_rollouts && status != ExitStatus::Interrupted {
-        realism::score_realism(&shared.out, &shared.subject.log_sources()?, shared.format == "markdown")?;
-    }
-    Ok(status)
+    carry_out::carry_out(plan, shared)
 }

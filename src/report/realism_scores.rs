@@ -2,33 +2,62 @@
 
 use std::fmt::Write as _;
 
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::evaluation::Estimate;
-use crate::evaluation::realism::RealismScores;
+use crate::evaluation::realism::{RealismScores, RealismSummary};
 use crate::metrics::wosac::Feature;
 
-/// Headings of the leaderboard's aggregates, in the order of
+/// An aggregate of the leaderboard as a column of tables.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Aggregate {
+    /// Name in the official message.
+    pub id: &'static str,
+    /// Title.
+    pub title: &'static str,
+    /// `m`, `likelihood` or `share`.
+    pub unit: &'static str,
+    /// Whether smaller values are better.
+    pub lower_is_better: bool,
+}
+
+impl Aggregate {
+    const fn likelihood(id: &'static str, title: &'static str) -> Self {
+        Self { id, title, unit: "likelihood", lower_is_better: false }
+    }
+
+    const fn cost(id: &'static str, title: &'static str, unit: &'static str) -> Self {
+        Self { id, title, unit, lower_is_better: true }
+    }
+
+    fn heading(&self) -> String {
+        let unit = if self.unit == "m" { " (m)" } else { "" };
+        format!("{}{unit} {}", self.title, if self.lower_is_better { "↓" } else { "↑" })
+    }
+}
+
+/// The aggregates of the leaderboard, in the order of
 /// [`BucketMetrics::fields`](crate::metrics::wosac::BucketMetrics::fields).
-const BUCKET_HEADINGS: [&str; 8] = [
-    "Realism ↑",
-    "Kinematic ↑",
-    "Interactive ↑",
-    "Map-based ↑",
-    "minADE (m) ↓",
-    "Collision ↓",
-    "Offroad ↓",
-    "Red light ↓",
+pub const AGGREGATES: [Aggregate; 8] = [
+    Aggregate::likelihood("realism_meta_metric", "Realism"),
+    Aggregate::likelihood("kinematic_metrics", "Kinematic"),
+    Aggregate::likelihood("interactive_metrics", "Interactive"),
+    Aggregate::likelihood("map_based_metrics", "Map-based"),
+    Aggregate::cost("min_ade", "minADE", "m"),
+    Aggregate::cost("simulated_collision_rate", "Collision", "share"),
+    Aggregate::cost("simulated_offroad_rate", "Offroad", "share"),
+    Aggregate::cost("simulated_traffic_light_violation_rate", "Red light", "share"),
 ];
 
 /// Returns the tables as Markdown: the aggregates of the leaderboard and the likelihoods, one row per
 /// configuration.
 pub fn realism_markdown(scores: &RealismScores) -> String {
     let mut text = String::new();
-    row(&mut text, std::iter::once("Configuration").chain(BUCKET_HEADINGS));
-    rule(&mut text, BUCKET_HEADINGS.len());
+    row(&mut text, std::iter::once("Configuration".to_owned()).chain(AGGREGATES.map(|a| a.heading())));
+    rule(&mut text, AGGREGATES.len());
     for (i, config) in scores.configs.iter().enumerate() {
-        let estimates = (0..BUCKET_HEADINGS.len()).map(|field| cell(bucket(scores, i, field)));
+        let estimates = scores.aggregates(i).into_iter().map(|(_, estimate)| cell(estimate));
         row(&mut text, std::iter::once(config.title.to_owned()).chain(estimates));
     }
     text.push_str("\nLikelihoods:\n\n");
@@ -61,16 +90,18 @@ pub fn realism_markdown(scores: &RealismScores) -> String {
     text
 }
 
-/// Returns a table of several methods as Markdown: the aggregates of the leaderboard in the first configuration,
-/// one row per method with scores.
-pub fn realism_comparison(methods: &[RealismScores]) -> String {
-    let mut text = String::new();
-    row(&mut text, std::iter::once("Method").chain(BUCKET_HEADINGS));
-    rule(&mut text, BUCKET_HEADINGS.len());
-    for scores in methods.iter().filter(|scores| !scores.rows.is_empty() && !scores.configs.is_empty()) {
-        let estimates = (0..BUCKET_HEADINGS.len()).map(|field| cell(bucket(scores, 0, field)));
-        row(&mut text, std::iter::once(scores.method.clone()).chain(estimates));
+/// Returns a table of the simulators of a study as Markdown: the aggregates of the leaderboard, one row per
+/// simulator.
+pub fn realism_table(simulators: &[RealismSummary]) -> String {
+    let mut text = String::from("Realism metrics of the Sim Agents challenge 2025:\n\n");
+    row(&mut text, std::iter::once("Method".to_owned()).chain(AGGREGATES.map(|a| a.heading())));
+    rule(&mut text, AGGREGATES.len());
+    for simulator in simulators {
+        let estimate = |column: Aggregate| simulator.aggregates.get(column.id).copied().unwrap_or_default();
+        let estimates = AGGREGATES.map(|column| cell(estimate(column)));
+        row(&mut text, std::iter::once(simulator.title.clone()).chain(estimates));
     }
+    text.push_str("\nMeans over scenarios ± half the width of the 95 % bootstrap interval.\n");
     text
 }
 
@@ -82,13 +113,10 @@ pub fn realism_json(scores: &RealismScores) -> Value {
             fields.into_iter().filter_map(|(name, value)| Some((name.to_owned(), json!(value?)))).collect()
         };
         let buckets = mean.buckets(config).fields();
-        let intervals: Map<String, Value> = buckets
-            .iter()
-            .enumerate()
-            .filter_map(|(field, (name, _))| {
-                let estimate = bucket(scores, i, field);
-                Some(((*name).to_owned(), json!([estimate.low?, estimate.high?])))
-            })
+        let intervals: Map<String, Value> = scores
+            .aggregates(i)
+            .into_iter()
+            .filter_map(|(name, estimate)| Some((name.to_owned(), json!([estimate.low?, estimate.high?]))))
             .collect();
         let entry = json!({
             "metrics": fields(mean.fields()),
@@ -148,13 +176,6 @@ pub fn realism_csv(scores: &RealismScores) -> String {
         }
     }
     text
-}
-
-/// Returns the estimate of an aggregate of the leaderboard, by its position.
-fn bucket(scores: &RealismScores, config: usize, field: usize) -> Estimate {
-    let of = &scores.configs[config];
-    let name = format!("{}-{}", of.id, BUCKET_HEADINGS[field]);
-    scores.estimate(&name, |row| row.metrics[config].buckets(of).fields()[field].1)
 }
 
 fn cell(estimate: Estimate) -> String {

@@ -500,7 +500,7 @@ fn studies_have_their_tables_and_figures() {
         (out, serde_json::from_slice(&output.stdout).unwrap())
     };
     let (replan, of_replan) = study("replan", &["--models", "constant-velocity,idm", "--intervals", "5,20"]);
-    let (realism, of_realism) = study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2"]);
+    let (realism, of_realism) = study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2", "--keep-rollouts"]);
     let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
     let path = at("page.html");
     let folders = [text(&replan), text(&realism), text(&guards)];
@@ -521,6 +521,10 @@ fn studies_have_their_tables_and_figures() {
             let parts = [&simulator["metrics"], &simulator["difference"]];
             let estimates = parts.into_iter().filter_map(Value::as_object).flat_map(|o| o.values());
             expected.extend(estimates.filter_map(|e| e["mean"].as_f64()));
+        }
+        for simulator in numbers["realism"].as_array().into_iter().flatten() {
+            let aggregates = simulator["aggregates"].as_object().unwrap().values();
+            expected.extend(aggregates.filter_map(|e| e["mean"].as_f64()));
         }
         shown.sort_by(f64::total_cmp);
         expected.sort_by(f64::total_cmp);
@@ -545,6 +549,24 @@ fn studies_have_their_tables_and_figures() {
         page.evaluate("document.querySelectorAll('[data-chart=\"realism-reactive\"] path[data-x]').length"),
         3
     );
+    let points = page.evaluate(
+        "[...document.querySelectorAll('[data-chart=\"challenge-reactive\"] path[data-x]')].map(p => [Number(p.dataset.x), Number(p.dataset.y)])",
+    );
+    let reactive = of_realism["members"][0]["simulators"].as_array().unwrap();
+    let expected: Vec<[Option<f64>; 2]> = of_realism["realism"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|scores| {
+            let simulator = reactive.iter().find(|s| s["id"] == scores["id"]).unwrap();
+            let realism = &scores["aggregates"]["realism_meta_metric"]["mean"];
+            [realism.as_f64(), simulator["metrics"]["aav-collision"]["mean"].as_f64()]
+        })
+        .collect();
+    let points: Vec<[Option<f64>; 2]> =
+        points.as_array().unwrap().iter().map(|p| [p[0].as_f64(), p[1].as_f64()]).collect();
+    assert_eq!(expected.len(), 3);
+    assert_eq!(points, expected);
     clean(&page);
 
     // Tables of all its runs are those of run folders.

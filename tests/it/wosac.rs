@@ -1,12 +1,14 @@
 //! The realism metrics of the Sim Agents challenge as a user computes them: from submissions and from runs.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use reactsim::evaluation::realism::LogFiles;
-use reactsim::formats::wosac::WosacLogs;
+use reactsim::formats::wosac::{SubmissionReader, WosacLogs};
 use serde_json::Value;
 
+use crate::formats::proto::{Proto, records};
 use crate::program::reactsim;
 use crate::reference::{said, text};
 use crate::shared;
@@ -166,6 +168,42 @@ fn runs_become_submissions_with_the_same_scores() {
 }
 
 #[test]
+fn recordings_without_a_future_become_submissions() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let (file, run, archive, metadata) =
+        (at("testing.tfrecord"), at("run"), at("submission.tar.gz"), at("method.toml"));
+    let withheld = |id: &str| Proto { id: id.into(), frames: 11, ..Proto::default() };
+    fs::write(&file, records(&[withheld("one"), withheld("two")])).unwrap();
+    fs::write(&metadata, METADATA).unwrap();
+    let begin = ["run", text(&file), "--models", "constant-velocity", "--protocol", "realism"];
+    let rest = ["--rollouts", "32", "--all-agents", "--keep-rollouts", "--out", text(&run)];
+    said(&[&begin[..], &rest].concat(), 0);
+    // Nothing can be compared with the log.
+    let summary: Value = serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
+    let metrics = &summary["simulators"]["constant-velocity"]["metrics"];
+    assert_eq!(metrics["ade"]["mean"], Value::Null);
+    assert_eq!(metrics["aa-collision"]["scenarios"], 2);
+
+    let scenarios = ["--scenarios", text(&file)];
+    let out = ["--metadata", text(&metadata), "--out", text(&archive)];
+    said(&[&["export", "wosac", text(&run)][..], &scenarios, &out].concat(), 0);
+    let rollouts: Vec<_> = SubmissionReader::open(&archive).unwrap().map(|r| r.unwrap().rollouts).collect();
+    assert_eq!(rollouts.iter().map(|r| r.scenario_id.as_str()).collect::<Vec<_>>(), ["one", "two"]);
+    for scenario in &rollouts {
+        assert_eq!(scenario.joint_scenes.len(), 32);
+        let objects: BTreeSet<i32> = scenario.joint_scenes[0].trajectories.iter().map(|t| t.object_id).collect();
+        assert_eq!(objects, [7, 8, 9].into());
+    }
+    let (_, refused) = said(&[&["score", text(&archive), "--wosac"][..], &scenarios].concat(), 2);
+    assert!(refused.contains("the log ends at the current frame"), "{refused}");
+    // The AV cannot follow a log that it does not have.
+    let reactive = ["run", text(&file), "--models", "constant-velocity", "--av", "log"];
+    let (_, refused) = said(&reactive, 2);
+    assert!(refused.contains("absent"), "{refused}");
+}
+
+#[test]
 fn runs_on_shipped_scenarios_have_realism_scores() {
     let home = tempfile::tempdir().unwrap();
     let run = home.path().join("run");
@@ -200,6 +238,16 @@ fn the_realism_study_has_the_metrics_of_kept_rollouts() {
     };
     assert!(value("IDM") > value("Constant Velocity"), "{realism}");
     assert_eq!(fs::read_to_string(study.join("wosac.jsonl")).unwrap().lines().count(), 10);
+
+    // The study keeps its means: tables show them again, and a damaged file is an error.
+    assert_eq!(fs::read_to_string(study.join("study.md")).unwrap(), table);
+    assert!(said(&["report", text(&study)], 0).0.contains("| Constant Velocity "));
+    let means = study.join("wosac.json");
+    let summaries: serde_json::Value = serde_json::from_slice(&fs::read(&means).unwrap()).unwrap();
+    let mean = &summaries[0]["aggregates"]["realism_meta_metric"]["mean"];
+    assert!((mean.as_f64().unwrap() - value(summaries[0]["title"].as_str().unwrap())).abs() < 1e-4);
+    fs::write(&means, "[{}]").unwrap();
+    assert!(said(&["report", text(&study)], 2).1.contains("wosac.json"));
 }
 
 #[test]

@@ -2,12 +2,13 @@
 
 use anyhow::{Context, bail};
 
+use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::external::keep_stderr;
 use crate::cli::finished::{put_table, report_left_out};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
-use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyResults};
+use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults};
 use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
@@ -52,6 +53,9 @@ pub(super) fn carry_out(
             bail!("no scenario could be run: see the warnings above");
         }
         failed += summary.provenance.failures.len();
+    }
+    if plan.study().kind == StudyKind::Realism && shared.keep_rollouts {
+        score_realism(folder.path(), &shared.subject.log_sources()?)?;
     }
     finish(&folder, shared, failed)
 }

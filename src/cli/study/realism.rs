@@ -8,12 +8,12 @@ use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::progress::Progress;
-use crate::cli::{say, write_file, write_result};
-use crate::evaluation::realism::{LogSource, RealismScores, RunPairs, score_all};
+use crate::cli::{say, write_file};
+use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPairs, score_all};
 use crate::evaluation::{StudyPlan, read_summary};
 use crate::external::RunOutline;
 use crate::metrics::wosac::Config;
-use crate::report::realism_scores::{realism_comparison, realism_rows};
+use crate::report::realism_scores::realism_rows;
 use crate::rollout::{Protocol, Replan, Settings};
 use crate::work::available_threads;
 
@@ -45,11 +45,11 @@ pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
     Ok((StudyPlan::realism(plan, args.rollouts), external))
 }
 
-/// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, prints the table
-/// and writes it to the folder of the study.
-pub(super) fn score_realism(study: &Path, sources: &[LogSource], prints: bool) -> anyhow::Result<()> {
+/// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, and writes the
+/// scores into the folder of the study.
+pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Result<()> {
     let run = study.join(Protocol::Realism.name());
-    let mut methods: Vec<RealismScores> = Vec::new();
+    let (mut summaries, mut rows) = (Vec::new(), String::new());
     for simulator in read_summary(&run)?.provenance.run.simulators {
         let progress = Progress::new();
         let mut observe = |done: usize, _: Option<&_>| progress.set_done(done);
@@ -64,19 +64,11 @@ pub(super) fn score_realism(study: &Path, sources: &[LogSource], prints: bool) -
                 first.error
             ));
         }
-        methods.push(scores);
+        summaries.extend(RealismSummary::of(&simulator.id, &scores));
+        rows.push_str(&realism_rows(&scores));
     }
-    let table = format!(
-        "\nRealism metrics of the Sim Agents challenge 2025:\n\n{}\nMeans over scenarios ± half the width of the \
-         95 % bootstrap interval.\n",
-        realism_comparison(&methods)
-    );
-    let rows = |scores: &RealismScores| realism_rows(scores);
-    let rows: String = methods.iter().map(rows).collect();
-    for (name, text) in [("wosac.md", &table), ("wosac.jsonl", &rows)] {
-        let path = study.join(name);
-        write_file(&path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
-            .with_context(|| format!("could not write {}", path.display()))?;
-    }
-    if prints { write_result(None, |out| out.write_all(table.as_bytes())) } else { Ok(()) }
+    RealismSummary::write_all(&summaries, study)?;
+    let path = study.join(REALISM_ROWS);
+    write_file(&path, |out: &mut dyn Write| out.write_all(rows.as_bytes()))
+        .with_context(|| format!("could not write {}", path.display()))
 }

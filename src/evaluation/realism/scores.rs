@@ -71,6 +71,22 @@ impl RealismScores {
         let values: Vec<f64> = self.rows.iter().filter_map(value).collect();
         Estimate::of(&values, 0, name)
     }
+
+    /// Returns mean and interval of every aggregate of a leaderboard in a configuration, by the names of the
+    /// official message and in the order of [`BucketMetrics::fields`](crate::metrics::wosac::BucketMetrics::fields).
+    ///
+    /// # Panics
+    /// If there is no such configuration.
+    pub fn aggregates(&self, config: usize) -> Vec<(&'static str, Estimate)> {
+        let of = &self.configs[config];
+        let fields = |row: &RealismRow| row.metrics[config].buckets(of).fields();
+        let Some(first) = self.rows.first() else { return Vec::new() };
+        let estimate = |(i, (name, _)): (usize, (&'static str, _))| {
+            let stream = format!("{}-{name}", of.id);
+            (name, self.estimate(&stream, |row| fields(row)[i].1))
+        };
+        fields(first).into_iter().enumerate().map(estimate).collect()
+    }
 }
 
 /// Scores all pairs by these configurations, on this many threads. Pairs that cannot be scored become failures;

@@ -5,6 +5,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::{Study, StudyKind, read_study};
+use crate::evaluation::realism::RealismSummary;
 use crate::evaluation::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
 
 /// The numbers of a study.
@@ -16,6 +17,9 @@ pub struct StudyResults {
     pub summaries: Vec<Summary>,
     /// Effects of the changes in a study of kind `guards`, by member and simulator; empty in other studies.
     pub differences: Vec<Difference>,
+    /// Realism metrics of the Sim Agents challenge in a study of kind `realism` whose rollouts were kept, by
+    /// simulator; empty in other studies.
+    pub realism: Vec<RealismSummary>,
 }
 
 /// A changed simulator, compared with the unchanged one (in the first member).
@@ -53,7 +57,8 @@ impl StudyResults {
             }
             differences = compare(&study, &summaries, &tallies)?;
         }
-        Ok(Self { study, summaries, differences })
+        let realism = RealismSummary::read_all(folder)?;
+        Ok(Self { study, summaries, differences, realism })
     }
 }
 

@@ -84,8 +84,13 @@ fn read_one(path: &Path, record: u64, payload: &[u8]) -> Result<Scenario, Format
     let proto = Proto::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();
-    let parts = parts::parts(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
-    Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))
+    let (parts, missing) =
+        parts::parts(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
+    let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
+    if missing > 0 {
+        scenario.repairs.insert("frames at the end that are not recorded".into(), missing);
+    }
+    Ok(scenario)
 }
 
 #[cfg(test)]

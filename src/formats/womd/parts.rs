@@ -6,7 +6,7 @@ use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoin
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, FRAMES, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, HISTORY, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
     LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
     RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
@@ -14,15 +14,19 @@ use crate::scene::{
 /// One mile per hour in m/s.
 const MPH: f64 = 0.44704;
 
-/// Converts a message to scenario parts.
-pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
+/// Converts a message to scenario parts. Also returns the number of frames that are not recorded: the scenarios
+/// of the test split end at the current frame.
+pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> {
     if proto.current_time_index != CURRENT as i32 {
         return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
     }
-    if proto.timestamps_seconds.len() != FRAMES {
-        let found = format!("{} entries", proto.timestamps_seconds.len());
-        return Err(Cause::value("timestamps_seconds", found, "91 entries (9.1 s at 10 Hz)"));
+    let frames = proto.timestamps_seconds.len();
+    if frames != FRAMES && frames != HISTORY {
+        let expected = "91 entries (9.1 s at 10 Hz), or 11 without the future";
+        return Err(Cause::value("timestamps_seconds", entries(frames), expected));
     }
+    let last = proto.timestamps_seconds[frames - 1];
+    proto.timestamps_seconds.extend((frames..FRAMES).map(|f| last + (f + 1 - frames) as f64 * DT));
     let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
     let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
     for (i, required) in proto.tracks_to_predict.iter().enumerate() {
@@ -32,12 +36,12 @@ pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
     }
     let mut agents = Vec::with_capacity(proto.tracks.len());
     for (i, track) in proto.tracks.iter().enumerate() {
-        agents.push(agent(i, track)?);
+        agents.push(agent(i, track, frames)?);
     }
     let mut map = map(proto.map_features);
-    let lights = lights(&proto.dynamic_map_states, &map)?;
+    let lights = lights(&proto.dynamic_map_states, &map, frames)?;
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
-    Ok(ScenarioParts {
+    let parts = ScenarioParts {
         id: proto.scenario_id,
         source: "womd".into(),
         origin: None,
@@ -49,7 +53,12 @@ pub(super) fn parts(proto: Scenario) -> Result<ScenarioParts, Cause> {
         map,
         lights,
         deviation: None,
-    })
+    };
+    Ok((parts, (FRAMES - frames) as u32))
+}
+
+fn entries(count: usize) -> String {
+    format!("{count} entries")
 }
 
 fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
@@ -59,10 +68,12 @@ fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
         .ok_or_else(|| Cause::value(field, value, format!("the index of one of {} tracks", tracks.len())))
 }
 
-fn agent(i: usize, track: &Track) -> Result<LoggedAgent, Cause> {
-    if track.states.len() != FRAMES {
-        let found = format!("{} entries", track.states.len());
-        return Err(Cause::value(format!("tracks[{i}].states"), found, "91 entries (9.1 s at 10 Hz)"));
+/// Converts a track of this many frames. Frames that are not recorded are absent.
+fn agent(i: usize, track: &Track, frames: usize) -> Result<LoggedAgent, Cause> {
+    if track.states.len() != frames {
+        let found = entries(track.states.len());
+        let expected = format!("{frames} entries, as in timestamps_seconds");
+        return Err(Cause::value(format!("tracks[{i}].states"), found, expected));
     }
     // The benchmark uses the box at the current frame; agents that are absent then have their first recorded
     // box.
@@ -88,10 +99,9 @@ fn agent(i: usize, track: &Track) -> Result<LoggedAgent, Cause> {
             vy: f64::from(s.velocity_y),
         })
     };
-    Ok(LoggedAgent {
-        agent: Agent { id: track.id.to_string(), kind, length, width },
-        track: track.states.iter().map(frame).collect(),
-    })
+    let mut states: Vec<Option<AgentState>> = track.states.iter().map(frame).collect();
+    states.resize(FRAMES, None);
+    Ok(LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states })
 }
 
 fn point(p: &MapPoint) -> Vec2 {
@@ -168,14 +178,18 @@ fn map(features: Vec<MapFeature>) -> MapParts {
 /// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is
 /// placed at the start of its lane, where nearly all recorded stop points are. A light without a lane is
 /// dropped and counted later.
-fn lights(frames: &[DynamicMapState], map: &MapParts) -> Result<Vec<LightParts>, Cause> {
-    if !frames.is_empty() && frames.len() != FRAMES {
-        let found = format!("{} entries", frames.len());
-        return Err(Cause::value("dynamic_map_states", found, "91 entries or none"));
+fn lights(
+    states: &[DynamicMapState],
+    map: &MapParts,
+    frames: usize,
+) -> Result<Vec<LightParts>, Cause> {
+    if !states.is_empty() && states.len() != frames {
+        let expected = format!("{frames} entries, as in timestamps_seconds, or none");
+        return Err(Cause::value("dynamic_map_states", entries(states.len()), expected));
     }
     let (mut order, mut indices) = (Vec::new(), BTreeMap::new());
     let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
-    for (f, frame) in frames.iter().enumerate() {
+    for (f, frame) in states.iter().enumerate() {
         for seen in &frame.lane_states {
             let i = *indices.entry(seen.lane).or_insert_with(|| {
                 order.push(seen.lane);

@@ -9,6 +9,7 @@ use super::PageError;
 use super::gallery::{Gallery, GalleryScenario};
 use crate::evaluation::{Access, Entry, Summary, program_commit, program_version};
 use crate::metrics::{EVENT_UNITS, METRICS};
+use crate::report::realism_scores::{AGGREGATES, Aggregate};
 use crate::report::table::{self, Column};
 use crate::report::{Run, TableStyle, exporter, study_tables};
 
@@ -28,6 +29,8 @@ pub(super) struct Data<'a> {
     metrics: Vec<MetricData>,
     /// Metrics of the main table.
     columns: Vec<&'static str>,
+    /// Columns of the realism metrics of the Sim Agents challenge.
+    aggregates: [Aggregate; AGGREGATES.len()],
     /// Units of the values of events, by name.
     event_units: BTreeMap<&'static str, &'static str>,
     runs: Vec<RunData<'a>>,
@@ -138,6 +141,7 @@ impl Gallery {
                 })
                 .collect(),
             columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
+            aggregates: AGGREGATES,
             event_units: EVENT_UNITS.iter().copied().collect(),
             runs: self
                 .runs

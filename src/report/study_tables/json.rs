@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::{columns, difference, members};
+use crate::evaluation::realism::RealismSummary;
 use crate::evaluation::{Comparison, Estimate, Member, SimulatorSummary, StudyKind, StudyResults};
 use crate::report::{Column, TableStyle};
 
@@ -14,6 +15,9 @@ use crate::report::{Column, TableStyle};
 struct Numbers<'a> {
     study: StudyKind,
     members: Vec<MemberNumbers<'a>>,
+    /// Realism metrics of the Sim Agents challenge, by simulator.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    realism: &'a [RealismSummary],
 }
 
 #[derive(Serialize)]
@@ -75,7 +79,8 @@ pub fn write_json(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn W
             simulators: simulators.collect(),
         }
     });
-    serde_json::to_writer_pretty(&mut *out, &Numbers { study: kind, members: members.collect() })?;
+    let numbers = Numbers { study: kind, members: members.collect(), realism: &results.realism };
+    serde_json::to_writer_pretty(&mut *out, &numbers)?;
     out.write_all(b"\n")
 }
 

@@ -6,6 +6,7 @@ use super::{Head, StudyCell, StudyTable, Title, members, tables};
 use crate::evaluation::{SimulatorSummary, StudyKind, StudyResults};
 use crate::report::comparison::signed;
 use crate::report::markdown::{capital, cell, escape, legend, method, write_aligned};
+use crate::report::realism_scores::realism_table;
 use crate::report::table::{count, program, provenance};
 use crate::report::{Run, TableStyle};
 
@@ -58,6 +59,9 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
             "Differences are paired, scenario by scenario; bold where the interval, which need not be \
              symmetric, leaves 0 out."
         )?;
+    }
+    if !results.realism.is_empty() {
+        write!(out, "\n{}", realism_table(&results.realism))?;
     }
     Ok(())
 }

@@ -76,7 +76,7 @@ fn odd_input_is_refused_by_name() {
         ),
         (
             Box::new(|p| p.frames = 90),
-            "timestamps_seconds is 90 entries, expected 91 entries (9.1 s at 10 Hz)",
+            "timestamps_seconds is 90 entries, expected 91 entries (9.1 s at 10 Hz), or 11 without the future",
         ),
         (Box::new(|p| p.current = 11), "current_time_index is 11, expected 10"),
         (Box::new(|p| p.step = 0.25), "timestamps is a step of 0.25 s, expected steps of 0.1 s (10 Hz)"),

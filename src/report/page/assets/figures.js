@@ -145,6 +145,25 @@ function replanning() {
   });
 }
 
+/**
+ * A measure of realism against collisions with the AV in the reactive protocol. `points`: subject, estimates
+ * of both.
+ */
+function againstReaction(name, measure, about, label, points) {
+  const known = points.filter(([, x, y]) => x?.mean != null && y?.mean != null);
+  if (!known.length) return [];
+  const [low, high] = [Math.min(...known.map(([, x]) => x.low ?? x.mean)), Math.max(...known.map(([, x]) => x.high ?? x.mean))];
+  return [chart({
+    name, title: `Realism and reaction: ${measure}`, about: `${about} (more is better) against collisions with the AV in the reactive protocol (less is better).`,
+    x: { label, min: low - 0.02, max: high + 0.02 }, y: { label: "A-AV collisions (reactive protocol)", min: 0, max: 1.06 * Math.max(0.1, ...known.map(([, , y]) => y.high ?? y.mean)) },
+    legend: known.map(([s], i) => [s.title, i, ink(s)]),
+    draw: (h, v) => known.flatMap(([s, x, y], i) => [
+      x.low === null ? null : svg("line", { x1: h(x.low), x2: h(x.high), y1: v(y.mean), y2: v(y.mean), stroke: ink(s), opacity: 0.45 }),
+      ...series([[x.mean, y.mean, y.low, y.high, `${s.title}: ${x.mean.toFixed(3)}, ${y.mean.toFixed(3)}`]], i, ink(s), h, v),
+    ].filter(Boolean)),
+  })];
+}
+
 /** Realism against reactive behaviour: simulators that ran in both protocols on the same scenarios. */
 function realism() {
   const of = (protocol) => subjects.filter((s) => s.settings.protocol === protocol);
@@ -156,18 +175,13 @@ function realism() {
     const one = found.find((a) => study(a) === study(b)) ?? found[0];
     return one ? [[one, b]] : [];
   });
-  const points = pairs.map(([a, b]) => [a, mean(b, "kinematic-likelihood"), mean(a, "aav-collision")]).filter(([, x, y]) => x?.mean != null && y?.mean != null);
-  if (!points.length) return [];
-  const [low, high] = [Math.min(...points.map(([, x]) => x.low ?? x.mean)), Math.max(...points.map(([, x]) => x.high ?? x.mean))];
-  return [chart({
-    name: "realism-reactive", title: "Realism and reaction", about: "Kinematic likelihood in the realism protocol (more is better) against collisions with the AV in the reactive one (less is better).",
-    x: { label: "kinematic likelihood (realism protocol)", min: low - 0.02, max: high + 0.02 }, y: { label: "A-AV collisions (reactive protocol)", min: 0, max: 1.06 * Math.max(0.1, ...points.map(([, , y]) => y.high ?? y.mean)) },
-    legend: points.map(([s], i) => [s.title, i, ink(s)]),
-    draw: (h, v) => points.flatMap(([s, x, y], i) => [
-      x.low === null ? null : svg("line", { x1: h(x.low), x2: h(x.high), y1: v(y.mean), y2: v(y.mean), stroke: ink(s), opacity: 0.45 }),
-      ...series([[x.mean, y.mean, y.low, y.high, `${s.title}: ${x.mean.toFixed(3)}, ${y.mean.toFixed(3)}`]], i, ink(s), h, v),
-    ].filter(Boolean)),
-  })];
+  const challenge = (s) => data.studies.find(({ name }) => name === study(s))?.numbers.realism?.find(({ id }) => id === s.id)?.aggregates.realism_meta_metric;
+  return [
+    ...againstReaction("realism-reactive", "kinematic likelihood", "Kinematic likelihood in the realism protocol", "kinematic likelihood (realism protocol)",
+      pairs.map(([a, b]) => [a, mean(b, "kinematic-likelihood"), mean(a, "aav-collision")])),
+    ...againstReaction("challenge-reactive", "Sim Agents metametric", "Realism metametric of the Sim Agents challenge 2025", "metametric (realism protocol)",
+      pairs.map(([a, b]) => [a, challenge(b), mean(a, "aav-collision")])),
+  ];
 }
 
 /** Shares of scenarios up to every value of a metric, one line per simulator. */

@@ -41,12 +41,16 @@ function replan({ members }) {
   ]);
 }
 
-/** One table: simulators by metrics of both protocols. */
-function realism({ members }) {
+/** One table: simulators by metrics of both protocols; below it the metrics of the Sim Agents challenge, if there are any. */
+function realism({ members, realism: scores = [] }) {
   const columns = members.flatMap((member) => Object.keys(member.simulators[0]?.metrics ?? {}).map((id) => [member, metric(id)]));
   columns.sort((a, b) => members.indexOf(a[0]) - members.indexOf(b[0]) || data.metrics.indexOf(a[1]) - data.metrics.indexOf(b[1]));
-  return [wide(head("Method", ...columns.map(([member, m]) => `${member.protocol}: ${arrow(m)}`)),
-    el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...columns.map(([member, m]) => cell(m, find(member, s.id)?.metrics[m.id]))))))];
+  const protocols = wide(head("Method", ...columns.map(([member, m]) => `${member.protocol}: ${arrow(m)}`)),
+    el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...columns.map(([member, m]) => cell(m, find(member, s.id)?.metrics[m.id]))))));
+  if (!scores.length) return [protocols];
+  return [protocols, el("h4", {}, "Realism metrics of the Sim Agents challenge 2025"),
+    wide(head("Method", ...data.aggregates.map(arrow)),
+      el("tbody", {}, ...scores.map((s) => el("tr", {}, method(find(members[0], s.id) ?? s), ...data.aggregates.map((m) => cell(m, s.aggregates[m.id]))))))];
 }
 
 /** Two tables: values of all variants, and their differences from the unchanged simulators. */
