@@ -32,6 +32,10 @@ const MAX_ROUNDS: usize = 4;
 const MAX_CURVATURE_SPEED: f64 = 0.4;
 /// Largest change of the curvature per metre of path, 1/m².
 const MAX_CURVATURE_RATE: f64 = 0.25;
+/// Deceleration with which the vehicle can slow down before a bend, m/s².
+const BRAKING_BEFORE_BEND: f64 = 4.5;
+/// Least square of the speed in a bend, m²/s².
+const MIN_SQUARED_SPEED: f64 = 1.0;
 
 /// Smallest and largest lateral offset of the box centre at each bounded station, metres, left
 /// positive.
@@ -199,7 +203,8 @@ impl PathProgram {
         let rate = curvature_rate(problem.speed);
         KNOTS.map(|knot| {
             let distance = spacing * knot as f64;
-            let slowest = (problem.speed * problem.speed - 2.0 * 4.5 * distance).max(1.0);
+            let slowest =
+                (problem.speed * problem.speed - 2.0 * BRAKING_BEFORE_BEND * distance).max(MIN_SQUARED_SPEED);
             let most = self.max_curvature.min(self.max_lateral_acceleration / slowest);
             most.max(start.abs() - rate * distance)
         })

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use super::scenario_args::{ScenarioArgs, is_selected};
+use super::scenario_args::ScenarioArgs;
 use super::{ExitStatus, count, say};
 use crate::evaluation::Deviations;
 use crate::files;
@@ -33,22 +33,12 @@ pub(super) struct ExportAvArgs {
 }
 
 pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
-    let sources = args.input.sources()?;
-    let deviations = args.input.deviations.as_deref().map(Deviations::read).transpose()?;
-    let selection = args.input.selection.selection();
-    let (mut entries, mut failed) = (Vec::new(), 0);
-    for source in &sources {
-        for scenario in source.scenarios()? {
-            match scenario {
-                Ok(scenario) if !is_selected(&scenario, &selection, deviations.as_ref()) => {}
-                Ok(scenario) => entries.extend(entry(&scenario, deviations.as_ref())),
-                Err(error) => {
-                    say(format_args!("warning: {error}"));
-                    failed += 1;
-                }
-            }
-        }
-    }
+    let selected = args.input.selected()?;
+    let mut entries = Vec::new();
+    let failed = selected.each(|scenario| {
+        entries.extend(entry(&scenario, selected.deviations.as_ref()));
+        anyhow::Ok(())
+    })?;
     if entries.is_empty() {
         bail!(
             "no selected scenario has a deviated AV: give --deviations FILE, or make one with \

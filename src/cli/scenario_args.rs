@@ -1,11 +1,12 @@
 //! Arguments that name scenarios and their deviated AVs.
 
+use std::fmt::Display;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ReadingArgs;
+use super::{ReadingArgs, say};
 use crate::evaluation::{Deviations, Selection, Source};
 use crate::scene::{Deviation, Scenario};
 
@@ -55,6 +56,56 @@ impl ScenarioArgs {
             return Ok(vec![Source::shipped(most)]);
         }
         Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)
+    }
+
+    /// Finds the files and reads the file of deviations, to go through the selected scenarios.
+    pub(super) fn selected(&self) -> anyhow::Result<SelectedScenarios> {
+        let sources = self.sources()?;
+        let deviations = self.deviations.as_deref().map(Deviations::read).transpose()?;
+        Ok(SelectedScenarios { sources, selection: self.selection.selection(), deviations })
+    }
+}
+
+/// The selected scenarios of a command.
+pub(super) struct SelectedScenarios {
+    sources: Vec<Source>,
+    selection: Selection,
+    /// The file of deviated AVs, if one is given.
+    pub(super) deviations: Option<Deviations>,
+}
+
+impl SelectedScenarios {
+    /// Passes every selected scenario to `visit`. Files and scenarios that cannot be read are warnings;
+    /// returns their number.
+    ///
+    /// # Errors
+    /// The first error of `visit`.
+    pub(super) fn each<E>(&self, mut visit: impl FnMut(Scenario) -> Result<(), E>) -> Result<usize, E> {
+        let mut failed = 0;
+        let mut fail = |error: &dyn Display| {
+            say(format_args!("warning: {error}"));
+            failed += 1;
+        };
+        for source in &self.sources {
+            let scenarios = match source.scenarios() {
+                Ok(scenarios) => scenarios,
+                Err(error) => {
+                    fail(&error);
+                    continue;
+                }
+            };
+            for scenario in scenarios {
+                match scenario {
+                    Ok(scenario) => {
+                        if is_selected(&scenario, &self.selection, self.deviations.as_ref()) {
+                            visit(scenario)?;
+                        }
+                    }
+                    Err(error) => fail(&error),
+                }
+            }
+        }
+        Ok(failed)
     }
 }
 

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use clap::Args;
 
-use super::scenario_args::{ScenarioArgs, is_selected};
+use super::scenario_args::ScenarioArgs;
 use super::{ExitStatus, say, write_result};
 use crate::evaluation::Deviations;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};
@@ -27,38 +27,17 @@ pub(super) struct ScenesArgs {
 }
 
 pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
-    let sources = args.input.sources()?;
-    let deviations = args.input.deviations.as_deref().map(Deviations::read).transpose()?;
-    let selection = args.input.selection.selection();
+    let selected = args.input.selected()?;
     let mut failed = 0;
     write_result(None, |out| {
         let mut number = 0;
-        for source in &sources {
-            let scenarios = match source.scenarios() {
-                Ok(scenarios) => scenarios,
-                Err(error) => {
-                    say(format_args!("warning: {error}"));
-                    failed += 1;
-                    continue;
-                }
-            };
-            for scenario in scenarios {
-                let scenario = match scenario {
-                    Ok(scenario) => scenario,
-                    Err(error) => {
-                        say(format_args!("warning: {error}"));
-                        failed += 1;
-                        continue;
-                    }
-                };
-                if !is_selected(&scenario, &selection, deviations.as_ref()) {
-                    continue;
-                }
-                let Some(av) = chosen_av(&scenario, deviations.as_ref()) else { continue };
+        failed = selected.each(|scenario| {
+            if let Some(av) = chosen_av(&scenario, selected.deviations.as_ref()) {
                 write_scene(&scenario, av, args.future, number, out)?;
                 number += 1;
             }
-        }
+            io::Result::Ok(())
+        })?;
         let mut bye = FrameWriter::new("bye");
         bye.text("seq", number.to_string());
         out.write_all(&bye.to_frame())

@@ -13,6 +13,7 @@ use super::{
     ScenarioRecord, curate_scenario,
 };
 use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
+use crate::web::sketch;
 use crate::work::{MAX_THREADS, Pool};
 
 /// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
@@ -94,7 +95,10 @@ impl Curation<'_> {
         let PendingRecord { input, number, content } = record;
         let scenario = content.and_then(|decode| decode());
         let curated = scenario.map(|scenario| {
-            let curated = curate_scenario(&scenario, self.source, self.settings);
+            let mut curated = curate_scenario(&scenario, self.source, self.settings);
+            if let CurationOutcome::Retained(record, _) = &mut curated {
+                record.scene = self.settings.scenes.then(|| sketch(&scenario));
+            }
             (scenario.id, curated)
         });
         Some(CuratedRecord { input, number, curated })

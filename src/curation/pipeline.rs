@@ -82,7 +82,8 @@ pub enum CurationOutcome {
     Retained(Box<ScenarioRecord>, BTreeMap<String, u64>),
 }
 
-/// Runs steps 1 to 3 for one scenario. The result depends on scenario, source and settings only.
+/// Runs steps 1 to 3 for one scenario. The result depends on scenario, source and settings only. The scene of
+/// the record is left out.
 pub fn curate_scenario(
     scenario: &Scenario,
     source: &dyn CandidateSource,
@@ -124,7 +125,7 @@ pub fn curate_scenario(
         scenario_digest: scenario.digest(),
         origin: scenario.origin,
         candidates,
-        scene: settings.scenes.then(|| crate::web::sketch(scenario)),
+        scene: None,
     };
     CurationOutcome::Retained(Box::new(record), unproposed)
 }

@@ -118,6 +118,8 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }
+    // From here on there is a file to complete.
+    let stop = stop_on_interrupt("writing what is finished")?;
     let mut writer = Writer::create(out)?;
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
     let total = found.iter().map(|input| Some(input.count()?.min(most))).sum();
@@ -139,7 +141,6 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
         ..CurationProvenance::default()
     };
     let jobs = args.jobs.map_or_else(available_threads, usize::from);
-    let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     progress.set_total(total);
     let curation = Curation { inputs: &inputs, source: *source, settings: &settings, jobs };

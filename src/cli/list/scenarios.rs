@@ -1,7 +1,6 @@
 //! `reactsim list scenarios`: the scenarios of files.
 
-use super::super::say;
-use super::super::scenario_args::{ScenarioArgs, is_selected};
+use super::super::scenario_args::ScenarioArgs;
 use crate::evaluation::Deviations;
 use crate::scene::Scenario;
 
@@ -11,22 +10,13 @@ const NONE: &str = "-";
 /// Returns a row per selected scenario below a row of headings, and the number of scenarios that cannot be
 /// read.
 pub(super) fn rows(args: &ScenarioArgs) -> anyhow::Result<(Vec<Vec<String>>, usize)> {
-    let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
-    let selection = args.selection.selection();
+    let selected = args.selected()?;
     let headings = ["scenario_id", "source", "agents", "category", "difficulty"].map(str::to_owned);
-    let (mut rows, mut failed) = (vec![headings.to_vec()], 0);
-    for source in args.sources()? {
-        for scenario in source.scenarios()? {
-            match scenario {
-                Ok(scenario) if !is_selected(&scenario, &selection, deviations.as_ref()) => {}
-                Ok(scenario) => rows.push(row(&scenario, deviations.as_ref())),
-                Err(error) => {
-                    say(format_args!("warning: {error}"));
-                    failed += 1;
-                }
-            }
-        }
-    }
+    let mut rows = vec![headings.to_vec()];
+    let failed = selected.each(|scenario| {
+        rows.push(row(&scenario, selected.deviations.as_ref()));
+        anyhow::Ok(())
+    })?;
     Ok((rows, failed))
 }
 

@@ -6,16 +6,16 @@ use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoin
 use crate::formats::error::Cause;
 use crate::geometry::Vec2;
 use crate::scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, HISTORY, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
-    LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
-    RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, HISTORY, LANE_HALF_WIDTH, LaneArea,
+    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge,
+    RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
 /// One mile per hour in m/s.
 const MPH: f64 = 0.44704;
 
-/// Converts a message to scenario parts. Also returns the number of frames that are not recorded: the scenarios
-/// of the test split end at the current frame.
+/// Converts a message to scenario parts. Also returns the number of frames that are not recorded: the
+/// scenarios of the test split end at the current frame.
 pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> {
     if proto.current_time_index != CURRENT as i32 {
         return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
@@ -178,11 +178,7 @@ fn map(features: Vec<MapFeature>) -> MapParts {
 /// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is
 /// placed at the start of its lane, where nearly all recorded stop points are. A light without a lane is
 /// dropped and counted later.
-fn lights(
-    states: &[DynamicMapState],
-    map: &MapParts,
-    frames: usize,
-) -> Result<Vec<LightParts>, Cause> {
+fn lights(states: &[DynamicMapState], map: &MapParts, frames: usize) -> Result<Vec<LightParts>, Cause> {
     if !states.is_empty() && states.len() != frames {
         let expected = format!("{frames} entries, as in timestamps_seconds, or none");
         return Err(Cause::value("dynamic_map_states", entries(states.len()), expected));

@@ -18,6 +18,38 @@ const STUCK_TIME: f64 = 12.0;
 
 /// Standing time inside a junction, s, after which a vehicle is blocked.
 const BLOCKED_TIME: f64 = 2.0;
+/// Room behind a junction beyond length and gap of the vehicle that enters it, metres.
+const SPARE_ROOM: f64 = 0.5;
+/// Speed below which the last vehicle behind a junction may leave no room, m/s.
+const QUEUE_SPEED: f64 = 2.0;
+/// Room that this vehicle makes by going on, per square of its speed, s²/m.
+const ROOM_PER_SQUARED_SPEED: f64 = 0.8;
+/// Speed below which a vehicle inside a junction is stuck, m/s.
+const STUCK_SPEED: f64 = 0.3;
+/// Distance by which a box may lie inside a conflict and still count as before it, metres.
+const POSITION_TOLERANCE: f64 = 0.3;
+/// Distance beyond the line from which a vehicle is inside the junction, metres.
+const PAST_LINE_DISTANCE: f64 = 1.0;
+/// Speed below which a vehicle that has hardly begun to join is waited for, m/s.
+const JOINING_SPEED: f64 = 1.0;
+/// Distance of its rear beyond the beginning of the conflict up to which it has hardly begun, metres.
+const JOINING_DISTANCE: f64 = 2.0;
+/// Distance up to which a vehicle is barely inside the conflict, metres.
+const BARELY_INSIDE_DISTANCE: f64 = 1.2;
+/// Least speed in the time that a vehicle inside the conflict takes to leave it, m/s.
+const MIN_LEAVING_SPEED: f64 = 0.5;
+/// Time by which a vehicle may reach the conflict before another one has left it, s.
+const LEAVING_OVERLAP: f64 = 0.3;
+/// The same for an approaching vehicle with right of way, s.
+const APPROACH_OVERLAP: f64 = 0.4;
+/// Least speed in the time that an approaching vehicle takes to pass the conflict, m/s.
+const MIN_PASSING_SPEED: f64 = 1.0;
+/// Least speed of the merging vehicle in the comparison with a faster one, m/s.
+const MIN_MERGING_SPEED: f64 = 3.0;
+/// Additional gap before a faster vehicle, seconds per m/s of difference.
+const MERGE_GAP_PER_SPEED: f64 = 0.35;
+/// Additional gap of any merge, s.
+const MERGE_GAP: f64 = 0.5;
 
 impl Sight<'_> {
     /// Whether a vehicle stands behind the junction that begins with the `k`-th lane of the path, so that
@@ -28,15 +60,17 @@ impl Sight<'_> {
         for &index in &v.path[k..] {
             let lane = &self.network.lanes[index];
             if !lane.connector {
-                let room = v.body.length + v.driver.gap + 0.5;
+                let room = v.body.length + v.driver.gap + SPARE_ROOM;
                 let last = self.occupancy.on(index).iter().find(|e| e.1 != me);
                 return last.is_some_and(|&(at, i)| {
                     let other = &self.vehicles[i];
-                    other.speed < 2.0 && at - 0.5 * other.body.length + 0.8 * other.speed * other.speed < room
+                    let gained = ROOM_PER_SQUARED_SPEED * other.speed * other.speed;
+                    other.speed < QUEUE_SPEED && at - 0.5 * other.body.length + gained < room
                 });
             }
             let stuck = self.occupancy.on(index).iter().any(|&(_, i)| {
-                i != me && self.vehicles[i].speed < 0.3 && self.time - self.vehicles[i].standing_since > 2.0
+                let other = &self.vehicles[i];
+                i != me && other.speed < STUCK_SPEED && self.time - other.standing_since > BLOCKED_TIME
             });
             if stuck && start == 0.0 && self.occupancy.on(index).len() > 1 {
                 return true;
@@ -54,7 +88,7 @@ impl Sight<'_> {
         let rule = lane.rule;
         lane.conflicts
             .iter()
-            .filter(|c| start + c.mine[0] - v.front() > -0.3)
+            .filter(|c| start + c.mine[0] - v.front() > -POSITION_TOLERANCE)
             .filter(|c| match (c.duty, rule) {
                 (Duty::Equal, Some(RightOfWay::AllWayStop)) => {
                     self.is_occupied(me, k, start, c) || k > 0 && self.came_earlier(me, c)
@@ -97,26 +131,28 @@ impl Sight<'_> {
             if rear > c.theirs[1] {
                 return false;
             }
-            if front < c.theirs[0] - 0.3 {
+            if front < c.theirs[0] - POSITION_TOLERANCE {
                 // Not there yet. A vehicle that has passed the line goes before those that have not, and
                 // before those farther from the conflict.
-                let left = o.lanes_before == 0 && front > 1.0 && !c.joins && c.duty == Duty::Equal;
+                let left =
+                    o.lanes_before == 0 && front > PAST_LINE_DISTANCE && !c.joins && c.duty == Duty::Equal;
                 return left && (k > 0 || (c.theirs[0] - front, other.id) < (to_it, v.id));
             }
             if c.joins {
                 // Once both are in the stretch, the vehicle ahead on the other lane is followed, not waited
                 // for.
-                return to_it > 0.0 && other.speed < 1.0 && rear < c.theirs[0] + 2.0;
+                return to_it > 0.0 && other.speed < JOINING_SPEED && rear < c.theirs[0] + JOINING_DISTANCE;
             }
             // Of two vehicles that block each other, one proceeds if the other is barely in its stretch.
             let blocked =
                 |v: &Vehicle| v.speed < STANDSTILL_SPEED && self.time - v.standing_since > BLOCKED_TIME;
-            let hardly = front < c.theirs[0] + 1.2 && (c.duty == Duty::GoFirst || v.id < other.id);
+            let hardly =
+                front < c.theirs[0] + BARELY_INSIDE_DISTANCE && (c.duty == Duty::GoFirst || v.id < other.id);
             if k == 0 && blocked(other) && blocked(v) && hardly {
                 return false;
             }
-            let leaves = (c.theirs[1] - rear) / other.speed.max(0.5);
-            leaves > enter - 0.3
+            let leaves = (c.theirs[1] - rear) / other.speed.max(MIN_LEAVING_SPEED);
+            leaves > enter - LEAVING_OVERLAP
         })
     }
 
@@ -147,10 +183,11 @@ impl Sight<'_> {
             } else {
                 time_for(room, other.speed, APPROACH_ACCELERATION, lane.limit.max(other.speed))
             };
-            let leaves = (c.theirs[1] - rear) / there.max(1.0);
+            let leaves = (c.theirs[1] - rear) / there.max(MIN_PASSING_SPEED);
             // A vehicle must not merge right in front of a faster one.
-            let faster = if c.joins { ((there - v.speed.max(3.0)) * 0.35).max(0.0) + 0.5 } else { 0.0 };
-            arrives < leave + margin + faster && (leaves > enter - 0.4 || arrives > enter)
+            let faster = there - v.speed.max(MIN_MERGING_SPEED);
+            let faster = if c.joins { (faster * MERGE_GAP_PER_SPEED).max(0.0) + MERGE_GAP } else { 0.0 };
+            arrives < leave + margin + faster && (leaves > enter - APPROACH_OVERLAP || arrives > enter)
         })
     }
 
