@@ -1,10 +1,12 @@
-//! Notes the commit that the program is built from, for the provenance of its numbers. Needs no network, and no git either.
+//! Notes the commit that the program is built from, for the provenance of its numbers. Needs no network, and
+//! no git either.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, io};
 
-/// Files and folders that decide the numbers of the program: a change in one of them after the commit is marked with `+`.
+/// Files and folders that decide the numbers of the program: a change in one of them after the commit is
+/// marked with `+`.
 const DECIDING: [&str; 7] = ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios", "weights"];
 
 fn git(arguments: &[&str]) -> Option<String> {

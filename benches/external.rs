@@ -54,7 +54,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Seconds that the rollouts of a batch take.
+/// Returns the seconds that the rollouts of a batch take.
 fn timed(batch: &[Scenario], controller: &Controller) -> Result<f64> {
     let requests = batch.iter().map(request).collect::<Result<Vec<_>>>()?;
     let begun = Instant::now();

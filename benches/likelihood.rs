@@ -1,8 +1,9 @@
-//! How long the kinematic likelihood of one scenario with 84 agents and 32 rollouts takes, on one thread.
+//! Time of the kinematic likelihood of one scenario with 84 agents and 32 rollouts, on one thread.
 //!
-//! `cargo bench --bench likelihood`. That is the size of a large scenario of Waymo's Sim Agents challenge; the challenge's own
-//! implementation was measured to take 114 s of processor time for one, with all its metrics. The scenario here is generated; its agents
-//! are repeated until there are 84 of them, and the rollouts are the log, moved a little.
+//! `cargo bench --bench likelihood`. This is the size of a large scenario of Waymo's Sim Agents challenge,
+//! for which the challenge's own implementation was measured to take 114 s of processor time, with all its
+//! metrics. The scenario here is generated; its agents are repeated until there are 84 of them, and the
+//! rollouts are the log, moved a little.
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 
 use std::time::Instant;
@@ -13,14 +14,14 @@ use reactsim::geometry::math;
 use reactsim::metrics::{Case, LoggedTrack, Object, Options, metric};
 use reactsim::scene::{Frame, Scenario};
 
-/// Agents, the AV among them, and rollouts.
+/// Number of agents, including the AV, and of rollouts.
 const AGENTS: usize = 84;
 const ROLLOUTS: usize = 32;
-/// Rounds; the best and the median are told.
+/// Number of rounds, of which the best and the median are printed.
 const ROUNDS: usize = 50;
-/// The aim, milliseconds.
+/// Target in milliseconds.
 const AIM: f64 = 20.0;
-/// A generated scenario with many agents is looked for among so many.
+/// Number of generated scenarios, of which the one with the most agents is used.
 const SCENARIOS: u64 = 40;
 
 fn main() -> Result<()> {
@@ -70,7 +71,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// The logged future of an agent as a rollout might have it: ahead of it or behind, and turning a little.
+/// Returns the logged future of an agent as a rollout might have it: ahead or behind, and turned a little.
 fn moved(scenario: &Scenario, logged: usize, object: usize, rollout: usize) -> Vec<Frame> {
     let mut future = scenario.log_future.tracks[logged].clone();
     let phase = (object * ROLLOUTS + rollout) as f64;

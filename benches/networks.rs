@@ -1,7 +1,8 @@
-//! How fast the networks are on one thread, with random weights on made-up scenes, beside what the machine's matrix products reach.
+//! Speed of the networks on one thread, with random weights on made-up scenes, next to the rate of the
+//! machine's matrix products.
 //!
-//! `cargo bench --bench networks`. Best and median are by the wall clock; the best by the processor time of the measuring thread is what
-//! other programs on the machine disturb less.
+//! `cargo bench --bench networks`. Best and median are by the wall clock; the best by the processor time of
+//! the measuring thread is less disturbed by other programs on the machine.
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 #![expect(clippy::disallowed_methods, reason = "speed does not hang on last bits")]
 
@@ -29,7 +30,7 @@ use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings,
 use reactsim::scene::CURRENT;
 use reactsim::training::Task;
 
-/// Rounds of everything.
+/// Number of rounds of every measurement.
 const ROUNDS: usize = 15;
 const AGENTS: usize = 64;
 const PIECES: usize = 300;
@@ -48,20 +49,20 @@ fn main() -> Result<()> {
     regression(&device)
 }
 
-/// Wall clock and processor time of some work, seconds.
+/// Wall-clock and processor time of some work, seconds.
 #[derive(Clone, Copy)]
 struct Time {
     wall: f64,
     cpu: f64,
 }
 
-/// Processor time of this thread so far, seconds; the wall clock where the system does not tell.
+/// Returns the processor time of this thread so far, seconds; `None` if the system does not report it.
 fn cpu_time() -> Option<f64> {
     let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_ascii_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
 }
 
-/// Does some work a few times, the first time unmeasured.
+/// Measures some work in several rounds, after an unmeasured one.
 fn measured(mut work: impl FnMut()) -> Vec<Time> {
     work();
     let round = |_| {
@@ -88,7 +89,7 @@ fn milliseconds(seconds: f64) -> String {
     format!("{:.2} ms", seconds * 1e3)
 }
 
-/// What the backend's matrix products reach, GFLOP/s.
+/// Measures the backend's matrix products and returns their rate, GFLOP/s.
 fn products(device: &Device) -> f64 {
     let mut best = 0.0;
     for [m, k, n] in [[1024, 1024, 1024], [8192, 128, 128], [64, 128, 512]] {
@@ -105,7 +106,7 @@ fn products(device: &Device) -> f64 {
     best
 }
 
-/// A scene of the shape of a crowded junction: everybody sees about a third of the map.
+/// Returns a scene with the shape of a crowded junction: every agent sees about a third of the map.
 fn scene(config: &SmartConfig, stream: &mut ChaCha8Rng, steps: usize) -> Scene {
     let mut place = |radius: f32| {
         loop {
@@ -154,7 +155,8 @@ fn vocabulary(config: &SmartConfig, stream: &mut ChaCha8Rng) -> Vocabulary {
     }
 }
 
-/// Additions and multiplications that one new step takes, counted by pairs of agents' steps, of map and agents, of agents.
+/// Returns the additions and multiplications of one new step; `pairs` counts the pairs of agents' steps, of
+/// map and agents, and of agents.
 fn operations(config: &SmartConfig, pairs: [usize; 3]) -> f64 {
     let (h, a, f) = (config.hidden_dim, config.num_heads * config.head_dim, config.num_freq_bands);
     let (heads, hidden) = (config.num_heads, config.ffn_multiple * config.hidden_dim);
@@ -232,7 +234,8 @@ fn published(device: &Device, peak: f64) -> Result<()> {
     Ok(())
 }
 
-/// The reactive network with random weights, on the shipped scenario with the most agents: 16 plans and 80 steps.
+/// Measures the reactive network with random weights, on the shipped scenario with the most agents: 16 plans
+/// and 80 steps.
 fn reactive(device: &Device) -> Result<()> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
     let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;
@@ -270,7 +273,7 @@ fn reactive(device: &Device) -> Result<()> {
     Ok(())
 }
 
-/// The motion predictor: modes of the agents nearest to the AV.
+/// Measures the motion predictor: modes of the agents nearest to the AV.
 fn regression(device: &Device) -> Result<()> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
     let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;

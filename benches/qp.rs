@@ -1,7 +1,8 @@
-//! How long the stage of quadratic programs takes, on one thread, in rollouts of `qp-regression` on the shipped benchmark.
+//! Time of the stage of quadratic programs, on one thread, in rollouts of `qp-regression` on the shipped
+//! benchmark.
 //!
-//! `cargo bench --bench qp`. Times are by the wall clock: nothing else should run. Programs are timed together with everything that is done
-//! for them: bounds, obstacles, linearisations, driving.
+//! `cargo bench --bench qp`. Times are by the wall clock: nothing else should run. Programs are timed
+//! together with all work for them: bounds, obstacles, linearisations, driving.
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 
 use std::path::Path;
@@ -20,9 +21,9 @@ use reactsim::rollout::{
 };
 use reactsim::scene::{Scenario, Start};
 
-/// Scenarios that are driven in.
+/// Number of scenarios.
 const SCENARIOS: usize = 50;
-/// Replans with so many agents count as large ones.
+/// Number of agents from which a replan counts as large.
 const LARGE: usize = 32;
 
 fn main() -> Result<()> {
@@ -54,7 +55,7 @@ fn request(scenario: &Scenario) -> Result<Request<'_>> {
     Ok(Request { scenario, av: Box::new(av), rollout: 0 })
 }
 
-/// Seconds by the wall clock since this was first asked.
+/// Returns the wall-clock seconds since the first call.
 fn now() -> f64 {
     static BEGAN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     BEGAN.get_or_init(Instant::now).elapsed().as_secs_f64()

@@ -27,10 +27,10 @@ use reactsim::models;
 use reactsim::rollout::{Controller, Request, Rollout, ScriptedAv, Settings, roll_out};
 use reactsim::scene::{FUTURE, MAX_AGENTS, Scenario};
 
-/// Rounds of everything on one thread, and of whole runs.
+/// Number of rounds of every measurement on one thread, and of whole runs.
 const ROUNDS: usize = 5;
 const RUNS: usize = 4;
-/// Scenarios that are generated: every map type ten times in benchmarks.
+/// Number of generated scenarios: in benchmarks, ten of every map type.
 const GENERATED: u64 = 210;
 /// The AV of all rollouts.
 const AV: &str = "brake:4";
@@ -78,7 +78,7 @@ fn convert(inputs: &[Input], out: &Path) -> Result<usize> {
     Ok(count)
 }
 
-/// The TFRecord files without compression, where there are some.
+/// Writes the TFRecord files without compression; `None` if there are no such files.
 fn decompress(inputs: &[Input], home: &Path) -> Result<Option<PathBuf>> {
     let folder = home.join("tfrecord");
     let womd: Vec<&Input> = inputs.iter().filter(|i| i.format.id() == "womd").collect();
@@ -102,14 +102,14 @@ fn decompress(inputs: &[Input], home: &Path) -> Result<Option<PathBuf>> {
     Ok(Some(folder))
 }
 
-/// Wall clock and processor time of some work, seconds.
+/// Wall-clock and processor time of some work, seconds.
 #[derive(Clone, Copy)]
 struct Time {
     wall: f64,
     cpu: Option<f64>,
 }
 
-/// Processor time of this thread so far, seconds; `None` where the system does not tell.
+/// Returns the processor time of this thread so far, seconds; `None` if the system does not report it.
 fn cpu_time() -> Option<f64> {
     let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_ascii_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
@@ -123,7 +123,7 @@ fn timed<T>(into: &mut Vec<Time>, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Rounds of several works, added up round by round.
+/// Adds up the times of several works, round by round.
 fn sum(works: &[&Vec<Time>]) -> Vec<Time> {
     let rounds = works.iter().map(|w| w.len()).min().unwrap_or(0);
     let add = |k: usize| {
@@ -133,7 +133,7 @@ fn sum(works: &[&Vec<Time>]) -> Vec<Time> {
     (0..rounds).map(add).collect()
 }
 
-/// Prints a row; `shown` makes a figure of the seconds that a round took.
+/// Prints a row; `shown` formats the seconds that a round took.
 fn row(what: &str, rounds: &[Time], aim: &str, shown: impl Fn(f64) -> String) {
     let mut wall: Vec<f64> = rounds.iter().map(|t| t.wall).collect();
     wall.sort_by(f64::total_cmp);
@@ -142,7 +142,7 @@ fn row(what: &str, rounds: &[Time], aim: &str, shown: impl Fn(f64) -> String) {
     println!("| {what} | {best} | {median} | {} | {aim} |", cpu.map_or_else(|| "–".to_owned(), shown));
 }
 
-/// The works of one thread, round by round.
+/// Times of the works on one thread, round by round.
 #[derive(Default)]
 struct Works {
     native: Vec<Time>,
@@ -212,7 +212,7 @@ fn one_thread(native: &Path, plain: &Option<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// Map, traffic with its warm-up, and the scenario made of them.
+/// Measures generation: the map, traffic with its warm-up, and the scenario made of them.
 fn generation(preset: Preset) -> Result<()> {
     let generator = Generator::new(GenerationSettings { preset, ..GenerationSettings::default() })?;
     let mut rounds = Vec::new();
@@ -229,7 +229,7 @@ fn controller(id: &str) -> Result<Controller> {
     Ok(baseline.simulator()?)
 }
 
-/// The scripted AV; where the logged one is not always there, one that goes straight on.
+/// Returns the scripted AV, or one that goes straight on if the logged AV is not always present.
 fn av(scenario: &Scenario) -> Result<ScriptedAv> {
     let scripted = ScriptedAv::new(scenario, AV.parse()?);
     Ok(scripted.or_else(|_| ScriptedAv::new(scenario, "constant-velocity".parse().expect("a script")))?)
@@ -247,7 +247,7 @@ fn all_rollouts(all: &[Scenario], avs: &[ScriptedAv], by: &Controller) -> Result
     Ok(rollouts)
 }
 
-/// Everything that a run asks of a rollout.
+/// Computes everything that a run computes for a rollout.
 fn judge(all: &[Scenario], rollouts: &[Rollout]) {
     let options = Options::default();
     for (scenario, rollout) in all.iter().zip(rollouts) {
@@ -257,7 +257,7 @@ fn judge(all: &[Scenario], rollouts: &[Rollout]) {
     }
 }
 
-/// Steps 1 to 3 of every scenario; how many step 1 keeps.
+/// Runs steps 1 to 3 for every scenario and returns the number that step 1 keeps.
 fn curate(all: &[Scenario]) -> usize {
     let settings = CurationSettings::default();
     let kept =
@@ -265,7 +265,7 @@ fn curate(all: &[Scenario]) -> usize {
     all.iter().filter(kept).count()
 }
 
-/// Whole runs with one thread and with two.
+/// Measures whole runs with one thread and with two.
 fn threads(native: &Path, home: &Path) -> Result<()> {
     let mut rounds = [Vec::new(), Vec::new()];
     for round in 0..RUNS {
@@ -275,7 +275,7 @@ fn threads(native: &Path, home: &Path) -> Result<()> {
         }
     }
     for (jobs, times) in rounds.iter_mut().enumerate() {
-        // The processor time of the first of several threads says nothing.
+        // The processor time of the first of several threads is meaningless.
         times.iter_mut().for_each(|t| t.cpu = None);
         let what = format!("whole run, `log-replay` and `idm`, {} thread(s), wall", jobs + 1);
         row(&what, times, "", |s| format!("{s:.2} s"));
@@ -292,7 +292,7 @@ fn threads(native: &Path, home: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What a second thread gains on work that shares nothing: the most that the machine grants now.
+/// Returns the gain of a second thread on work that shares nothing: the most that the machine grants now.
 fn machine() -> f64 {
     let count = || {
         let mut x = 1_u64;
@@ -343,7 +343,8 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     }
 }
 
-/// Largest memory of a run of the program in MiB, as the system counted until its last hundredth of a second.
+/// Returns the largest memory of a run of the program in MiB, as the system counted it until the last
+/// hundredth of a second of the run.
 fn peak_memory(input: &Path, home: &Path) -> Result<Option<f64>> {
     let out = tempfile::tempdir_in(home)?;
     let mut child = Command::new(env!("CARGO_BIN_EXE_reactsim"))
@@ -361,7 +362,7 @@ fn peak_memory(input: &Path, home: &Path) -> Result<Option<f64>> {
         let held = line.and_then(|l| l.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
         peak = held.map(|kb| kb / 1024.0).or(peak);
         if let Some(ended) = child.try_wait()? {
-            // Some failed scenarios (exit code 1) are no failed measurement.
+            // A run with some failed scenarios (exit code 1) is a valid measurement.
             return if ended.code().is_some_and(|c| c <= 1) {
                 Ok(peak)
             } else {

@@ -1,7 +1,7 @@
 //! Trains a small network on generated scenarios, and evaluates it next to two baselines.
 //!
-//! The network sets the speeds of agents; they keep their headings. Its input is what a driver needs to follow
-//! another: the own speed, and gap and speed of the nearest agent ahead, which may be the AV.
+//! The network sets the speeds of agents; they keep their headings. Its input is what a driver needs to
+//! follow another: the own speed, and gap and speed of the nearest agent ahead, which may be the AV.
 //!
 //! ```sh
 //! cargo run --release --example train_small
@@ -58,8 +58,8 @@ impl Follower {
 }
 
 /// Returns the features of an agent: own speed, gap and speed of the nearest agent ahead. A free road is one
-/// with a fast agent far ahead. `None` if the agent is absent, or stood until the current frame: it is parked,
-/// or waits for something that is not among the features.
+/// with a fast agent far ahead. `None` if the agent is absent, or stood until the current frame: it is
+/// parked, or waits for something that is not among the features.
 fn features(start: &Start, states: &[Frame], agent: usize) -> Option<[f32; 3]> {
     let state = states[agent]?;
     start.history[agent].iter().flatten().find(|state| state.speed() > STANDSTILL_SPEED)?;
@@ -137,7 +137,7 @@ impl Task for Imitation {
     }
 }
 
-/// The simulator: agents accelerate as the network says.
+/// The simulator: agents accelerate as the network predicts.
 struct Learned(Follower);
 
 impl SingleEpisode for Learned {

@@ -94,8 +94,8 @@ fn section(own: &Actor, driver: &PathFollower) -> (f64, f64) {
     (driver.s - own.half_length, driver.s + reach)
 }
 
-/// Bounds the section of the path in which a vehicle looks for others, and what it drives in `horizon` seconds
-/// at its largest acceleration.
+/// Bounds the section of the path in which a vehicle looks for others, and what it drives in `horizon`
+/// seconds at its largest acceleration.
 pub(super) fn strip(own: &Actor, driver: &PathFollower, horizon: f64) -> Option<Strip> {
     let (from, to) = section(own, driver);
     let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);

@@ -191,8 +191,8 @@ impl Surroundings<'_> {
             if is_beyond(ours.center, reach) {
                 return false;
             }
-            // The AV's forecast is less certain the later it is. A standing vehicle considers that only for an
-            // AV in its own direction: others pass in front of queues all the time.
+            // The AV's forecast is less certain the later it is. A standing vehicle considers that only for
+            // an AV in its own direction: others pass in front of queues all the time.
             let wary = other.is_av && (own.speed > STANDSTILL_SPEED || sample.axis.dot(&ours.axis) > 0.5);
             let lasting = if wary { lasting } else { 0.0 };
             let growth = (AV_GROWTH_ALONG * lasting, AV_GROWTH_ACROSS * lasting);

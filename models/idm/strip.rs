@@ -61,7 +61,8 @@ impl Strip {
     }
 
     /// Returns a lower bound of the absolute offset, metres, at which [`DrivenPath::project`] finds any point
-    /// of the band beside the points up to index `last`, which is in the section. `path` is that of the strip.
+    /// of the band beside the points up to index `last`, which is in the section. `path` is that of the
+    /// strip.
     ///
     /// Let `d` lead from the point that is found to the point of the band, `n` be its part across the axis of
     /// the strip, and `along` its part along the path. The offset is `(n - sin · along) / cos` of the angle

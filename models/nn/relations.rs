@@ -11,7 +11,7 @@ use super::host::is_host;
 #[derive(Clone, Debug)]
 pub struct Relations(pub(super) RelationVectors);
 
-/// Where the vectors are.
+/// Storage of the vectors.
 #[derive(Clone, Debug)]
 pub(super) enum RelationVectors {
     /// The vectors of slots, [N, K, r].

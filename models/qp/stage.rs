@@ -29,7 +29,7 @@ pub enum Intent {
     Vehicle(Vec<Mode>),
 }
 
-/// Which agents and objects vehicles keep clear of.
+/// Agents and objects that vehicles keep clear of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeepClear {
     /// The AV, other agents and static obstacles.

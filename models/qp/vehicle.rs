@@ -22,7 +22,7 @@ struct Attempt {
     moves: Vec<Moving>,
     path: Path,
     solve: Solve,
-    /// How far the plan enters obstacles, metres.
+    /// Distance by which the plan enters obstacles, metres.
     excess: f64,
     spans: Vec<[Option<Span>; TIMES]>,
 }

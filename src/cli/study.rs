@@ -60,8 +60,8 @@ struct SharedArgs {
     /// Continue the interrupted study in --out
     #[arg(long)]
     resume: bool,
-    /// Keep the rollouts in the run folders; `study realism` then also computes the realism metrics of the Sim
-    /// Agents challenge
+    /// Keep the rollouts in the run folders; `study realism` then also computes the realism metrics of the
+    /// Sim Agents challenge
     #[arg(long)]
     keep_rollouts: bool,
     #[command(flatten)]

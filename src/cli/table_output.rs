@@ -20,7 +20,7 @@ const MARKDOWN: &str = "markdown";
 /// Width of tables for terminals that are written to something else.
 const DEFAULT_WIDTH: usize = 80;
 
-/// How tables are printed.
+/// Settings of printed tables.
 #[derive(Debug, Args)]
 pub(super) struct TableArgs {
     /// On a terminal: also a table per category of deviation or per difficulty of the conflict

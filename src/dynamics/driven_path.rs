@@ -278,9 +278,9 @@ impl DrivenPath {
         /// Largest number of points that are skipped.
         const MAX_POINTS: f64 = 16.0;
         // The chord of each skipped arc deviates by at most 0.2 from the axis here, and the path by at most
-        // 16 sin(0.2) = 3.2 m to the side. With more than 1 m + lateral / 2 left along the axis, the way to `p`
-        // has a component along the chord of at least (1 + lateral / 2) cos(0.2) - (lateral + 3.2) sin(0.2)
-        // > 0.3 m: each step along a chord brings `p` nearer, whatever the rounding.
+        // 16 sin(0.2) = 3.2 m to the side. With more than 1 m + lateral / 2 left along the axis, the way to
+        // `p` has a component along the chord of at least (1 + lateral / 2) cos(0.2) - (lateral + 3.2)
+        // sin(0.2) > 0.3 m: each step along a chord brings `p` nearer, whatever the rounding.
         let point = &self.points[start];
         let d = p - point.pose.position;
         let (along, lateral) = (d.dot(&point.axis), point.axis.perp(&d).abs());

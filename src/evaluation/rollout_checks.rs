@@ -8,8 +8,8 @@ use crate::scene::{CURRENT, DT, Frame, HISTORY, Scenario};
 /// Largest distance of a recorded AV from the prescribed trajectory, metres: more than rounding to `f32`.
 const AV_TOLERANCE: f64 = 0.05;
 
-/// Largest distance of the first recorded position from the one that the current velocity leads to, metres: an
-/// acceleration of 200 m/s².
+/// Largest distance of the first recorded position from the one that the current velocity leads to, metres:
+/// an acceleration of 200 m/s².
 const JUMP: f64 = 1.0;
 
 /// Smallest distance of an origin from the world's origin at which the two frames can be told apart, metres.
@@ -63,7 +63,8 @@ impl Findings {
         self.0.iter().map(|(check, (count, text))| (*check, *count, text.as_str()))
     }
 
-    /// Returns the findings that are not allowed, one per line with what allows them; `None` if there is none.
+    /// Returns the findings that are not allowed, one per line with what allows them; `None` if there is
+    /// none.
     pub(super) fn refused(&self, allowed: &[RolloutCheck]) -> Option<String> {
         let lines =
             self.iter().filter(|(check, _, _)| !allowed.contains(check)).map(|(check, count, text)| {

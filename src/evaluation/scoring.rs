@@ -83,8 +83,8 @@ impl Scoring {
     /// need not be met are `allowed`; the summary states how many rollouts fail them.
     ///
     /// # Errors
-    /// [`EvaluationError`] if a scenario file cannot be opened, the folder cannot be written, or rollouts fail
-    /// a check that is not allowed.
+    /// [`EvaluationError`] if a scenario file cannot be opened, the folder cannot be written, or rollouts
+    /// fail a check that is not allowed.
     pub fn run(
         mut self,
         allowed: &[RolloutCheck],

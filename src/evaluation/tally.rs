@@ -31,8 +31,8 @@ pub struct Entry {
     pub difficulty: Option<String>,
     /// Method of assigning lanes for the driving direction.
     pub direction_tracking: Option<String>,
-    /// Statistics of the AV against the logged AV. In the realism protocol, in which every simulator moves the
-    /// AV in its own way, those of the first simulator.
+    /// Statistics of the AV against the logged AV. In the realism protocol, in which every simulator moves
+    /// the AV in its own way, those of the first simulator.
     pub deviation: BTreeMap<String, f64>,
     /// Index of the simulator of these statistics.
     deviation_of: usize,

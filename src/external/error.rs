@@ -17,7 +17,7 @@ pub enum ExternalError {
     Start {
         /// Name of the simulator.
         name: String,
-        /// What happened, with the last lines of its standard error.
+        /// Reason, with the last lines of its standard error.
         reason: String,
     },
     /// It does not support the settings of the run.

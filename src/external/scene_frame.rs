@@ -4,7 +4,7 @@ use super::document::{FrameWriter, Values};
 use super::scenes::{add_scenes, frame_numbers, light_code, state_numbers};
 use crate::scene::{AgentState, FUTURE, Scenario};
 
-/// What a scene contains beyond the information known at the current frame.
+/// Content of a scene beyond the information known at the current frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SceneExtras {
     /// Nothing.

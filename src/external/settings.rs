@@ -11,7 +11,7 @@ pub(super) const MOST_PER_BATCH: usize = 1024;
 /// Number of episodes per batch if neither the settings nor the simulator choose one.
 pub(super) const DEFAULT_BATCH: usize = 16;
 
-/// How an external simulator is reached.
+/// Connection to an external simulator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
     /// A command line for `sh`, started once per worker.
@@ -61,7 +61,7 @@ impl Default for TimeLimits {
 pub struct ExternalSettings {
     /// Name in tables and files: letters, digits, `-`, `_`, `.` and `@`.
     pub name: String,
-    /// How it is reached.
+    /// Connection to the simulator.
     pub command: Command,
     /// Number of processes. Results do not depend on it.
     pub workers: usize,

@@ -79,7 +79,8 @@ impl ExternalSimulator {
         self.settings.reveal_ids
     }
 
-    /// Returns the number of episodes per batch: that of the settings, else the one that it asks for, else 16.
+    /// Returns the number of episodes per batch: that of the settings, else the one that it asks for, else
+    /// 16.
     pub fn batch(&self) -> usize {
         self.settings.batch.or(self.description.batch).unwrap_or(DEFAULT_BATCH)
     }

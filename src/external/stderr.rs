@@ -19,11 +19,11 @@ const MOST_BUFFERED: usize = 1 << 20;
 /// Bytes written to a file; later ones are dropped.
 const MOST_WRITTEN: u64 = 64 << 20;
 
-/// Longest time that a message waits for the last lines of a process that has ended; a grandchild may keep the
-/// stream open.
+/// Longest time that a message waits for the last lines of a process that has ended; a grandchild may keep
+/// the stream open.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// Where the standard error of child processes goes.
+/// Target of the standard error of child processes.
 pub enum StderrTarget {
     /// Appended to this file.
     File(PathBuf),

@@ -246,8 +246,8 @@ impl Grid {
         Some(best)
     }
 
-    /// Finds the nearest item as [`Self::nearest`] does, in the cells that are no farther than `best`, an item
-    /// and its squared distance.
+    /// Finds the nearest item as [`Self::nearest`] does, in the cells that are no farther than `best`, an
+    /// item and its squared distance.
     fn nearest_within(
         &self,
         p: Vec2,

@@ -9,8 +9,8 @@ pub struct Polyline {
     arc: Vec<f64>,
 }
 
-/// Squared ratio of the distance of a point to the least distance so far above which [`Polyline::project`] skips
-/// segments: below it hardly any could be.
+/// Squared ratio of the distance of a point to the least distance so far above which [`Polyline::project`]
+/// skips segments: below it hardly any could be.
 const FAR2: f64 = 9.0;
 /// Number of segments that are examined without an attempt to skip some.
 const FEW: usize = 3;

@@ -6,8 +6,8 @@ use super::markdown::{escape, write_aligned};
 use super::table::{COLUMNS, Column, count};
 use crate::evaluation::{Comparison, ConditionDifference, PairedDifference};
 
-/// Writes comparisons of two runs as Markdown, with the conditions in which the runs differ. Per metric, lists
-/// at most `most` scenarios that got better and at most `most` that got worse.
+/// Writes comparisons of two runs as Markdown, with the conditions in which the runs differ. Per metric,
+/// lists at most `most` scenarios that got better and at most `most` that got worse.
 ///
 /// # Errors
 /// If `out` cannot be written.

@@ -7,7 +7,7 @@ use super::wrap::wrapped;
 use super::{Run, TableStyle, markdown};
 use crate::evaluation::{Estimate, Summary};
 
-/// How a table for a terminal is drawn.
+/// Settings of a table for a terminal.
 #[derive(Clone, Copy, Debug)]
 pub struct TerminalStyle<'a> {
     /// Width of the window, in characters.

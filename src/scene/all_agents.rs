@@ -3,10 +3,10 @@
 use super::{CURRENT, HISTORY, LoggedAgent, Scenario};
 
 impl Scenario {
-    /// Selects all agents with an extent that are present at the current frame, of all kinds and any number, as
-    /// the Sim Agents challenge requires; without this the benchmark selects the 63 nearest vehicles, pedestrians
-    /// and cyclists. The agents that are added follow those selected before, by distance to the AV. Obstacles
-    /// become agents of kind `other`.
+    /// Selects all agents with an extent that are present at the current frame, of all kinds and any number,
+    /// as the Sim Agents challenge requires; without this the benchmark selects the 63 nearest vehicles,
+    /// pedestrians and cyclists. The agents that are added follow those selected before, by distance to the
+    /// AV. Obstacles become agents of kind `other`.
     pub fn with_all_agents(mut self) -> Self {
         let av = self.start.now(0).position();
         let is_here = |logged: &LoggedAgent| {

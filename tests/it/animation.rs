@@ -1,4 +1,4 @@
-//! Animations: what is in the file that `inspect --gif` writes.
+//! Animations: the content of the file that `inspect --gif` writes.
 
 use std::fs;
 use std::io::Cursor;
@@ -89,7 +89,7 @@ fn a_scenario_becomes_a_film() {
 
 #[test]
 fn what_does_not_move_stays_as_it_is() {
-    // Who stands as in the log has no ghost: only time and the event are left to change.
+    // Agents that stand as in the log have no ghosts: only the time and the event change.
     let mut parts = crate::generated::parts(0, false);
     for agent in &mut parts.agents {
         agent.track = vec![agent.track[CURRENT]; agent.track.len()];
@@ -194,7 +194,7 @@ fn simulators_that_are_run_on_the_spot_do_as_in_a_run() {
     assert_ne!(left, right, "the two simulators differ");
 }
 
-/// The pixels of two panels.
+/// Splits a moment into the pixels of its two panels.
 fn split(moment: &[[u8; 4]], size: usize) -> [Vec<[u8; 4]>; 2] {
     let rows = || moment.chunks_exact(2 * size + 8);
     [rows().flat_map(|r| r[..size].to_vec()).collect(), rows().flat_map(|r| r[size + 8..].to_vec()).collect()]

@@ -1,4 +1,4 @@
-//! The front door: `Benchmark` gives the numbers of `run`, for baselines and for simulators of one's own.
+//! The interface `Benchmark` gives the numbers of `run`, for baselines and for simulators defined by users.
 
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -37,7 +37,7 @@ impl SingleEpisode for Frozen {
     }
 }
 
-/// Rows without the digest and the indices of their file.
+/// Returns the rows of a run folder, without the digest and the indices of their file.
 fn rows(folder: &Path) -> Vec<(String, String, Option<u32>, String)> {
     let values =
         |row: Row| (row.scenario, row.simulator, row.rollout, serde_json::to_string(&row.metrics).unwrap());

@@ -1,4 +1,5 @@
-//! Pages in a real browser: headless Chromium, driven over its DevTools protocol. Where there is none, tests say so and pass.
+//! Pages in a real browser: headless Chromium, driven over its DevTools protocol. Without a browser, tests
+//! report that and pass.
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
@@ -10,17 +11,17 @@ use std::{env, fs, thread};
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
-/// How long anything may take on a slow machine.
+/// Time limit of any operation, on a slow machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The browser of this machine.
+/// Returns the path of the browser of this machine, if there is one.
 pub(crate) fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
     let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
     names.iter().find_map(|name| folders.iter().map(|f| f.join(name)).find(|path| path.is_file()))
 }
 
-/// Tries until there is something.
+/// Repeats an attempt until it returns a value.
 fn wait<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
     let begin = Instant::now();
     loop {
@@ -38,9 +39,9 @@ pub(crate) struct Browser {
     socket: WebSocket<TcpStream>,
     session: Option<String>,
     sent: u64,
-    /// What went wrong in the page.
+    /// Errors in the page.
     pub(crate) errors: Vec<String>,
-    /// What the page asked for.
+    /// URLs that the page requested.
     pub(crate) requests: Vec<String>,
     _profile: tempfile::TempDir,
 }
@@ -79,7 +80,7 @@ impl Browser {
         browser
     }
 
-    /// Asks for something and waits for the answer.
+    /// Calls a method of the protocol and waits for the answer.
     pub(crate) fn call(&mut self, method: &str, params: Value) -> Value {
         self.sent += 1;
         let mut message = json!({"id": self.sent, "method": method, "params": params});
@@ -150,7 +151,7 @@ pub(crate) struct Served {
 }
 
 impl Served {
-    /// Runs the program and reads where the page is.
+    /// Starts the program and reads the address of the page.
     pub(crate) fn new(arguments: &[&str]) -> Self {
         let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
             .args(arguments)
@@ -165,7 +166,7 @@ impl Served {
         Self { process, url: url.trim().to_owned() }
     }
 
-    /// As by SIGKILL.
+    /// Kills the program, as SIGKILL does.
     pub(crate) fn kill(&mut self) {
         self.process.kill().unwrap();
         self.process.wait().unwrap();
@@ -181,7 +182,7 @@ impl Drop for Served {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // It ends its own children when it is asked to.
+        // On request, the browser ends its own child processes.
         self.socket.send(Message::text(json!({"id": 0, "method": "Browser.close"}).to_string())).ok();
         let begin = Instant::now();
         while begin.elapsed() < Duration::from_secs(5) && matches!(self.process.try_wait(), Ok(None)) {

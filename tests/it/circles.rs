@@ -1,5 +1,5 @@
-//! No circles among the files of a module: a reader can start at a file that depends on no other one and
-//! work upwards.
+//! No circular dependencies among the files of a module: a reader can start at a file that depends on no
+//! other one and work upwards.
 //!
 //! The graph is read from the text: every path that begins with `crate`, `reactsim`, `self`, `super` or the
 //! name of a child module. Re-exports are resolved to the file that defines the item, so that nothing
@@ -21,7 +21,7 @@ struct Source {
     imports: BTreeMap<String, ModulePath>,
 }
 
-/// Circles that are allowed, by one of their files, with the reason.
+/// Circular dependencies that are allowed, each by one of its files, with the reason.
 const ALLOWED: &[(&str, &str)] = &[];
 
 fn root() -> PathBuf {
@@ -46,7 +46,7 @@ fn collect(folder: &Path, path: &mut ModulePath, files: &mut BTreeMap<ModulePath
     }
 }
 
-/// A text without comments, strings and test modules.
+/// Returns a text without comments, strings and test modules.
 fn code(text: &str) -> String {
     let before_tests = text.split("#[cfg(test)]\nmod ").next().unwrap_or(text);
     let mut code = String::new();
@@ -67,7 +67,7 @@ fn is_name(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The paths of a `use` tree: absolute path and local name.
+/// Collects the paths of a `use` tree: absolute path and local name.
 fn expand(tree: &str, prefix: &[String], found: &mut Vec<(Vec<String>, String)>) {
     let tree = tree.trim();
     if let Some(open) = tree.find('{') {
@@ -99,7 +99,8 @@ fn expand(tree: &str, prefix: &[String], found: &mut Vec<(Vec<String>, String)>)
     }
 }
 
-/// The path from the root of the crate of a path in a module; `None` for other crates and local names.
+/// Returns the path from the root of the crate of a path in a module; `None` for other crates and local
+/// names.
 fn absolute(path: &[String], module: &[String], children: &BTreeSet<String>) -> Option<ModulePath> {
     let first = path.first()?.as_str();
     if first == "crate" || first == "reactsim" {
@@ -116,7 +117,7 @@ fn absolute(path: &[String], module: &[String], children: &BTreeSet<String>) -> 
     children.contains(first).then(|| [module, path].concat())
 }
 
-/// The statements `use …;` of a text, and the text without them.
+/// Returns the statements `use …;` of a text, and the text without them.
 fn uses(code: &str) -> (Vec<String>, String) {
     let (mut statements, mut rest) = (Vec::new(), String::new());
     let mut lines = code.lines();
@@ -142,7 +143,7 @@ fn uses(code: &str) -> (Vec<String>, String) {
     (statements, rest)
 }
 
-/// The paths with `::` in a text outside `use` statements.
+/// Returns the paths with `::` in a text outside `use` statements.
 fn inline_paths(code: &str) -> Vec<Vec<String>> {
     let mut found = Vec::new();
     for word in code.split(|c: char| !is_name(c) && c != ':') {
@@ -154,7 +155,7 @@ fn inline_paths(code: &str) -> Vec<Vec<String>> {
     found
 }
 
-/// The file that defines what a path names, following re-exports.
+/// Returns the file that defines the item of a path, following re-exports.
 fn resolve(path: &[String], sources: &BTreeMap<ModulePath, Source>, depth: usize) -> Option<ModulePath> {
     let length = (0..=path.len()).rev().find(|n| sources.contains_key(&path[..*n]))?;
     let (module, rest) = (path[..length].to_vec(), &path[length..]);
@@ -187,7 +188,8 @@ fn graph() -> Graph {
             expand(&statement, &[], &mut found);
             for (path, name) in found {
                 if let Some(target) = absolute(&path, module, &children) {
-                    // A name that is used below is a dependency; one that is only passed on is not.
+                    // A name that the rest of the file uses is a dependency; one that is only re-exported is
+                    // not.
                     let is_used = rest.split(|c: char| !is_name(c)).any(|word| word == name);
                     if is_used || name == "*" {
                         used.push(target.clone());
@@ -209,7 +211,7 @@ fn graph() -> Graph {
     graph
 }
 
-/// Every set of files that reach each other.
+/// Returns every set of files that reach each other.
 fn circles(graph: &Graph) -> Vec<Vec<ModulePath>> {
     let reach = |from: &ModulePath| {
         let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);

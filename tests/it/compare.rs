@@ -1,4 +1,4 @@
-//! Two runs compared: nothing where they are the same, what was planted where they are not.
+//! Two runs compared: no difference if they are equal, and otherwise exactly the planted differences.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::program::reactsim;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
-/// What is printed by a command that ends with this code.
+/// Returns stdout and stderr of a command that ends with this code.
 fn said(arguments: &[&str], code: i32) -> (String, String) {
     let output = reactsim(arguments);
     let of = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -21,7 +21,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A copy of a run folder whose rows were changed.
+/// Writes a copy of a run folder with changed rows.
 fn changed(run: &Path, to: &Path, mut change: impl FnMut(&mut Value)) {
     fs::create_dir(to).unwrap();
     for entry in fs::read_dir(run).unwrap() {
@@ -86,10 +86,10 @@ fn what_was_planted_is_found_and_nothing_else() {
     let (_, error) = compare(&["--worse", "aav-collision=0.2"], 1);
     assert!(error.contains("`idm` got worse by more than aav-collision=0.2"), "{error}");
     compare(&["--worse", "aav-collision=0.3", "--worse", "offroad=0"], 0);
-    // The other way round it got better.
+    // In the other direction it got better.
     said(&["compare", text(&planted), text(&run), "--worse", "aav-collision=0"], 0);
 
-    // Two simulators of one run: who stands drives into nobody.
+    // Two simulators of one run: standing agents collide with nobody.
     let (table, _) = said(&["compare", text(&run), text(&run), "--models", "constant-velocity,stop"], 0);
     assert!(table.contains("constant-velocity and stop: 12 scenarios"), "{table}");
 }

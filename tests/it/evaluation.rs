@@ -102,7 +102,7 @@ fn a_finished_run_resumes_to_itself_and_an_absent_one_begins() {
     let folder = home.path().join("run");
     run(&plan(1), &folder, true, 2, 2);
     let wanted = files(&folder);
-    // Halves of files that a kill left behind go away.
+    // Partial files that a kill left behind are removed.
     let halves = [".summary.json.1.partial", ".rollouts.parquet.1.partial"].map(|n| folder.join(n));
     halves.iter().for_each(|half| fs::write(half, "half").unwrap());
     run(&plan(1), &folder, true, 2, 2);
@@ -185,7 +185,7 @@ fn numbers_are_what_the_rows_say() {
     let replay = &summary.simulators["log-replay"];
     assert!(replay.oracle);
     assert_eq!((replay.scenarios, replay.failed), (9, 0));
-    // The AV brakes to a halt in front of its follower, which replays its log into it.
+    // The AV brakes to a halt in front of its follower, which replays its log and hits the AV.
     assert_eq!(replay.metrics["aav-collision"].mean, Some(1.0));
     assert_eq!(replay.pressure.share_at_fault_collision, Some(1.0));
     assert_eq!(replay.metrics["ade"].mean, Some(0.0));
@@ -201,7 +201,7 @@ fn numbers_are_what_the_rows_say() {
     let text = fs::read_to_string(home.path().join(ROWS)).unwrap();
     assert_eq!(text.lines().count(), 9 * 3 * (2 + 1));
     assert_eq!(serde_json::from_str::<Summary>(&summary.to_json()).unwrap(), summary);
-    // Without certificates nothing is known of difficulties and over-reaction.
+    // Without certificates, difficulties and over-reaction are unknown.
     assert!(!summary.to_json().contains("by_difficulty"));
     assert_eq!(stop.metrics["over-reaction"].mean, None);
 }

@@ -1,4 +1,4 @@
-//! External simulators: the same numbers as baselines, and no fault that stalls or falsifies a run.
+//! External simulators: the same numbers as baselines, and no fault stalls or falsifies a run.
 
 mod faults;
 
@@ -23,13 +23,13 @@ use serde_json::Value;
 
 const CHILD: &str = include_str!("external/child.py");
 
-/// A copy of the child with a path of its own, by which its processes are recognised.
+/// A copy of the child with a path of its own, which identifies its processes.
 pub(super) struct Child {
     folder: tempfile::TempDir,
 }
 
 impl Child {
-    /// `None`, with a message, where there is no Python.
+    /// Copies the child. `None`, with a message, if there is no Python.
     pub(super) fn new() -> Option<Self> {
         if !Process::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
             crate::skipped("there is no python3");
@@ -44,9 +44,9 @@ impl Child {
         self.folder.path().join(name)
     }
 
-    /// The command with a fault, such as `nan plan 0 once:FILE`.
+    /// Returns the command with a fault, such as `nan plan 0 once:FILE`.
     pub(super) fn command(&self, fault: &str) -> Command {
-        // Some shells would stay between the program and the child.
+        // Without `exec`, some shells would stay between the program and the child.
         Command::Shell(format!("exec python3 {} {fault}", self.path("child.py").display()))
     }
 
@@ -55,14 +55,14 @@ impl Child {
         ExternalSettings { limits, ..ExternalSettings::new("mine", self.command(fault)) }
     }
 
-    /// Processes of this child that still run.
+    /// Returns the number of processes of this child that still run.
     pub(super) fn left_over(&self) -> usize {
         let mark = self.folder.path().display().to_string();
         let is_ours = |entry: &fs::DirEntry| {
             let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
             String::from_utf8_lossy(&line).contains(&mark)
         };
-        // Where there is no /proc, this cannot be checked.
+        // Without /proc, this cannot be checked.
         fs::read_dir("/proc").map_or(0, |all| all.flatten().filter(is_ours).count())
     }
 }
@@ -107,7 +107,7 @@ impl RunObserver for Collector {
     }
 }
 
-/// Rows by scenario, without the name of the simulator and how plans ended; failures by scenario.
+/// Rows by scenario, without the name of the simulator and the endings of plans; failures by scenario.
 pub(super) type Results = (BTreeMap<String, Value>, BTreeMap<String, String>);
 
 pub(super) fn run(plan: &Plan, jobs: usize) -> Results {
@@ -206,7 +206,7 @@ fn an_interrupted_run_is_resumed_to_the_same_rows() {
     let lines = fs::read_to_string(out.join("rows.jsonl")).unwrap().lines().count();
     assert_eq!(lines, 2 * wanted.len(), "no row twice");
 
-    // Another batch is another run.
+    // A run with another batch size is another run.
     let other = ExternalSettings { batch: Some(5), ..child.settings("", LONG) };
     let plan = plan_of(vec![start(other).unwrap()], Protocol::Reactive);
     let refused = RunFolder::resume(&out, &plan.provenance(), &mut plan.tally()).err().unwrap().to_string();

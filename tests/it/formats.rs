@@ -26,7 +26,7 @@ use reactsim::scene::Scenario;
 
 use self::proto::Proto;
 
-/// What a refusal says, and the change of good input that brings it.
+/// Text of a refusal, and the change of valid input that causes it.
 pub(crate) type Case<T> = (&'static str, fn(&mut T));
 
 pub(crate) fn digests(path: &Path) -> Vec<Result<String, FormatError>> {
@@ -40,7 +40,7 @@ pub(crate) fn good(path: &Path) -> Vec<Scenario> {
     open(path).unwrap().map(|s| s.unwrap()).collect()
 }
 
-/// The scenario of a file with this current frame.
+/// Returns the scenario of a file with this current frame.
 pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
     let input = find_inputs(path).unwrap().remove(0);
     let input = Input { current_frame: Some(current_frame), ..input };
@@ -56,7 +56,7 @@ pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, For
     read
 }
 
-/// Two readings of one recording: the same agents, in any order, and the same logs to 1 cm.
+/// Checks that two readings of one recording agree: the same agents, in any order, and the same logs to 1 cm.
 pub(crate) fn logs_agree(ours: &Scenario, theirs: &Scenario) {
     let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     let id = &ours.id;
@@ -81,14 +81,14 @@ pub(crate) fn logs_agree(ours: &Scenario, theirs: &Scenario) {
     }
 }
 
-/// The only message that a file gives.
+/// Returns the only message that reading a file gives.
 pub(crate) fn refusal(path: &Path) -> String {
     let mut all = digests(path);
     assert_eq!(all.len(), 1, "{all:?}");
     all.remove(0).unwrap_err().to_string()
 }
 
-/// A writer that is not dropped unfinished.
+/// Writes scenarios to a native file, and finishes it.
 pub(crate) fn write_native(path: &Path, scenarios: &[Scenario]) {
     let mut writer = native::Writer::create(path).unwrap();
     scenarios.iter().for_each(|s| writer.write(s).unwrap());
@@ -185,7 +185,8 @@ fn real_scenarios_survive_native_bit_for_bit() {
     let parquet = folder.path().join("real.parquet");
     for split in ["data/womd/val", "data/womd/train"] {
         let Some(path) = crate::shared(split) else { return };
-        // Every fourth scenario: the others differ in nothing that matters here, and this runs in every build.
+        // Every fourth scenario: the others differ in nothing that matters here, and this runs in every
+        // build.
         let mut before = Vec::new();
         let mut writer = native::Writer::create(&parquet).unwrap();
         for (i, scenario) in open(&path).unwrap().enumerate() {

@@ -1,4 +1,4 @@
-//! `reactsim generate` as its user sees it, and what holds of presets.
+//! `reactsim generate` as its user sees it, and properties of presets.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -64,7 +64,7 @@ fn presets_never_share_a_scenario() {
         for seed in [0, 1, 10, u64::MAX] {
             for number in [0, 1, 10, 999_999, 1_000_000, 10_000_000] {
                 let id = settings(preset, seed).id(number);
-                // The name of the preset comes first, and no name begins another.
+                // The name of the preset comes first, and no name is the beginning of another.
                 assert!(id.starts_with(&format!("{}-{seed}-", preset.name())), "{id}");
                 for purpose in [Purpose::Map, Purpose::Traffic] {
                     use rand::RngExt;
@@ -112,7 +112,7 @@ fn files_are_the_same_whatever_the_threads() {
         entry["command"].as_str(),
         Some("reactsim generate --preset train --count 20 --seed 3 --out train.parquet")
     );
-    // They are the scenarios of the numbers.
+    // The file has the scenarios of these numbers.
     let settings = GenerationSettings { preset: Preset::Train, seed: 3, ..GenerationSettings::default() };
     let generator = Generator::new(settings.clone()).unwrap();
     let read = formats::open(&home.path().join("1/train.parquet")).unwrap();
@@ -174,7 +174,7 @@ fn a_small_benchmark_is_what_was_asked_for() {
     let of = |id: &str| scenarios.iter().filter(|s| s.source == format!("generated/{id}")).count();
     assert!(of(maps[0]) > 0 && of(maps[0]) + of(maps[1]) == 6, "{} of {}", of(maps[0]), maps[0]);
 
-    // And it can be run as it is.
+    // The file can be run as it is.
     let run = reactsim(&["run", path(&file), "--models", "stop"]);
     assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
 }
@@ -197,7 +197,7 @@ fn interrupted_it_leaves_what_is_finished() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // A row group is written: there are scenarios.
+    // A row group has been written, so there are scenarios.
     for _ in 0..1200 {
         if partial(10_000) {
             break;

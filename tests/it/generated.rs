@@ -1,4 +1,4 @@
-//! Small scenarios made by rule, for tests that need many of them fast.
+//! Small synthetic scenarios, for tests that need many of them fast.
 
 use reactsim::evaluation::{FileRecord, Source};
 use reactsim::formats::{decoded, native::Writer};
@@ -9,7 +9,8 @@ use reactsim::scene::{
     RoadEdgeKind, Scenario, ScenarioParts,
 };
 
-/// A vehicle on the x axis: present in all frames, position and speed at the current frame given.
+/// Returns a vehicle along the x axis: present in all frames, with this position and speed at the current
+/// frame.
 fn driver(id: &str, x: f64, y: f64, speed: f64) -> LoggedAgent {
     let state =
         |f: usize| AgentState { x: x + speed * 0.1 * (f as f64 - 10.0), y, heading: 0.0, vx: speed, vy: 0.0 };
@@ -19,17 +20,18 @@ fn driver(id: &str, x: f64, y: f64, speed: f64) -> LoggedAgent {
     }
 }
 
-/// Scenario `i` of a family: a straight road, an AV with a follower, a leader and a neighbour; the deviated AV brakes.
+/// Returns scenario `i` of a family: a straight road, an AV with a follower, a leader and a neighbour; the
+/// deviated AV brakes.
 pub(crate) fn scenario(i: usize) -> Scenario {
     deviating(i, true)
 }
 
-/// The same, with or without a deviated AV.
+/// As [`scenario`], with or without a deviated AV.
 pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
     Scenario::assemble(parts(i, deviated)).unwrap()
 }
 
-/// The same in parts, before it is put together.
+/// As [`deviating`], in parts.
 pub(crate) fn parts(i: usize, deviated: bool) -> ScenarioParts {
     let speed = 6.0 + (i % 7) as f64;
     let gap = 9.0 + (i % 5) as f64;
@@ -80,7 +82,8 @@ pub(crate) fn parts(i: usize, deviated: bool) -> ScenarioParts {
     }
 }
 
-/// Scenario `i` with a certificate: the follower brakes too, 0.3 s after the AV. Difficulties take turns: easy, medium, hard.
+/// Returns scenario `i` with a certificate: the follower brakes too, 0.3 s after the AV. Difficulties take
+/// turns: easy, medium, hard.
 pub(crate) fn certified(i: usize) -> Scenario {
     let mut parts = parts(i, true);
     let (follower, reaction, deceleration) = (&parts.agents[1].track, 3, 4.5);
@@ -110,12 +113,12 @@ pub(crate) fn certified(i: usize) -> Scenario {
     Scenario::assemble(parts).unwrap()
 }
 
-/// A source that makes its scenarios anew each time it is opened.
+/// Returns a source that makes its scenarios again each time it is opened.
 pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
     source_of(name, scenarios, scenario)
 }
 
-/// The same with scenarios of another rule.
+/// As [`source`], with scenarios of another rule.
 pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Scenario) -> Source {
     Source {
         count: Some(scenarios.len()),

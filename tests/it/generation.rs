@@ -1,4 +1,4 @@
-//! What every generated scenario obeys, and what the generator promises of all of them.
+//! Laws that every generated scenario obeys, and promises of the generator for all of them.
 
 mod digests;
 mod motion;

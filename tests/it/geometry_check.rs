@@ -97,7 +97,7 @@ impl Draw {
         (self.0.next_u32() % 4) as f64 * FRAC_PI_2
     }
 
-    /// Draws a box at a place as far from the origin as boxes are in world coordinates.
+    /// Draws a box as far from the origin as boxes are in world coordinates.
     fn rectangle(&mut self) -> Rectangle {
         Rectangle {
             x: self.between(-1e4, 1e4),
@@ -128,7 +128,8 @@ impl Draw {
                 } else {
                     b
                 };
-                // The corner of the second box that touches, relative to its centre, in the frame of the first.
+                // The corner of the second box that touches, relative to its centre, in the frame of the
+                // first.
                 let (sin, cos) = (b.heading - a.heading).sin_cos();
                 let (ahead, left) = (0.5 * b.length.copysign(sin), 0.5 * b.width.copysign(cos));
                 let corner = (ahead * cos - left * sin, ahead * sin + left * cos);

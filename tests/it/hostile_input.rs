@@ -1,4 +1,4 @@
-//! Input that once hung the program, ended it, or became a number.
+//! Input that once hung the program, ended it, or gave a number.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 
 use crate::program::reactsim;
 
-/// A rollout document with one scenario: an AV and another vehicle behind each other, between two road edges.
+/// Returns a rollout document with one scenario: an AV and another vehicle, one behind the other, between two
+/// road edges.
 fn document() -> Value {
     let steady = |x: f64| (0..91).map(|f| x + 0.5 * f64::from(f)).collect::<Vec<_>>();
     let agent = |id: &str, x: f64| {
@@ -29,7 +30,7 @@ fn document() -> Value {
     json!({ "format": "reactsim-rollouts-v1", "dt": 0.1, "scenarios": [scenario] })
 }
 
-/// What `score` prints of a document, and its exit code.
+/// Returns the exit code of `score` for a document, and its messages.
 fn score(document: &Value) -> (Option<i32>, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("document.json");
@@ -116,7 +117,7 @@ fn pipes_and_devices_are_refused() {
             assert!(error.contains("a pipe or a device"), "{arguments:?}: {error}");
         }
     }
-    // In a folder it is passed over.
+    // In a folder, the pipe is passed over.
     fs::copy(
         concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini/crossing.json"),
         folder.path().join("b.json"),

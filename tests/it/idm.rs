@@ -1,5 +1,5 @@
-//! What a traffic engineer would ask of `idm`, each question a small hand-built scene. Several are failures of other programs'
-//! rule-based agents.
+//! Questions of a traffic engineer to `idm`, each as a small hand-built scene. Several are failures of other
+//! programs' rule-based agents.
 
 mod conflicts;
 mod following;
@@ -13,10 +13,10 @@ use reactsim::scene::{AgentState, Scenario};
 
 use crate::scenes::{accelerations, contact, future};
 
-/// Nobody brakes harder, m/s².
+/// Largest deceleration of any agent, m/s².
 const HARDEST: f64 = 5.5;
 
-/// Fails where two agents overlap.
+/// Fails if two agents overlap.
 #[track_caller]
 fn no_contact(scenario: &Scenario, rollout: &Rollout) {
     if let Some((step, a, b)) = contact(scenario, rollout) {
@@ -24,7 +24,7 @@ fn no_contact(scenario: &Scenario, rollout: &Rollout) {
     }
 }
 
-/// The track of an agent that brakes no harder than drivers here do.
+/// Returns the track of an agent; fails if it brakes harder than [`HARDEST`].
 #[track_caller]
 fn braking_within_limits(scenario: &Scenario, rollout: &Rollout, id: &str) -> Vec<AgentState> {
     let track = future(scenario, rollout, id);
@@ -33,7 +33,7 @@ fn braking_within_limits(scenario: &Scenario, rollout: &Rollout, id: &str) -> Ve
     track
 }
 
-/// Speed at the end, m/s.
+/// Returns the speed at the end, m/s.
 fn last_speed(track: &[AgentState]) -> f64 {
     track[track.len() - 1].speed()
 }

@@ -1,10 +1,10 @@
-//! The house: rooms import only from floors below (see the crate's documentation).
+//! Layers of the crate: modules import only from lower layers (see the crate's documentation).
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The floors from the ground up. A room may use the rooms of lower floors, and itself.
+/// Layers (floors) from the bottom up. A top-level module (room) may use those of lower layers, and itself.
 const FLOORS: &[&[&str]] = &[
     &["files", "geometry", "work"],
     &["scene"],
@@ -27,7 +27,7 @@ fn floor(room: &str) -> Option<usize> {
     FLOORS.iter().position(|rooms| rooms.contains(&room))
 }
 
-/// Rust files below a folder.
+/// Collects the Rust files below a folder.
 fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
@@ -40,7 +40,7 @@ fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// The room of a file: the first part of its path below `src` or `models`.
+/// Returns the top-level module of a file: the first part of its path below `src` or `models`.
 fn room(path: &Path) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = path.strip_prefix(root).unwrap();
@@ -51,7 +51,8 @@ fn room(path: &Path) -> String {
     }
 }
 
-/// How many `super` lead from a file to the root of the crate: 1 for the main file of a room.
+/// Returns the number of `super` from a file to the root of the crate: 1 for the main file of a top-level
+/// module.
 fn depth(path: &Path) -> usize {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = path.strip_prefix(root).unwrap();
@@ -59,12 +60,12 @@ fn depth(path: &Path) -> usize {
     below.iter().count() - usize::from(path.ends_with("mod.rs"))
 }
 
-/// A text without its lines of comment.
+/// Returns a text without its comment lines.
 fn code(text: &str) -> String {
     text.lines().filter(|l| !l.trim_start().starts_with("//")).map(|l| format!("{l}\n")).collect()
 }
 
-/// What a text names after climbing: the text after `depth` times `super::`, or more in modules within it.
+/// Returns the paths that follow `depth` times `super::` in a text, or more in modules within it.
 fn climbs(text: &str, depth: usize) -> Vec<String> {
     let code = code(text);
     let (mut found, mut rest) = (Vec::new(), code.as_str());
@@ -81,20 +82,20 @@ fn climbs(text: &str, depth: usize) -> Vec<String> {
     found
 }
 
-/// The rooms that a text reaches from the root of the crate by climbing.
+/// Returns the top-level modules that a text names through `super::`.
 fn climbed_rooms(text: &str, depth: usize) -> Vec<String> {
     let items = climbs(text, depth);
-    // As if it were written from the root; what is no room is no concern.
+    // As if written from the root; names that are not top-level modules do not count.
     items.iter().flat_map(|item| imports(&format!("crate::{item}"))).filter(|n| floor(n).is_some()).collect()
 }
 
-/// The rooms that a text names after `crate::` or `reactsim::`, inside braces too.
+/// Returns the top-level modules that a text names after `crate::` or `reactsim::`, also inside braces.
 fn imports(text: &str) -> Vec<String> {
     let code = code(text);
     ["crate::", "reactsim::"].iter().flat_map(|prefix| names_after(&code, prefix)).collect()
 }
 
-/// The names that follow a prefix, inside braces too.
+/// Returns the names that follow a prefix, also inside braces.
 fn names_after(code: &str, prefix: &str) -> Vec<String> {
     let name = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let mut found = Vec::new();
@@ -145,7 +146,7 @@ fn rooms_import_only_from_floors_below() {
         let text = fs::read_to_string(path).unwrap();
         for used in imports(&text).into_iter().chain(climbed_rooms(&text, depth(path))) {
             let below = floor(&used).is_some_and(|f| f < own_floor);
-            // Items at the root of the crate have no room; there are none but the rooms themselves.
+            // Items at the root of the crate belong to no module; there are none but the modules themselves.
             if used != own && !below {
                 wrong.push(format!("{}: `{own}` uses `{used}`", path.display()));
             }
@@ -172,7 +173,7 @@ fn climbing_over_the_root_is_found() {
     assert_eq!(climbed_rooms("let a = super::super::super::{evaluation, x};", 2), ["evaluation"]);
 }
 
-/// The level of a module of `models`; `None` for other names.
+/// Returns the level of a module of `models`; `None` for other names.
 fn model_level(module: &str) -> Option<usize> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("models").join(module);
     let is_folder = || !module.is_empty() && folder.is_dir();
@@ -180,7 +181,7 @@ fn model_level(module: &str) -> Option<usize> {
     listed.or_else(|| is_folder().then_some(MODEL_LEVELS.len()))
 }
 
-/// The modules of the items that `models/mod.rs` re-exports.
+/// Returns the modules of the items that `models/mod.rs` re-exports.
 fn model_exports(text: &str) -> BTreeMap<String, String> {
     let lines = text.lines().filter_map(|line| line.strip_prefix("pub use ")?.split_once("::"));
     lines
@@ -190,12 +191,12 @@ fn model_exports(text: &str) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// The modules of `models` that a text uses, `depth` times `super::` above which is `models`.
+/// Returns the modules of `models` that a text uses; `models` is `depth` times `super::` above it.
 fn model_imports(text: &str, depth: usize, exports: &BTreeMap<String, String>) -> Vec<String> {
     let climbed =
         climbs(text, depth).into_iter().flat_map(|i| names_after(&format!("models::{i}"), "models::"));
     let names = names_after(&code(text), "models::").into_iter().chain(climbed);
-    // What `models/mod.rs` itself defines, the list of baselines and their type, has no level.
+    // Items of `models/mod.rs` itself, the list of baselines and their type, have no level.
     names.map(|n| exports.get(&n).cloned().unwrap_or(n)).filter(|n| model_level(n).is_some()).collect()
 }
 

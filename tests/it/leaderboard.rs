@@ -1,5 +1,5 @@
-//! Leaderboards: entries in one table, with how far each was checked; what cannot stand beside the others is
-//! refused.
+//! Leaderboards: entries in one table, with the extent of their verification; entries that are not comparable
+//! with the others are refused.
 
 use std::fs;
 use std::path::Path;
@@ -58,7 +58,7 @@ fn entries_that_are_not_alike_are_refused() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let drop_rollouts = |entry: &Path| fs::remove_file(entry.join("rollouts.parquet")).unwrap();
-    // Without rollouts nothing is scored again, which takes seconds.
+    // Entries without rollouts are not scored again, which takes seconds.
     let first = copy(run(), &at("run"));
     drop_rollouts(&first);
     let mut n = 0;
@@ -100,14 +100,14 @@ fn entries_that_are_not_alike_are_refused() {
             }
         });
     };
-    // A summary that the rows do not give.
+    // A summary that does not follow from the rows.
     let summed = refused(&|entry| {
         let other = at("other");
         better(&copy(run(), &other));
         fs::copy(other.join("summary.json"), entry.join("summary.json")).unwrap();
     });
     assert!(summed.contains("summary.json and the rows do not agree"), "{summed}");
-    // Rows that the rollouts do not give.
+    // Rows that do not follow from the rollouts.
     let edited = refused_with_rollouts(&better);
     assert!(edited.contains("the rollouts do not reproduce the rows: scenario"), "{edited}");
     assert!(edited.contains("`log-replay`: `metrics.aav-collision"), "{edited}");

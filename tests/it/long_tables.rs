@@ -1,4 +1,4 @@
-//! The tables of a run folder hold what its lines hold.
+//! The tables of a run folder have the content of its JSON lines.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -31,7 +31,7 @@ fn text(field: &Field) -> Option<&str> {
     }
 }
 
-/// A score as a number.
+/// Returns a score as a number.
 fn number(score: &Value) -> Option<f64> {
     let (kind, value) = score.as_object()?.iter().next()?;
     match kind.as_str() {

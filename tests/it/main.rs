@@ -54,11 +54,10 @@ mod wosac;
 mod smart_golden;
 mod smart_simulator;
 
-// Path of the geometry in sources of the library that are compiled here again.
+// Sources of the library that are compiled here again use the geometry by this path.
 use reactsim::geometry;
 
-/// Where the shared data lie, if they are there; a test that needs them is passed over otherwise, which is
-/// said here.
+/// Returns a path in the shared data if it exists; otherwise reports that the test is skipped.
 #[track_caller]
 pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
     let found = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
@@ -69,8 +68,7 @@ pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
     None
 }
 
-/// Says that a test is passed over. Past the harness, which shows nothing of what a test prints that goes
-/// well.
+/// Reports that a test is skipped. Writes past the harness, which hides the output of tests that pass.
 #[track_caller]
 pub(crate) fn skipped(why: &str) {
     use std::io::Write;

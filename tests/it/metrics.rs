@@ -1,4 +1,5 @@
-//! Metrics: the worked cases, hand arithmetic, properties, and a slow literal reading of the definitions beside ours.
+//! Metrics: the worked cases, hand arithmetic, properties, and a comparison with a slow, literal
+//! implementation of the definitions.
 
 #![allow(
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! The hand-made scenarios do what they are for.
+//! The hand-made scenarios serve their purpose.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ fn scenarios() -> Vec<Scenario> {
     formats::open(&folder).unwrap().map(Result::unwrap).collect()
 }
 
-/// First frame from `first` on at which two agents of the tracks overlap.
+/// Returns the first frame from `first` on at which two agents of the tracks overlap.
 fn overlap(scenario: &Scenario, tracks: &[Vec<Frame>], i: usize, j: usize, first: usize) -> Option<usize> {
     let agents = &scenario.start.agents;
     (first..tracks[i].len()).find(|&f| match (tracks[i][f], tracks[j][f]) {

@@ -1,4 +1,4 @@
-//! Weights and parameters that a user gives: where they go, where they are recorded, and every way in which they can be wrong.
+//! Weights and parameters from users: their use, their records, and every way in which they can be wrong.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,7 +20,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-/// What is said of a run that is refused before its first scenario.
+/// Returns the message of a run that is refused before its first scenario.
 fn refused(arguments: &[&str]) -> String {
     let output = reactsim(&[&["run", "--limit", "1"], arguments].concat());
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
@@ -28,7 +28,7 @@ fn refused(arguments: &[&str]) -> String {
     stderr(&output)
 }
 
-/// Weights that nobody trained, for a baseline whose weights do not ship; `None` where there is no rule for them.
+/// Returns untrained weights for a baseline whose weights do not ship; `None` if there is no rule for them.
 pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     let device = Device::flex();
     let mut init = Initializer::new(7, &device);
@@ -42,7 +42,7 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     Some(WeightsFile::new("untrained.safetensors", bytes))
 }
 
-/// A file of such weights.
+/// Writes a file of such weights and returns its bytes.
 fn write_untrained(path: &Path) -> Vec<u8> {
     let bytes = untrained("pufferdrive").unwrap().bytes.into_owned();
     fs::write(path, &bytes).unwrap();
@@ -85,7 +85,7 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
     let text = refused(&["--model-weights", &given(&file)]);
     assert!(text.contains("some.safetensors of `pufferdrive`") && text.contains("cut short"), "{text}");
 
-    // Under the name of the published file it must be that file.
+    // A file with the name of the published file must be that file.
     let known = folder.path().join("pufferdrive_v2.safetensors");
     fs::write(&known, &whole).unwrap();
     let text = refused(&["--model-weights", &given(&known)]);
@@ -125,7 +125,7 @@ fn what_was_given_stands_in_the_results_and_counts_when_resuming() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let table = stdout(&output);
     let line = format!("stop with deceleration=2.0, pufferdrive with some.safetensors ({}), ", &digest[..12]);
-    // Underlines and the like are escaped in tables.
+    // Underscores and similar characters are escaped in tables.
     assert!(table.replace('\\', "").contains(&line), "{line} is not in\n{table}");
 
     let text = fs::read_to_string(folder.path().join("run/provenance.json")).unwrap();

@@ -1,4 +1,5 @@
-//! The reactive network and its simulator: what is the same seen from elsewhere, what may not be seen, what a batch changes (nothing).
+//! The reactive network and its simulator: independence from the frame of reference, limits of what is
+//! visible, and no effect of batches.
 
 use std::collections::BTreeMap;
 
@@ -15,14 +16,14 @@ use reactsim::rollout::{Controller, LogAv, Replan, Request, Rollout, Settings, r
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
 use reactsim::training::{Task, View};
 
-/// A network with random weights: what it says is nonsense, how it says it is not.
+/// Returns a network with random weights: its output has the right form, but no meaning.
 fn policy(device: &Device) -> Policy {
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), device);
     let bytes = task.file(&task.init(7), &serde_json::json!({"seed": 7})).unwrap();
     Policy::read(&bytes, device).unwrap()
 }
 
-/// The file of a small network that nobody trained.
+/// Returns the file of a small untrained network.
 pub(crate) fn untrained() -> Vec<u8> {
     let network = Config {
         hidden: 16,
@@ -86,7 +87,7 @@ fn run(controller: &Controller, batch: &[&Scenario], settings: &Settings) -> Vec
 fn what_is_computed_step_by_step_is_what_one_pass_gives() {
     let device = device();
     let policy = policy(&device);
-    // Every token is to be the likeliest.
+    // The most probable token is always taken.
     let driving = Driving { keep_clear: false, ..greedy() };
     let controller =
         Controller::Fair(Box::new(ReactiveSimulator::new(policy.clone(), driving, device.clone())));
@@ -106,7 +107,7 @@ fn what_is_computed_step_by_step_is_what_one_pass_gives() {
             if frame < CURRENT || slot == 0 || agent.kind == AgentKind::Vehicle {
                 continue;
             }
-            // People on foot and on bicycles do what their tokens say, so that the token can be told.
+            // Pedestrians and cyclists move exactly as their tokens, so that the token can be recognised.
             let class = Class::of(agent.kind).unwrap();
             let best =
                 (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a))).unwrap();
@@ -140,7 +141,7 @@ fn a_scene_that_is_turned_and_moved_is_the_same() {
     }
 }
 
-/// The scenario turned about the origin, then shifted.
+/// Returns the scenario turned about the origin, then shifted.
 pub(crate) fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario {
     use reactsim::geometry::Polyline;
     let turn = |p: Vec2| {
@@ -310,7 +311,7 @@ fn samples_teach_the_nearest_token_and_only_where_there_is_one() {
         let sample = task.prepare(&scenario, View::Plain).unwrap();
         let output = task.loss(&task.init(0), &[sample], None);
         let loss = f64::from(output.loss.into_scalar::<f32>()) / output.items;
-        // About as surprised as one who knows nothing of a thousand tokens.
+        // The loss is about that of a uniform guess among a thousand tokens.
         assert!((5.0..9.0).contains(&loss), "{loss}");
     }
 }

@@ -500,7 +500,8 @@ fn studies_have_their_tables_and_figures() {
         (out, serde_json::from_slice(&output.stdout).unwrap())
     };
     let (replan, of_replan) = study("replan", &["--models", "constant-velocity,idm", "--intervals", "5,20"]);
-    let (realism, of_realism) = study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2", "--keep-rollouts"]);
+    let (realism, of_realism) =
+        study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2", "--keep-rollouts"]);
     let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
     let path = at("page.html");
     let folders = [text(&replan), text(&realism), text(&guards)];

@@ -1,5 +1,5 @@
-//! Parameters of the cards: every one has a unit and a range; values beyond it are refused, and values within it can be
-//! driven.
+//! Parameters of the cards: each has a unit and a range; values outside it are refused, and simulators run
+//! with values inside it.
 
 mod attack;
 mod values;
@@ -20,7 +20,7 @@ use crate::model_weights::untrained;
 use crate::program::reactsim;
 use crate::scenes::{mini, request};
 
-/// The setup of a baseline, with weights that nobody trained where its own do not ship.
+/// Returns the setup of a baseline, with untrained weights if its own do not ship.
 fn setup(model: &Baseline) -> Setup {
     let mut setup = model.setup().unwrap();
     if model.needs_weights && setup.weights.is_none() {
@@ -29,7 +29,7 @@ fn setup(model: &Baseline) -> Setup {
     setup
 }
 
-/// The dotted paths of the values of a table.
+/// Returns the dotted paths of the values of a table.
 fn paths(table: &Table) -> Vec<String> {
     let inner = |(key, value): (&String, &Value)| match value.as_table() {
         Some(inner) => paths(inner).into_iter().map(|path| format!("{key}.{path}")).collect(),
@@ -38,7 +38,7 @@ fn paths(table: &Table) -> Vec<String> {
     table.iter().flat_map(inner).collect()
 }
 
-/// The ranges of a setup, apart from it.
+/// Returns the ranges of a setup.
 fn ranges(setup: &Setup) -> Vec<(String, ParameterRange)> {
     setup.ranges().unwrap().into_iter().map(|(key, _, range)| (key, range.clone())).collect()
 }
@@ -88,7 +88,7 @@ fn values_are_accepted_if_they_are_within_the_range() {
     }
 }
 
-/// The smallest and the largest value of a range.
+/// Returns the smallest and the largest value of a range.
 fn bounds(allowed: &Allowed) -> Vec<String> {
     match allowed {
         Allowed::Floats { min, max } => vec![format!("{min:?}"), format!("{max:?}")],
@@ -98,7 +98,7 @@ fn bounds(allowed: &Allowed) -> Vec<String> {
     }
 }
 
-/// Builds a simulator. Parameters that do not fit to one of `kept` are moved to the bound where they fit.
+/// Builds a simulator. Parameters that conflict with one of `kept` are moved to the bound that fits.
 fn build(model: &Baseline, mut setup: Setup, kept: &[&str]) -> Controller {
     let of = |setup: &Setup, key: &str, last: bool| {
         let ranges = ranges(setup);
@@ -120,7 +120,7 @@ fn build(model: &Baseline, mut setup: Setup, kept: &[&str]) -> Controller {
     panic!("{}: no values fit to {kept:?}", model.id);
 }
 
-/// Rolls scenarios out; a message if that fails, or ends in states that are no numbers.
+/// Rolls out scenarios. Returns a message if that fails or ends in states that are not finite.
 fn drive(scenarios: &[Scenario], controller: &Controller) -> Result<(), String> {
     let rolled = catch_unwind(AssertUnwindSafe(|| {
         let requests = scenarios.iter().map(|s| request(s, s.deviation.as_ref().unwrap().track.clone(), 0));
@@ -135,7 +135,7 @@ fn drive(scenarios: &[Scenario], controller: &Controller) -> Result<(), String> 
     Ok(())
 }
 
-/// The baselines without a network.
+/// Returns the baselines without a network.
 fn rules() -> impl Iterator<Item = &'static Baseline> {
     MODELS.iter().filter(|m| !m.needs_weights && !m.ranges.is_empty())
 }

@@ -2,12 +2,12 @@
 
 use std::process::{Command, Output};
 
-/// The program that was built with these tests.
+/// Returns a command for the program that was built with these tests.
 pub(crate) fn program() -> Command {
     Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
 }
 
-/// What it answers to these arguments.
+/// Runs the program with these arguments.
 pub(crate) fn reactsim(arguments: &[&str]) -> Output {
     program().args(arguments).output().unwrap()
 }

@@ -1,4 +1,5 @@
-//! The protocol as properties that every baseline must have, those that are yet to come included: the list is the test's input.
+//! The protocol as properties of every baseline, including future ones: the list of baselines is the test's
+//! input.
 
 mod conformance;
 mod failures;
@@ -12,10 +13,11 @@ use crate::generated;
 use crate::model_weights::untrained;
 use crate::scenes::{mini, real, request};
 
-/// Replan intervals: every step, the default, one that divides nothing, and a plan for the whole horizon.
+/// Replan intervals: every step, the default, one that does not divide the horizon, and a plan for the whole
+/// horizon.
 const INTERVALS: [usize; 4] = [1, 5, 7, 80];
 
-/// Made by rule, made by hand, and recorded where recordings are at hand.
+/// Returns synthetic, hand-made and, if available, recorded scenarios.
 fn scenarios(recorded: usize) -> Vec<Scenario> {
     let mut all: Vec<Scenario> = (0..2).map(generated::scenario).collect();
     all.extend(mini());
@@ -31,7 +33,7 @@ fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
     MODELS.iter().filter_map(|model| {
         let mut setup = model.setup().unwrap();
         if model.needs_weights && setup.weights.is_none() {
-            // Of what was never trained the protocol holds all the same.
+            // The protocol also holds for untrained weights.
             setup.weights = Some(untrained(model.id)?);
         }
         Some((model, (model.make)(setup).unwrap()))

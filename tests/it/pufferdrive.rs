@@ -1,4 +1,4 @@
-//! The policy that others trained: its network against recorded values, its driving against what it may do.
+//! The policy trained by others: its network against recorded values, its driving against the limits.
 
 use std::fs;
 
@@ -21,7 +21,7 @@ fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect()
 }
 
-/// The published inputs and outputs of three equal steps.
+/// Checks the published inputs and outputs of three equal steps.
 fn golden_on(device: &Device) {
     let Some(weights) = shared("data/weights/pufferdrive_v2.safetensors") else { return };
     let Some(golden) = shared("data/weights/pufferdrive_v2.golden.json") else { return };
@@ -63,7 +63,7 @@ fn the_network_says_what_it_should() {
     devices().iter().for_each(golden_on);
 }
 
-/// The simulator with weights that nobody trained, and changes to its card.
+/// Returns the simulator with untrained weights, and changes to its card.
 fn simulator(changes: &[(&str, &str)]) -> Controller {
     let model = find("pufferdrive").unwrap();
     let mut setup = model.setup().unwrap();

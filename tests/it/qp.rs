@@ -1,4 +1,4 @@
-//! The stage behind simulators: limits on whole rollouts, others, threads, names.
+//! The stage behind simulators: limits on whole rollouts, other agents, threads, names.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
     roll_out(vec![request], controller, &Settings::default()).remove(0).unwrap()
 }
 
-/// Every transition of every vehicle, from positions and headings alone.
+/// Checks every transition of every vehicle, from positions and headings alone.
 pub(crate) fn check_limits(scenario: &Scenario, rollout: &Rollout) {
     for (slot, agent) in scenario.start.agents.iter().enumerate().skip(1) {
         if agent.kind != AgentKind::Vehicle {
@@ -58,7 +58,7 @@ pub(crate) fn check_limits(scenario: &Scenario, rollout: &Rollout) {
     }
 }
 
-/// Goes anywhere at any time.
+/// Plans arbitrary motion.
 struct Wild;
 
 impl SingleEpisode for Wild {
@@ -171,7 +171,7 @@ fn people_walk_round_parked_cars() {
     assert!(walked[80].x > 28.0, "{:?}", walked[80]);
 }
 
-/// Whoever moves wants to go at this velocity, wherever he looks.
+/// Plans this velocity for every agent that moves, whatever its heading.
 struct Goes(Vec2);
 
 impl SingleEpisode for Goes {
@@ -262,7 +262,7 @@ fn ids_say_which_stage_is_behind() {
         assert!(matches!(refused(id), EvaluationError::Model(ModelError::TakesNoStage { .. })));
     }
     assert!(matches!(refused("stop+pq"), EvaluationError::UnknownSimulator { .. }));
-    // A stage is not put behind what has it in it.
+    // A simulator that contains the stage does not get another one.
     let names = ["qp-regression".to_owned(), "regression".to_owned()];
     let all = PlannedSimulator::adjusted(&names, &asked).unwrap();
     assert_eq!(all.iter().map(|s| s.id.as_str()).collect::<Vec<_>>(), ["qp-regression", "regression+qp"]);

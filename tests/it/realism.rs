@@ -1,4 +1,4 @@
-//! Realism of sets of scenarios: statistics with known values, sets of any size, what a user sees.
+//! Realism of sets of scenarios: statistics with known values, sets of any size, and the output for users.
 
 use reactsim::formats::find_inputs;
 use reactsim::generation::realism::{Comparison, Measured, Quantity, Tally, divergence, measure};
@@ -9,7 +9,8 @@ use reactsim::scene::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenari
 use crate::generated;
 use crate::program::program;
 
-/// A straight road of two lanes with an AV at 6 m/s, 22.5 m of gap ahead and 4.5 m behind, and a neighbour at 7 m/s.
+/// Returns a straight road of two lanes with an AV at 6 m/s, 22.5 m of gap ahead and 4.5 m behind, and a
+/// neighbour at 7 m/s.
 fn parts() -> ScenarioParts {
     generated::parts(0, false)
 }
@@ -18,7 +19,7 @@ fn measured(parts: ScenarioParts) -> Tally {
     measure(&Scenario::assemble(parts).unwrap())
 }
 
-/// Another vehicle, at `state` of the seconds since the first frame.
+/// Returns another vehicle; `state` takes the seconds since the first frame.
 fn vehicle(id: &str, state: impl Fn(f64) -> AgentState) -> LoggedAgent {
     LoggedAgent {
         agent: Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.5, width: 2.0 },
@@ -76,7 +77,7 @@ fn a_change_of_lane_is_counted_once() {
         AgentState { x: -9.0 + 7.0 * t, y, heading: 0.0, vx: 7.0, vy: 0.0 }
     });
     let rate = mean(&measured(parts), Quantity::LaneChanges);
-    // Three vehicles drive 54 m each, the fourth 63 m and a little aside.
+    // Three vehicles drive 54 m each, the fourth 63 m with a little sideways motion.
     assert!((4.3..=4.5).contains(&rate), "{rate} changes per kilometre");
 }
 
@@ -123,11 +124,11 @@ fn who_closes_in_has_a_time_to_collision() {
     let tally = measured(parts);
     let least = tally.of(Quantity::MinTtc).quantile(0.01).unwrap();
     assert!(0.0 < least && least < 6.0, "{least} s");
-    // Braking at 1 m/s² for three seconds; fits that hold the end of it see less.
+    // Braking at 1 m/s² for three seconds; fits across the end of it give less.
     near(tally.of(Quantity::Acceleration).quantile(0.01).unwrap(), -1.0);
 }
 
-/// Noise of perception in every frame must not be taken for driving.
+/// Perception noise in every frame must not be taken for driving.
 #[test]
 fn noise_is_not_acceleration() {
     let mut parts = parts();
@@ -226,7 +227,7 @@ fn the_program_compares_files() {
     assert!(String::from_utf8_lossy(&missing.stderr).contains("c.parquet"));
 }
 
-/// A turn over the outer lanes of a junction is no change of lane.
+/// A turn over the outer lanes of a junction is not a change of lane.
 #[test]
 fn turning_wide_is_no_change() {
     let mut parts = parts();
@@ -243,7 +244,7 @@ fn turning_wide_is_no_change() {
     near(mean(&measured(parts), Quantity::LaneChanges), 0.0);
 }
 
-/// What chance makes of as few recordings must be far below what generated sets are asked for.
+/// Differences by chance between halves of the recordings must be far below the limit for generated sets.
 #[test]
 fn halves_of_the_recordings_are_alike() {
     let Some(folder) = crate::shared("data/womd/train") else { return };

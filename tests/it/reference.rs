@@ -1,4 +1,4 @@
-//! References: made of runs, refused where they were changed, verified by running again, and their tables.
+//! References: made from runs, refused after changes, verified by running again, and their tables.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,7 +20,7 @@ use crate::program::reactsim;
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
 
-/// What is printed by a command that ends with this code.
+/// Returns stdout and stderr of a command that ends with this code.
 #[track_caller]
 pub(crate) fn said(arguments: &[&str], code: i32) -> (String, String) {
     let output = reactsim(arguments);
@@ -39,7 +39,7 @@ pub(crate) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Makes the program of a run one that was built from a commit: tests run in trees with changes.
+/// Marks the program of a run as built from a commit: tests run in trees with changes.
 fn as_if_committed(run: &Path) {
     edit_both(run, |provenance| provenance["commit"] = CLEAN.into());
 }
@@ -56,7 +56,7 @@ fn edit_json(path: &Path, edit: impl Fn(&mut serde_json::Value)) {
     fs::write(path, serde_json::to_string_pretty(&value).unwrap() + "\n").unwrap();
 }
 
-/// A run on the whole benchmark, made once for all tests; it kept its rollouts.
+/// Returns a run on the whole benchmark with its rollouts, made once for all tests.
 pub(crate) fn run() -> &'static Path {
     static RUN: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let (_, path) = RUN.get_or_init(|| {
@@ -70,7 +70,7 @@ pub(crate) fn run() -> &'static Path {
     path
 }
 
-/// A copy of a folder.
+/// Copies a folder.
 pub(crate) fn copy(from: &Path, to: &Path) -> PathBuf {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
@@ -80,14 +80,14 @@ pub(crate) fn copy(from: &Path, to: &Path) -> PathBuf {
     to.to_owned()
 }
 
-/// Makes a reference of a run, which must succeed.
+/// Makes a reference from a run; must succeed.
 #[track_caller]
 fn made(run: &Path, out: &Path, more: &[&str]) -> PathBuf {
     said(&[&["reference", "make", text(run), "--name", "test", "--out", text(out)], more].concat(), 0);
     out.to_owned()
 }
 
-/// Changes the rows of a run folder and sums them up again, so that all of it agrees.
+/// Changes the rows of a run folder and sums them up again, so that all files agree.
 pub(crate) fn edit_rows(run: &Path, edit: impl Fn(&mut Vec<Row>)) {
     let provenance = read_provenance(run).unwrap();
     let mut rows = read_rows(run).unwrap();
@@ -132,7 +132,7 @@ fn a_reference_holds_all_rows_and_is_read_like_a_run() {
     );
     assert_eq!(read.record.benchmark, shipped_benchmark().map(|known| known.record));
     assert!(read.record.simulators.values().all(|class| *class == SimulatorClass::Exact));
-    // Where run folders are read, references are too.
+    // References can be read wherever run folders can.
     let report = |folder: &Path| said(&["report", text(folder)], 0).0;
     assert_eq!(report(&reference), report(run()));
     assert!(report(&reference).contains(&shipped_benchmark().unwrap().record.to_string()));
@@ -140,7 +140,7 @@ fn a_reference_holds_all_rows_and_is_read_like_a_run() {
     assert!(compared.contains("stop: 150 scenarios"), "{compared}");
     let page = ["report", text(&reference), "--format", "html"];
     assert!(said(&page, 2).1.contains("is a reference, which has no events"));
-    // It replaces nothing.
+    // An existing folder is not replaced.
     let again = ["reference", "make", text(run()), "--name", "test", "--out", text(&reference)];
     assert!(said(&again, 2).1.contains("exists and is not empty"));
 }
@@ -242,7 +242,7 @@ fn a_changed_reference_is_refused_by_name() {
     assert!(card.contains("`simulators[1].card` is \"00\" in the reference"), "{card}");
     let seed = refused(&|f| both(f, &|p| p["settings"]["seed"] = 5.into()));
     assert!(seed.contains("do not agree"), "the seed decides the intervals: {seed}");
-    // Names of simulators stand in the rows too: a reference of others is made, not edited.
+    // Names of simulators are also in the rows: a reference of another simulator is made, not edited.
     let strange = copy(run(), &at("strange"));
     let other = |s: &mut serde_json::Value| s["simulators"][2]["id"] = "halt".into();
     edit_json(&strange.join("provenance.json"), other);
@@ -293,7 +293,7 @@ fn equal_numbers_verify_and_one_other_number_is_named() {
         assert_eq!(cells[2..7], ["exact", "300", "0", "–", "equal"], "{table}");
     }
     assert!(table.contains(": 900 rows compared.") && !table.contains("quick"), "{table}");
-    // One collision more in one scenario, in all that the reference states.
+    // One more collision in one scenario, in all files of the reference.
     let other = copy(run(), &at("other"));
     edit_rows(&other, |rows| {
         let row = rows.iter_mut().find(|r| r.simulator == "stop" && r.record == 40 && r.rollout == Some(0));
@@ -351,7 +351,7 @@ fn sets_of_recordings_have_aggregates_only() {
     assert!(line.starts_with("| stop ") && line.contains("| all ") && line.contains(" 0.25 |"), "{table}");
 }
 
-/// A reference of a network on small scenarios, with rows.
+/// Makes a reference of a network on small scenarios, with rows.
 fn of_network(home: &Path) -> (Reference, PathBuf) {
     let (input, out) = (home.join("roads.parquet"), home.join("run"));
     generated::write(&input, (0..6).map(generated::scenario));
@@ -389,7 +389,7 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
     assert!(whole.passed() && whole.differences.is_empty() && whole.left_out == 0);
     assert_eq!((network(&whole).compared, network(&whole).class), (12, "tolerance"));
     assert!(network(&whole).bit_for_bit);
-    // A quick check leaves scenarios of networks out, and says how many rows.
+    // A quick check leaves out scenarios of networks and reports the number of rows.
     let quick = again(&reference, Some(4));
     assert!(quick.passed());
     assert_eq!((quick.left_out, network(&quick).compared, quick.simulators[0].compared), (8, 4, 12));
@@ -406,7 +406,7 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
         }
     };
     shift(&mut shifted, 0.9 * bound);
-    // At home every bit counts.
+    // On the same kind of processor, every bit counts.
     assert!(!again(&shifted, None).passed());
     shifted.provenance.cpu = Some("abacus".into());
     let elsewhere = again(&shifted, None);
@@ -424,7 +424,7 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
     stop.metrics.insert("ade".into(), None);
     let beyond = again(&shifted, None);
     assert!(!beyond.simulators[0].passed && beyond.simulators[0].differing == 1);
-    // A row that is not there agrees with nothing, on any machine.
+    // A missing row agrees with nothing, on any machine.
     let mut lacking = reference.clone();
     lacking.provenance.cpu = Some("abacus".into());
     lacking.rows.as_mut().unwrap().retain(|r| r.simulator != "regression" || r.record != 2);
@@ -442,7 +442,7 @@ fn weights_decide_which_class_and_provenance_name_the_machine() {
         assert_eq!(bounds[metric], ((high - low) / 4.0).max(1e-3), "{metric}");
     }
     assert_eq!(reference.record.simulators["stop"], SimulatorClass::Exact);
-    // A metric without a bound would be compared with nothing.
+    // A metric without a bound would not be compared.
     let record = home.path().join("reference/reference.toml");
     let stated = fs::read_to_string(&record).unwrap();
     let line = stated.lines().find(|l| l.starts_with("ade = ")).unwrap();
@@ -453,10 +453,10 @@ fn weights_decide_which_class_and_provenance_name_the_machine() {
     }
     let machine = &reference.record.machine;
     assert_eq!(reference.provenance.cpu.as_deref(), Some(machine.cpu.as_str()));
-    // Without a network nothing depends on the machine.
+    // Without a network, nothing depends on the machine.
     let plain: Provenance = read_provenance(run()).unwrap();
     assert_eq!((plain.backend, plain.cpu), (None, None));
-    // Files of earlier versions state none of it.
+    // Files of earlier versions do not state the benchmark.
     let mut old = serde_json::to_value(read_provenance(run()).unwrap()).unwrap();
     old.as_object_mut().unwrap().remove("benchmark");
     assert_eq!(serde_json::from_value::<Provenance>(old).unwrap().benchmark, None);

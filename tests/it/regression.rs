@@ -1,4 +1,5 @@
-//! The motion predictor: its tensors' names, what is the same seen from elsewhere, what it needs, what it refuses.
+//! The motion predictor: names of its tensors, independence from the frame of reference, required input,
+//! refusals.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +25,7 @@ use crate::scenes::{
 };
 use reactsim::models::perception::KnownMotion;
 
-/// Small sizes with all that can differ.
+/// Returns small sizes that differ wherever they can.
 fn small() -> Config {
     Config {
         agents: 6,
@@ -44,7 +45,7 @@ fn small() -> Config {
     }
 }
 
-/// The published structure at sizes that are quick.
+/// Returns the published structure with small sizes.
 fn small_mtr() -> Config {
     Config {
         agents: 6,
@@ -73,12 +74,12 @@ fn bytes(network: Config) -> Vec<u8> {
     task.file(&task.init(7), &serde_json::Value::Null).unwrap()
 }
 
-/// The file of a small network that nobody trained.
+/// Returns the file of a small untrained network.
 pub(crate) fn untrained() -> Vec<u8> {
     bytes(small())
 }
 
-/// A recipe with sizes that learn in a moment.
+/// Returns a recipe with sizes that learn in a moment.
 pub(crate) fn small_recipe() -> String {
     toml::to_string(&Recipe { network: small(), agents: 4, ..Recipe::default() }).unwrap()
 }
@@ -94,7 +95,8 @@ fn predictions(policy: &Policy, scenario: &Scenario, tracks: &[Vec<Frame>], now:
     policy.predict_known(&known, now, &slots, &device())
 }
 
-/// How far two predictions are apart at most, metres, where the second one is seen after `there`.
+/// Returns the largest distance of two predictions, metres; `there` maps positions of the first one to those
+/// of the second.
 fn farthest(a: &[Prediction], b: &[Prediction], there: impl Fn(Vec2) -> Vec2) -> f64 {
     assert_eq!(a.len(), b.len());
     let mut farthest = 0.0f64;
@@ -111,7 +113,7 @@ fn farthest(a: &[Prediction], b: &[Prediction], there: impl Fn(Vec2) -> Vec2) ->
     farthest
 }
 
-/// Names and shapes of the public code's state dict, written down from its modules.
+/// Returns names and shapes of the public code's state dict, written down from its modules.
 fn published(c: &Config) -> BTreeMap<String, Vec<usize>> {
     let mut all = BTreeMap::new();
     let mut put = |name: String, shape: &[usize]| assert!(all.insert(name, shape.to_vec()).is_none());
@@ -215,7 +217,7 @@ fn published(c: &Config) -> BTreeMap<String, Vec<usize>> {
     all
 }
 
-/// Values that look like no pattern.
+/// Returns values without an obvious pattern.
 fn noise(name: &str, len: usize) -> Vec<f32> {
     let seed = name.bytes().fold(7u32, |h, b| h.wrapping_mul(31).wrapping_add(u32::from(b)));
     let value = |i: usize| {
@@ -238,7 +240,8 @@ fn an_exported_state_dict_loads_unchanged() {
         })
         .collect();
     let weights = tables.clone();
-    // What PyTorch keeps beside batch norms, and the points, which the public code reads from a file of its own.
+    // Values that PyTorch stores with batch norms, and the points, which the public code reads from a
+    // separate file.
     tables.insert(
         "context_encoder.agent_polyline_encoder.mlps.1.num_batches_tracked".into(),
         (vec![], vec![7.0]),
@@ -260,7 +263,7 @@ fn an_exported_state_dict_loads_unchanged() {
         }
     }
 
-    // One that lacks, and one that has too much.
+    // A missing tensor, and a superfluous one.
     let mut less = tables.clone();
     less.remove("motion_decoder.dense_future_head.4.running_var");
     let text = Policy::read(&save_tables(&less, &metadata), &device()).unwrap_err().to_string();
@@ -346,7 +349,7 @@ fn what_the_av_does_next_counts() {
     }
     let after = predictions(&policy, &scenario, &tracks, 20);
     assert!(farthest(&before, &after, |p| p) > 0.0);
-    // What comes later is not looked at.
+    // Later frames do not count.
     for state in tracks.iter_mut().flat_map(|t| &mut t[22..]).flatten() {
         state.x += 5.0;
     }
@@ -410,7 +413,7 @@ fn rollouts_are_the_same_every_time() {
     assert!(run() == run());
 }
 
-/// Plans along the modes of a policy.
+/// Returns a simulator that plans along the modes of a policy.
 fn smoothed(policy: Policy, agents: usize, keep_clear: bool) -> Controller {
     let settings = qp::settings().unwrap();
     let smooth = PlanningParameters { agents, keep_clear };
@@ -419,7 +422,7 @@ fn smoothed(policy: Policy, agents: usize, keep_clear: bool) -> Controller {
 
 #[test]
 fn vehicles_keep_their_limits_whatever_is_predicted() {
-    // Nobody trained this network, and nobody is asked about beyond the nearest four.
+    // The network is untrained, and only the nearest four agents are predicted.
     for keep_clear in [true, false] {
         let controller = smoothed(policy(small()), 4, keep_clear);
         for scenario in mini() {
@@ -452,7 +455,7 @@ fn batches_and_threads_change_no_plan() {
 
 #[test]
 fn predictions_that_are_no_numbers_are_counted_and_lane_following_takes_over() {
-    // Weights so large that what the network says is infinite.
+    // Weights so large that the output of the network is infinite.
     let whole = bytes(small());
     let read = Tensors::read(&whole).unwrap();
     let mut tables = Tables::new();
@@ -481,7 +484,7 @@ fn predictions_that_are_no_numbers_are_counted_and_lane_following_takes_over() {
 
 #[test]
 fn what_ships_follows_a_bend() {
-    // A quarter of a circle to the left.
+    // A quarter circle to the left.
     let mut lanes = vec![
         lane("in", line((-60.0, 0.0), (0.0, 0.0)), None),
         lane("bend", arc((0.0, 0.0), 0.0, 25.0, 1.5), None),
@@ -531,13 +534,13 @@ fn every_part_that_is_used_learns() {
     let mut gradients = output.loss.backward();
     let mut visitor = Still { gradients: &mut gradients, path: Vec::new(), still: Vec::new() };
     model.visit(&mut visitor);
-    // After the first layer intentions are not added to what is compared with tokens; in the first one queries know nothing yet that they
-    // could tell one another.
+    // After the first layer, intentions are not added to the features that are compared with tokens; in the
+    // first layer, queries have no information to exchange yet.
     visitor.still.retain(|name| !name.contains("layers.1.ca_qpos_proj") && !name.contains("layers.0.sa_"));
-    // What is added to all scores changes nothing.
+    // A constant that is added to all scores changes nothing.
     visitor.still.retain(|name| !(name.contains("motion_cls_heads") && name.ends_with("third.bias")));
     assert!(visitor.still.is_empty(), "{:?}", visitor.still);
-    // Judged without autodiff it is the same.
+    // Validation without autodiff gives the same loss.
     let plain = task.validate(&model.valid(), &samples);
     let same = f64::from(plain.loss.into_scalar::<f32>()) / plain.items;
     assert!((same - loss).abs() < 1e-3 * loss.abs(), "{same} {loss}");

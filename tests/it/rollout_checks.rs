@@ -1,4 +1,4 @@
-//! Rollouts of other programs are refused where their numbers would look better than they are.
+//! Rollouts of other programs are refused if their numbers would look better than they are.
 
 use std::fs;
 use std::path::Path;
@@ -24,7 +24,7 @@ impl Fixture {
         Self::at(Vec2::zeros())
     }
 
-    /// Scenarios with this origin in the world frame.
+    /// Creates scenarios with this origin in the world frame, and rollouts of them.
     fn at(origin: Vec2) -> Self {
         let home = tempfile::tempdir().unwrap();
         let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("run"));
@@ -122,7 +122,7 @@ fn every_difference_is_named_and_can_be_allowed() {
 #[test]
 fn the_wrong_frame_of_coordinates_is_recognised() {
     let fixture = Fixture::at(Vec2::new(512.0, -256.0));
-    // Numbers of the scenario frame, stated as coordinates of the world.
+    // Coordinates in the scenario frame, stated as world coordinates.
     let (text, _) = fixture.refusal(|records| {
         records.iter_mut().for_each(|record| record.origin = Some(Vec2::zeros()));
     });
@@ -160,7 +160,7 @@ fn scored_rollouts_become_a_run_folder() {
         reactsim(&[&["score", &rollouts, "--scenarios", &input, "--out", &scored][..], more].concat())
     };
     assert_eq!(score(&[]).status.code(), Some(0));
-    // As the folder of the run, but that the rollouts are the first input.
+    // The same as the folder of the run, except that the rollouts are the first input.
     for name in ["rows.jsonl", "events.jsonl"] {
         let read = |folder: &str| fs::read_to_string(Path::new(folder).join(name)).unwrap();
         assert_eq!(read(&scored).replace("\"input\":1,", "\"input\":0,"), read(&run), "{name}");
@@ -168,7 +168,7 @@ fn scored_rollouts_become_a_run_folder() {
     assert_eq!(read_rollouts(&Path::new(&scored).join("rollouts.parquet")), fixture.records);
     assert!(!Path::new(&scored).join("parts").exists());
 
-    // Every command takes it.
+    // Every command accepts the folder.
     let page = path("page.html");
     for arguments in [
         vec!["report", &scored],
@@ -206,7 +206,7 @@ fn refused_rollouts_leave_no_run_folder() {
     let score = ["score", path, "--scenarios", input, "--out", out.to_str().unwrap()];
     assert_eq!(reactsim(&score).status.code(), Some(2));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 0);
-    // The same folder is taken with an allowance.
+    // The same folder is accepted with an allowance.
     let allowed = [&score[..], &["--allow", "partial"]].concat();
     assert_eq!(reactsim(&allowed).status.code(), Some(0));
     assert_eq!(fs::read_to_string(out.join("rows.jsonl")).unwrap().lines().count(), 4);
@@ -252,7 +252,7 @@ fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
         assert!(history.unselected.iter().all(|a| a.track[11..].iter().all(Option::is_none)));
         assert!(history.deviation.is_none() && history.objects_of_interest.is_empty());
     }
-    // Both together simulate as the whole scenarios, and the rollouts pass every check.
+    // Both files together simulate as the whole scenarios, and the rollouts pass every check.
     let out = path("offline");
     let run = ["run", &histories, "--deviations", &avs, "--models", "stop", "--out", &out, "--keep-rollouts"];
     let run = reactsim(&run);

@@ -10,7 +10,8 @@ fn plan(scenario: &Scenario, script: &str) -> Vec<AgentState> {
     ScriptedAv::new(scenario, script).unwrap_or_else(|e| panic!("{}: {e}", scenario.id)).track().to_vec()
 }
 
-/// The largest acceleration and curvature by sections 7 and 8 of the metrics, over the limits 6 m/s² and 0.3 1/m.
+/// Returns the steps at which the acceleration or the curvature, by sections 7 and 8 of the metrics, exceeds
+/// 6 m/s² or 0.3 1/m.
 fn beyond_limits(now: &AgentState, track: &[AgentState]) -> Vec<String> {
     let (mut before, mut v0, mut found) = (*now, now.speed(), Vec::new());
     for (k, state) in track.iter().enumerate() {
@@ -28,7 +29,7 @@ fn beyond_limits(now: &AgentState, track: &[AgentState]) -> Vec<String> {
     found
 }
 
-/// What a scripted AV does to one real log, in words; empty where all is as it should be.
+/// Returns the faults of scripted AVs on one real log, in words.
 fn check(scenario: &Scenario) -> Vec<String> {
     let mut found = Vec::new();
     let now = scenario.start.now(0);
@@ -76,7 +77,7 @@ fn check(scenario: &Scenario) -> Vec<String> {
         && path.length() > 25.0
     {
         let track = plan(scenario, "shift:2");
-        // The last place that is still beside the logged path.
+        // The last position that is still next to the logged path.
         let at = track.iter().map(|s| path.project(s.position())).rfind(|p| p.s < path.length() - 1.0);
         if let Some(at) = at
             && (at.offset - 2.0).abs() > 0.2

@@ -1,4 +1,5 @@
-//! The files that ship with the program are those of `scenarios/manifest.toml`, and hold what they promise.
+//! The files that ship with the program are those of `scenarios/manifest.toml`, and have the properties that
+//! they promise.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -23,13 +24,13 @@ fn list<'a>(table: &'a Table, key: &str) -> &'a [Value] {
     table.get(key).map_or(&[], |v| v.as_array().unwrap())
 }
 
-/// The generated entries whose files ship.
+/// Returns the generated entries whose files ship.
 fn shipped(manifest: &Table) -> impl Iterator<Item = &Table> {
     let made = list(manifest, "made").iter().map(|made| made.as_table().unwrap());
     made.filter(|made| made.get("shipped").is_none_or(|shipped| shipped.as_bool().unwrap()))
 }
 
-/// The scenarios that are run when none are named.
+/// Returns the scenarios that are run by default.
 pub(crate) fn benchmark() -> Vec<Scenario> {
     formats::open(&folder().join("bench.parquet")).unwrap().map(Result::unwrap).collect()
 }
@@ -103,7 +104,8 @@ fn the_benchmark_has_categories_difficulties_and_map_types_as_it_must() {
         speeds.push(chosen.offsets.mean_speed_difference);
     }
     assert_eq!(categories, in_proportion(scenarios.len() as u64, &PROPORTIONS));
-    // As many of each difficulty, and a quarter at least of the AVs slower than their logs, a quarter faster.
+    // Difficulties are in proportion, and at least a quarter of the AVs are slower than their logs, and a
+    // quarter faster.
     assert_eq!(difficulties, in_proportion(scenarios.len() as u64, &DIFFICULTIES));
     for side in [1.0, -1.0] {
         assert!(4 * speeds.iter().filter(|v| side * **v > 0.0).count() >= speeds.len(), "{speeds:?}");
@@ -114,7 +116,7 @@ fn the_benchmark_has_categories_difficulties_and_map_types_as_it_must() {
     assert!(sources.values().all(|n| *n <= most), "{sources:?}");
 }
 
-/// The commands of the manifest make the same bytes again.
+/// The commands of the manifest reproduce the bytes.
 #[test]
 fn what_was_generated_can_be_generated_again() {
     for made in shipped(&manifest()) {

@@ -1,4 +1,5 @@
-//! The published network against what its original computed: every folder of golden data with a `config.json`, all of its scenes.
+//! The published network against values of its original: every folder of golden data with a `config.json`,
+//! all of its scenes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,7 +15,8 @@ use safetensors::tensor::Dtype;
 
 use super::networks::{values, worst};
 
-/// Limits of the largest differences. The original's own 32 and 64-bit runs differ by up to 2.2e-5 in logits, 1.9e-5 in features.
+/// Limit of the largest differences. The original's own 32 and 64-bit runs differ by up to 2.2e-5 in logits,
+/// 1.9e-5 in features.
 const CLOSE: f32 = 1e-4;
 
 struct File(Vec<u8>);
@@ -94,7 +96,7 @@ impl File {
         }
     }
 
-    /// A list of edges with its relations, if both are stored.
+    /// Returns a list of edges with its relations, if both are stored.
     fn edges(&self, kind: &str) -> Option<Edges> {
         let ends = self.numbers_of(&format!("edges.{kind}"))?;
         let relations = self.has_floats(&format!("rel.{kind}"))?;
@@ -159,13 +161,13 @@ fn golden() -> Vec<Golden> {
     folders.iter().map(load).collect()
 }
 
-/// Edges by target and source.
+/// Returns the relations of edges by target and source.
 fn sorted(edges: &Edges) -> BTreeMap<(u32, u32), &[f32]> {
     let ends = edges.targets.iter().copied().zip(edges.sources.iter().copied());
     ends.zip(edges.relations.chunks(edges.width)).collect()
 }
 
-/// The largest difference of relations: metres, angles modulo a turn, steps.
+/// Returns the largest difference of relations: metres, angles modulo a turn, steps.
 fn relation_gap(found: &[f32], expected: &[f32]) -> f32 {
     let turn = std::f32::consts::TAU;
     let gaps = found.iter().zip(expected).enumerate().map(|(i, (a, b))| match i {
@@ -261,7 +263,7 @@ fn features_and_logits_are_those_of_the_original() {
     }
 }
 
-/// Logits of all nodes against what is stored of them, at valid steps.
+/// Checks the logits of all nodes against the stored values, at valid steps.
 fn check_logits(name: &str, file: &File, scene: &Scene, logits: &[f32]) {
     let (agents, steps) = (scene.agents.len(), scene.steps.len());
     let tokens = logits.len() / agents / steps;
@@ -327,7 +329,7 @@ fn roll_out(golden: &Golden, name: &str, file: &File) {
             let row = &logits[a * width..][..width];
             let token = argmax(row);
             let at = a * steps + t;
-            // The original's own 32 and 64-bit runs agree on every token, however close the second one comes.
+            // The original's own 32 and 64-bit runs agree on every token, however close the second one is.
             assert_eq!(token, tokens[at], "{name} agent {a} step {t}, gap {}", gaps[at]);
             smallest = smallest.min(gaps[at]);
             assert!((row[token] - best[at]).abs() < 1e-3, "{name} agent {a} step {t}");
@@ -358,7 +360,8 @@ fn roll_out(golden: &Golden, name: &str, file: &File) {
     assert!(smallest < 0.1, "{name}: some choices are close");
 }
 
-/// Without the stored relations the angles on the cut at ±π fall on other sides: single logits move, most do not.
+/// Without the stored relations, angles at the cut at ±π fall on other sides: single logits change, most do
+/// not.
 #[test]
 fn positions_alone_nearly_suffice() {
     for golden in golden() {

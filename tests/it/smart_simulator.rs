@@ -1,4 +1,4 @@
-//! The published network as a simulator: its file, what it is shown of an episode, what it keeps.
+//! The published network as a simulator: its file, its view of an episode, its memory.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ use crate::scenes::{coasting, real, request};
 use reactsim::models::learning::Provenance;
 use reactsim::models::perception::Class;
 
-/// Few tokens of every class.
+/// Returns settings with few tokens of every class.
 pub(crate) fn coarse() -> Kinematic {
     let all = Kinematic::default();
     let band = |to, step, turns| Band { to, step, turns };
@@ -40,7 +40,7 @@ pub(crate) fn coarse() -> Kinematic {
     }
 }
 
-/// Arcs of 5 m.
+/// Returns arcs of 5 m.
 fn arcs() -> MapVocabulary {
     let arc = |i: i32| {
         std::array::from_fn(|k| Vec2::new(0.5 * k as f64, 0.01 * f64::from(i) * (0.5 * k as f64).powi(2)))
@@ -48,7 +48,7 @@ fn arcs() -> MapVocabulary {
     MapVocabulary::new(&(-2..=2).map(arc).collect::<Vec<_>>(), Provenance::default()).unwrap()
 }
 
-/// Larger weights, so that what is seen matters.
+/// Multiplies weights, so that differences in the input matter.
 struct Loud(f32);
 
 impl ModuleMapper for Loud {
@@ -70,7 +70,7 @@ fn policy(device: &Device) -> SmartPolicy {
     SmartPolicy::new(network, vocabulary, arcs(), device).unwrap()
 }
 
-/// The file of a small network that nobody trained.
+/// Returns the file of a small untrained network.
 pub(crate) fn untrained() -> Vec<u8> {
     policy(&device()).write(&BTreeMap::new()).unwrap()
 }
@@ -94,7 +94,7 @@ fn run(controller: &Controller, batch: &[&Scenario]) -> Vec<Rollout> {
     roll_out(requests, controller, &Settings::default()).into_iter().map(Result::unwrap).collect()
 }
 
-/// The bytes with another header.
+/// Returns the bytes with another header.
 fn edited(bytes: &[u8], edit: impl Fn(&mut serde_json::Map<String, Value>)) -> Vec<u8> {
     let length = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
     let mut header: serde_json::Map<String, Value> = serde_json::from_slice(&bytes[8..length]).unwrap();
@@ -176,7 +176,7 @@ fn parameters_that_make_no_sense_are_refused() {
     }
 }
 
-/// The scene that a rollout was, told anew from its tracks: who takes part, and the steps up to frame 85.
+/// Returns the scene of a rollout, computed from its tracks: the agents, and the steps up to frame 85.
 fn told(policy: &SmartPolicy, scenario: &Scenario, tracks: &[Vec<Frame>], radius: f64) -> Scene {
     let start = &scenario.start;
     let mut map = MapTokens::default();
@@ -236,7 +236,7 @@ fn told(policy: &SmartPolicy, scenario: &Scenario, tracks: &[Vec<Frame>], radius
     }
 }
 
-/// What was truly driven is what the network sees: with the projection, vehicles do not end where their tokens do.
+/// The network sees the motion as driven: with the projection, vehicles do not end where their tokens do.
 #[test]
 fn what_is_kept_is_what_one_look_at_the_whole_rollout_gives() {
     let device = device();
@@ -287,7 +287,7 @@ fn the_av_is_where_it_is_and_counts_from_then_on() {
         let controller = controller(greedy(false));
         let straight = run(&controller, &[scenario]).remove(0);
         let mut av = coasting(scenario);
-        // From step 21 on it stands.
+        // From step 21 on the AV stands.
         let halt = av[19];
         av[20..].fill(halt);
         let other =
@@ -297,7 +297,7 @@ fn the_av_is_where_it_is_and_counts_from_then_on() {
             let realised = other.tracks[0][HISTORY + k].unwrap();
             assert_eq!((realised.x, realised.y), (state.x, state.y));
         }
-        // The plan at step 20 does not see it, the one at step 25 does.
+        // The plan at step 20 does not see that, the one at step 25 does.
         for a in 1..straight.tracks.len() {
             assert_eq!(
                 straight.tracks[a][..=CURRENT + 25],

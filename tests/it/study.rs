@@ -1,4 +1,4 @@
-//! Studies: ordinary runs side by side, in one folder that can be gone on with.
+//! Studies: ordinary runs side by side, in one folder that can be resumed.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +23,7 @@ fn of(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What a command that ends with this code prints, and says.
+/// Returns stdout and stderr of a command that ends with this code.
 fn said(arguments: &[&str], code: i32) -> (String, String) {
     let output: Output = program().args(arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", of(&output.stderr));
@@ -34,12 +34,12 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// The folders of a study's members, in order.
+/// Returns the members of a study, in order.
 fn members(study: &Path) -> Vec<Member> {
     read_study(study).unwrap().members
 }
 
-/// The files of all members that must not depend on how the study went, and its own.
+/// Reads the files of all members and of the study itself that must not depend on how it was executed.
 fn results(study: &Path) -> Vec<Vec<u8>> {
     let read = |path: std::path::PathBuf| fs::read(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
     let mut all: Vec<Vec<u8>> = ["study.json", "study.md"].iter().map(|n| read(study.join(n))).collect();
@@ -51,7 +51,7 @@ fn results(study: &Path) -> Vec<Vec<u8>> {
     all
 }
 
-/// Asserts that a member has what `run` makes of these arguments.
+/// Checks that a member has the results of `run` with these arguments.
 fn is_what_run_makes(study: &Path, member: &str, arguments: &[&str]) {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("run");
@@ -62,13 +62,13 @@ fn is_what_run_makes(study: &Path, member: &str, arguments: &[&str]) {
     }
 }
 
-/// The rows of the tables in a text, by cells; heads among them.
+/// Returns the rows of the tables in a text, by cells, including heads.
 fn rows(table: &str) -> Vec<Vec<String>> {
     let lines = table.lines().filter(|l| l.starts_with("| "));
     lines.map(|l| l.trim_matches('|').split(" | ").map(|c| c.trim().to_owned()).collect()).collect()
 }
 
-/// The mean of a metric as tables show it.
+/// Returns the mean of a metric as tables show it.
 fn shown(member: &Path, simulator: &str, metric: &str) -> String {
     let summary = read_summary(member).unwrap();
     let mean = summary.simulators[simulator].metrics[metric].mean.unwrap();
@@ -78,7 +78,7 @@ fn shown(member: &Path, simulator: &str, metric: &str) -> String {
     }
 }
 
-/// What stands before the half width of a cell.
+/// Returns the part of a cell before its half width.
 fn mean(cell: &str) -> &str {
     cell.split(' ').next().unwrap()
 }
@@ -124,7 +124,7 @@ fn intervals_are_runs_side_by_side() {
             }
         }
     }
-    // Who plans every four seconds sees the AV too late.
+    // With a plan every four seconds, agents see the AV too late.
     assert!(
         shown(&out.join("steps-40"), "idm", "aav-collision")
             > shown(&out.join("steps-05"), "idm", "aav-collision")
@@ -193,7 +193,7 @@ fn both_protocols_stand_side_by_side() {
             assert_eq!(mean(cell), shown(&out.join(member), id, metric), "{id} {member} {metric}");
         }
     }
-    // Log replay hits an AV that leaves the log, and is the log where the AV is too.
+    // Log replay hits an AV that leaves the log, and equals the log if the AV does not.
     assert!(mean(&rows[1][1]) > "1.0" && mean(&rows[1][3]) == "0.000" && mean(&rows[1][5]) == "0.00");
 }
 
@@ -219,7 +219,7 @@ fn parts_are_taken_away_and_put_to() {
     {
         assert_eq!(mean(&row[3]), shown(&out.join(member), id, "aav-ttc"));
     }
-    // Who stands is risky where the AV drives into it; with the stage nobody brakes as hard as that.
+    // A standing agent is risky if the AV drives into it; with the stage, no agent brakes as hard as `stop`.
     let (as_is, with) =
         (read_summary(&out.join("as-is")).unwrap(), read_summary(&out.join("with-qp")).unwrap());
     let risky =
@@ -240,7 +240,7 @@ fn parts_are_taken_away_and_put_to() {
     assert!(json["members"][0]["simulators"][1].get("difference").is_none());
 }
 
-/// A plan of these simulators that is not carried out.
+/// Returns a plan of these simulators that is not carried out.
 fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
     let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
     Plan {
@@ -302,7 +302,7 @@ fn a_variant_holds_what_it_changes() {
     without-qp 1: stop
     without-qp-lookahead-0 0: stop
     ");
-    // Selecting goes back and forth.
+    // Members can be selected in any order.
     assert_eq!(plan.select(0).simulators.len(), models.len());
 }
 
@@ -316,7 +316,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     };
     study(&out, &[], 0);
     let wanted = results(&out);
-    // One member whole, one cut, one not begun.
+    // One member complete, one truncated, one not begun.
     study(&cut, &["--jobs", "1"], 0);
     assert!(results(&cut) == wanted);
     let member = cut.join("steps-10");
@@ -331,7 +331,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     let told = study(&cut, &["--resume"], 0);
     assert_eq!(told.matches("already finished").count(), 1, "{told}");
     assert!(results(&cut) == wanted);
-    // Rows that are gone although the member was finished; a table that was not written.
+    // Rows lost although the member was finished, and a table that was not written.
     fs::write(member.join("rows.jsonl"), half).unwrap();
     fs::remove_file(cut.join("steps-20/summary.md")).unwrap();
     let told = study(&cut, &["--resume"], 0);
@@ -344,7 +344,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     study(&begun, &["--resume"], 0);
     assert!(results(&begun) == wanted);
 
-    // Other settings are refused by name, whatever is begun, and nothing is touched.
+    // Other settings are refused by name, whichever members are begun, and nothing is changed.
     let refused = |more: &[&str], part: &str| {
         let told = study(&cut, more, 2);
         assert!(told.contains(part), "{told}");
@@ -405,7 +405,7 @@ fn an_interrupt_leaves_a_study_that_goes_on() {
         Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
         let output = child.wait_with_output().unwrap();
         if output.status.success() {
-            // It was faster than the test.
+            // The study ended before the signal.
             continue;
         }
         assert_eq!(output.status.code(), Some(130), "{}", of(&output.stderr));
@@ -458,7 +458,7 @@ fn without_names_the_log_is_replayed_where_it_tells_something() {
         let home = tempfile::tempdir().unwrap();
         let input = home.path().join("some.parquet");
         let out = home.path().join("study");
-        // Everything is planned before it is found that the only scenario has no deviated AV.
+        // Everything is planned before the only scenario turns out to have no deviated AV.
         write(&input, [deviating(0, false)]);
         let (_, told) = said(&["study", study, text(&input), "--av", "deviated", "--out", text(&out)], 2);
         assert!(told.contains("no scenario could be run"), "{told}");

@@ -1,4 +1,4 @@
-//! References of studies: made, refused where they were changed, verified member by member, and their tables.
+//! References of studies: made, refused after changes, verified member by member, and their tables.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::reference::{edit_both, said, text};
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
 
-/// A study of two members on the mini scenarios, and the reference made of it.
+/// Makes a study of two members on the mini scenarios, and a reference from it.
 fn made(home: &Path) -> (PathBuf, PathBuf) {
     let (study, reference) = (home.join("study"), home.join("reference"));
     let models = ["--models", "idm,stop", "--intervals", "5,40"];
@@ -60,7 +60,7 @@ fn every_member_is_verified() {
     let (table, told) = verify(0);
     assert!(told.contains("1 of 2: test: every 5 steps (2 Hz)") && told.contains("2 of 2"), "{told}");
     assert_eq!(table.matches("idm").count() % 2, 0, "{table}");
-    // Aggregates of the second member that nobody obtains.
+    // Aggregates of the second member that cannot be reproduced.
     let member = reference.join("steps-40");
     let summary = fs::read_to_string(member.join("summary.json")).unwrap();
     let mut value: Value = serde_json::from_str(&summary).unwrap();
@@ -93,7 +93,7 @@ fn what_was_changed_is_refused() {
     fs::remove_file(reference.join("notes.txt")).unwrap();
     fs::remove_dir_all(reference.join("steps-40")).unwrap();
     assert!(refused(&reference).contains("steps-40"), "{}", refused(&reference));
-    // A study replaces nothing.
+    // An existing folder is not replaced.
     let again = ["reference", "make", text(&study_folder), "--name", "test", "--aggregates-only"];
     let told = said(&[&again[..], &["--out", text(&reference)]].concat(), 2).1;
     assert!(told.contains("exists and is not empty"), "{told}");

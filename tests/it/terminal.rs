@@ -53,7 +53,7 @@ fn tables_fit_the_window_and_highlight_the_best() {
     let replay = coloured.lines().find(|line| line.starts_with("Log Replay")).unwrap();
     assert_eq!(highlighted(replay), 0, "oracles are not ranked: {replay}");
 
-    // Runs with other AVs are ranked each for itself. Too narrow a window shows the main columns alone.
+    // Runs with other AVs are ranked separately. A window that is too narrow shows only the main columns.
     let narrow = TerminalStyle { coloured: true, width: 20, ..STYLE };
     let of = |summary| highlighted(&table(&[Run { name: "", summary }], narrow));
     let runs = [Run { name: "a", summary: &deviated }, Run { name: "b", summary: &braking }];

@@ -1,4 +1,4 @@
-//! From logs to a network that drives: training from the command line, what it leaves behind, what it refuses.
+//! From logs to a network that drives: training from the command line, its output, and its refusals.
 
 use std::fs;
 use std::path::Path;
@@ -164,7 +164,7 @@ fn a_motion_predictor_is_trained_and_drives() {
         done(&["run", text(&few), "--models", "regression", "--model-weights", &weights, "--limit", "1"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("| Regression "));
 
-    // Its predictions, without driving; and a training that goes on from it.
+    // Its predictions, without driving; and a training that continues from it.
     let first = text(&one.join("weights.safetensors")).to_owned();
     let judged = done(&["train", "open-loop", text(&few), "--weights", &first]);
     let judged = String::from_utf8_lossy(&judged.stdout).into_owned();

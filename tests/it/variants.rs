@@ -1,4 +1,4 @@
-//! Variants of a baseline beside it in one run: `idm@calm`, `ntp-reactive@mine`.
+//! Variants of a baseline next to it in one run: `idm@calm`, `ntp-reactive@mine`.
 
 use std::fs;
 use std::path::Path;
@@ -82,7 +82,7 @@ fn old_and_new_weights_stand_in_one_table() {
     let weights: Vec<&str> = weights.collect();
     assert!(weights[0] == weights[1] && weights[0] != weights[2]);
 
-    // Without a label the name of the file tells them apart in tables.
+    // Without a label, the name of the file distinguishes them in tables.
     let plain = format!("ntp-reactive={}", text(&file));
     let (table, _) = said(&["run", "--limit", "1", "--models", "ntp-reactive", "--model-weights", &plain], 0);
     assert!(table.contains("| NTP-reactive (mine) "), "{table}");

@@ -192,7 +192,8 @@ fn recordings_without_a_future_become_submissions() {
     assert_eq!(rollouts.iter().map(|r| r.scenario_id.as_str()).collect::<Vec<_>>(), ["one", "two"]);
     for scenario in &rollouts {
         assert_eq!(scenario.joint_scenes.len(), 32);
-        let objects: BTreeSet<i32> = scenario.joint_scenes[0].trajectories.iter().map(|t| t.object_id).collect();
+        let objects: BTreeSet<i32> =
+            scenario.joint_scenes[0].trajectories.iter().map(|t| t.object_id).collect();
         assert_eq!(objects, [7, 8, 9].into());
     }
     let (_, refused) = said(&[&["score", text(&archive), "--wosac"][..], &scenarios].concat(), 2);

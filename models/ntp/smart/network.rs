@@ -109,8 +109,8 @@ impl Smart {
         &self.agent_encoder
     }
 
-    /// Returns the scores of the next tokens of every node, [nodes, tokens], including invalid nodes.
-    /// Where classes have different numbers of tokens, tokens that a class does not have score -1e9.
+    /// Returns the scores of the next tokens of every node, [nodes, tokens], including invalid nodes. If
+    /// classes have different numbers of tokens, tokens that a class does not have score -1e9.
     ///
     /// For training and for complete recorded scenes. Scenes of a batch do not see each other, but the
     /// last bits of a scene's scores may depend on the rest of the batch; [`Episode`](super::Episode)

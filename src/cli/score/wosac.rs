@@ -34,7 +34,8 @@ pub(super) struct WosacArgs {
     #[arg(long = "wosac-config", value_name = "YEAR", value_delimiter = ',', value_parser = config,
           default_value = "2025")]
     configs: Vec<Config>,
-    /// Accept a submission with scenarios of the recordings missing, or with another number of rollouts than 32
+    /// Accept a submission with scenarios of the recordings missing, or with another number of rollouts than
+    /// 32
     #[arg(long)]
     partial: bool,
     /// Simulator of a run folder, if it has several

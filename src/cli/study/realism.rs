@@ -45,8 +45,8 @@ pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
     Ok((StudyPlan::realism(plan, args.rollouts), external))
 }
 
-/// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, and writes the
-/// scores into the folder of the study.
+/// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, and writes
+/// the scores into the folder of the study.
 pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Result<()> {
     let run = study.join(Protocol::Realism.name());
     let (mut summaries, mut rows) = (Vec::new(), String::new());

@@ -7,7 +7,7 @@ use super::{Decisions, Opinions, ReviewLine};
 use crate::curation::Decision;
 use crate::curation::store::ScenarioEntry;
 
-/// How far the reviewers of a file agree about the scenarios that at least two of them decided. Flags are no
+/// Agreement of the reviewers of a file about the scenarios that at least two of them decided. Flags are no
 /// decisions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {

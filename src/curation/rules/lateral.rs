@@ -56,7 +56,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     };
     let (after, lasts) = (between(stream, 0.0, 3.0), stream.random_range(SHIFT_DURATION));
     let returns = !change && stream.random_bool(0.4);
-    // Where it begins, and the length that steering and tyres need at this speed: a fifth-order ramp of
+    // Start of the shift, and the length that steering and tyres need at this speed: a fifth-order ramp of
     // length d and height h has a curvature of up to 5.8 h / d².
     let driven = |t: f64| desired.iter().take((t / DT) as usize).sum::<f64>() * DT;
     let from = driven(after);

@@ -10,8 +10,8 @@ use crate::scene::wosac::WosacLog;
 /// Place of a record: index of the file, and index of the record in it.
 type RecordPlace = (usize, u64);
 
-/// Files with logs, from which any scenario is read by its id. One log is in memory at a time. Scenarios that are
-/// asked for in the order of the files are found without a search.
+/// Files with logs, from which any scenario is read by its id. One log is in memory at a time. Scenarios that
+/// are asked for in the order of the files are found without a search.
 pub struct LogFiles {
     files: Vec<PathBuf>,
     /// The file that is open, and the index of its next record.
@@ -29,8 +29,8 @@ impl LogFiles {
         Self { files, open: None, places: BTreeMap::new(), seen: (0, 0), errors: Vec::new() }
     }
 
-    /// Reads the log of a scenario; `None` if no file has it. Records and files that cannot be read are passed
-    /// over and kept for [`Self::take_errors`].
+    /// Reads the log of a scenario; `None` if no file has it. Records and files that cannot be read are
+    /// passed over and kept for [`Self::take_errors`].
     ///
     /// # Errors
     /// [`FormatError`] if the file has changed or cannot be read any more.

@@ -1,8 +1,9 @@
-//! Realism metrics of the Sim Agents challenge for many scenarios: of a submission, or of the rollouts of a run.
+//! Realism metrics of the Sim Agents challenge for many scenarios: of a submission, or of the rollouts of a
+//! run.
 //!
-//! [`SubmittedPairs`] and [`RunPairs`] bring logs and rollouts together, one scenario at a time; [`score_all`]
-//! scores them. [`LogFiles`] finds the log of a scenario, [`run_rollouts`] turns the rollouts of a run into those
-//! of a submission.
+//! [`SubmittedPairs`] and [`RunPairs`] bring logs and rollouts together, one scenario at a time;
+//! [`score_all`] scores them. [`LogFiles`] finds the log of a scenario, [`run_rollouts`] turns the rollouts
+//! of a run into those of a submission.
 
 mod logs;
 mod run_pairs;

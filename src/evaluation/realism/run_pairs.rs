@@ -32,8 +32,8 @@ impl LogSource {
     }
 }
 
-/// Iterator over the scenarios of a run for one simulator: each log with the rollouts of the run, in the order of
-/// the logs. Logs of scenarios that are not in the run are counted by [`Self::missing`].
+/// Iterator over the scenarios of a run for one simulator: each log with the rollouts of the run, in the
+/// order of the logs. Logs of scenarios that are not in the run are counted by [`Self::missing`].
 pub struct RunPairs {
     folder: PathBuf,
     simulator: String,

@@ -49,12 +49,12 @@ pub enum RunRolloutsError {
     },
 }
 
-/// Converts rollouts of a run. Positions are in the world, restored in double precision before they are rounded;
-/// z stays at its value of the current frame. `id_of` returns the id of an agent in the log.
+/// Converts rollouts of a run. Positions are in the world, restored in double precision before they are
+/// rounded; z stays at its value of the current frame. `id_of` returns the id of an agent in the log.
 ///
 /// # Errors
-/// [`RunRolloutsError`] if an object of the log was not simulated or is absent at a step, or if the place of the
-/// rollouts in the world is unknown.
+/// [`RunRolloutsError`] if an object of the log was not simulated or is absent at a step, or if the place of
+/// the rollouts in the world is unknown.
 pub fn run_rollouts(
     records: &[RolloutRecord],
     log: &WosacLog,

@@ -73,7 +73,8 @@ impl RealismScores {
     }
 
     /// Returns mean and interval of every aggregate of a leaderboard in a configuration, by the names of the
-    /// official message and in the order of [`BucketMetrics::fields`](crate::metrics::wosac::BucketMetrics::fields).
+    /// official message and in the order of
+    /// [`BucketMetrics::fields`](crate::metrics::wosac::BucketMetrics::fields).
     ///
     /// # Panics
     /// If there is no such configuration.
@@ -89,8 +90,8 @@ impl RealismScores {
     }
 }
 
-/// Scores all pairs by these configurations, on this many threads. Pairs that cannot be scored become failures;
-/// `observe` is called with the number of scenarios so far and with each failure.
+/// Scores all pairs by these configurations, on this many threads. Pairs that cannot be scored become
+/// failures; `observe` is called with the number of scenarios so far and with each failure.
 pub fn score_all(
     pairs: impl Iterator<Item = Result<ScoredPair, RealismFailure>>,
     configs: &[Config],

@@ -16,8 +16,8 @@ pub struct SubmittedPairs {
 }
 
 impl SubmittedPairs {
-    /// Reads this submission, with the logs of these files. With `any_rollouts` the number of rollouts need not
-    /// be that of the challenge.
+    /// Reads this submission, with the logs of these files. With `any_rollouts` the number of rollouts need
+    /// not be that of the challenge.
     pub fn new(submission: SubmissionReader, logs: LogFiles, any_rollouts: bool) -> Self {
         Self { submission, logs, check: SubmissionCheck::default(), any_rollouts, ended: false }
     }
@@ -33,8 +33,8 @@ impl SubmittedPairs {
         Some(fault.to_string())
     }
 
-    /// Returns the ids of the scenarios with a log that were not submitted so far, and the errors of logs that
-    /// could not be read.
+    /// Returns the ids of the scenarios with a log that were not submitted so far, and the errors of logs
+    /// that could not be read.
     pub fn missing(&mut self) -> (Vec<String>, Vec<FormatError>) {
         let ids = self.logs.ids();
         let missing = self.check.missing(ids.iter().map(String::as_str));

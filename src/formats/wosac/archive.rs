@@ -91,7 +91,8 @@ impl Archive {
         }
     }
 
-    /// Reads the padding behind the last file. At the end of the stream, decompressors compare their checksums.
+    /// Reads the padding behind the last file. At the end of the stream, decompressors compare their
+    /// checksums.
     fn end(&mut self) -> Result<(), Cause> {
         let padding = (&mut self.source).take(MAX_PADDING);
         let read = io::copy(&mut { padding }, &mut io::sink()).map_err(Cause::read)?;

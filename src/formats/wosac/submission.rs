@@ -57,8 +57,8 @@ struct Current {
 }
 
 impl SubmissionReader {
-    /// Opens a submission: a tar archive, plain or compressed, a folder with its files, one of these files, or
-    /// the message with the rollouts of one scenario, which has no metadata.
+    /// Opens a submission: a tar archive, plain or compressed, a folder with its files, one of these files,
+    /// or the message with the rollouts of one scenario, which has no metadata.
     ///
     /// # Errors
     /// [`FormatError`] if the file or folder cannot be opened, or the folder has no file of a submission.
@@ -189,8 +189,8 @@ impl Iterator for SubmissionReader {
     }
 }
 
-/// Returns whether a file begins like the rollouts of one scenario. Both messages begin with their field 1: here
-/// the scenario id, in a submission a message, which begins with its own field 1.
+/// Returns whether a file begins like the rollouts of one scenario. Both messages begin with their field 1:
+/// here the scenario id, in a submission a message, which begins with its own field 1.
 fn is_of_one_scenario(head: &[u8]) -> bool {
     const FIELD_1: u8 = 1 << 3 | 2;
     // The length is a varint of few bytes, of which all but the last have the highest bit.

@@ -43,7 +43,7 @@ const NUMBERS: [&str; 12] = [
     "1e9",
 ];
 
-/// Replaces the first number behind a place of a text.
+/// Replaces the first number after a position in a text.
 fn replace_number(bytes: &mut Vec<u8>, at: usize, rng: &mut impl Rng) {
     let is_part = |b: &u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'e');
     let Some(first) = bytes[at..].iter().position(u8::is_ascii_digit).map(|n| at + n) else {
@@ -54,7 +54,7 @@ fn replace_number(bytes: &mut Vec<u8>, at: usize, rng: &mut impl Rng) {
     bytes.splice(first..first + length, NUMBERS[rng.random_range(0..NUMBERS.len())].bytes());
 }
 
-/// Replaces the first word in quotation marks behind a place of a text.
+/// Replaces the first word in quotation marks after a position in a text.
 fn replace_word(bytes: &mut Vec<u8>, at: usize, rng: &mut impl Rng) {
     let Some(first) = bytes[at..].iter().position(|b| *b == b'"').map(|n| at + n + 1) else {
         bytes[at] = b'"';

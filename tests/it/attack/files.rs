@@ -1,5 +1,5 @@
-//! Changed files of every kind that the program reads: an answer with an exit code, soon, and never a panic,
-//! a number that is none, or another result without a word.
+//! Changed files of every kind that the program reads. The program must soon end with an exit code, and must
+//! not panic, print a number that is not finite, or silently give another result.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,12 +11,13 @@ use super::call::call;
 use super::changes::changed;
 use crate::reference::said;
 
-/// A file and the call that reads it. `{}` in the arguments stands for the path of the changed file.
+/// A file and the call that reads it. `{}` in the arguments is replaced by the path of the changed file.
 struct Kind {
     name: &'static str,
-    /// The sound file.
+    /// The unchanged file.
     file: PathBuf,
-    /// Whether the changed file takes the place of the sound one in a copy of its folder, whose path is `{}`.
+    /// Whether the changed file replaces the unchanged one in a copy of its folder; `{}` is then the path of
+    /// the copy.
     in_folder: bool,
     arguments: Vec<String>,
 }
@@ -25,7 +26,7 @@ fn text(path: &Path) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// Makes a sound file of every kind.
+/// Makes a valid file of every kind.
 fn kinds(home: &Path) -> Vec<Kind> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mini = root.join("scenarios/mini");
@@ -114,7 +115,7 @@ fn attack(changes: u64) {
             let fault = match answer.code {
                 _ if answer.error.contains("panicked") => Some("panics"),
                 None => Some("does not end, or is ended"),
-                // Scripts of pages may name them.
+                // Scripts of pages may contain such words.
                 Some(0) if has_no_number(&answer.output) && !answer.output.starts_with("<!") => {
                     Some("prints a number that is none")
                 }

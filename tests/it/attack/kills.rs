@@ -1,4 +1,5 @@
-//! Runs that are killed when a certain file appears or goes, and resumed: the same bytes as without the kill.
+//! Runs that are killed when a certain file appears or disappears, and resumed: the same bytes as without the
+//! kill.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Decisions folded into a new file.
+//! Decisions applied to a file, in a new file.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ fn applied(
     (done, records, store::read(&out).unwrap())
 }
 
-/// Which candidate is chosen, and which carry ben's mark.
+/// Returns the number of the chosen candidate, and the numbers of those with ben's mark.
 fn state(record: &ScenarioRecord) -> (Option<u32>, Vec<u32>) {
     let marked = record.candidates.iter().filter(|c| c.review.as_ref().is_some_and(|r| r.reviewer == "ben"));
     (record.chosen().map(|c| c.candidate.number), marked.map(|c| c.candidate.number).collect())

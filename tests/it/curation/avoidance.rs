@@ -1,4 +1,4 @@
-//! Certificates: that they are found where a driver would find a way, refused where none would, and that what they say is true.
+//! Certificates: found if a driver could avoid the AV, refused if none could, and correct in what they state.
 
 mod recheck;
 
@@ -15,13 +15,13 @@ use reactsim::scene::{
 use self::recheck::recheck;
 use crate::scenes::{agent, car, lane, later, line, real, scene, state, straight};
 
-/// The AV's log as a candidate, changed by `change` (step, logged state).
+/// Returns the AV's log as a candidate, changed by `change` (step, logged state).
 fn candidate(scenario: &Scenario, change: impl Fn(usize, AgentState) -> AgentState) -> Vec<AgentState> {
     let logged = scenario.logged(0);
     (0..=FUTURE).map(|k| logged[CURRENT + k].unwrap()).enumerate().map(|(k, s)| change(k, s)).collect()
 }
 
-/// An AV that brakes along the x axis at `rate` after `delay` seconds.
+/// Returns an AV that brakes along the x axis at `rate` after `delay` seconds.
 fn braking(scenario: &Scenario, rate: f64, delay: f64) -> Vec<AgentState> {
     let now = scenario.start.now(0);
     let speed = now.speed();
@@ -62,7 +62,7 @@ fn a_follower_brakes_behind_an_av_that_stops() {
     assert_eq!(certificate.responses.len(), 1);
     let own = response(&certificate, "own");
     assert_eq!(own.nudge, 0.0);
-    // 1.2 m/s are lost after 0.4 s, and 0.3 s pass.
+    // The AV is 1.2 m/s slower after 0.4 s; the reaction takes another 0.3 s.
     assert_eq!(own.reaction_step, 7);
     assert!((1.5..5.01).contains(&own.peak_deceleration), "{}", own.peak_deceleration);
     assert_eq!(certificate.peak_deceleration(), own.peak_deceleration);
@@ -72,7 +72,8 @@ fn a_follower_brakes_behind_an_av_that_stops() {
 
 #[test]
 fn the_effort_of_a_follower_is_that_of_the_closed_form() {
-    // The AV brakes at 3 m/s² from 10 m/s and stands after 3.3 s; the follower is 15.5 m behind it (bumper to bumper).
+    // The AV brakes at 3 m/s² from 10 m/s and stops after 3.3 s; the follower is 15.5 m behind it (bumper to
+    // bumper).
     let agents = vec![car("av", 20.0, 0.0, 0.0, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
     let scenario = scene("effort", agents, straight());
     let certificate = found(&scenario, &braking(&scenario, 3.0, 0.0));
@@ -80,11 +81,13 @@ fn the_effort_of_a_follower_is_that_of_the_closed_form() {
     let effort = own.effort.unwrap();
     assert_eq!((own.leader.as_deref(), own.nudge), (None, 0.0));
     assert!(effort.required_deceleration <= own.peak_deceleration, "{effort:?} {}", own.peak_deceleration);
-    // To stop before 20 + 16.7 - 4.5 - 0.2 m, of which 7 m are driven before it brakes: v²/2a with the jerk (10 m/s³) is 2 to 2.5 m/s².
+    // The follower must stop within 20 + 16.7 - 4.5 - 0.2 m, of which it drives 7 m before it brakes: v²/2a
+    // with the jerk (10 m/s³) is 2 to 2.5 m/s².
     assert!((2.0..2.6).contains(&effort.required_deceleration), "{effort:?}");
-    // With 6 m/s² it may wait longer than the 0.3 s that everybody is granted, but not until the AV stands.
+    // At 6 m/s² it may react later than after the 0.3 s granted to every agent, but before the AV has
+    // stopped.
     assert!((0.8..2.5).contains(&effort.time_to_react), "{effort:?}");
-    // What was found to be enough is enough, and clearly less is not.
+    // The deceleration found to be enough is enough, and a clearly lower one is not.
     let bounded = |max_deceleration| {
         let settings = AvoidanceSettings { max_deceleration, max_nudge: 0.0, ..AvoidanceSettings::default() };
         certify(&scenario, &braking(&scenario, 3.0, 0.0), &settings)
@@ -141,7 +144,8 @@ fn a_follower_of_the_follower_brakes_likewise() {
 
 #[test]
 fn who_only_meets_the_braking_leader_reacts_to_that() {
-    // The AV stops in the middle of a crossing. Only the first vehicle would get there; the second would end just before.
+    // The AV stops in the middle of a crossing. Only the first vehicle would get there; the second would end
+    // just before it.
     let north = |id: &str, y: f64| car(id, 30.0, y, FRAC_PI_2, 10.0);
     let agents = vec![car("av", 0.0, 0.0, 0.0, 10.0), north("first", -71.0), north("second", -85.0)];
     let scenario = scene("second row", agents, straight());
@@ -151,7 +155,7 @@ fn who_only_meets_the_braking_leader_reacts_to_that() {
     assert!(second.reaction_step > first.reaction_step, "{} {}", first.reaction_step, second.reaction_step);
 }
 
-/// A crossing: the AV drives east and stops in the middle; `own` comes from the south.
+/// Returns a crossing: the AV drives east and stops in the middle; `own` comes from the south.
 fn crossing(gap: f64) -> (Scenario, Vec<AgentState>) {
     let mut map = straight();
     map.lanes.push(lane("north", line((30.0, -150.0), (30.0, 150.0)), Some(15.0)));
@@ -164,7 +168,7 @@ fn crossing(gap: f64) -> (Scenario, Vec<AgentState>) {
 #[test]
 fn a_crossing_car_yields_or_goes_first() {
     let (scenario, av) = crossing(45.0);
-    // It passes after 3.0 s in the log and in the middle of the crossing stands the AV after 5.5 s.
+    // In the log it passes after 3.0 s; the AV stops in the middle of the crossing after 5.5 s.
     let end = av[FUTURE].x;
     assert!((27.0..33.0).contains(&end), "the AV stops at {end}");
     let certificate = found(&scenario, &av);
@@ -176,7 +180,7 @@ fn a_crossing_car_yields_or_goes_first() {
 fn head_on_there_is_no_way_out() {
     let agents = vec![car("av", 60.0, 3.6, PI, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
     let scenario = scene("head-on", agents, straight());
-    // The AV comes over into the lane of the oncoming car and goes on.
+    // The AV moves over into the lane of the oncoming car and drives on.
     let av = candidate(&scenario, |k, s| {
         let share = (k as f64 * DT / 1.5).min(1.0);
         AgentState { y: 3.6 * (1.0 - share * share * (3.0 - 2.0 * share)), ..s }
@@ -190,7 +194,7 @@ fn head_on_there_is_no_way_out() {
 fn a_cut_in_at_arms_length_is_too_close() {
     let agents = vec![car("av", 8.0, -3.6, 0.0, 15.0), car("own", 0.0, 0.0, 0.0, 15.0)];
     let scenario = scene("cut-in", agents, straight());
-    // Within 1 s the AV is before the other car, and 9 m/s slower.
+    // Within 1 s the AV is in front of the other car, and 9 m/s slower.
     let now = scenario.start.now(0);
     let mut x = now.x;
     let av = candidate(&scenario, |_, s| s);
@@ -218,7 +222,8 @@ fn a_conflict_before_anybody_can_react_is_refused() {
 
 #[test]
 fn a_nudge_saves_where_braking_can_not() {
-    // The oncoming AV reaches half a metre over into the lane of the other, all the way: stopping does not help.
+    // The oncoming AV protrudes half a metre into the lane of the other car, all the way: stopping does not
+    // help.
     let agents = vec![car("av", 80.0, 3.2, PI, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
     let mut map = straight();
     map.lanes.push(lane("right", line((-150.0, -3.5), (350.0, -3.5)), Some(15.0)));
@@ -238,7 +243,7 @@ fn a_nudge_saves_where_braking_can_not() {
 fn a_pedestrian_waits() {
     let walker = agent("walker", AgentKind::Pedestrian, state(30.0, -7.0, FRAC_PI_2, 1.4));
     let scenario = scene("walker", vec![car("av", -30.0, 0.0, 0.0, 14.0), walker], straight());
-    // In the log the AV is past before the walker comes; the candidate is slower.
+    // In the log the AV has passed before the pedestrian comes; the candidate is slower.
     let av = candidate(&scenario, |k, s| {
         let now = later(&AgentState { x: -30.0, vx: 12.0, ..s }, k as f64 * DT);
         AgentState { x: now.x, vx: 12.0, ..s }
@@ -251,7 +256,7 @@ fn a_pedestrian_waits() {
 
 #[test]
 fn a_standing_car_that_is_run_into_can_do_nothing() {
-    // The AV comes over and drives into it; or it comes slowly, and there would be time to drive off.
+    // The AV moves over and drives into it; or it comes slowly, and there would be time to drive off.
     for (speed, from) in [(10.0, 0.0), (3.0, 24.0)] {
         let agents = vec![car("av", from, 3.6, 0.0, speed), car("own", 40.0, 0.0, 0.0, 0.0)];
         let scenario = scene("standing", agents, straight());
@@ -265,7 +270,8 @@ fn a_standing_car_that_is_run_into_can_do_nothing() {
     }
 }
 
-/// A vehicle along a path: `at` gives position and heading by arc length, `speed` the speed by time; it is at 0 now.
+/// Returns a vehicle along a path: `at` gives position and heading by arc length, `speed` the speed by time;
+/// the arc length is 0 now.
 fn along(id: &str, at: impl Fn(f64) -> (Vec2, f64), speed: impl Fn(f64) -> f64) -> LoggedAgent {
     let mut own = car(id, 0.0, 0.0, 0.0, 0.0);
     let mut s = -speed(0.0) * CURRENT as f64 * DT;
@@ -278,7 +284,8 @@ fn along(id: &str, at: impl Fn(f64) -> (Vec2, f64), speed: impl Fn(f64) -> f64) 
     own
 }
 
-/// Straight on to the east for 30 m, then a left turn of 8 m radius, and north.
+/// Returns position and heading by arc length: straight on to the east for 30 m, then a left turn of 8 m
+/// radius, and north.
 fn bend(s: f64) -> (Vec2, f64) {
     let turned = ((s - 30.0) / 8.0).clamp(0.0, FRAC_PI_2);
     let rest = (s - 30.0 - 8.0 * FRAC_PI_2).max(0.0);
@@ -286,7 +293,7 @@ fn bend(s: f64) -> (Vec2, f64) {
     (corner, turned)
 }
 
-/// The AV's log as a candidate that goes along the x axis from `from` on, at a speed by time.
+/// Returns the AV's log as a candidate that goes along the x axis from `from` on, at a speed by time.
 fn eastward(scenario: &Scenario, from: f64, speed: impl Fn(f64) -> f64) -> Vec<AgentState> {
     let mut x = from;
     let now = scenario.start.now(0);
@@ -303,8 +310,9 @@ fn eastward(scenario: &Scenario, from: f64, speed: impl Fn(f64) -> f64) -> Vec<A
 
 #[test]
 fn nobody_escapes_through_a_bend_faster_than_its_tyres_allow() {
-    // From 12 to 5 m/s before the bend, and 5 m/s through it. The AV behind it does likewise, but as a candidate goes on at 11 m/s: the
-    // quickest way out is to take 8 m of radius at 12 m/s.
+    // The vehicle slows from 12 to 5 m/s before the bend, and takes it at 5 m/s. The AV behind it does
+    // likewise in the log, but as a candidate goes on at 11 m/s: the quickest way out is to take 8 m of
+    // radius at 12 m/s.
     let speed = |t: f64| (12.0 - 2.5 * (t - 0.5).max(0.0)).max(5.0);
     for gap in [12.0, 14.0, 16.0, 18.0, 20.0, 22.0] {
         let av = along("av", |s| (Vec2::new(s - gap, 0.0), 0.0), speed);
@@ -318,7 +326,8 @@ fn nobody_escapes_through_a_bend_faster_than_its_tyres_allow() {
 
 #[test]
 fn who_comes_late_to_a_bend_takes_it_slowly_all_the_same() {
-    // After the bend it is at 12 m/s again; the AV ahead, which goes straight on, delays it, so that it is in the bend by then.
+    // After the bend the log is at 12 m/s again; the AV ahead, which goes straight on, delays the vehicle, so
+    // that it is still in the bend then.
     let speed = |t: f64| match t < 5.9 {
         true => (12.0 - 2.5 * (t - 0.5).max(0.0)).max(5.0),
         false => (5.0 + 3.5 * (t - 5.9)).min(12.0),
@@ -335,7 +344,8 @@ fn who_comes_late_to_a_bend_takes_it_slowly_all_the_same() {
 
 #[test]
 fn who_stops_in_its_log_does_not_drive_on() {
-    // Both stop in the log; the candidate does not, and drives into the other from behind. Driving on before it would be a way out.
+    // Both stop in the log; the candidate does not, and drives into the other one from behind. Driving on in
+    // front of it would be a way out.
     let speed = |t: f64| (10.0 - 5.0 / 3.0 * t).max(0.0);
     let at = |s: f64| (Vec2::new(s, 0.0), 0.0);
     let own = along("own", at, speed);
@@ -348,7 +358,7 @@ fn who_stops_in_its_log_does_not_drive_on() {
 #[test]
 fn one_frame_of_overlap_in_the_log_excuses_that_frame_only() {
     let mut behind = car("behind", -14.0, 0.0, 0.0, 10.0);
-    // A slip of the recording: for one frame it is in the other one.
+    // An error of the recording: for one frame it overlaps the other one.
     if let Some(state) = &mut behind.track[CURRENT + 2] {
         state.x += 12.0;
     }
@@ -359,7 +369,7 @@ fn one_frame_of_overlap_in_the_log_excuses_that_frame_only() {
     response(&certificate, "behind");
 }
 
-/// As in [`a_nudge_saves_where_braking_can_not`], with something more on the map or beside the road.
+/// As in [`a_nudge_saves_where_braking_can_not`], with more on the map or next to the road.
 fn narrow(map: MapParts, beside: Vec<LoggedAgent>) -> (Scenario, Vec<AgentState>) {
     let mut agents = vec![car("av", 80.0, 3.2, PI, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
     agents.extend(beside);
@@ -392,7 +402,7 @@ fn a_nudge_keeps_its_corners_on_the_road() {
     };
     let (scenario, av) = narrow(ground(-2.5), Vec::new());
     assert!(response(&found(&scenario, &av), "own").nudge < 0.0);
-    // The centre stays on the ground, a corner does not.
+    // The centre stays on the drivable area, a corner does not.
     let (scenario, av) = narrow(ground(-1.2), Vec::new());
     assert!(matches!(refused(&scenario, &av), Unavoidable::TooClose { .. }));
 }
@@ -418,7 +428,7 @@ fn driving_the_certificate_is_no_over_reaction() {
     for response in &certificate.responses {
         let agent = scenario.start.agents.iter().position(|a| a.id == response.agent).unwrap();
         tracks[agent].truncate(CURRENT + 1);
-        // As the engine has it: velocities are position differences.
+        // As in the engine, velocities are position differences.
         let unknown = |s: &AgentState| AgentState { vx: f64::NAN, vy: f64::NAN, ..*s };
         tracks[agent].extend(response.track[1..].iter().map(|s| Some(unknown(s))));
     }
@@ -465,7 +475,7 @@ fn the_same_question_has_the_same_answer() {
 fn certificates_of_real_logs_hold() {
     let scenarios = real(24);
     if scenarios.is_empty() {
-        // No data beside the repository.
+        // There are no data next to the repository.
         return;
     }
     let (mut conflicts, mut certified) = (0, 0);
@@ -480,7 +490,7 @@ fn certificates_of_real_logs_hold() {
             recheck(scenario, &track, certificate);
         }
         let responds = certificate.as_ref().map_or(0, |c| c.responses.len());
-        // Whoever only brakes leaves the others a way out.
+        // An AV that only brakes leaves the others a way out.
         if script == "brake:3" && (certificate.is_err() || responds > 0) {
             conflicts += 1;
             certified += usize::from(certificate.is_ok());

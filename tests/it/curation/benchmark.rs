@@ -1,4 +1,4 @@
-//! The recipe of a benchmark, on roads made by rule.
+//! The recipe of a benchmark, on synthetic roads.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,8 +21,8 @@ fn groups() -> Vec<String> {
     ["fork", "road"].map(|g| format!("generated/{g}")).to_vec()
 }
 
-/// The scenario of a number: a road with traffic both ways, every other time with a branch to the left. Every
-/// seventh cannot be made.
+/// Returns the scenario of a number: a road with traffic in both directions, every other time with a branch
+/// to the left. Every seventh scenario cannot be made.
 fn scenario(number: u64) -> Result<Scenario, GenerationError> {
     let id = format!("bench-0-{number:06}");
     if number % 7 == 6 {
@@ -49,7 +49,7 @@ fn scenario(number: u64) -> Result<Scenario, GenerationError> {
         ..MapParts::default()
     };
     let some = (number % 5) as f64;
-    // Slow now, and gone when the AV is there.
+    // Slow at first, and gone when the AV gets there.
     let mut ahead = car("ahead", 24.0, 3.5, 0.0, 3.0);
     for (frame, state) in ahead.track.iter_mut().enumerate().skip(CURRENT) {
         let t = (frame - CURRENT) as f64 * 0.1;
@@ -189,7 +189,8 @@ fn a_benchmark_ends_with_what_can_be_had() {
     let (taken, error) = recipe_of(none, 4);
     assert_eq!(taken, 0);
     assert!(error.unwrap_err().to_string().starts_with("no suitable scenario was found among "));
-    // Roads without branches: half of the places are reserved for the others, until any group will do.
+    // Roads without branches: half of the places are reserved for the other group, until any group is
+    // accepted.
     let roads = |number: u64| scenario(2 * number + 1);
     let (taken, provenance) = recipe_of(roads, 4);
     let settings = provenance.unwrap().settings;

@@ -14,7 +14,7 @@ use super::hand;
 use super::review::{file, records};
 use crate::chromium::{Browser, Served, chromium};
 
-/// The scenario that the page shows, and the candidate that is selected.
+/// Access to the scenario that the page shows and to the selected candidate.
 trait Reviewed {
     /// Waits until the page shows this scenario.
     fn shows(&mut self, index: usize);
@@ -32,12 +32,12 @@ impl Reviewed for Browser {
     }
 }
 
-/// The program, serving a file.
+/// Serves the review page of a file.
 fn reviewing(file: &Path) -> Served {
     Served::new(&["curate", "review", "--reviewer", "anna", file.to_str().unwrap()])
 }
 
-/// What the journal says, by number of the scenario.
+/// Returns the decisions in the journal, by number of the scenario.
 fn decided(file: &Path) -> Vec<Option<(Decision, Option<u32>)>> {
     let (decisions, warnings) = Journal::read_all(&[Journal::path_for(file)]).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
@@ -59,7 +59,7 @@ fn decisions_survive_a_killed_server() {
     assert_eq!(page.text("reviewer"), "anna");
     assert_eq!(page.text("progress-text"), "0 / 5 decided");
 
-    // Time moves when it is played, and stands when it is not.
+    // Time runs while the scene is played, and stops otherwise.
     assert_eq!(page.text("time"), "0.0 s");
     page.press(" ");
     page.until("parseFloat(document.getElementById('time').textContent) > 0.4");
@@ -70,7 +70,7 @@ fn decisions_survive_a_killed_server() {
     page.press("0");
     page.until("document.getElementById('time').textContent === '0.0 s'");
 
-    // The chosen one is selected first; survivors come by score.
+    // The chosen candidate is selected first; survivors are ordered by score.
     assert_eq!(page.selected(), "1");
     page.press("k");
     page.press("k");
@@ -104,10 +104,10 @@ fn decisions_survive_a_killed_server() {
     assert_eq!(page.text("progress-text"), "2 / 5 decided");
     assert_eq!(decided(&file), before);
 
-    // The browser tells of the server that is gone; of nothing else.
+    // The browser reports only that the server is gone.
     page.errors.retain(|error| !error.contains("ERR_CONNECTION_REFUSED"));
 
-    // Opened again, it goes on where it was.
+    // Opened again, the page continues where it was.
     let program = reviewing(&file);
     page.open(&program.url);
     page.shows(3);
@@ -117,14 +117,14 @@ fn decisions_survive_a_killed_server() {
     page.shows(2);
     page.until("document.getElementById('verdict').textContent === 'undecided'");
     assert_eq!(decided(&file)[2], None);
-    // A candidate alone is rejected and the scenario stays; then that is dropped.
+    // A single candidate is rejected and the scenario stays; then the decision is dropped.
     page.press("X");
     page.until("document.getElementById('verdict').textContent.startsWith('rejected #1')");
     assert_eq!(decided(&file)[2], Some((Decision::Reject, Some(1))));
     page.press("d");
     page.until("document.getElementById('verdict').textContent === 'undecided'");
     assert_eq!(decided(&file)[2], None);
-    // Only what is asked for is gone through.
+    // Only scenarios that match the selection are visited.
     page.evaluate(
         "const s = document.getElementById('state'); s.value = 'pick'; s.dispatchEvent(new Event('change'))",
     );
@@ -163,7 +163,7 @@ fn a_scene_of_another_form_is_not_drawn_and_the_page_says_so() {
     page.shows(0);
     let said = page.text("modes");
     assert!(said.contains("the scene has form 7, this page draws form 1"), "{said}");
-    // Candidates are there, and can be decided on.
+    // Candidates are shown and can be decided on.
     page.press("p");
     page.shows(1);
     assert_eq!(page.text("modes"), "");

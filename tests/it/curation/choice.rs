@@ -5,7 +5,7 @@ use reactsim::scene::{Deviation, Effort};
 
 use super::hand;
 
-/// A scenario whose candidates survive, of these categories, maneuvers and scores.
+/// Returns a scenario whose candidates survive, with these categories, maneuvers and scores.
 fn scenario(candidates: &[(Deviation, &str, f64)]) -> ScenarioRecord {
     let mut record = hand::scenario("s", candidates.len() as u32);
     for (candidate, &(category, maneuver, score)) in record.candidates.iter_mut().zip(candidates) {
@@ -50,11 +50,11 @@ fn the_same_maneuver_wears_off() {
     let mut chooser = Chooser::new();
     let both = || scenario(&[(LONG, "stop: 3.1 m/s²", 4.0), (LONG, "creep: 1.2 m/s", 2.5)]);
     let sequence: Vec<_> = (0..8).map(|_| chosen(&mut chooser, both()).unwrap()).collect();
-    // In the long run the shares differ by as much as makes up for the scores: (4 - 2.5) / 4.
+    // In the long run the shares differ by as much as compensates for the scores: (4 - 2.5) / 4.
     assert_eq!(sequence, [0, 1, 0, 0, 1, 0, 0, 1]);
 }
 
-/// A survivor of this difficulty and mean-speed difference (m/s).
+/// Gives a survivor this difficulty and mean-speed difference (m/s).
 fn graded(record: &mut ScenarioRecord, i: usize, required: f64, speed: f64) {
     let candidate = &mut record.candidates[i];
     candidate.offsets.mean_speed_difference = speed;

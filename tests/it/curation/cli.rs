@@ -1,4 +1,4 @@
-//! The verb as its user sees it.
+//! The command `curate` as its user sees it.
 
 use std::fs;
 use std::path::Path;
@@ -62,7 +62,7 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     }
 }
 
-/// A scenario in which the AV comes closer to the vehicle ahead.
+/// Returns a scenario in which the AV comes closer to the vehicle ahead.
 fn closing(i: usize) -> Scenario {
     let mut parts = parts(i, false);
     for (f, frame) in parts.agents[2].track.iter_mut().enumerate() {
@@ -91,7 +91,7 @@ fn scenarios_become_a_file_of_candidates() {
     let home = tempfile::tempdir().unwrap();
     let (input, again) = (home.path().join("s.parquet"), home.path().join("t.parquet"));
     write_scenarios(&input, (0..40).map(closing));
-    // One of them a second time, and a file that is none.
+    // One of them a second time, and a file that is not a scenario.
     write_scenarios(&again, (39..42).map(closing));
     let broken = home.path().join("u.json");
     fs::write(&broken, r#"{"format": "reactsim-scenario-v1"}"#).unwrap();
@@ -136,7 +136,7 @@ fn scenarios_become_a_file_of_candidates() {
     let dropped: u64 = provenance.funnel.preselection.values().sum();
     assert_eq!(provenance.funnel.preselected + dropped, 42);
     assert!(!opened.scenarios().is_empty(), "nothing has candidates: {:?}", provenance.funnel);
-    // Nothing can be read: nothing is written.
+    // If nothing can be read, nothing is written.
     let none = home.path().join("none.parquet");
     let output = reactsim(&["curate", text(&broken), "--out", text(&none)]);
     assert_eq!(output.status.code(), Some(2));
@@ -159,7 +159,7 @@ fn figures_on_stdout_and_charts_in_a_folder() {
     let output = reactsim(&["curate", "stats", text(&file), "--format", "json"]);
     let figures: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(figures["chosen"], 3);
-    // A file that is no folder stands in the way.
+    // A file is in the place of the folder.
     let output = reactsim(&["curate", "stats", text(&file), "--svg", text(&file)]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("could not create"));
@@ -205,7 +205,7 @@ fn decisions_go_into_a_new_file() {
     HOME/d.parquet: 3 of 4 scenarios chosen
     ");
     assert_eq!(store::Store::open(&out).unwrap().scenarios()[0].chosen().map(|c| c.number), Some(1));
-    // Of two that differ neither has a majority.
+    // Of two decisions that differ, neither has a majority.
     let (code, said) = apply(&["--reviews", text(&theirs), "--majority"]);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("0 picked, 1 dropped, 0 only marked\nwarning: reviewers disagree about 1 scenario; the majority decides"), "{said}");
@@ -230,7 +230,7 @@ fn decisions_go_into_a_new_file() {
     assert_eq!((applied.file.name.as_str(), &applied.file.digest), ("c.parquet", &digest_of(&file)));
     assert_eq!(applied.reviews[1].digest, digest_of(&theirs));
     assert_eq!(opened.provenance().funnel.chosen, 3);
-    // A line that is no decision ends it before anything is written.
+    // A line that is not a decision ends the command before anything is written.
     fs::remove_file(&out).unwrap();
     fs::write(&theirs, "{}\n").unwrap();
     let (code, said) = apply(&["--reviews", text(&theirs)]);
@@ -252,7 +252,7 @@ fn interrupted_it_keeps_what_is_finished() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // The unfinished file is there when the first scenario is begun, and the flag is watched soon after.
+    // Interrupts are handled before the unfinished file exists.
     let begun = || fs::read_dir(home.path()).unwrap().count() > 1;
     while !begun() {
         std::thread::sleep(std::time::Duration::from_millis(1));

@@ -6,7 +6,7 @@ use reactsim::scene::{AgentKind, CURRENT, FRAMES, LightState, LoggedAgent, Scena
 use super::road::{braked, candidate, map, on_road};
 use crate::scenes::{agent, car, lane, light, line, parts, scene, state};
 
-/// What a filter says.
+/// Returns the verdict of a filter.
 fn verdict(filter: &str, scenario: &Scenario, candidate: &Candidate, settings: &FilterSettings) -> Verdict {
     let context = FilterContext::new(scenario).unwrap();
     let trial = Trial::new(&context, candidate, settings);
@@ -35,17 +35,17 @@ fn alone() -> Scenario {
     on_road("alone", vec![av()])
 }
 
-/// Keeps 10 m/s.
+/// Returns a candidate that keeps 10 m/s.
 fn steady(scenario: &Scenario) -> Candidate {
     candidate(scenario, |t| (10.0 * t, 0.0, 0.0))
 }
 
-/// Stops at a deceleration.
+/// Returns a candidate that stops at a deceleration.
 fn stopping(scenario: &Scenario, loss: f64) -> Candidate {
     candidate(scenario, |t| (braked(10.0, loss, t), 0.0, 0.0))
 }
 
-/// Stands at x = 0 from the start on.
+/// Returns a candidate that stands at x = 0 from the start on.
 fn standing(scenario: &Scenario) -> Candidate {
     candidate(scenario, |_| (0.0, 0.0, 0.0))
 }
@@ -77,7 +77,8 @@ fn log_distance() {
 fn drivable_area() {
     let scenario = alone();
     assert_eq!(passes("drivable-area", &scenario, &steady(&scenario)), Some(0.0));
-    // Half of the width is 0.95 m: corners at -2.25 are 0.25 m off, within the tolerance; at -2.35 they are not.
+    // Half of the width is 0.95 m: corners at -2.25 are 0.25 m off, within the tolerance; at -2.35 they are
+    // not.
     let close = candidate(&scenario, |t| (10.0 * t, -1.3, 0.0));
     assert!((passes("drivable-area", &scenario, &close).unwrap() - 0.25).abs() < 1e-9);
     let off = candidate(&scenario, |t| (10.0 * t, -1.4, 0.0));
@@ -133,7 +134,7 @@ fn red_light() {
         parts.lights = vec![light("right", (30.0, 0.0), shows)];
         Scenario::assemble(parts).unwrap()
     };
-    // The log stands before the line; the front of the candidate passes it after (30 - 2.3) / 10 s.
+    // The logged AV waits before the line; the front of the candidate passes it after (30 - 2.3) / 10 s.
     let waiting = || car("av", 20.0, 0.0, 0.0, 0.0);
     let red = lit(|_| LightState::Stop, waiting());
     let goes = candidate(&red, |t| (20.0 + 10.0 * t, 0.0, 0.0));
@@ -141,7 +142,7 @@ fn red_light() {
     passes("red-light", &red, &candidate(&red, |_| (20.0, 0.0, 0.0)));
     let green = lit(|f| if f < CURRENT + 5 { LightState::Stop } else { LightState::Go }, waiting());
     passes("red-light", &green, &goes);
-    // Of two lanes that lead over the line together, one whose colour is not known is no leave.
+    // If two lanes cross the line together, a light of unknown colour on one of them does not permit passing.
     let mut both = parts("both", vec![waiting()], map());
     both.map.lanes.push(lane("twin", line((20.0, 0.2), (400.0, 0.2)), None));
     let shown = |twin: LightState| {
@@ -154,7 +155,7 @@ fn red_light() {
     };
     rejects("red-light", &shown(LightState::Unknown), &goes, "runs a red light after 0.8 s");
     passes("red-light", &shown(LightState::Go), &goes);
-    // Where the logged AV goes on red, too, the light is taken for a wrong one.
+    // If the logged AV runs the red light too, the light is taken to be wrong.
     let ran = lit(|_| LightState::Stop, car("av", 0.0, 0.0, 0.0, 10.0));
     passes("red-light", &ran, &stopping(&ran, 1.0));
 }
@@ -195,7 +196,7 @@ fn active_collision() {
     into(agent("walker", AgentKind::Pedestrian, state(40.0, 0.0, 1.5, 0.0)), "touches a pedestrian");
     into(agent("rider", AgentKind::Cyclist, state(40.0, 0.0, 0.0, 3.0)), "touches a cyclist");
     into(agent("cone", AgentKind::Other, state(40.0, 0.0, 0.0, 0.0)), "drives into an obstacle");
-    // Who runs into the AV, or is met crossing, is pressed and not run into.
+    // An agent that runs into the AV, or meets it crossing, is under pressure; the AV does not drive into it.
     let behind = on_road("behind", vec![av(), car("follower", -15.0, 0.0, 0.0, 10.0)]);
     passes("active-collision", &behind, &stopping(&behind, 3.0));
     let crossing = on_road("crossing", vec![av(), car("crosser", 40.0, -40.0, 1.57, 10.0)]);

@@ -1,4 +1,4 @@
-//! Records made by hand.
+//! Hand-made records.
 
 use reactsim::curation::{
     Candidate, CandidateRecord, Certificate, CurationProvenance, Decision, Figure, Funnel, InputFile,
@@ -7,7 +7,7 @@ use reactsim::curation::{
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentState, Deviation, Effort};
 
-/// 81 states on a line, with digits that a rounding would change.
+/// Returns 81 states on a line, with digits that a rounding would change.
 pub(super) fn track(speed: f64) -> Vec<AgentState> {
     let state = |k: usize| {
         let x = speed * k as f64 / 30.0;
@@ -16,7 +16,7 @@ pub(super) fn track(speed: f64) -> Vec<AgentState> {
     (0..81).map(state).collect()
 }
 
-/// A candidate; every third is rejected.
+/// Returns a candidate; every third one is rejected.
 pub(super) fn candidate(number: u32) -> CandidateRecord {
     let category = Deviation::ALL[number as usize % 3];
     let rejected = number % 3 == 2;
@@ -76,7 +76,7 @@ pub(super) fn candidate(number: u32) -> CandidateRecord {
     }
 }
 
-/// A scenario with so many candidates.
+/// Returns a scenario with this number of candidates.
 pub(super) fn scenario(id: &str, candidates: u32) -> ScenarioRecord {
     ScenarioRecord {
         scenario_id: id.into(),
@@ -87,7 +87,7 @@ pub(super) fn scenario(id: &str, candidates: u32) -> ScenarioRecord {
     }
 }
 
-/// Where a file comes from.
+/// Returns the provenance of a file.
 pub(super) fn provenance() -> CurationProvenance {
     CurationProvenance {
         version: "0.1.0".into(),
@@ -101,7 +101,7 @@ pub(super) fn provenance() -> CurationProvenance {
     }
 }
 
-/// Writes a file of such records.
+/// Writes a file of these records.
 pub(super) fn write(path: &std::path::Path, records: &[ScenarioRecord]) {
     let mut writer = reactsim::curation::store::Writer::create(path).unwrap();
     records.iter().for_each(|r| _ = writer.write(r).unwrap());

@@ -1,11 +1,11 @@
-//! Which candidates a benchmark takes.
+//! Quotas: the candidates that a benchmark takes.
 
 use reactsim::curation::{DIFFICULTIES, PROPORTIONS, Quota, ScenarioRecord, Strictness, in_proportion};
 use reactsim::scene::{Deviation, Difficulty, Effort};
 
 use super::hand;
 
-/// A scenario with one survivor of each of these categories and every difficulty.
+/// Returns a scenario with one survivor of each of these categories and every difficulty.
 fn record(categories: &[Deviation]) -> ScenarioRecord {
     let mut record = hand::scenario("a", 0);
     for (category, required) in categories.iter().flat_map(|c| [(c, 1.0), (c, 2.0), (c, 4.0)]) {
@@ -59,7 +59,7 @@ fn a_benchmark_is_filled_exactly() {
         if quota.left() == 0 {
             break;
         }
-        // Directional ones are rare, and most scenarios offer the others.
+        // Directional candidates are rare, and most scenarios offer the others.
         let mut record = record(if i % 4 == 0 { &Deviation::ALL[..] } else { &Deviation::ALL[..2] });
         let taken = quota.take(["x", "y", "z"][i % 3], &mut record);
         assert_eq!(taken, record.chosen().is_some());

@@ -1,4 +1,4 @@
-//! The review page: what its server answers, what it refuses, and what it draws.
+//! The review page: answers and refusals of its server, and the scenes that it draws.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use super::hand;
 use crate::generated;
 
-/// Scenarios that can be drawn, with candidates made by hand.
+/// Returns scenarios that can be drawn, with hand-made candidates.
 pub(super) fn records(count: usize) -> Vec<ScenarioRecord> {
     let record = |i: usize| {
         let drawn = generated::scenario(i);
@@ -25,7 +25,7 @@ pub(super) fn records(count: usize) -> Vec<ScenarioRecord> {
     (0..count).map(record).collect()
 }
 
-/// A file of such scenarios in a new folder.
+/// Writes a file of such scenarios to a new folder.
 pub(super) fn file(count: usize) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("set.parquet");
@@ -59,7 +59,7 @@ impl Serving {
         Self { port, token, stop, thread }
     }
 
-    /// Status and text of the answer to a request, head included.
+    /// Sends a request. Returns status and text of the answer, including its head.
     fn ask(&self, method: &str, path: &str, headers: &str, body: &str) -> (u16, String) {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         let length = body.len();
@@ -101,7 +101,7 @@ impl Drop for Serving {
     }
 }
 
-/// The body of an answer, as JSON or as a text.
+/// Returns the body of an answer, as JSON or as a text.
 fn body(answer: &str) -> Value {
     let text = answer.split_once("\r\n\r\n").unwrap().1;
     serde_json::from_str(text).unwrap_or_else(|_| text.into())
@@ -126,7 +126,7 @@ fn nothing_is_answered_without_the_token() {
         format!("/{}", server.token),
         format!("/{}/", &server.token[..31]),
         format!("/{}0/", server.token),
-        // Nothing but the page's own files is there.
+        // Only the page's own files are served.
         format!("/{}/set.parquet", server.token),
         format!("/{}/..%2f..%2fetc%2fpasswd", server.token),
         format!("/{}/../../../etc/passwd", server.token),
@@ -156,7 +156,7 @@ fn only_the_servers_own_page_is_answered() {
     for header in ["content-security-policy: default-src 'none'", "no-referrer", "no-store", "nosniff"] {
         assert!(head.contains(header), "{header}");
     }
-    // Pages of others cannot decide: neither with their own origin nor as a plain form.
+    // Pages of other origins cannot decide: neither with their own origin nor as a plain form.
     let decide = format!("/{}/api/decide", server.token);
     let wish = r#"{"index":0,"candidate":null,"decision":"reject"}"#;
     let foreign = format!("{own}Origin: http://evil.example\r\nContent-Type: application/json\r\n");
@@ -193,7 +193,7 @@ fn decisions_are_written_and_taken_back() {
     }
     let flag = json!({"index": 1, "candidate": 0, "decision": "flag", "note": "too late?"});
     assert_eq!(server.post("api/decide", &flag).0, 200);
-    // What is on the disk while the server runs.
+    // The journal on the disk while the server runs.
     let journal = Journal::path_for(&path);
     let (decisions, _) = Journal::read_all(&[&journal]).unwrap();
     let line = decisions[&all[1].scenario_id].verdict(&all[1].scenario_digest).unwrap();
@@ -205,7 +205,7 @@ fn decisions_are_written_and_taken_back() {
     assert_eq!(line.candidate_digest, Some(candidate_digest(&all[1].candidates[0].candidate)));
     let (status, standing) = server.post("api/undo", &json!({}));
     assert_eq!((status, &standing["verdict"]["candidate"]), (200, &3.into()));
-    // The same file is reviewed once at a time.
+    // A file can be under review only once at a time.
     let second = ReviewServer::new(Store::open(&path).unwrap(), ReviewOptions::default());
     assert!(matches!(second, Err(ReviewError::Locked { .. })));
     drop(server);

@@ -1,4 +1,5 @@
-//! A straight road for tests: two lanes to the right, one the other way, edges on both sides; and AVs on it.
+//! A straight road for tests: two lanes to the right, one in the other direction, edges on both sides; and
+//! AVs on it.
 
 use reactsim::curation::Candidate;
 use reactsim::geometry::{Polygon, Vec2};
@@ -6,7 +7,7 @@ use reactsim::scene::{AgentState, DT, FUTURE, LoggedAgent, MapParts, Scenario};
 
 use crate::scenes::{lane, line, scene, state};
 
-/// Lanes at y = 0 and 3.5 to the right, at 7 to the left; drivable from -2 to 9.
+/// Returns a map with lanes at y = 0 and 3.5 to the right, at 7 to the left; drivable from -2 to 9.
 pub(super) fn map() -> MapParts {
     let ring = [(-200.0, -2.0), (400.0, -2.0), (400.0, 9.0), (-200.0, 9.0)];
     MapParts {
@@ -23,12 +24,12 @@ pub(super) fn map() -> MapParts {
     }
 }
 
-/// A scene on it; the first agent is the AV.
+/// Returns a scene on this road; the first agent is the AV.
 pub(super) fn on_road(id: &str, agents: Vec<LoggedAgent>) -> Scenario {
     scene(id, agents, map())
 }
 
-/// A candidate whose state after `t` seconds is given by position, heading and speed.
+/// Returns a candidate whose state after `t` seconds is given by position, heading and speed.
 pub(super) fn candidate(scenario: &Scenario, at: impl Fn(f64) -> (f64, f64, f64)) -> Candidate {
     let mut track = vec![scenario.start.now(0)];
     for k in 1..=FUTURE {
@@ -40,7 +41,7 @@ pub(super) fn candidate(scenario: &Scenario, at: impl Fn(f64) -> (f64, f64, f64)
     Candidate { source: "hand".into(), number: 0, intent: None, maneuver: "by hand".into(), track }
 }
 
-/// Along the x axis: the way after `t` seconds of braking from `speed` at `loss` m/s² to a halt.
+/// Returns the distance after `t` seconds of braking from `speed` at `loss` m/s² to a halt, metres.
 pub(super) fn braked(speed: f64, loss: f64, t: f64) -> f64 {
     let t = t.min(speed / loss);
     speed * t - 0.5 * loss * t * t

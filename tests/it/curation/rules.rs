@@ -1,4 +1,4 @@
-//! What every candidate by rules must be, on hand-made scenes, shipped scenarios and real logs.
+//! Properties of every candidate by rules, on hand-made scenes, shipped scenarios and real logs.
 
 use reactsim::curation::{
     CandidateSource, CurationOutcome, CurationSettings, Rules, SOURCES, curate_scenario,
@@ -19,7 +19,7 @@ fn streams(scenario: &Scenario, seed: u64) -> Vec<Stream> {
 const JERK: f64 = 25.0;
 const JUMP: f64 = 2.5;
 
-/// Sections 7 and 8 of the metrics, and that the AV neither jumps nor trembles.
+/// Checks sections 7 and 8 of the metrics, and that the AV neither jumps nor trembles.
 #[track_caller]
 fn drivable(scenario: &Scenario, maneuver: &str, future: &[AgentState]) {
     assert_eq!(future.len(), FUTURE);
@@ -39,7 +39,7 @@ fn drivable(scenario: &Scenario, maneuver: &str, future: &[AgentState]) {
             let jerk = (a - a0) / DT;
             assert!(jerk.abs() <= JERK, "{}: {jerk} m/s3", about());
         } else if known {
-            // From what the log shows until now.
+            // Acceleration in the log until now.
             let earlier = scenario.logged_velocity(0, CURRENT - 5).unwrap().norm();
             let jump = a - ((v0 - earlier) / 0.5).clamp(-4.0, 4.0);
             assert!(jump.abs() <= JUMP, "{}: {jump} m/s2 at once", about());
@@ -107,7 +107,7 @@ fn a_logged_change_of_lanes_is_merged_sooner_and_later() {
         let slope = 3.5 * 6.0 * u * (1.0 - u) / 30.0;
         (state.heading, state.vy) = (slope.atan(), state.vx * slope);
     }
-    // Alone, so that every draw is as good as any other, and the first is proposed.
+    // There are no other agents, so that every draw is as good as any other, and the first is proposed.
     let scenario = on_road("merging", vec![av]);
     let mut offsets = std::collections::BTreeMap::new();
     for seed in 0..30 {
@@ -125,7 +125,7 @@ fn a_logged_change_of_lanes_is_merged_sooner_and_later() {
 
 #[test]
 fn no_two_candidates_are_the_same() {
-    // An AV that is to stand at a red light leaves little to vary.
+    // An AV that has to wait at a red light leaves little to vary.
     for scenario in mini().iter().chain(&real(6)) {
         let CurationOutcome::Retained(record, unproposed) =
             curate_scenario(scenario, SOURCES[0], &CurationSettings::default())
@@ -147,7 +147,7 @@ fn no_two_candidates_are_the_same() {
 #[test]
 fn odd_scenes_are_no_trouble() {
     let around = || vec![car("av", 0.0, 0.0, 0.3, 9.0), car("b", -15.0, -4.0, 0.3, 9.0)];
-    // No map at all; an AV off its lane, across the road; nobody else.
+    // No map at all; an AV off its lane, across the road; no other agents.
     let bare = scene("bare", around(), MapParts::default());
     let across = on_road("across", vec![car("av", 0.0, 60.0, 2.0, 9.0), car("b", -15.0, 60.0, 2.0, 9.0)]);
     let lonely = on_road("lonely", vec![car("av", 0.0, 0.0, 0.0, 9.0)]);
@@ -195,7 +195,8 @@ fn step_one_counts_vehicles_and_approaches() {
     assert_eq!(failed_rule(&close), None);
 }
 
-/// The figures that the set is for: every chosen candidate presses somebody, obeys the limits and has a certificate.
+/// Checks the purpose of the set: every chosen candidate puts an agent under pressure, obeys the limits and
+/// has a certificate.
 #[test]
 fn what_is_chosen_on_real_logs_holds_what_it_promises() {
     let scenarios = real(12);

@@ -1,4 +1,4 @@
-//! Figures of sets whose numbers are known.
+//! Statistics of sets with known values.
 
 use std::fs;
 use std::sync::atomic::AtomicBool;
@@ -18,7 +18,7 @@ use super::hand::{provenance, scenario};
 use super::road::on_road;
 use crate::scenes::{car, later};
 
-/// A scenario with one chosen candidate of this category and ADE.
+/// Returns a scenario with one chosen candidate of this category and ADE.
 fn chosen(id: usize, category: Deviation, ade: f64) -> ScenarioRecord {
     let mut record = scenario(&format!("s{id}"), 3);
     let one = &mut record.candidates[1];
@@ -76,13 +76,13 @@ fn figures_are_those_of_a_calculation_by_hand() {
     assert_eq!((lateral.ade.mean, lateral.ade.median), (Some(3.25), Some(3.5)));
     assert_eq!((directional.ade.n, directional.ade.mean), (0, None));
     assert_eq!(all.mean_speed_difference.mean, Some(-0.375));
-    // What is unknown is left out, not zero.
+    // Unknown values are left out, not zero.
     assert_eq!((all.endpoint_lateral.n, all.endpoint_lateral.mean), (4, Some(0.5)));
     assert_eq!((s.endpoints[3].longitudinal, s.endpoints[3].lateral), (Some(-5.0), None));
     assert_eq!(all.pressure.at_fault, Some(0.2));
     assert_eq!((all.pressure.overlap, all.pressure.risky), (Some(0.6), Some(1.0)));
     assert_eq!(directional.pressure.risky, None);
-    // All histograms of a quantity have the same bins, and hold everything.
+    // All histograms of a quantity have the same bins, and contain all values.
     assert_eq!(all.ade.histogram.len(), s.bins.ade.count);
     assert_eq!(all.ade.histogram.iter().sum::<u64>(), 5);
     assert_eq!(lateral.ade.histogram.len(), s.bins.ade.count);
@@ -107,7 +107,7 @@ fn what_a_person_picked_against_the_filters_is_counted() {
     }
     let s = collector.finish(&provenance());
     assert_eq!(s.chosen_although_rejected, [("pressure".to_owned(), 2)].into());
-    // Candidate 3 has none.
+    // Candidate 3 has no certificate.
     assert_eq!((s.chosen, s.chosen_without_certificate), (4, 1));
     let mut text = Vec::new();
     curation_tables::write_statistics(&mut text, &s).unwrap();
@@ -146,7 +146,7 @@ fn an_empty_set_has_figures_too() {
     assert!(charts[0].svg.contains("No candidate is chosen."));
 }
 
-/// A set as large as a real one, spread as one would be.
+/// Returns a set as large as a real one, with a similar spread.
 fn large() -> Statistics {
     let mut collector = Collector::default();
     let noise = |i: usize| ((i as f64 * 12.9898).sin() * 43_758.545).fract().abs();
@@ -196,7 +196,7 @@ fn charts_are_drawn_and_always_the_same() {
     assert_eq!(charts, curation_charts::charts(&large()).unwrap());
     let names: Vec<_> = charts.iter().map(|c| c.name).collect();
     assert_eq!(names, ["endpoints.svg", "ade.svg", "mean-speed-difference.svg", "funnel.svg"]);
-    // For looking at them.
+    // Written to be looked at.
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("curation-charts");
     fs::create_dir_all(&folder).unwrap();
     for chart in &charts {
@@ -214,7 +214,7 @@ fn charts_are_drawn_and_always_the_same() {
     curation_charts::charts(&known()).unwrap();
 }
 
-/// Has nothing to propose for every other scenario.
+/// Proposes nothing for every other scenario.
 struct Shy;
 
 impl CandidateSource for Shy {

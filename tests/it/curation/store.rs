@@ -1,4 +1,4 @@
-//! The file of a curation: nothing is lost, damage is found.
+//! The file of a curation: nothing is lost, and damage is detected.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,8 @@ fn twenty() -> Vec<ScenarioRecord> {
     (0..20).map(|i| scenario(&format!("s{i}"), 1 + i % 5)).collect()
 }
 
-/// All bits of a value: the shortest texts of two different numbers differ, and NaN has one.
+/// Returns a text with all bits of the values: the shortest texts of two different numbers differ, and NaN
+/// has one.
 fn text(records: &[ScenarioRecord]) -> String {
     format!("{records:?}")
 }
@@ -91,7 +92,7 @@ fn deviations_are_the_chosen_candidates() {
     let path = folder.path().join("c.parquet");
     write(&path, &twenty());
     let read = deviations::read(&path).unwrap();
-    // Candidate 1 is chosen; a fifth of the scenarios has but one candidate.
+    // Candidate 1 is chosen; a fifth of the scenarios have only one candidate.
     assert_eq!(read.len(), 16);
     let (one, record) = (&read["s9"], scenario("s9", 5));
     let chosen = record.chosen().unwrap();
@@ -187,7 +188,7 @@ fn a_file_that_changes_under_an_open_store_is_an_error() {
     let path = folder.path().join("c.parquet");
     write(&path, &twenty());
     let opened = Store::open(&path).unwrap();
-    // A file that takes its place does not disturb it; one that is cut does.
+    // Replacing the file does not disturb the open store; truncating it does.
     write(&path, &[scenario("other", 1)]);
     assert_eq!(opened.scenario(19).unwrap().scenario_id, "s19");
     let opened = Store::open(&path).unwrap();
@@ -195,7 +196,7 @@ fn a_file_that_changes_under_an_open_store_is_an_error() {
     assert!(opened.scenario(0).unwrap_err().to_string().contains("is truncated"));
 }
 
-/// A file as large as the largest that is expected. Slow where nothing is optimised: run by hand.
+/// The file is as large as the largest that is expected. Slow without optimisation, so run by hand.
 #[test]
 #[ignore = "measures speed; run with --release"]
 fn large_files_open_fast() {

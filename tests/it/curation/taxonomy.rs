@@ -9,7 +9,8 @@ use reactsim::scene::{AgentState, DT, Deviation, FUTURE, MapParts, Scenario};
 use super::road::braked;
 use crate::scenes::{arc, car, join, lane, line, scene, state};
 
-/// A lane that forks at x = 30: straight on, or to the left on a radius of 12 m. Another one beside it.
+/// Returns a lane that forks at x = 30: straight on, or to the left on a radius of 12 m; and another lane
+/// next to it.
 fn fork() -> Scenario {
     let turn = arc((30.0, 0.0), 0.0, 12.0, FRAC_PI_2);
     let mut lanes = vec![
@@ -23,7 +24,7 @@ fn fork() -> Scenario {
     scene("fork", vec![car("av", 0.0, 0.0, 0.0, 8.0)], MapParts { lanes, ..MapParts::default() })
 }
 
-/// States at the steps 0 to 80 along a way.
+/// Returns states at the steps 0 to 80 along a line; `way` is the distance by time.
 fn along(points: &[Vec2], way: impl Fn(f64) -> f64) -> Vec<AgentState> {
     let line = Polyline::new(points).unwrap();
     let at = |k: usize| {
@@ -45,7 +46,7 @@ fn turning() -> Vec<Vec2> {
     points
 }
 
-/// A change to the lane beside, over 20 m from x = 10.
+/// Returns a change to the adjacent lane, over 20 m from x = 10.
 fn changing() -> Vec<Vec2> {
     let mut points = line((0.0, 0.0), (10.0, 0.0));
     points.extend((1..=20).map(|i| {
@@ -84,7 +85,7 @@ fn another_lane_is_lateral() {
     let change = read(&straight(), &along(&changing(), |t| 8.0 * t), Some(50));
     assert_eq!((change.category, change.other_branch), (Deviation::Lateral, false));
     assert!((change.lateral_offset + 3.5).abs() < 1e-6);
-    // Half a metre is none.
+    // Half a metre is not a change of lanes.
     let little: Vec<Vec2> = straight().iter().map(|p| Vec2::new(p.x, 0.5)).collect();
     assert_eq!(read(&straight(), &along(&little, |t| 8.0 * t), None).category, Deviation::Longitudinal);
 }
@@ -100,7 +101,7 @@ fn another_branch_is_directional_both_ways() {
 
 #[test]
 fn of_several_cues_the_one_at_the_conflict_counts() {
-    // Brakes on the logged lane, then turns: who runs into it while it brakes meets another speed.
+    // Brakes on the logged lane, then turns: an agent that runs into it while it brakes meets another speed.
     let late = |t: f64| if t < 3.0 { 4.0 * t } else { 12.0 + 9.0 * (t - 3.0) };
     let mixed = |conflict| read(&straight(), &along(&turning(), late), conflict).category;
     assert_eq!(mixed(Some(25)), Deviation::Longitudinal);
@@ -114,7 +115,8 @@ fn of_several_cues_the_one_at_the_conflict_counts() {
 
 #[test]
 fn who_is_met_only_beside_the_logged_way_is_met_by_the_shift() {
-    // 0.9 m to the left and slower; a box alongside at 2.6 m is touched from there, but not from the logged way.
+    // 0.9 m to the left and slower; a box alongside at 2.6 m is touched from there, but not from the logged
+    // path.
     let aside: Vec<Vec2> = straight().iter().map(|p| Vec2::new(p.x, (0.03 * p.x).min(1.2))).collect();
     let track = along(&aside, |t| 6.0 * t);
     let scenario = fork();
@@ -132,7 +134,7 @@ fn who_is_met_only_beside_the_logged_way_is_met_by_the_shift() {
 
 #[test]
 fn a_lane_change_that_is_met_long_before_the_turn_is_lateral() {
-    // To the lane beside within 20 m, and off to the left after 80 m.
+    // To the adjacent lane within 20 m, and off to the left after 80 m.
     let mut points = changing();
     points.retain(|p| p.x < 60.0);
     points.extend(line((61.0, -3.5), (80.0, -3.5)));

@@ -57,7 +57,7 @@ const CONTENT: &[&str] = &[
 /// Faults that only a time limit ends.
 const HANGING: &[&str] = &["hang", "stop", "ignore-signals", "close-stdin", "cut-and-hang"];
 
-/// Runs a simulator with a fault. `once` has the fault in the first process only.
+/// Runs a simulator with a fault. With `once`, only the first process has the fault.
 fn check(child: &Child, fault: &str, limit: Duration, once: bool, number: usize) {
     check_with(child, fault, limit, once, number, 1);
 }

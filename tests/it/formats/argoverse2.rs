@@ -18,7 +18,7 @@ use crate::program::reactsim;
 /// A row: track, class, time step, x, y, heading.
 type Row = (Option<&'static str>, &'static str, i64, f64, f64, Option<f64>);
 
-/// The AV at 10 m/s, a bus behind that is there at some steps only, and what stands.
+/// Returns the AV at 10 m/s, a bus behind it that is present at some steps only, and a static object.
 fn rows(steps: i64) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
     for step in 0..steps {
@@ -62,7 +62,7 @@ fn line(points: &[(f64, f64)]) -> Value {
     points.iter().map(|p| json!({"x": p.0, "y": p.1, "z": 1.0})).collect()
 }
 
-/// A lane along the x axis from `x` to `x` + 100 m, 4 m wide.
+/// Returns a lane along the x axis from `x` to `x` + 100 m, 4 m wide.
 fn lane(id: u64, x: f64, y: f64, back: bool) -> Value {
     let (a, b, side) = if back { (x + 100.0, x, -2.0) } else { (x, x + 100.0, 2.0) };
     json!({
@@ -172,7 +172,7 @@ fn maps_and_current_frames_count_in_the_record_of_a_file() {
     write(folder.path(), &rows(110), &other);
     assert_eq!(record(&input).blake3, usual.blake3);
     assert_ne!(record(&input).digest(), usual.digest());
-    // Without a map reading it will say so; the record does not.
+    // If the map is missing, reading reports it; the record does not.
     fs::remove_file(folder.path().join("log_map_archive_made-1.json")).unwrap();
     assert!(record(&input).companions.is_empty());
     assert_eq!(record(&input).digest(), usual.blake3);
@@ -212,7 +212,7 @@ fn runs_and_pages_remember_the_current_frame() {
     let (native, at) = (native.to_str().unwrap(), ["--current-frame", "29"]);
     assert_eq!(call(&[&["convert", "PATH", "--out", native][..], &at].concat()).0, 0);
     assert_eq!(good(Path::new(native))[0].digest(), read_at(&path, 29).unwrap().digest());
-    // Others say themselves which frame it is.
+    // Other formats fix the current frame.
     let fixed = call(&["inspect", native, "--current-frame", "29"]);
     assert_eq!(fixed.0, 2, "{}", fixed.1);
     assert!(fixed.1.contains("the current frame is 29, expected none: the format native fixes"));
@@ -345,7 +345,7 @@ fn the_map_lies_beside_the_scenario() {
     let map = at("log_map_archive_made-1.json");
     let told = find_inputs(&map).err().unwrap().to_string();
     assert!(told.contains("is an Argoverse 2 map"), "{told}");
-    // The only map there is taken, whatever it is called; of several only that of the scenario.
+    // A single map is taken, whatever its name; of several, only that of the scenario.
     fs::rename(&map, at("log_map_archive_other.json")).unwrap();
     assert_eq!(good(&path).len(), 1);
     fs::write(at("log_map_archive_third.json"), "{}").unwrap();
@@ -382,7 +382,7 @@ fn real_files() {
         let recorded = s.log_future.tracks[0].iter().flatten().count();
         assert_eq!(recorded, 80 - short as usize);
         let road = s.start.road();
-        // Vehicles of the log stay on the road. Some go on where the map was cut off.
+        // Vehicles of the log stay on the road. Some go on beyond the end of the map.
         let area = s.start.map.drivable_area.as_ref().unwrap();
         let mapped = area.iter().map(Polygon::bounds).reduce(|a, b| a.union(&b)).unwrap();
         let (mut on, mut all) = (0, 0);

@@ -1,4 +1,4 @@
-//! Native files in any order.
+//! Reading native files in any order.
 
 use std::path::Path;
 
@@ -44,7 +44,7 @@ fn a_file_that_is_changed_meanwhile_is_refused() {
     let held = ByNumber::open(&path).unwrap();
     scenarios.reverse();
     write_native(&path, &scenarios);
-    // What is open stays what it was; another thread's first look finds the other file.
+    // An open file keeps its content; the first read in another thread finds the new file.
     file.read(3).unwrap();
     let told = std::sync::Mutex::new(Vec::new());
     std::thread::scope(|scope| {

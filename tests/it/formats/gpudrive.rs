@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::{Case, good, logs_agree, refusal};
 
-/// Frames of an object that goes along the x axis at 10 m/s, absent before frame `from`.
+/// Returns an object that moves along the x axis at 10 m/s and is absent before frame `from`.
 fn object(id: u64, kind: &str, x: f64, y: f64, from: usize) -> Value {
     let at = |f: usize| match f < from {
         true => json!({"x": -10000.0, "y": -10000.0, "z": -10000.0}),
@@ -56,7 +56,7 @@ fn made() -> Value {
 }
 
 fn write(folder: &Path, value: &Value) -> PathBuf {
-    // Texts of this length are the rule: what tells the format stands at the beginning.
+    // As in real files, the fields that identify the format are at the beginning.
     let path = folder.join("f.json");
     let Value::Object(fields) = value else { panic!() };
     let order = ["name", "scenario_id", "objects", "roads", "tl_states", "metadata"];
@@ -137,7 +137,7 @@ fn old_files_hold_degrees_and_no_ids() {
         (s.start.map.lanes[0].class, s.start.map.road_edges[0].kind),
         (LaneClass::Undefined, RoadEdgeKind::Unknown)
     );
-    // Where nobody moves nothing tells but the vintage.
+    // If nothing moves, only the age of the file decides the unit of headings.
     let halt = |value: &mut Value| {
         for object in value["objects"].as_array_mut().unwrap() {
             object["velocity"] = (0..91).map(|_| json!({"x": 0.0, "y": 0.0})).collect();
@@ -252,7 +252,7 @@ fn real_files() {
     for s in &scenarios {
         let av = &s.start.agents[0];
         assert!((av.length - 5.286).abs() < 1e-6 && (av.width - 2.332).abs() < 1e-6, "{}: {av:?}", s.id);
-        // Who moves goes where it heads.
+        // Moving vehicles move in the direction of their heading.
         let mut seen = 0;
         for (a, agent) in s.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
             for state in s.logged(a).iter().flatten().filter(|s| s.speed() > 5.0) {

@@ -13,10 +13,10 @@ use parquet::arrow::ArrowWriter;
 use super::proto::{self, Proto};
 use super::{HAND_WRITTEN, digests};
 
-/// What such files may take in a build for tests, on a machine with other work.
+/// Time limit for such files, in a build for tests on a machine with other work.
 const SOON: Duration = Duration::from_secs(20);
 
-/// The first message of a file with this content.
+/// Returns the first message of a file with this content.
 fn told(name: &str, content: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join(name);
@@ -39,7 +39,7 @@ fn varint(out: &mut Vec<u8>, mut v: usize) {
     out.push(v as u8);
 }
 
-/// A field of bytes.
+/// Appends a field of bytes.
 fn field(out: &mut Vec<u8>, tag: u8, content: &[u8]) {
     out.push(tag << 3 | 2);
     varint(out, content.len());
@@ -54,7 +54,7 @@ fn gzip(content: &[u8]) -> Vec<u8> {
 
 #[test]
 fn compressed_records_that_are_far_longer_than_their_files() {
-    // A header that claims 512 MiB, and as many zeros as one likes behind it.
+    // A header that claims 512 MiB, followed by any number of zeros.
     let sound = proto::framed(&[Vec::new()]);
     assert_eq!(sound.len(), 16);
     let length = (1_u64 << 29).to_le_bytes();
@@ -79,7 +79,7 @@ fn messages_of_many_small_parts() {
         let said = told("f.tfrecord", &empty(tag));
         assert!(said.contains("the number of fields is more than 1000000"), "{tag}: {said}");
     }
-    // Within others, in lists of ids, and behind the beginning of a group, which decoders pass over.
+    // Within other messages, in lists of ids, and after the beginning of a group, which decoders skip.
     let mut track = Vec::new();
     field(&mut track, 2, &[3 << 3 | 2, 0].repeat(2_000_000));
     let (mut lane, mut feature, mut map) = (Vec::new(), Vec::new(), Vec::new());
@@ -98,7 +98,7 @@ fn messages_of_many_small_parts() {
 #[test]
 fn lights_of_many_lanes() {
     let mut message = Proto { lights: Vec::new(), ..Proto::default() }.encode();
-    // Frames are told by their number: one of those that are there gets all of them.
+    // Frames are identified by their number, so one of the existing frames gets all lights.
     let mut lights = Vec::new();
     for lane in 0..200_000_usize {
         let mut light = vec![1 << 3];
@@ -122,7 +122,7 @@ fn deep_json() {
         assert!(told("f.json", hand.as_bytes()).contains("cannot be decoded"));
         let cut = &hand.as_bytes()[..hand.len() / 2];
         assert!(told("f.json", cut).contains("cannot be decoded"));
-        // A key that nobody reads, and one that is read.
+        // A key that is ignored, and one that is read.
         for key in ["other", "tl_states", "metadata"] {
             let text = format!("{{\"{key}\": {deep}, \"objects\": [], \"roads\": [{{\"geometry\": []}}]}}");
             let text = format!("{{\"roads\": [], \"geometry\": 0, {}", &text[1..]);
@@ -133,7 +133,7 @@ fn deep_json() {
     }
 }
 
-/// The hand-written scenario with another list of lanes.
+/// Returns the hand-written scenario with another list of lanes.
 fn with_lanes(lanes: &str) -> String {
     let begin = HAND_WRITTEN.find("\"lanes\": [").unwrap();
     let end = HAND_WRITTEN.find("],\n    \"road_edges\"").unwrap();
@@ -204,7 +204,7 @@ fn lanes_without_extent_in_long_chains() {
         .collect();
     let said = told("f.json", with_lanes(&lanes.join(",")).as_bytes());
     assert!(said.contains("map.lanes is too many lanes without extent"), "{said}");
-    // Two lists only, but long ones.
+    // Only two lists, but long ones.
     let to = |name: &str| (0..50_000).map(|i| format!("\"{name}{i}\"")).collect::<Vec<_>>().join(",");
     let two = format!(
         r#"{{"id": "1", "points": [[0, 0], [1, 0]], "successors": ["2", {}]}}, {{"id": "2", "points": [], "successors": [{}]}}"#,

@@ -1,4 +1,4 @@
-//! Odd input: each has a stated meaning or an error that names file, record, scenario, field and value.
+//! Odd input: each case has a stated meaning or an error that names file, record, scenario, field and value.
 
 use std::fs;
 
@@ -26,7 +26,8 @@ fn waymo_messages_mean_what_they_say() {
     assert_eq!((s.origin.x, s.origin.y), (5010.0, -20_000.0));
     let ids: Vec<&str> = s.start.agents.iter().map(|a| a.id.as_str()).collect();
     assert_eq!(ids, ["8", "9", "7"], "the AV, then by distance");
-    // Unwrapped headings are kept; sizes are those of frame 10; states that are not valid mean nothing whatever they hold.
+    // Unwrapped headings are kept; sizes are those of frame 10; states that are not valid are ignored,
+    // whatever they hold.
     assert!((s.start.now(2).heading - 17.3).abs() < 1e-6);
     assert_eq!(s.start.agents[0].length, f64::from(5.0_f32 + 10.0 * 0.001));
     assert!(s.start.history[1][4].is_none() && s.start.history[1][5].is_some());
@@ -49,7 +50,7 @@ fn odd_input_with_a_stated_meaning() {
     assert_eq!((s.start.lights.len(), s.repairs["lights on missing lanes"]), (1, 1));
     let s = read(|p| p.lanes[1].1.push(999)).unwrap();
     assert_eq!(s.repairs["links to missing lanes"], 1);
-    // A box of size zero stands for an absent agent.
+    // A box of size zero means an absent agent.
     let s = read(|p| p.tracks[0].4 = 0.0).unwrap();
     assert_eq!((s.start.agents.len(), s.unselected.len()), (2, 1));
     assert_eq!(s.repairs["agents with a box of size zero"], 1);

@@ -1,6 +1,6 @@
 //! Waymo messages made by hand, byte for byte, so that the reader is not tested against its own declarations.
 
-/// What a test changes in a message.
+/// Fields of a message that tests change.
 #[derive(Clone)]
 pub(crate) struct Proto {
     pub(crate) id: String,
@@ -10,7 +10,7 @@ pub(crate) struct Proto {
     pub(crate) sdc: u64,
     /// Id, type, x at frame 0, heading, length, frames that are valid.
     pub(crate) tracks: Vec<(u64, u64, f64, f32, f32, std::ops::Range<usize>)>,
-    /// Id and exits of lanes of three points.
+    /// Id and exits of lanes with three points.
     pub(crate) lanes: Vec<(u64, Vec<u64>)>,
     /// Lanes of lights.
     pub(crate) lights: Vec<u64>,
@@ -89,7 +89,7 @@ impl Proto {
         whole(&mut out, 6, self.sdc);
         whole(&mut out, 4, 7);
         message(&mut out, 11, |m| whole(m, 1, 0));
-        // A field that nobody knows.
+        // An unknown field.
         bytes(&mut out, 99, b"from a newer version");
         for (id, kind, x, heading, length, valid) in &self.tracks {
             message(&mut out, 2, |m| {
@@ -151,7 +151,7 @@ fn crc(data: &[u8]) -> [u8; 4] {
     crc32c::crc32c(data).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes()
 }
 
-/// Payloads as TFRecords.
+/// Returns payloads as TFRecords.
 pub(crate) fn framed(payloads: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::new();
     for payload in payloads {
@@ -164,7 +164,7 @@ pub(crate) fn framed(payloads: &[Vec<u8>]) -> Vec<u8> {
     out
 }
 
-/// Messages as TFRecords.
+/// Returns messages as TFRecords.
 pub(crate) fn records(protos: &[Proto]) -> Vec<u8> {
     framed(&protos.iter().map(Proto::encode).collect::<Vec<_>>())
 }

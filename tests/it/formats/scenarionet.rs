@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::{Case, good, logs_agree, read_at, refusal};
 
-/// Rows of numbers that become a numpy array.
+/// Returns rows of numbers that become a numpy array.
 fn array(rows: Vec<Vec<f64>>) -> Value {
     json!({ "__array__": rows })
 }
@@ -19,7 +19,7 @@ fn numbers(frames: usize, of: impl Fn(usize) -> f64) -> Value {
     array((0..frames).map(|f| vec![of(f)]).collect())
 }
 
-/// The value as Python's pickle writes it, in protocol 4 with names spelled in one line.
+/// Writes the value as Python's pickle does, in protocol 4 with names spelled in one line.
 fn pickle(value: &Value, out: &mut Vec<u8>) {
     let text = |text: &str, out: &mut Vec<u8>| {
         out.push(b'X');
@@ -64,7 +64,7 @@ fn pickle(value: &Value, out: &mut Vec<u8>) {
         }
         Value::Object(fields) => {
             out.extend(b"}(");
-            // What tells the format stands at the beginning.
+            // The fields that identify the format are at the beginning.
             let first = ["id", "version", "length"];
             let (begin, rest): (Vec<_>, Vec<_>) =
                 fields.iter().partition(|(k, _)| first.contains(&k.as_str()));
@@ -77,7 +77,7 @@ fn pickle(value: &Value, out: &mut Vec<u8>) {
     }
 }
 
-/// A track along the x axis at 10 m/s, absent before frame `from`.
+/// Returns a track along the x axis at 10 m/s, absent before frame `from`.
 fn track(frames: usize, kind: &str, x: f64, y: f64, from: usize) -> Value {
     let there = move |f: usize, v: f64| if f < from { 0.0 } else { v };
     json!({"type": kind, "metadata": {"type": kind}, "state": {
@@ -98,7 +98,7 @@ fn lane(kind: &str, points: &[(f64, f64)], before: Value, after: Value) -> Value
         "left_neighbor": [], "right_neighbor": []})
 }
 
-/// A scenario of Waymo's, with so many frames.
+/// Returns a Waymo scenario with this number of frames.
 fn made(frames: usize) -> Value {
     let corners = line(&[(1040.0, 0.0), (1045.0, 0.0), (1045.0, 8.0)]);
     let mut shown = vec![json!("LANE_STATE_STOP"), Value::Null];
@@ -192,20 +192,20 @@ fn fields_mean_what_they_say() {
 
 #[test]
 fn recordings_of_other_lengths() {
-    // Longer, and no word of the current frame.
+    // Longer, and the current frame is not stated.
     let s = read_of(made(198), |v| {
         v["metadata"].as_object_mut().unwrap().remove("current_time_index");
     });
     let s = s.unwrap();
     assert_eq!((s.origin.x, s.timestamps[90]), (1020.0, 9.0));
     assert_eq!(s.repairs["recorded frames before and after those that are read"], 107);
-    // As of Argoverse 2: 60 steps after the current frame.
+    // As from Argoverse 2: 60 steps after the current frame.
     let s = read_of(made(110), |v| v["metadata"]["current_time_index"] = json!(49)).unwrap();
     assert_eq!((s.origin.x, s.repairs["frames at the end that are not recorded"]), (1059.0, 20));
     assert!(s.logged(0)[70].is_some() && s.logged(0)[71].is_none());
     assert!(s.light_states(0)[70].is_some() && s.light_states(0)[71].is_none());
     assert!((s.timestamps[90] - 12.9).abs() < 1e-9, "{}", s.timestamps[90]);
-    // Another frame than the file says.
+    // Another frame than the one in the file.
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &made(198));
     assert_eq!(read_at(&path, 100).unwrap().origin.x, 1110.0);
@@ -383,7 +383,7 @@ fn calls_of_other_programs_are_not_run() {
 fn files_are_told_by_content() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), &made(91));
-    // What lies beside scenarios, and pickles of others.
+    // Files next to scenarios, and pickles of other programs.
     fs::write(folder.path().join("dataset_summary.pkl"), b"\x80\x04}.").unwrap();
     fs::write(folder.path().join("other.pkl"), b"\x80\x04}.").unwrap();
     fs::write(folder.path().join("hand.json"), super::HAND_WRITTEN).unwrap();
@@ -400,7 +400,7 @@ fn real_files() {
     let scenarios = good(&folder);
     assert_eq!(scenarios.len(), 8);
     for s in &scenarios {
-        // Who moves goes where it heads; recordings hold a few frames in which this is not so.
+        // Moving vehicles move in the direction of their heading, except in a few frames of recordings.
         let (mut seen, mut astray) = (0, 0);
         for (a, agent) in s.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
             assert!(agent.length > agent.width, "{}: {agent:?}", s.id);

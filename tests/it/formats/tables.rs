@@ -18,7 +18,7 @@ fn column(values: impl Iterator<Item = Option<f64>>) -> ArrayRef {
     Arc::new(builder.finish())
 }
 
-/// A file as pandas or any other program writes it: no word of this program in its metadata.
+/// Writes a file as pandas or any other program does: without metadata of this program.
 fn foreign(path: &std::path::Path, gap: Option<usize>, steps: usize) {
     let line = |by: f64| column((0..steps).map(move |k| (gap != Some(k)).then_some(by * k as f64)));
     let batch = RecordBatch::try_from_iter([
@@ -113,7 +113,7 @@ fn rollouts_survive_bit_for_bit() {
     let back: Vec<_> = rollouts::read(&path).unwrap().map(|r| r.unwrap()).collect();
     assert_eq!(back.len(), 40);
     for (i, found) in back.iter().enumerate() {
-        // NaN is equal to nothing: the texts are compared.
+        // NaN is not equal to itself, so the texts are compared.
         assert_eq!(format!("{found:?}"), format!("{:?}", record(i as u32)));
     }
     let same = back[0].tracks_in(Vec2::new(1234.5, -9.25));

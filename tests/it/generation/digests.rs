@@ -1,9 +1,10 @@
-//! A number is a scenario, always the same.
+//! A number always gives the same scenario.
 
 use rayon::prelude::*;
 use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
 
-/// Scenarios by preset, seed and number, and how their digests begin; for the version of the generator.
+/// Scenarios by preset, seed and number, with the beginnings of their digests; for this version of the
+/// generator.
 const GOLDEN: (u32, [(&str, &str); 8]) = (
     2,
     [
@@ -22,7 +23,7 @@ fn generator(preset: Preset, seed: u64) -> Generator {
     Generator::new(GenerationSettings { preset, seed, ..GenerationSettings::default() }).unwrap()
 }
 
-/// The beginning of the digest of the scenario with this id.
+/// Returns the beginning of the digest of the scenario with this id.
 fn digest(id: &str) -> String {
     let parts: Vec<&str> = id.split('-').collect();
     let preset = Preset::from_name(parts[0]).unwrap();
@@ -46,7 +47,7 @@ fn numbers_are_the_scenarios_that_they_were() {
     );
 }
 
-/// Neither what was generated before nor what is generated at the same time matters.
+/// A scenario does not depend on those generated before or at the same time.
 #[test]
 fn a_scenario_does_not_know_the_others() {
     for preset in Preset::ALL {

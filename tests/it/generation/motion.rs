@@ -1,20 +1,21 @@
-//! Nobody jumps, and positions, velocities and headings agree.
+//! No agent jumps, and positions, velocities and headings agree.
 
 use reactsim::geometry::{Vec2, direction, heading_of, wrap};
 use reactsim::scene::{AgentKind, AgentState, DT, Frame};
 
 use super::sample::{obeyed, parked};
 
-/// By how much a step may differ from what the velocities at its ends say, metres: accelerations change within it.
+/// Tolerance between a step and the velocities at its ends, metres: accelerations change within it.
 const SLACK: f64 = 0.01;
-/// The same of people on foot, who stop within a step.
+/// The same for pedestrians, who stop within a step.
 const SLACK_ON_FOOT: f64 = 0.1;
-/// From this speed on a vehicle has a direction of motion, m/s.
+/// Speed from which a vehicle has a direction of motion, m/s.
 const MOVES: f64 = 1.0;
-/// How far the box of a vehicle may point from where the middle of its rear axle goes, radians: two degrees.
+/// Largest angle between the box of a vehicle and the motion of the middle of its rear axle, radians: two
+/// degrees.
 const SKID: f64 = 0.035;
 
-/// Two frames one after the other at which somebody is there, with the number of the second.
+/// Returns consecutive frames at which an agent is present, with the number of the second one.
 fn steps(track: &[Frame]) -> impl Iterator<Item = (usize, AgentState, AgentState)> {
     (1..).zip(track.windows(2)).filter_map(|(f, pair)| Some((f, pair[0]?, pair[1]?)))
 }
@@ -35,10 +36,11 @@ fn velocities_say_where_everybody_goes() {
     });
 }
 
-/// The middle of the rear axle of a car lies about this far behind the middle of its box, as a share of the length.
+/// Approximate distance of the middle of a car's rear axle behind the middle of its box, as a share of the
+/// length.
 const REAR: f64 = 0.3;
 
-/// Which way a place goes that lies so far behind the middle of a box, radians.
+/// Returns the direction of motion of the point `behind` metres behind the middle of a box, radians.
 fn course(from: AgentState, to: AgentState, behind: f64) -> f64 {
     let place = |s: AgentState| s.position() - direction(s.heading) * behind;
     heading_of(place(to) - place(from))
@@ -52,7 +54,7 @@ fn vehicles_point_where_they_drive() {
                 if from.speed() < MOVES || to.speed() < MOVES {
                     continue;
                 }
-                // Rear axles of trucks and buses lie elsewhere: any place that does is taken for it.
+                // Rear axles of trucks and buses are elsewhere: the best of several positions counts.
                 let heading = from.heading + 0.5 * wrap(to.heading - from.heading);
                 let off = |share: f64| wrap(course(from, to, share * a.agent.length) - heading).abs();
                 let least =
@@ -72,7 +74,8 @@ fn nobody_turns_on_the_spot() {
         for a in generated.on_wheels() {
             for (f, from, to) in steps(&a.track) {
                 let (way, turn) = ((to.position() - from.position()).norm(), wrap(to.heading - from.heading));
-                // No vehicle turns in a circle of less than 3 m, no bicycle of less than 1 m; headings are rounded.
+                // No vehicle turns in a circle of less than 3 m, no bicycle of less than 1 m; headings are
+                // rounded.
                 let tightest = if a.agent.kind == AgentKind::Cyclist { 1.0 } else { 3.0 };
                 if turn.abs() > way / tightest + 2e-4 {
                     breaches.note(&a.agent.id, f, format_args!("turns by {turn:.3} rad on {way:.3} m"));

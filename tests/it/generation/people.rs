@@ -1,11 +1,11 @@
-//! Nobody on foot is run over, nor walks through a vehicle.
+//! No pedestrian is run over, or walks through a vehicle.
 
 use reactsim::geometry::rounded_distance;
 use reactsim::scene::{AgentKind, FRAMES};
 
 use super::sample::obeyed;
 
-/// The rounding of boxes in the metrics.
+/// Rounding of boxes in the metrics.
 const ROUNDING: f64 = 0.7;
 
 #[test]
@@ -13,7 +13,7 @@ fn nobody_on_foot_is_run_over() {
     obeyed(|generated, breaches| {
         for p in generated.everybody.iter().filter(|a| a.agent.kind == AgentKind::Pedestrian) {
             for v in generated.on_wheels() {
-                // Who touches somebody once is told once.
+                // Each pair is reported once, at its first contact.
                 let touches = (0..FRAMES).find_map(|f| {
                     let (a, b) = (p.track[f]?.footprint(&p.agent), v.track[f]?.footprint(&v.agent));
                     let near = (a.center - b.center).norm() < a.radius() + b.radius();

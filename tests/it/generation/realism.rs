@@ -1,4 +1,4 @@
-//! Generated logs are spread as recorded ones are.
+//! Distributions of generated logs are like those of recorded ones.
 
 use std::fmt::Write;
 
@@ -6,18 +6,18 @@ use reactsim::formats::find_inputs;
 use reactsim::generation::realism::{Measured, Quantity, Tally, divergence};
 use reactsim::generation::{GenerationError, GenerationSettings, Generator, Preset};
 
-/// The most that a judged statistic may be apart from that of recordings (Jensen-Shannon divergence, base 2).
+/// Largest divergence of a judged statistic from that of recordings (Jensen-Shannon, base 2).
 const APART: f64 = 0.15;
-/// Scenarios that are measured.
+/// Number of scenarios that are measured.
 const SCENARIOS: u64 = 120;
-/// Figures of recorded driving: per judged statistic the values in each bin of its histogram.
+/// Statistics of recorded driving: per judged statistic the values in each bin of its histogram.
 const RECORDED: &str = include_str!("recorded.txt");
 
 fn judged() -> impl Iterator<Item = Quantity> {
     Quantity::ALL.into_iter().filter(|q| q.decides())
 }
 
-/// The bins of a statistic in the figures.
+/// Returns the recorded bins of a statistic.
 fn recorded(quantity: Quantity) -> Vec<u64> {
     let id = quantity.spec().id;
     let line = RECORDED.lines().find_map(|l| l.strip_prefix(id)?.strip_prefix(": "));
@@ -40,7 +40,7 @@ fn generated_driving_is_spread_as_recorded_driving() {
     for quantity in judged() {
         let (expected, found) = (recorded(quantity), measured.of(quantity).counts());
         let apart = divergence(&found, &expected);
-        // Without values there is no likeness.
+        // A statistic without values fails.
         let fails = !apart.is_some_and(|d| d < APART);
         let mark = if fails { " <-" } else { "" };
         let apart = apart.map_or("none".to_owned(), |d| format!("{d:.3}"));
@@ -61,7 +61,7 @@ fn generated_driving_is_spread_as_recorded_driving() {
     assert!(failing.is_empty(), "{APART} or more apart: {}\n{table}", failing.join(", "));
 }
 
-/// The figures are those of the data that they are said to be of.
+/// The recorded statistics are those of the stated data.
 #[test]
 fn the_recorded_figures_are_those_of_the_recordings() {
     let Some(folder) = crate::shared("data/womd/train") else { return };

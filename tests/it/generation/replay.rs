@@ -6,7 +6,7 @@ use reactsim::scene::DT;
 use super::sample::sample;
 use crate::scenes::{roll_with, scores};
 
-/// The most that each metric may find, as the mean of the scenarios.
+/// Largest value of each metric, as the mean over the scenarios.
 const BOUNDS: [(&str, f64); 6] = [
     ("aav-collision", 0.0),
     ("aa-collision", 0.001),

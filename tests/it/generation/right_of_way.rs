@@ -5,13 +5,16 @@ use reactsim::scene::{AgentState, FRAMES, Frame, LightState, LoggedAgent, RoadMa
 
 use super::sample::{obeyed, parked};
 
-/// Of several lines that a step passes it is the one that is met in its middle; others may lie so much farther aside, metres.
+/// Tolerance in metres: if a step passes several lines, those at most this much farther aside than the
+/// nearest one count.
 const ASIDE: f64 = 0.4;
-/// How far it is followed which lane somebody takes who passes a line, metres.
+/// Distance over which an agent that passes a line is followed to find its lane, metres.
 const FOLLOWED: f64 = 30.0;
-/// Lanes that fit what somebody does so much worse than the best are not the one that is taken, metres.
+/// Tolerance in metres: a lane that fits the motion of an agent worse than the best one by more than this is
+/// not its lane.
 const WORSE: f64 = 0.8;
-/// How near the line one stops at a sign, metres, and how slow that is, m/s.
+/// Distance to the line within which a vehicle stops at a sign, metres, and speed below which it has stopped,
+/// m/s.
 const AT_LINE: f64 = 6.0;
 const STOPPED: f64 = 0.5;
 
@@ -19,7 +22,8 @@ fn front(s: AgentState, a: &LoggedAgent) -> Vec2 {
     s.position() + direction(s.heading) * (0.5 * a.agent.length)
 }
 
-/// The frames after which the front of somebody is over stop lines of a kind, and the lanes of these lines.
+/// Returns the frames after which the front of an agent is over stop lines of a kind, and the lanes of these
+/// lines.
 fn passed(map: &RoadMap, kind: StopKind, a: &LoggedAgent) -> Vec<(usize, Vec<usize>)> {
     let lines: Vec<_> = map.stop_lines.iter().filter(|l| l.kind == kind).collect();
     let mut all = Vec::new();
@@ -48,13 +52,13 @@ fn passed(map: &RoadMap, kind: StopKind, a: &LoggedAgent) -> Vec<(usize, Vec<usi
     all
 }
 
-/// Of these lanes those that somebody may have taken from a frame on, by where it drives.
+/// Returns the lanes among these that an agent may have taken from a frame on, by its motion.
 fn taken(map: &RoadMap, lanes: &[usize], track: &[Frame]) -> Vec<usize> {
     let states: Vec<AgentState> = track.iter().map_while(|s| *s).collect();
     let begin = states[0].position();
     let near = states.iter().take_while(|s| (s.position() - begin).norm() < FOLLOWED);
     let places: Vec<Vec2> = near.map(AgentState::position).collect();
-    // How far aside of a lane and those that follow it the places lie at most.
+    // Largest distance of the positions from a lane and its successors.
     let misfit = |lane: usize| {
         let ways: Vec<usize> =
             std::iter::once(lane).chain(map.lanes[lane].successors.iter().copied()).collect();
@@ -81,7 +85,7 @@ fn nobody_runs_a_red_light() {
             for (f, lanes) in passed(map, StopKind::Light, a) {
                 breaches.judge();
                 let lanes = taken(map, &lanes, &a.track[f..]);
-                // What was shown before the line was passed counts.
+                // The light before the line was passed counts.
                 let red = |l: &&usize| shows(scenario, **l, f - 1).is_some_and(LightState::is_red);
                 if lanes.iter().all(|l| red(&l)) {
                     let (lane, speed) = (&map.lanes[lanes[0]].id, a.track[f].map_or(0.0, |s| s.speed()));
@@ -106,7 +110,7 @@ fn everybody_stops_at_stop_signs() {
                 let line = front(a.track[f].unwrap(), a);
                 let states: Vec<AgentState> = a.track[..f].iter().flatten().copied().collect();
                 let distance = |s: &AgentState| (front(*s, a) - line).norm();
-                // Who was nearer at the first frame may have stopped before.
+                // A vehicle that was nearer at the first frame may have stopped before.
                 let recorded = distance(&states[0]) >= AT_LINE;
                 let stopped = states.iter().any(|s| distance(s) < AT_LINE && s.speed() < STOPPED);
                 if recorded || stopped {

@@ -1,4 +1,4 @@
-//! The scenarios that the laws are held against, and how breaches are told.
+//! The scenarios on which the laws are tested, and the report of breaches.
 
 use std::sync::LazyLock;
 
@@ -7,13 +7,14 @@ use reactsim::generation::maps::MAP_TYPES;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::scene::{AgentKind, DT, FRAMES, LoggedAgent, Scenario};
 
-/// How often the sample has every map type: as benchmarks have them, and as training sets do. With more it finds what is rarer.
+/// Number of scenarios per map type in the sample, for benchmarks and for training sets. More scenarios show
+/// rarer breaches.
 const EACH: [u64; 2] = [12, 3];
 
 static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
     let types = MAP_TYPES.len() as u64;
     let bench = (0..EACH[0] * types).map(|number| (Preset::Bench, Vec::new(), number));
-    // Training sets draw the type by weight; here each is asked for.
+    // Training sets draw the type by weight; here each type is requested.
     let train = (0..EACH[1] * types)
         .map(|number| (Preset::Train, vec![MAP_TYPES[(number % types) as usize].id.to_owned()], number));
     let all: Vec<_> = bench.chain(train).collect();
@@ -28,7 +29,8 @@ static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
 /// A generated scenario.
 pub(super) struct Generated {
     pub(super) scenario: Scenario,
-    /// Everybody with the whole track: the AV, the world agents, and those who come later or are too many.
+    /// All agents with their whole tracks: the AV, the world agents, and those that come later or are too
+    /// many.
     pub(super) everybody: Vec<LoggedAgent>,
 }
 
@@ -41,26 +43,26 @@ impl Generated {
         Self { scenario, everybody }
     }
 
-    /// Those on wheels.
+    /// Returns vehicles and cyclists.
     pub(super) fn on_wheels(&self) -> impl Iterator<Item = &LoggedAgent> {
         self.everybody.iter().filter(|a| matches!(a.agent.kind, AgentKind::Vehicle | AgentKind::Cyclist))
     }
 }
 
-/// Whether somebody never drives.
+/// Returns whether an agent never drives.
 pub(super) fn parked(agent: &LoggedAgent) -> bool {
     agent.agent.id.starts_with("parked-")
 }
 
-/// Breaches that are told at most.
+/// Largest number of breaches in a report.
 const TOLD: usize = 60;
 
-/// All of them.
+/// Returns the whole sample.
 pub(super) fn sample() -> &'static [Generated] {
     &SAMPLE
 }
 
-/// The breaches of a law that were found in one scenario.
+/// Breaches of a law in one scenario.
 pub(super) struct Breaches {
     scenario: String,
     found: Vec<String>,
@@ -68,19 +70,19 @@ pub(super) struct Breaches {
 }
 
 impl Breaches {
-    /// Says that somebody was in a place to break the law.
+    /// Counts an agent that was in a position to break the law.
     pub(super) fn judge(&mut self) {
         self.judged += 1;
     }
 
-    /// Notes who broke it, and when.
+    /// Notes the agent that broke the law, and the time.
     pub(super) fn note(&mut self, who: &str, frame: usize, what: impl std::fmt::Display) {
         self.found.push(format!("{}: {who} at {:.1} s: {what}", self.scenario, frame as f64 * DT));
     }
 }
 
-/// Requires a law of every scenario of the sample; otherwise tells every breach, or as many as can be read. Gives how often somebody was
-/// in a place to break it.
+/// Requires that every scenario of the sample obeys a law; otherwise reports all breaches, at most [`TOLD`].
+/// Returns how often an agent was in a position to break it.
 #[track_caller]
 pub(super) fn obeyed(law: impl Fn(&Generated, &mut Breaches) + Sync) -> usize {
     let judge = |generated: &Generated| {

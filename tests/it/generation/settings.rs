@@ -1,4 +1,4 @@
-//! What settings do.
+//! Effects of settings.
 
 use rayon::prelude::*;
 use reactsim::generation::maps::MAP_TYPES;

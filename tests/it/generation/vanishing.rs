@@ -1,27 +1,28 @@
-//! Nobody appears or vanishes but at the border of the map.
+//! Agents appear and vanish only at the border of the map.
 
 use reactsim::geometry::{Bounds, Vec2};
 use reactsim::scene::{AgentKind, FRAMES, Lane, RoadMap};
 
 use super::sample::{Generated, obeyed};
 
-/// How near to the end of a lane at the border somebody on wheels comes and goes, metres.
+/// Distance to the end of a lane at the border within which vehicles and cyclists appear and vanish, metres.
 const AT_END: f64 = 15.0;
-/// How near to such an end, or to the bounds of the map, people on foot do, metres: pavements reach a little farther than lanes.
+/// Distance to such an end, or to the bounds of the map, within which pedestrians do, metres: pavements reach
+/// a little farther than lanes.
 const ON_FOOT: f64 = 25.0;
 
-/// Where roads leave the map.
+/// Positions at which roads leave the map.
 struct Border {
-    /// Places where vehicles come in.
+    /// Positions at which vehicles appear.
     entries: Vec<Vec2>,
-    /// Places where they leave.
+    /// Positions at which vehicles vanish.
     exits: Vec<Vec2>,
     bounds: Bounds,
 }
 
 impl Border {
     fn of(map: &RoadMap) -> Self {
-        // Where a lane ends beside one that goes on it is the lane that ends, not the map.
+        // A lane that ends next to one that continues does not end at the border.
         let first = |lane: &Lane| lane.baseline.at(0.0);
         let last = |lane: &Lane| lane.baseline.at(lane.baseline.length());
         let beside =

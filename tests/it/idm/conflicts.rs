@@ -1,4 +1,4 @@
-//! Crossing and merging: nobody is hit, and nobody waits for ever.
+//! Crossing and merging: nobody is hit, and nobody waits forever.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -12,7 +12,7 @@ use crate::scenes::{
     accelerations, agent, bystander, car, contact, future, idm, join, lane, line, scene, state,
 };
 
-/// Four straight lanes through a junction at the origin: east, west, north, south.
+/// Returns four straight lanes through a junction at the origin: east, west, north, south.
 fn crossing() -> MapParts {
     let lanes = vec![
         lane("east", line((-150.0, -1.8), (200.0, -1.8)), Some(13.0)),
@@ -23,7 +23,7 @@ fn crossing() -> MapParts {
     MapParts { lanes, ..MapParts::default() }
 }
 
-/// A vehicle on one of the arms, `before` metres before the middle.
+/// Returns a vehicle on one of the arms, `before` metres before the middle.
 fn on_arm(arm: &str, before: f64, speed: f64) -> LoggedAgent {
     match arm {
         "east" => car(arm, -before, -1.8, 0.0, speed),
@@ -33,7 +33,7 @@ fn on_arm(arm: &str, before: f64, speed: f64) -> LoggedAgent {
     }
 }
 
-/// How far a vehicle has come beyond the middle at the end, metres.
+/// Returns the distance of a vehicle beyond the middle at the end, metres.
 fn beyond(scenario: &Scenario, tracks: &[(String, Vec<AgentState>)], arm: &str) -> f64 {
     let Some((_, track)) = tracks.iter().find(|t| t.0 == arm) else { panic!("{}: no {arm}", scenario.id) };
     let end = &track[FUTURE];
@@ -45,7 +45,8 @@ fn beyond(scenario: &Scenario, tracks: &[(String, Vec<AgentState>)], arm: &str) 
     }
 }
 
-/// Rolls out and returns how far each vehicle is beyond the middle, and how fast, or what is wrong.
+/// Rolls out and returns the distance of each vehicle beyond the middle and its speed, or a message if agents
+/// overlap or brake too hard.
 fn try_meet(
     id: &str,
     agents: Vec<LoggedAgent>,
@@ -70,7 +71,7 @@ fn try_meet(
         .collect())
 }
 
-/// The same, where everything has to be right.
+/// As [`try_meet`], but panics with the message.
 #[track_caller]
 fn meet(id: &str, agents: Vec<LoggedAgent>, map: MapParts, arms: &[&str]) -> Vec<(f64, f64)> {
     try_meet(id, agents, map, arms).unwrap_or_else(|e| panic!("{e}"))
@@ -149,7 +150,7 @@ fn yields_to_an_av_that_crosses() {
     }
 }
 
-/// Two lanes that become one at the origin.
+/// Returns two lanes that become one at the origin.
 fn merging() -> MapParts {
     let mut lanes = vec![
         lane("a", line((-120.0, 0.0), (0.0, 0.0)), Some(14.0)),
@@ -201,7 +202,7 @@ fn turning_vehicles_let_people_cross() {
     join(&mut map.lanes, "approach", "right");
     join(&mut map.lanes, "right", "exit");
     for ahead in [2.0, 3.5, 5.0] {
-        // Somebody crosses the exit while the vehicle turns into it.
+        // A pedestrian crosses the exit while the vehicle turns into it.
         let walker = agent("walker", AgentKind::Pedestrian, state(end.x - ahead, end.y - 2.0, 0.0, 1.3));
         let own = car("own", -22.0, -1.8, 0.0, 6.0);
         let scenario = scene(&format!("walker {ahead}"), vec![bystander(), own, walker], map.clone());

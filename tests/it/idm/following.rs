@@ -1,4 +1,5 @@
-//! What stands or drives ahead (waymax #42, #52 and #71: IDM drives into stopped cars, and drives pedestrians).
+//! Following, and stopping behind obstacles (waymax #42, #52 and #71: IDM drives into stopped cars, and
+//! drives pedestrians).
 
 use reactsim::rollout::Settings;
 use reactsim::scene::{AgentKind, AgentState, DT, FUTURE, LoggedAgent};
@@ -6,7 +7,7 @@ use reactsim::scene::{AgentKind, AgentState, DT, FUTURE, LoggedAgent};
 use super::{braking_within_limits, last_speed, no_contact};
 use crate::scenes::{agent, bystander, car, contact, future, idm, later, roll_with, scene, state, straight};
 
-/// Things that stand in a lane, `at` metres along it.
+/// Returns obstacles that stand in a lane, `at` metres along it.
 fn standing(at: f64) -> Vec<(&'static str, Vec<LoggedAgent>)> {
     let own = |what: LoggedAgent| vec![bystander(), what];
     vec![
@@ -27,7 +28,7 @@ fn stops_behind_what_stands_in_its_lane() {
             let rollout = idm(&scenario);
             no_contact(&scenario, &rollout);
             let track = braking_within_limits(&scenario, &rollout, "own");
-            // From 70 m away there is hardly time to come to a complete stop in comfort.
+            // From 70 m away there is hardly time for a comfortable complete stop.
             let standing = if gap < 60.0 { 0.5 } else { 2.0 };
             assert!(last_speed(&track) < standing, "{}: still {:.1} m/s", scenario.id, last_speed(&track));
             let room = gap + 4.6 - track[FUTURE].x;
@@ -92,7 +93,7 @@ fn an_av_that_brakes_hard_is_not_hit() {
 
 #[test]
 fn a_vehicle_only_partly_in_the_lane_is_a_leader() {
-    // A slow AV comes over from the right and stays on the line: half a metre of it is in the way.
+    // A slow AV comes over from the right and stays on the line: only a part of it is in the lane.
     for depth in [0.4, 0.7, 1.0] {
         let agents = vec![car("av", 22.0, -3.4, 0.0, 7.0), car("own", 0.0, 0.0, 0.0, 13.0)];
         let scenario = scene(&format!("cut-in {depth}"), agents, straight());
@@ -130,7 +131,7 @@ fn a_fast_av_from_behind_finds_the_lane_clear() {
 fn pedestrians_walk_on_and_are_not_driven() {
     let walker =
         |id: &str, x, y, heading, speed| agent(id, AgentKind::Pedestrian, state(x, y, heading, speed));
-    // No lane leads where they go, one walks backwards, one along the middle of the road.
+    // No lane leads where they go; one walks backwards, one along the middle of the road.
     let agents = vec![
         bystander(),
         walker("beside", 0.0, 6.0, 0.4, 1.4),

@@ -1,4 +1,5 @@
-//! Nobody is moved to a lane, dropped, confused or invented (nuplan-devkit #268 and #421, and what other simulators do).
+//! No agent is moved to a lane, dropped, confused or invented (nuplan-devkit #268 and #421, and behaviour of
+//! other simulators).
 
 use reactsim::geometry::{Vec2, wrap};
 use reactsim::scene::{
@@ -8,7 +9,7 @@ use reactsim::scene::{
 use super::no_contact;
 use crate::scenes::{agent, bits, bystander, car, future, idm, lane, later, line, scene, state, straight};
 
-/// Fails where the first steps are not those of a vehicle that goes on from where it is.
+/// Fails if the steps are not those of a vehicle that goes on from where it is.
 #[track_caller]
 fn continuous(scenario: &Scenario, track: &[AgentState]) {
     let mut v = track[0].speed();
@@ -88,7 +89,7 @@ fn overlapping_starts_are_kept_and_are_lawful() {
     }
 }
 
-/// A straight lane without a limit, and another far away with one.
+/// Returns a straight lane without a limit, and another one far away with a limit.
 fn unlimited(other: Option<f64>, other_first: bool) -> MapParts {
     let mut lanes = vec![lane("main", line((-150.0, 0.0), (350.0, 0.0)), None)];
     if let Some(limit) = other {
@@ -139,7 +140,7 @@ fn a_box_of_size_zero_ends_nothing() {
         assert_eq!(with.repairs.values().sum::<u32>(), 1, "counted, not passed over in silence");
         assert_eq!(bits(&idm(&with).tracks), bits(&idm(&without).tracks), "it stands for an absent agent");
     }
-    // Small is not nothing.
+    // A tiny agent is not an absent one.
     let mut tiny = car("tiny", 15.0, 0.0, 0.0, 5.0);
     (tiny.agent.length, tiny.agent.width) = (1e-9, 1e-9);
     let scenario = scene("tiny", vec![bystander(), tiny, car("own", 0.0, 0.0, 0.0, 5.0)], straight());
@@ -192,7 +193,7 @@ fn names_are_names_only() {
     }
 }
 
-/// A car that stands in the lane in some frames only.
+/// Returns a car that stands in the lane in some frames only.
 fn ghost(there: impl Fn(usize) -> bool) -> LoggedAgent {
     let mut ghost = car("ghost", 25.0, 0.0, 0.7, 0.0);
     for (f, state) in ghost.track.iter_mut().enumerate() {
@@ -212,7 +213,7 @@ fn who_is_absent_is_in_nobodys_way() {
     assert_eq!(bits(&idm(&before).tracks), expected, "gone before the current frame");
     let after = scene("ghost", agents(Some(ghost(|f| f >= HISTORY))), straight());
     assert_eq!(bits(&idm(&after).tracks), expected, "comes after the current frame");
-    // Who is there now stays there, whatever its log does then.
+    // An agent that is present now stays, whatever its log does afterwards.
     let now = scene("ghost", agents(Some(ghost(|f| f == CURRENT))), straight());
     let rollout = idm(&now);
     no_contact(&now, &rollout);

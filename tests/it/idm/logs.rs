@@ -8,22 +8,22 @@ use reactsim::scene::{AgentState, CURRENT, DT, Scenario};
 use super::no_contact;
 use crate::scenes::{mini, real, request, scores, slot};
 
-/// Speeds and headings that no vehicle has: the recorded state contradicts itself.
+/// Returns whether the recorded state contradicts itself: no vehicle has such speeds and headings.
 fn infeasible_start(scenario: &Scenario, agent: usize) -> bool {
     let now = scenario.start.now(agent);
     let Some(velocity) = now.velocity() else { return true };
     // Sideways or backwards: a bicycle model moves along its heading.
     let speed = velocity.norm();
     let drift = wrap(velocity.y.atan2(velocity.x) - now.heading).abs();
-    // A velocity that the positions of the last steps do not bear out.
+    // A velocity that contradicts the positions of the last steps.
     let moved =
         scenario.start.history[agent][CURRENT - 3..].iter().copied().collect::<Option<Vec<AgentState>>>();
     let told = moved.map(|m| (m[3].position() - m[0].position()).norm() / (3.0 * DT));
     (speed > 0.6 && drift > 0.3) || told.is_none_or(|told| (told - speed).abs() > 1.0)
 }
 
-/// Violations of Acc. and Steer. that the agent's start does not excuse. Only the transition from a contradictory recorded
-/// state, the first one, is excused.
+/// Returns the violations of Acc. and Steer. that the agent's start does not excuse. Only the first
+/// transition, from a contradictory recorded state, is excused.
 fn violations(scenario: &Scenario, scores: &Scores) -> Vec<String> {
     let kinematic = |e: &&Event| ["acceleration", "curvature"].contains(&e.metric);
     let excused = |e: &Event| e.last_step == 1 && infeasible_start(scenario, slot(scenario, &e.agent));
@@ -70,7 +70,7 @@ fn the_shipped_deviations_are_survived() {
             let value = scores.value(id);
             assert!(value.is_none_or(|v| v == 0.0), "{}: {id} is {value:?}", scenario.id);
         }
-        // Nobody wins by freezing: who is not in the way goes on.
+        // Freezing is not rewarded: agents that are not in the way go on.
         assert!(
             scores.value("progress").is_none_or(|p| p > 0.5),
             "{}: {:?}",

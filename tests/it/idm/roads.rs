@@ -10,7 +10,7 @@ use crate::scenes::{
     arc, bits, bystander, car, coasting, future, idm, join, lane, line, parts, roll_with, scene,
 };
 
-/// A straight approach to the origin, a left curve of 90 degrees, and a straight exit.
+/// Returns a straight approach to the origin, a left curve of 90 degrees, and a straight exit.
 fn bend(radius: f64) -> MapParts {
     let curve = arc((0.0, 0.0), 0.0, radius, FRAC_PI_2);
     let end = curve[curve.len() - 1];
@@ -24,7 +24,7 @@ fn bend(radius: f64) -> MapParts {
     MapParts { lanes, ..MapParts::default() }
 }
 
-/// The largest lateral acceleration along a track, m/s².
+/// Returns the largest lateral acceleration along a track, m/s².
 fn lateral(track: &[AgentState]) -> f64 {
     let bends = track.windows(2).map(|w| (wrap(w[1].heading - w[0].heading) / DT * w[1].speed()).abs());
     bends.fold(0.0, f64::max)
@@ -74,7 +74,7 @@ fn who_starts_in_a_curve_follows_it() {
     }
 }
 
-/// A lane that splits into two alike.
+/// Returns a lane that splits into two similar ones.
 fn fork() -> MapParts {
     let branch = |side: f64| {
         let mut points = arc((60.0, 0.0), 0.0, 60.0, 0.35 * side);
@@ -132,7 +132,7 @@ fn routes_do_not_come_from_the_future() {
 
 #[test]
 fn who_already_turns_takes_the_turn() {
-    // At the fork and turning left: the motion tells the branch, whatever the seed.
+    // At the fork and turning left: the motion decides the branch, whatever the seed.
     let mut own = car("own", 70.0, 0.0, 0.0, 8.0);
     for (f, state) in own.track.iter_mut().enumerate() {
         let gone = 10.0 + (f as f64 - 10.0) * DT * 8.0;

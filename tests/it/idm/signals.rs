@@ -6,12 +6,12 @@ use reactsim::scene::{AgentState, CURRENT, FUTURE, LightState, Scenario, StopKin
 use super::{braking_within_limits, no_contact};
 use crate::scenes::{bystander, car, idm, light, parts, straight};
 
-/// Where the line is, metres.
+/// Position of the line, metres.
 const LINE: f64 = 50.0;
-/// Half of a car, metres.
+/// Half the length of a car, metres.
 const HALF: f64 = 2.3;
 
-/// One vehicle `ahead` metres (its front) before a stop line.
+/// Returns a scene with one vehicle whose front is `ahead` metres before a stop line.
 fn at_a_line(
     id: &str,
     ahead: f64,
@@ -29,7 +29,7 @@ fn at_a_line(
     Scenario::assemble(parts).unwrap()
 }
 
-/// First step at which the front is beyond the line.
+/// Returns the first step at which the front is beyond the line.
 fn crosses(track: &[AgentState]) -> Option<usize> {
     track.iter().position(|s| s.x + HALF > LINE + 0.05)
 }

@@ -1,4 +1,4 @@
-//! Documents that are refused, and by which words.
+//! Documents that are refused, and their messages.
 
 use reactsim::evaluation::document::score_document;
 use reactsim::formats::document::Document;

@@ -1,4 +1,4 @@
-//! The worked cases that stand beside the specification: each is a document with expected numbers.
+//! The worked cases next to the specification: each is a document with expected numbers.
 
 use std::fs;
 use std::path::PathBuf;
@@ -18,7 +18,8 @@ fn step<'v>(value: &'v Value, key: &str) -> Option<&'v Value> {
     }
 }
 
-/// The value at an `expect` key: of the aggregate, of the counts of scenarios, of an agent or of the first scenario.
+/// Returns the value at an `expect` key: of the aggregate, of the counts of scenarios, of an agent or of the
+/// first scenario.
 fn lookup<'v>(result: &'v Value, path: &str) -> Option<&'v Value> {
     let keys: Vec<&str> = path.split('.').collect();
     let scenario = &result["scenarios"][0];

@@ -1,4 +1,4 @@
-//! Hand arithmetic through the library's front door, negative controls, and scenes with next to nothing in them.
+//! Hand arithmetic through the library's public interface, negative controls, and nearly empty scenes.
 
 use reactsim::geometry::{Polygon, Polyline, Vec2};
 use reactsim::metrics::{
@@ -15,7 +15,7 @@ fn car(id: &str, track: Vec<Frame>) -> LoggedAgent {
     LoggedAgent { agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 }, track }
 }
 
-/// Drives at `speed` along the x axis with `heading`, at `x` now.
+/// Returns a track along the x axis at `speed` with `heading`, at `x` now.
 fn straight(x: f64, y: f64, speed: f64, heading: f64) -> Vec<Frame> {
     let state = |f: usize| AgentState {
         x: x + speed * DT * (f as f64 - CURRENT as f64),
@@ -53,7 +53,8 @@ fn scene(map: RoadMap, agents: Vec<LoggedAgent>) -> Scene {
     Scene::new(map, agents, log, 0)
 }
 
-/// A rear-end collision, a wrong-way driver that leaves the road, and a crawling pair that overlaps.
+/// Returns a scene with a rear-end collision, a wrong-way driver that leaves the road, and a crawling pair
+/// that overlaps.
 fn accident() -> Scene {
     let mut stray = straight(60.0, 3.0, -6.0, std::f64::consts::PI);
     for (k, state) in stray.iter_mut().skip(HISTORY + 40).enumerate() {
@@ -108,7 +109,7 @@ fn one_accident_is_counted_in_every_metric() {
     assert_eq!(scores.value("ade"), Some(0.0));
 }
 
-/// The vehicle that drives into the AV replays its log; once its log is elsewhere, it does not.
+/// The vehicle that drives into the AV replays its log; with another log, it does not.
 #[test]
 fn collisions_on_the_log_are_told_from_others() {
     let mut scene = accident();
@@ -119,7 +120,7 @@ fn collisions_on_the_log_are_told_from_others() {
         (scores.score("log-clinging"), found)
     };
     assert_eq!(distance(&scene), (Some(Score::Rate { hits: 1, valid: 1 }), Some(0.0)));
-    // The contact is at step 46, frame 56; a metre is still on the log.
+    // The contact is at step 46, frame 56; an agent one metre away is still on the log.
     for (apart, hits) in [(1.0, 1), (1.5, 0)] {
         let mut logged = straight(-40.0, 0.0, 10.0, 0.0)[56];
         logged.iter_mut().for_each(|s| s.y += apart);
@@ -130,7 +131,7 @@ fn collisions_on_the_log_are_told_from_others() {
     assert_eq!(distance(&scene), (None, None));
 }
 
-/// Touching is no collision: a gap of 0 between boxes whose distance comes out exactly.
+/// Touching is not a collision: a gap of 0 between boxes whose distance is computed exactly.
 #[test]
 fn touching_is_no_collision() {
     for (length, width, x, y) in [(4.0, 2.0, 0.0, -1.75), (4.5, 2.0, 0.0, 0.0), (4.0, 2.0, 10.0, 3.5)] {
@@ -144,7 +145,8 @@ fn touching_is_no_collision() {
     }
 }
 
-/// A metric that always found nothing wrong would pass no test but this one: on the accident none of the seven is perfect.
+/// Negative control: in the accident, none of the seven metrics is perfect. A metric that never finds a fault
+/// fails here.
 #[test]
 fn nothing_is_perfect_in_an_accident() {
     let scene = accident();
@@ -202,7 +204,7 @@ fn vanished_agents_leave_the_denominators() {
     assert_eq!(scores.score("aa-collision"), Some(Score::Rate { hits: 0, valid: 20 }));
     assert_eq!(scores.score("offroad"), Some(Score::Rate { hits: 0, valid: 20 }));
     assert_eq!(scores.score("acceleration"), Some(Score::Rate { hits: 0, valid: 20 }));
-    // Not logged to the end: cannot be measured against its log.
+    // Not logged to the end, so it cannot be compared with its log.
     assert_eq!(scores.value("progress"), None);
 }
 

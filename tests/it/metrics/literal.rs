@@ -1,4 +1,5 @@
-//! A slow reading of the definitions, sentence by sentence and without any index, compared on random scenes.
+//! A slow implementation of the definitions, sentence by sentence and without any index, compared on random
+//! scenes.
 
 use std::f64::consts::{PI, TAU};
 
@@ -34,7 +35,7 @@ fn rings_edges(ring: &[Vec2]) -> impl Iterator<Item = (Vec2, Vec2)> {
 }
 
 fn inside(p: Vec2, ring: &[Vec2]) -> bool {
-    // Winding by angles; random points never lie on the boundary.
+    // Winding by angles; random points are never on the boundary.
     let angle: f64 =
         rings_edges(ring).map(|(a, b)| (a - p).perp(&(b - p)).atan2((a - p).dot(&(b - p)))).sum();
     angle.abs() > PI
@@ -151,7 +152,7 @@ fn route(map: &RoadMap, poses: &[Vec2]) -> Vec<Vec<usize>> {
     stored
 }
 
-/// Candidate, and the first step of each violation.
+/// Returns whether the agent is a candidate, and the first step of each violation.
 fn direction(scene: &Scene, agent: usize, options: &Options) -> (bool, Vec<usize>) {
     let track = &scene.agents[agent].track;
     let lanes = &scene.map.lanes;
@@ -280,14 +281,15 @@ fn the_slow_reading_agrees_on_random_scenes() {
             }
         }
     }
-    // The scenes reach what they are made to reach.
+    // The scenes cover the cases that they are made for.
     assert!(
         violations > 30 && candidates > 600 && closing > 20 && off > 1000,
         "{violations} {candidates} {closing} {off}"
     );
 }
 
-/// Corridors through the index: the same lanes and projections as by looking at every segment of every lane.
+/// Corridors found through the index have the same lanes and projections as those found in every segment of
+/// every lane.
 #[test]
 fn corridors_are_found_as_without_an_index() {
     let mut found = 0;

@@ -1,4 +1,4 @@
-//! What must not change the metrics: where the world's axes lie, and in which order agents stand.
+//! The metrics depend neither on the axes of the world nor on the order of agents.
 
 use proptest::prelude::*;
 use reactsim::geometry::{Polygon, Polyline, Vec2};
@@ -69,7 +69,7 @@ impl Motion {
     }
 }
 
-/// Every value equal within rounding, and every event of one found among those of the other.
+/// Checks that all values are equal within rounding, and that the events are the same.
 fn same(a: &Scores, b: &Scores) -> Result<(), TestCaseError> {
     for ((spec, a), (_, b)) in a.values.iter().zip(&b.values) {
         let (a, b) = (a.and_then(|s| s.value()), b.and_then(|s| s.value()));

@@ -1,4 +1,5 @@
-//! Small random scenes: overlapping lanes and connectors, drivable polygons or edges, agents that come, go and turn around.
+//! Small random scenes: overlapping lanes and connectors, drivable polygons or edges, agents that come, go
+//! and turn around.
 
 use std::f64::consts::{PI, TAU};
 
@@ -147,7 +148,7 @@ fn track(dice: &mut Dice) -> Vec<Frame> {
     frames
 }
 
-/// A random scene.
+/// Returns a random scene.
 pub(super) fn random(seed: u64) -> Scene {
     let mut dice = Dice::new(seed);
     let map = map(&mut dice);

@@ -14,7 +14,7 @@ use reactsim::models::nn::{
 use super::naive::{Naive, Rows};
 use super::{devices, values, worst};
 
-/// Moves every weight, so that biases are not 0 and gains not 1.
+/// Changes every weight, so that biases are not 0 and gains not 1.
 pub(crate) struct Shaken(pub(crate) ChaCha8Rng);
 
 impl ModuleMapper for Shaken {
@@ -70,7 +70,7 @@ struct Case {
 }
 
 impl Case {
-    /// Nine destinations, 13 sources; nobody is the neighbour of destination 4.
+    /// Creates 9 destinations and 13 sources; destination 4 has no neighbours.
     fn new(config: &AttentionConfig) -> Self {
         let stream = &mut ChaCha8Rng::seed_from_u64(11);
         let mut edges = Vec::new();
@@ -189,7 +189,7 @@ fn dropout_is_what_its_stream_says() {
     assert_eq!(run(stream(1)), run(stream(1)));
     assert_ne!(run(stream(1)), run(stream(2)));
     assert_ne!(run(stream(1)), run(Noise::none()));
-    // Without gradients the same is dropped as with them.
+    // Dropout is the same with and without gradients.
     assert!(worst(&run(stream(1)), &run_on(&device.clone().autodiff(), stream(1))) < 1e-5);
 }
 
@@ -213,7 +213,7 @@ fn gradients_flow_through_every_weight() {
     let device = Device::flex().autodiff();
     let config = config();
     let bytes = save(&layer(&config, &device), &BTreeMap::new());
-    // Loaded weights are trained on like any.
+    // Loaded weights can be trained like any others.
     let layer = Tensors::read(&bytes).unwrap().load(layer(&config, &device)).unwrap();
     let case = Case::new(&config);
     let (sources, targets): (Vec<u32>, Vec<u32>) =

@@ -1,4 +1,5 @@
-//! The whole network, pair by pair in loops of f64, as the published text has it: golden data that anyone can make.
+//! The whole network, pair by pair in loops of f64, after the published text: golden data that anyone can
+//! reproduce.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +45,7 @@ impl Literal<'_> {
         Naive::new(self.weights, name)
     }
 
-    /// The two perceptrons: `layers` linear layers with a norm and ReLU between them.
+    /// Computes a perceptron: `layers` linear layers with a norm and ReLU between them.
     fn mlp(&self, name: &str, layers: usize, x: &[f64]) -> Vec<f64> {
         let naive = self.at(name);
         let mut x = x.to_vec();

@@ -1,4 +1,4 @@
-//! The layers that networks share, and the published next-token network on scenes that are made up.
+//! The layers that networks share, and the published next-token network on made-up scenes.
 
 mod attention;
 mod literal;
@@ -8,18 +8,18 @@ mod weights;
 
 use burn::tensor::{Device, Tensor};
 
-/// The two backends that are compared.
+/// Returns the two backends that are compared.
 #[expect(deprecated, reason = "kept for comparison")]
 pub(crate) fn devices() -> [Device; 2] {
     [Device::flex(), Device::ndarray()]
 }
 
-/// The values of a tensor, row by row.
+/// Returns the values of a tensor, row by row.
 pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().iter::<f32>().collect()
 }
 
-/// The largest difference of two lists of one length.
+/// Returns the largest difference of two lists of one length.
 #[track_caller]
 pub(crate) fn worst(found: &[f32], expected: &[f32]) -> f32 {
     assert_eq!(found.len(), expected.len());

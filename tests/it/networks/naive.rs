@@ -1,4 +1,5 @@
-//! The attention layer and the embeddings, edge by edge in plain loops of f64, from the names and layouts of a state dict.
+//! The attention layer and the embeddings, edge by edge in plain loops of f64, by the names and layouts of a
+//! state dict.
 
 use reactsim::models::nn::Tensors;
 
@@ -7,7 +8,7 @@ pub(crate) type Rows = Vec<Vec<f64>>;
 
 pub(crate) struct Naive<'a> {
     pub(crate) weights: &'a Tensors<'a>,
-    /// Where the layer's names begin, without the dot.
+    /// Prefix of the layer's names, without the dot.
     pub(crate) at: String,
 }
 
@@ -42,12 +43,12 @@ impl<'a> Naive<'a> {
         (0..x.len()).map(|i| (x[i] - mean) / (variance + 1e-5).sqrt() * gain[i] + bias[i]).collect()
     }
 
-    /// The Fourier embedding of some scalars.
+    /// Returns the Fourier embedding of some scalars.
     pub(crate) fn fourier(&self, scalars: &[f64]) -> Vec<f64> {
         self.fourier_with(scalars, &[])
     }
 
-    /// With categorical vectors, if there are any.
+    /// As [`Self::fourier`], with categorical vectors if there are any.
     pub(crate) fn fourier_with(&self, scalars: &[f64], categorical: &[f64]) -> Vec<f64> {
         let (shape, frequencies) = self.floats("freqs.weight").unwrap();
         let mut sum = categorical.to_vec();
@@ -65,7 +66,8 @@ impl<'a> Naive<'a> {
         self.linear("to_out.2", &relu(self.norm("to_out.0", &sum)))
     }
 
-    /// One attention layer: features of destinations and sources, edges (source, destination) with their relations.
+    /// Computes one attention layer from features of destinations and sources and edges (source, destination)
+    /// with their relations.
     pub(crate) fn attention(
         &self,
         heads: usize,

@@ -1,4 +1,4 @@
-//! The published next-token network on scenes that are made up.
+//! The published next-token network on made-up scenes.
 
 use std::collections::BTreeMap;
 
@@ -50,7 +50,7 @@ pub(super) fn vocabulary(config: &SmartConfig) -> Vocabulary {
     }
 }
 
-/// Some agents on some pieces of map; with `gaps` they come and go.
+/// Returns a scene of some agents on some pieces of map; with `gaps`, agents come and go.
 pub(super) fn scene(config: &SmartConfig, seed: u64, agents: usize, pieces: usize, gaps: bool) -> Scene {
     let stream = &mut ChaCha8Rng::seed_from_u64(seed);
     let counts = config.n_token_agent.of_classes();
@@ -89,7 +89,7 @@ pub(super) fn scene(config: &SmartConfig, seed: u64, agents: usize, pieces: usiz
     Scene { map, agents: Agents { class, shape }, steps }
 }
 
-/// The scores of all nodes, [agents · steps, tokens].
+/// Returns the scores of all nodes, [agents · steps, tokens].
 pub(super) fn forward(network: &Smart, tables: &TokenTables, scenes: &[&Scene]) -> Vec<f32> {
     let batch = Batch::new(network.config(), scenes.iter().copied(), &mut Noise::none()).unwrap();
     values(network.forward(tables, &batch, &mut Noise::none()))
@@ -271,7 +271,8 @@ fn scenes_of_a_batch_do_not_see_each_other() {
     let alone: Vec<f32> = scenes.iter().flat_map(|s| forward(&network, &tables, &[s])).collect();
     let gap = worst(&together, &alone);
     assert!(gap < 1e-5, "{gap}");
-    // Step by step every scene is by itself, and the same bits come whatever was computed before.
+    // Step by step, every scene is computed by itself, and its bits do not depend on what was computed
+    // before.
     let first = stepwise(&network, &tables, &scenes[0]);
     stepwise(&network, &tables, &scenes[1]);
     assert_eq!(first, stepwise(&network, &tables, &scenes[0]));
@@ -303,7 +304,7 @@ fn classes_have_heads_of_their_own() {
     assert_eq!(forward(&loaded, &tables, &[&scene]), scores);
 }
 
-/// A state dict as PyTorch saves it: with a prefix, and with the shared norms under both names.
+/// Returns a state dict as PyTorch saves it: with a prefix, and with the shared norms under both names.
 fn state_dict(network: &Smart, prefix: &str, twin: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
     let bytes = save(network, &BTreeMap::new());
     let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();

@@ -1,4 +1,4 @@
-//! Files of weights: there and back, and every way in which they can be wrong.
+//! Files of weights: round trips, and every way in which they can be wrong.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ fn bytes() -> Vec<u8> {
     save(&network(1), &metadata.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect())
 }
 
-/// The file with one of its tensors changed, added or left out.
+/// Returns the file with one of its tensors changed, added or left out.
 fn changed(change: impl FnOnce(&mut BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>)>)) -> Vec<u8> {
     let bytes = bytes();
     let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();

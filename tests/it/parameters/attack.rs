@@ -8,7 +8,7 @@ use super::values::{accepts, values};
 use super::{ranges, setup};
 use crate::attack::call::{Answer, call};
 
-/// The fault of an answer to a value, if it has one.
+/// Returns the fault of an answer to a value, if it has one.
 fn fault(answer: &Answer, key: &str, accepted: bool) -> Option<&'static str> {
     let Answer { code, error, .. } = answer;
     match code {
@@ -16,7 +16,7 @@ fn fault(answer: &Answer, key: &str, accepted: bool) -> Option<&'static str> {
         None => Some("does not end"),
         Some(0) if accepted => None,
         Some(0) => Some("is accepted"),
-        // A value within its range may still not fit to another parameter.
+        // A value within its range may still conflict with another parameter.
         Some(2) if accepted && !error.contains("expected at most") => Some("is refused"),
         Some(2) if !error.contains(key) => Some("is refused without its name"),
         Some(2) => None,

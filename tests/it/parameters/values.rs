@@ -1,10 +1,10 @@
-//! Values with which parameters are attacked, and which of them are within a range.
+//! Values for attacks on parameters, and whether they are within a range.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::models::Allowed;
 
-/// Texts that are no number or hardly one.
+/// Texts that are not numbers, or are extreme ones.
 const ODD: [&str; 15] = [
     "0",
     "-1",
@@ -23,8 +23,8 @@ const ODD: [&str; 15] = [
     "-9223372036854775808",
 ];
 
-/// Values for a parameter: its bounds, drawn values between them, those just outside, and odd ones. The draws
-/// depend on `seed` alone.
+/// Returns values for a parameter: its bounds, drawn values between them, values just outside, and odd ones.
+/// The draws depend on `seed` alone.
 pub(super) fn values(allowed: &Allowed, seed: &str) -> Vec<String> {
     let mut rng = ChaCha8Rng::from_seed(*blake3::hash(seed.as_bytes()).as_bytes());
     let mut values = match allowed {
@@ -47,7 +47,7 @@ pub(super) fn values(allowed: &Allowed, seed: &str) -> Vec<String> {
     values
 }
 
-/// Whether the text of a value is within a range, found without the reader of TOML.
+/// Returns whether the text of a value is within a range, without the TOML reader.
 pub(super) fn accepts(allowed: &Allowed, value: &str) -> bool {
     match allowed {
         Allowed::Floats { min, max } => value.parse().is_ok_and(|x: f64| *min <= x && x <= *max),

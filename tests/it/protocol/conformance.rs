@@ -1,4 +1,4 @@
-//! What every rollout of every baseline is like, whatever the scenario.
+//! Properties of every rollout of every baseline, whatever the scenario.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, FRAMES, HISTORY, Logge
 use super::{INTERVALS, every_baseline, scenarios, settings};
 use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
 
-/// An AV policy that must not be asked.
+/// An AV policy that must not be called.
 #[derive(Clone)]
 struct Unasked;
 
@@ -31,12 +31,12 @@ fn realism(scenario: &Scenario) -> Request<'_> {
     Request { scenario, av: Box::new(Unasked), rollout: 0 }
 }
 
-/// The agents whose log an oracle replays: all but an external AV; nobody's for other simulators.
+/// Returns the agents whose log an oracle replays: all but an external AV; none for other simulators.
 fn replayed(oracle: bool, external_av: bool, scenario: &Scenario) -> Range<usize> {
     if oracle { usize::from(external_av)..scenario.start.agents.len() } else { 0..0 }
 }
 
-/// What holds of a rollout of any simulator.
+/// Checks the properties of a rollout of any simulator.
 fn check(scenario: &Scenario, rollout: &Rollout, replayed: Range<usize>, what: &str) {
     let (fair, what) = (replayed.is_empty(), format!("{what}: {}", scenario.id));
     assert_eq!(rollout.tracks.len(), scenario.start.agents.len(), "{what}");
@@ -65,7 +65,7 @@ fn rollouts_are_whole_and_agree_with_themselves() {
     for (model, controller) in every_baseline() {
         for (n, scenario) in scenarios(3).iter().enumerate() {
             for replan in INTERVALS {
-                // Networks take their time: one scene is enough for a plan at every step.
+                // Networks are slow: one scene is enough for a plan at every step.
                 if model.needs_weights && replan == 1 && n > 0 {
                     continue;
                 }
@@ -136,7 +136,7 @@ fn in_the_realism_protocol_the_simulator_moves_the_av() {
     }
 }
 
-/// A car that is there in some frames only.
+/// Returns a car that is present in some frames only.
 fn at_times(id: &str, x: f64, there: impl Fn(usize) -> bool) -> LoggedAgent {
     let mut logged = car(id, x, 0.0, 0.0, 8.0);
     for (f, state) in logged.track.iter_mut().enumerate() {
@@ -145,7 +145,7 @@ fn at_times(id: &str, x: f64, there: impl Fn(usize) -> bool) -> LoggedAgent {
     logged
 }
 
-/// Scenes with something missing.
+/// Returns scenes with something missing.
 fn bare() -> Vec<Scenario> {
     let av = || car("av", 0.0, 0.0, 0.0, 9.0);
     let one = || vec![av(), car("one", -20.0, 0.0, 0.0, 10.0)];
@@ -181,7 +181,7 @@ fn bare_scenes_are_lawful() {
     for (model, controller) in every_baseline() {
         for scenario in &bare() {
             for (replan, lookahead) in INTERVALS.into_iter().flat_map(|r| [(r, true), (r, false)]) {
-                // Networks take their time: the lookahead matters most where every step is planned.
+                // Networks are slow: the lookahead matters most if every step is planned.
                 if model.needs_weights && !lookahead && replan != 1 {
                     continue;
                 }
@@ -203,7 +203,7 @@ fn bare_scenes_are_lawful() {
     }
 }
 
-/// A recorder measures velocities; its positions need not agree with them.
+/// Recorded velocities are measured; recorded positions need not agree with them.
 #[test]
 fn replayed_recordings_keep_their_velocities_and_nobody_else_does() {
     let mut agents = vec![car("av", 0.0, 0.0, 0.0, 9.0), car("one", -20.0, 0.0, 0.0, 10.0)];
@@ -224,12 +224,12 @@ fn replayed_recordings_keep_their_velocities_and_nobody_else_does() {
     let log = || Box::new(LogAv::new(&scenario).unwrap());
     let driven = || request(&scenario, coasting(&scenario), 0).av;
     assert_eq!(velocities("log-replay", log()), [[9.0, 0.25], [10.0, 0.25], [10.0, 0.0]]);
-    // The AV that leaves the log is no recording, nor is what a simulator plans.
+    // An AV that leaves the log is not a recording, nor is a simulator's plan.
     assert_eq!(velocities("log-replay", driven())[0], [9.0, 0.0]);
     assert_eq!(velocities("stop", log()), [[9.0, 0.25], [0.0, 0.0], [0.0, 0.0]]);
 }
 
-/// The files in TOML below a folder, as text: the cards, and the ranges of their parameters.
+/// Collects the TOML files below a folder, as text: the cards, and the ranges of their parameters.
 fn cards_and_ranges(folder: &Path, cards: &mut BTreeSet<String>, ranges: &mut BTreeSet<String>) {
     for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
         if path.is_dir() {
@@ -247,7 +247,7 @@ fn cards_are_read_and_each_is_that_of_one_baseline() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
     let (mut cards, mut ranges) = (BTreeSet::new(), BTreeSet::new());
     cards_and_ranges(&home, &mut cards, &mut ranges);
-    // Those of the baselines, and that of the stage behind them.
+    // The cards of the baselines, and that of the stage behind them.
     let of_models: BTreeSet<String> =
         MODELS.iter().map(|m| m.card).chain([qp::CARD]).map(str::to_owned).collect();
     assert_eq!(cards, of_models);
@@ -256,7 +256,7 @@ fn cards_are_read_and_each_is_that_of_one_baseline() {
     assert_eq!(ranges, used.map(str::to_owned).collect());
     for (i, model) in MODELS.iter().enumerate() {
         assert!(MODELS[..i].iter().all(|m| m.id != model.id), "{} twice", model.id);
-        // A baseline that has a folder of its own is called like it.
+        // A baseline with a folder of its own has the name of the folder.
         let own = home.join(model.id.replace('-', "_")).join("card.toml");
         if own.exists() {
             assert_eq!(std::fs::read_to_string(own).unwrap(), model.card, "{}", model.id);

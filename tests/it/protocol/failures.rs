@@ -1,4 +1,4 @@
-//! What goes wrong in one episode stays there.
+//! A failure in one episode does not affect the others.
 
 use reactsim::rollout::{
     Controller, Episode, Memory, PlanError, Planning, Settings, Simulator, SingleEpisode, Stream, roll_out,
@@ -9,7 +9,7 @@ use super::settings;
 use crate::generated;
 use crate::scenes::{bits, coasting, request};
 
-/// What a test simulator does wrong, and from which step on.
+/// Fault of a test simulator.
 #[derive(Clone, Copy)]
 enum Fault {
     GivesUp,
@@ -17,7 +17,7 @@ enum Fault {
     Vanishes,
 }
 
-/// Keeps everybody where they are; in one scenario (told by the number of agents in it) it fails.
+/// Keeps all agents where they are; in the scenario with this number of agents it fails.
 struct Faulty {
     agents: usize,
     from: usize,
@@ -59,7 +59,7 @@ fn faulty(from: usize, fault: Fault) -> Controller {
     Controller::Fair(Box::new(Faulty { agents: 3, from, fault }))
 }
 
-/// Three scenarios; the middle one has lost an agent.
+/// Returns three scenarios; the middle one has one agent fewer.
 fn three() -> Vec<Scenario> {
     let mut all: Vec<Scenario> = Vec::new();
     for i in 0..3 {
@@ -72,7 +72,7 @@ fn three() -> Vec<Scenario> {
     all
 }
 
-/// The errors of a batch, and whether the others are as they are alone.
+/// Returns the errors of a batch, and checks that the other rollouts are as they are alone.
 fn errors(controller: &Controller, settings: &Settings) -> Vec<Option<String>> {
     let all = three();
     let batch = all.iter().map(|s| request(s, coasting(s), 0)).collect();

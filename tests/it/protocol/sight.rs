@@ -1,4 +1,4 @@
-//! Who sees what: nothing that happens later changes what happened before.
+//! Visibility: later events do not change earlier motion.
 
 use rayon::prelude::*;
 use reactsim::models::Baseline;
@@ -11,14 +11,14 @@ use super::{INTERVALS, every_baseline, roll, scenarios, settings};
 use crate::generated;
 use crate::scenes::{self, bits, bystander, car, coasting, light, real, scene, straight};
 
-/// The AV of `base` up to step `t`; then it stands where it is, turned aside.
+/// Returns the AV of `base` up to step `t`; then it stands still, turned aside.
 fn halting(base: &[AgentState], now: AgentState, t: usize) -> Vec<AgentState> {
     let last = if t == 0 { now } else { base[t - 1] };
     let halted = AgentState { heading: last.heading + 0.4, vx: 0.0, vy: 0.0, ..last };
     base[..t].iter().copied().chain(std::iter::repeat_n(halted, FUTURE - t)).collect()
 }
 
-/// The frames of the world agents up to a step.
+/// Returns the frames of the world agents up to a step.
 fn agents_until(tracks: &[Vec<Frame>], step: usize) -> Vec<Vec<Option<[u64; 5]>>> {
     bits(&tracks[1..]).into_iter().map(|t| t[..=CURRENT + step].to_vec()).collect()
 }
@@ -30,7 +30,7 @@ fn nothing_depends_on_what_the_av_does_later() {
     let reactions: usize = baselines
         .par_iter()
         .map(|(model, controller)| {
-            // Networks take their time: one scene is enough for them.
+            // Networks are slow: one scene is enough for them.
             let scenes = if model.needs_weights { 1 } else { all.len() };
             all.iter()
                 .enumerate()
@@ -70,7 +70,7 @@ fn reactions_to_a_halt(model: &Baseline, controller: &Controller, n: usize, scen
 
 #[test]
 fn the_lookahead_is_one_step_and_no_more() {
-    // A simulator that reacts to the AV: with lookahead its first step may differ, without it may not.
+    // A simulator that reacts to the AV: with lookahead its first step may differ, without it must not.
     let scenario =
         scene("near", vec![car("av", 14.0, 0.0, 0.0, 10.0), car("a", 0.0, 0.0, 0.0, 10.0)], straight());
     let base = coasting(&scenario);
@@ -84,7 +84,7 @@ fn the_lookahead_is_one_step_and_no_more() {
     assert_eq!(first(&base, false), first(&other, false));
 }
 
-/// Ways to write another future.
+/// Rewrites a future in one of several ways.
 fn rewrite(tracks: &mut [Vec<Frame>], how: usize) {
     for track in tracks {
         match how {
@@ -116,7 +116,7 @@ fn fair_simulators_do_not_see_the_log() {
     let before: Vec<Scenario> = assembled(None).chain(read()).collect();
     let settings = Settings::default();
     let rolled = |scenarios: &[Scenario], controller: &Controller| -> Vec<_> {
-        // The AV drives alike whatever the log.
+        // The AV drives in the same way, whatever the log.
         let all = before.iter().zip(scenarios);
         all.map(|(a, b)| bits(&roll(b, coasting(a), controller, &settings).tracks)).collect()
     };
@@ -165,7 +165,7 @@ fn nothing_depends_on_what_lights_show_later() {
                 let [a, b] = [200, CURRENT + t + 1]
                     .map(at_the_line)
                     .map(|s| roll(&s, coasting(&s), &controller, &settings).tracks);
-                // A light that is seen at step t + 1 changes states after it.
+                // A light that is seen at step t + 1 affects only later states.
                 assert!(agents_until(&a, t + 1) == agents_until(&b, t + 1), "{}: light after {t}", model.id);
             }
         }

@@ -16,7 +16,7 @@ use super::vocabulary::is_symmetric;
 use crate::shared;
 use reactsim::models::perception::Class;
 
-/// A few generated logs.
+/// Returns a few generated logs.
 pub(super) fn scenarios() -> &'static [Scenario] {
     static MADE: OnceLock<Vec<Scenario>> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -48,7 +48,7 @@ fn k_disks_follow_the_logs_they_were_made_of() {
         assert_eq!(*vocabulary.poses(class, 0), [ORIGIN; 6]);
         let error = errors(&vocabulary).of(class).unwrap();
         assert!(error.mean <= 0.05, "{class}: {error:?}");
-        // No two tokens are one, but for those that a mean moved.
+        // No two tokens coincide, except those that a mean moved.
         let near = 0.8 * KDisks::default().tolerance[class.index()];
         let twice = (1..vocabulary.tokens(class))
             .filter(|&t| vocabulary.nearest_k(class, vocabulary.end(class, t), 2)[1].1 < near)
@@ -90,7 +90,7 @@ fn k_disks_can_be_symmetric_and_few() {
 
 #[test]
 fn trajtok_is_symmetric_and_stands_still() {
-    // So few logs leave most places empty: what is asked of a place is little.
+    // So few logs leave most cells empty, so the threshold of supported cells is low.
     let mut settings = TrajTok { company: 3, ..TrajTok::default() };
     settings.grids[0].count = 1;
     let vocabulary = settings.build_from(segments(), true).unwrap();
@@ -99,7 +99,7 @@ fn trajtok_is_symmetric_and_stands_still() {
         assert_eq!(*vocabulary.poses(class, 0), [ORIGIN; 6]);
         let error = errors(&vocabulary).of(class).unwrap();
         assert!(error.p50 <= 0.1 && error.mean < 0.3, "{class}: {error:?}");
-        // Nobody turns round within half a second, and nothing jumps.
+        // No agent turns round within half a second, and nothing jumps.
         let smooth = |t: usize| {
             let poses = vocabulary.poses(class, t);
             poses.windows(2).all(|w| (w[1].heading - w[0].heading).abs() < 0.7)
@@ -121,7 +121,7 @@ fn the_kinematic_vocabulary_fits_generated_logs() {
     }
 }
 
-/// Half a second at constant speed.
+/// Returns half a second at constant speed.
 fn straight(speed: f64) -> TokenPoses {
     std::array::from_fn(|i| Pose { position: Vec2::new(speed * 0.1 * i as f64, 0.0), heading: 0.0 })
 }

@@ -12,7 +12,7 @@ use safetensors::SafeTensors;
 
 const SCENES: [&str; 3] = ["1f27be97d892e8ac", "7a17b9e1b2ba281e", "776b950752587100"];
 
-/// Values of a tensor of 32-bit numbers, or of bytes.
+/// Returns the values of a tensor of 32-bit numbers, or of bytes.
 fn values(file: &SafeTensors<'_>, name: &str) -> Vec<f64> {
     let tensor = file.tensor(name).unwrap();
     let words = tensor.data().chunks_exact(4).map(|b| <[u8; 4]>::try_from(b).unwrap());
@@ -105,8 +105,9 @@ fn pieces_of_the_map_become_the_same_tokens() {
     }
 }
 
-/// How much worse a token fits a piece than the nearest one does, metres. Tokens of nearly straight pieces hardly differ, and the first half
-/// metre, by which they are turned, is known to half a millimetre only.
+/// Returns by how much a token fits a piece worse than the nearest one does, metres. Tokens of nearly
+/// straight pieces hardly differ, and the first half metre, by which they are turned, is known to half a
+/// millimetre only.
 fn misses(vocabulary: &MapVocabulary, piece: &CurvePiece, token: usize) -> f64 {
     let own = piece.curve();
     let far = |token: usize| {
@@ -134,7 +135,8 @@ fn the_map_is_cut_into_the_same_pieces() {
     let (points, headings, tokens) =
         (get("raw.map_piece_points"), get("raw.map_piece_heading"), get("in.map.token_idx"));
     let (kinds, lines, lights) = (get("in.map.type"), get("in.map.polygon_type"), get("in.map.light_type"));
-    // Positions are known to half a millimetre, which adds up along a line. Their origin is the AV's position to the millimetre or two, and the AV is their first agent.
+    // Positions are known to half a millimetre, which adds up along a line. Their origin is the AV's position
+    // to a millimetre or two, and the AV is their first agent.
     let av = point(&get("raw.position"), CURRENT);
     assert!(get("in.agent.ego_mask")[0] > 0.0 && av.norm() < 0.01);
     let mut missing = Vec::new();

@@ -29,7 +29,7 @@ fn pieces_are_even_joined_and_near() {
         let length: f64 = all.iter().filter(|p| p.kind.is_lane()).map(|p| p.length).sum();
         let lanes: f64 = map.lanes.iter().map(|l| l.baseline.length()).sum();
         assert!((length - lanes).abs() < 1e-6 * lanes, "{length} {lanes}");
-        // The road lies on the left of its edges.
+        // The road is on the left of its edges.
         let edges = all.iter().filter(|p| matches!(p.kind, PieceKind::EdgeBoundary | PieceKind::EdgeMedian));
         let (mut right, mut count) = (0, 0);
         for edge in edges {

@@ -15,7 +15,7 @@ fn state(x: f64, y: f64, heading: f64, speed: f64) -> AgentState {
     AgentState { x, y, heading, vx: speed * heading.cos(), vy: speed * heading.sin() }
 }
 
-/// Straight on along x at 7 m/s.
+/// Returns a state that moves straight along x at 7 m/s.
 fn driving(frame: usize) -> Frame {
     Some(state(0.7 * frame as f64, 3.0, 0.0, 7.0))
 }
@@ -53,21 +53,22 @@ fn errors_do_not_add_up() {
 fn who_appears_late_gets_whole_tokens() {
     let vocabulary = kinematic();
     let from = |first: usize| track(|f| driving(f).filter(|_| f >= first));
-    // Frames 7 and on: two frames backwards make a token from frame 5 on.
+    // Recorded from frame 7 on: extrapolation by two frames backwards gives a token from frame 5 on.
     let seven = from(7);
     assert!((seven.pose(5).unwrap().position - Vec2::new(3.5, 3.0)).norm() < 1e-12);
     assert_eq!(seven.pose(4), None);
     let found = seven.nearest_tokens(&vocabulary, Class::Vehicle);
     assert_eq!(found.valid[..3], [false, true, true]);
     assert_eq!(found.poses[0], ORIGIN);
-    // Who appears now has a token that leads there; who appears on a boundary later has none.
+    // An agent that appears at the current frame has a token that leads there; one that appears on a later
+    // boundary has none.
     assert_eq!(from(10).nearest_tokens(&vocabulary, Class::Vehicle).valid[..3], [false, true, true]);
     assert_eq!(from(15).nearest_tokens(&vocabulary, Class::Vehicle).valid[..4], [false, false, false, true]);
     assert_eq!(from(FRAMES).nearest_tokens(&vocabulary, Class::Vehicle).valid, [false; TOKEN_STEPS]);
-    // Without a recorded velocity that of the frames after counts.
+    // Without a recorded velocity, that of the following frames counts.
     let unknown = |f: usize| driving(f).filter(|_| f >= 7).map(|s| AgentState { vx: f64::NAN, ..s });
     assert!((track(unknown).pose(5).unwrap().position - Vec2::new(3.5, 3.0)).norm() < 1e-9);
-    // A single frame without velocity, states that are not finite, and short tracks are no trouble.
+    // A single frame without velocity, states that are not finite, and short tracks are accepted.
     let alone = |f: usize| (f == 10).then(|| AgentState { vx: f64::NAN, ..state(1.0, 2.0, 0.0, 0.0) });
     assert_eq!(track(alone).pose(5).unwrap().position, Vec2::new(1.0, 2.0));
     let broken = track(|f| driving(f).map(|s| if f == 30 { AgentState { x: f64::NAN, ..s } } else { s }));

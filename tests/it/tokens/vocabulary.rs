@@ -22,7 +22,7 @@ pub(super) fn kinematic() -> Vocabulary {
     Kinematic::default().build().unwrap()
 }
 
-/// The search without any tricks, in the order of distance and index.
+/// Searches exhaustively; returns tokens by distance, then index.
 fn brute_force(vocabulary: &Vocabulary, class: Class, motion: Pose) -> Vec<(usize, f64)> {
     let distance = |t| vocabulary.distance(class, t, motion);
     let mut all: Vec<_> = (0..vocabulary.tokens(class)).map(|t| (t, distance(t))).collect();
@@ -37,7 +37,7 @@ fn the_search_finds_what_comparing_all_finds() {
     for class in Class::ALL {
         for i in 0..400 {
             let motion = match i % 4 {
-                // Where tokens lie dense, anywhere, far away, and on a token.
+                // Among dense tokens, anywhere, far away, and on a token.
                 0 => pose(
                     rng.random_range(-0.3..0.3),
                     rng.random_range(-0.1..0.1),
@@ -90,7 +90,7 @@ fn motions_lead_back() {
     assert_eq!(moved(ORIGIN, b), b);
 }
 
-/// Whether a class has the mirror image of each of its tokens.
+/// Returns whether a class has the mirror image of each of its tokens.
 pub(super) fn is_symmetric(vocabulary: &Vocabulary, class: Class) -> bool {
     let tokens: Vec<&TokenPoses> =
         (0..vocabulary.tokens(class)).map(|t| vocabulary.poses(class, t)).collect();
@@ -154,7 +154,7 @@ fn foreign_files_are_read() {
     }
 }
 
-/// A file of tensors of zeros: name, type, shape.
+/// Returns a file of constant tensors: name, type, shape.
 fn file(tensors: &[(&str, Dtype, &[usize])], value: f32) -> Vec<u8> {
     let data: Vec<Vec<u8>> = tensors
         .iter()

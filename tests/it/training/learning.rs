@@ -1,4 +1,4 @@
-//! What is learned.
+//! Results of training.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -48,7 +48,7 @@ fn a_training_that_gets_no_better_ends() {
     let outcome = trial.learn(folder.path(), false).unwrap();
     assert_eq!(outcome.ending, Ending::NoImprovement);
     assert!(outcome.steps < 60, "{}", outcome.steps);
-    // It stays ended.
+    // The training stays ended.
     let again = trial.learn(folder.path(), true).unwrap();
     assert_eq!((again.ending, again.steps), (Ending::NoImprovement, outcome.steps));
 }
@@ -70,7 +70,7 @@ fn what_is_measured_in_closed_loop_is_logged() {
     assert_eq!(looks[..3], [7.0, 14.0, 21.0]);
 }
 
-/// Keeps what it is told.
+/// Records the ids of examples that are passed over.
 #[derive(Default)]
 struct Told(RefCell<Vec<String>>);
 
@@ -99,7 +99,7 @@ fn a_loss_that_is_no_number_ends_it_with_the_step_and_the_scenarios() {
     assert!(text.starts_with("the loss is NaN at step ") && text.contains("point-30"), "{text}");
     let TrainingError::NotFinite { step, examples, .. } = error else { panic!("{text}") };
     assert_eq!(examples.len(), 2);
-    // What was there before stays.
+    // The last checkpoint stays.
     let last = super::toy::checkpoints(folder.path()).pop().unwrap();
     assert!(last.ends_with(format!("checkpoint-{:08}.safetensors", step - 1)), "{last:?}");
 }

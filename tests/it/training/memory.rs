@@ -1,4 +1,4 @@
-//! How much is in memory at a time.
+//! Amount of data in memory at a time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -8,7 +8,7 @@ use serde_json::Map;
 
 use super::toy::{Net, Toy, settings};
 
-/// Counts what is alive of what it handed out.
+/// Counts the living objects among those that it handed out.
 #[derive(Default)]
 struct Counter {
     alive: AtomicUsize,
@@ -95,7 +95,7 @@ fn only_two_batches_are_in_memory_however_many_examples_there_are() {
     };
     learner.learn(folder.path(), false, &AtomicBool::new(false)).unwrap();
     let most = |counter: &Counter| counter.most.load(Ordering::Relaxed);
-    // One example a thread; samples of this batch and the next, and those that are held out.
+    // One example per thread; samples of this batch and the next, and those that are held out.
     assert!(most(&examples) <= 4, "{}", most(&examples));
     assert!(most(&samples) <= 16 + 16 + 20, "{}", most(&samples));
     assert_eq!(samples.alive.load(Ordering::Relaxed), 0);

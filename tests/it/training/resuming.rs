@@ -1,4 +1,4 @@
-//! Going on after an interruption, and what stands in its way.
+//! Resuming after an interruption, and obstacles to it.
 
 use std::fs::{self, OpenOptions};
 use std::io::{BufRead, BufReader};
@@ -22,7 +22,7 @@ impl Observer for StopAt<'_> {
     }
 }
 
-/// What a training leaves that is not interrupted.
+/// Returns the results of a training that is not interrupted.
 fn uninterrupted() -> (Vec<Row>, NamedTensors) {
     let folder = tempfile::tempdir().unwrap();
     Trial { checkpoint_every: Duration::from_secs(3600), ..Trial::default() }
@@ -31,7 +31,7 @@ fn uninterrupted() -> (Vec<Row>, NamedTensors) {
     left(folder.path())
 }
 
-/// A training that was interrupted after so many steps.
+/// Runs a training and interrupts it after this number of steps.
 fn interrupted(folder: &Path, step: u64) {
     let stop = AtomicBool::new(false);
     let observer = StopAt(step, &stop);
@@ -74,7 +74,7 @@ fn what_was_killed_comes_out_the_same() {
         .spawn()
         .unwrap();
     let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    // It says every step: killed in the middle of one.
+    // The child prints every step, and is killed in the middle of one.
     let steps = lines.map_while(Result::ok).filter(|line| line.contains("a step")).take(12).count();
     child.kill().unwrap();
     child.wait().unwrap();
@@ -84,7 +84,7 @@ fn what_was_killed_comes_out_the_same() {
     assert!(left(folder.path()) == uninterrupted());
 }
 
-/// Says every step, slowly.
+/// Prints every step, slowly.
 struct Loud;
 
 impl Observer for Loud {
@@ -177,7 +177,7 @@ fn a_checkpoint_of_something_else_is_refused() {
     assert!(text.contains("its metadata has no `reactsim`: another program wrote it"), "{text}");
 }
 
-/// From some step on, checkpoints go to a disk that is full.
+/// Directs the checkpoint of a step to a full disk.
 struct FullFrom<'a>(u64, &'a Path);
 
 impl Observer for FullFrom<'_> {
@@ -214,7 +214,7 @@ fn a_folder_that_can_not_be_written_is_refused_at_once() {
     fs::write(&file, "").unwrap();
     let error = Trial::default().learn(&file.join("out"), false).unwrap_err();
     assert!(matches!(error, TrainingError::Write { .. }), "{error}");
-    // And one that another training holds.
+    // A folder that another training holds is refused, too.
     let out = folder.path().join("out");
     interrupted(&out, 3);
     let held = OpenOptions::new().read(true).open(out.join("training.json")).unwrap();

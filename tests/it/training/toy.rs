@@ -17,11 +17,11 @@ use serde_json::Map;
 /// Points on a curve.
 pub(super) struct Curve {
     pub(super) ids: Vec<String>,
-    /// An example whose value is no number.
+    /// Index of an example whose value is not finite.
     pub(super) poison: Option<usize>,
-    /// An example that nothing is made of.
+    /// Index of an example that gives no sample.
     pub(super) empty: Option<usize>,
-    /// An example that cannot be read.
+    /// Index of an example that cannot be read.
     pub(super) torn: Option<usize>,
 }
 
@@ -107,7 +107,7 @@ impl Task for Toy {
     }
 }
 
-/// How it ended.
+/// Outcome of a training.
 pub(super) type Learned = Result<Outcome<Net>, TrainingError>;
 
 pub(super) fn settings() -> Settings {
@@ -123,7 +123,7 @@ pub(super) fn settings() -> Settings {
     }
 }
 
-/// A training of the toy.
+/// A training of the toy network.
 pub(super) struct Trial<'a> {
     pub(super) source: Curve,
     pub(super) settings: Settings,
@@ -173,7 +173,7 @@ impl Trial<'_> {
     }
 }
 
-/// The log without what clocks said, and the weights: all that a training leaves.
+/// Returns the log without clock times, and the weights: all results of a training.
 pub(super) fn left(folder: &Path) -> (Vec<Row>, NamedTensors) {
     let mut rows = read_log(&folder.join(LOG)).unwrap();
     for row in &mut rows {
@@ -185,7 +185,7 @@ pub(super) fn left(folder: &Path) -> (Vec<Row>, NamedTensors) {
     (rows, NamedTensors::read(&folder.join(WEIGHTS)).unwrap())
 }
 
-/// The checkpoints of a folder.
+/// Returns the checkpoints of a folder.
 pub(super) fn checkpoints(folder: &Path) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     found.retain(|p| p.file_name().unwrap().to_str().unwrap().starts_with("checkpoint-"));

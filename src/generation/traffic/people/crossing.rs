@@ -1,6 +1,6 @@
 //! Crossing a road: the behaviour of people there, as drivers see it, and when they step off the kerb.
 //!
-//! Where people have priority (marked crosswalks without a light) they step off when every approaching
+//! If people have priority (marked crosswalks without a light), they step off when every approaching
 //! vehicle either has passed before they reach its strip, or arrives after they have left it by a margin,
 //! or can stop comfortably, or stands, or brakes hard enough. A gap must cover the own crossing time and a
 //! margin: the critical headway of the *Highway Capacity Manual* (2010, chapter 19: length over walking

@@ -91,7 +91,7 @@ fn run(path: &Path, logs: &[WosacLog], outcomes: &mut Outcomes) {
                 continue;
             }
         };
-        // Where the id itself was changed, rollouts are compared with the log of any scenario.
+        // If the id itself was changed, rollouts are compared with the first log.
         let found = logs.iter().find(|log| log.scenario_id == submitted.rollouts.scenario_id);
         let log = found.unwrap_or(&logs[0]);
         if let Err(error) = check.check(&submitted, log) {

@@ -1,4 +1,5 @@
-//! Everything that a certificate promises, measured anew: with distances, times to collision and limits of its own.
+//! Independent check of everything that a certificate promises, with its own distances, times to collision
+//! and limits.
 
 use std::f64::consts::PI;
 
@@ -8,15 +9,15 @@ use reactsim::scene::{Agent, AgentKind, AgentState, CURRENT, DT, FUTURE, Frame, 
 
 use crate::scenes::slot;
 
-/// Distance from a point to a sharp box, negative inside.
+/// Returns the distance from a point to a sharp box, negative inside.
 fn to_box(p: Vec2, b: &OrientedBox) -> f64 {
     let d = p - b.center;
     let (x, y) = (d.dot(&b.axis).abs() - b.half_length, b.axis.perp(&d).abs() - b.half_width);
     x.max(0.0).hypot(y.max(0.0)) + x.max(y).min(0.0)
 }
 
-/// The distance of two rounded boxes (corners are quarter circles of 0.7 times half the shorter side), exact where their cores are
-/// apart; where the boxes are far from each other, a lower bound of it.
+/// Returns the distance of two rounded boxes (corners are quarter circles of 0.7 times half the shorter
+/// side), exact if their cores are apart; for boxes that are far from each other, a lower bound of it.
 fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
     let radius = |x: &OrientedBox| x.half_length.hypot(x.half_width);
     let apart = (a.center - b.center).norm() - radius(a) - radius(b);
@@ -28,7 +29,8 @@ fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
         let r = round(x);
         OrientedBox { half_length: x.half_length - r, half_width: x.half_width - r, ..*x }
     };
-    // Of boxes that are apart a corner of one is nearest. Boxes that cross without a corner in the other are found by points of the sides.
+    // Of separate boxes, a corner of one is nearest. Boxes that cross without a corner in the other are found
+    // by points of the sides.
     let from = |x: &OrientedBox, y: &OrientedBox| {
         let corners = x.corners();
         let sides = (0..4).flat_map(|i| {
@@ -41,12 +43,12 @@ fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
     from(&p, &q).min(from(&q, &p)) - round(a) - round(b)
 }
 
-/// The box of an agent at a frame.
+/// Returns the box of an agent at a frame.
 fn footprint(agent: &Agent, state: Frame) -> Option<OrientedBox> {
     state.map(|s| OrientedBox::new(s.position(), s.heading, agent.length, agent.width))
 }
 
-/// The first step at which one who knows the log sees that somebody moves otherwise.
+/// Returns the first step at which an observer who knows the log sees that an agent deviates from it.
 fn visible(logged: &[Frame], moved: &[Frame]) -> Option<usize> {
     (1..=FUTURE).find(|&k| {
         let (Some(was), Some(is)) = (logged[k], moved[k]) else { return false };
@@ -57,20 +59,21 @@ fn visible(logged: &[Frame], moved: &[Frame]) -> Option<usize> {
     })
 }
 
-/// Whether the metrics count overlaps of the two.
+/// Returns whether the metrics count overlaps of the two agents.
 fn judged(a: &Agent, b: &Agent) -> bool {
     let on_foot = |x: &Agent| x.kind == AgentKind::Pedestrian;
     let light = |x: &Agent| x.kind != AgentKind::Vehicle;
     !(on_foot(a) && light(b) || on_foot(b) && light(a))
 }
 
-/// Two boxes may overlap within 0.2 s of an overlap in the log, and else as little as they do there at most.
+/// Checks that, except within 0.2 s of an overlap in the log, two boxes overlap at most as much as they do
+/// there.
 fn kept_apart(name: &str, now: [&[Option<OrientedBox>]; 2], logged: [&[Option<OrientedBox>]; 2]) {
     let apart =
         |x: [&[Option<OrientedBox>]; 2], k: usize| Some(distance(x[0][k].as_ref()?, x[1][k].as_ref()?));
     let in_log: Vec<f64> = (0..=FUTURE).map(|k| apart(logged, k).unwrap_or(f64::INFINITY)).collect();
     let closest = in_log.iter().copied().fold(f64::INFINITY, f64::min);
-    // What happens between the frames of the log may be a little more.
+    // Between the frames of the log, the overlap may be a little larger.
     let least = if closest < 0.0 { closest.max(-0.2) - 0.02 } else { 0.0 };
     for k in 1..=FUTURE {
         let excused = in_log[k.saturating_sub(2)..=(k + 2).min(FUTURE)].iter().any(|d| *d < 0.0);
@@ -79,7 +82,7 @@ fn kept_apart(name: &str, now: [&[Option<OrientedBox>]; 2], logged: [&[Option<Or
     }
 }
 
-/// Everything that a certificate promises, measured anew.
+/// Checks everything that a certificate promises.
 pub(super) fn recheck(scenario: &Scenario, av: &[AgentState], certificate: &Certificate) {
     let agents = &scenario.start.agents;
     let logged: Vec<Vec<Frame>> = (0..agents.len()).map(|i| scenario.logged(i)[CURRENT..].to_vec()).collect();
@@ -126,7 +129,8 @@ pub(super) fn recheck(scenario: &Scenario, av: &[AgentState], certificate: &Cert
     }
     for response in &certificate.responses {
         let i = slot(scenario, &response.agent);
-        // 0.3 s after what it reacts to is there to be seen: the AV, where that disturbs it, else the response of somebody else.
+        // The reaction comes 0.3 s after its cause is visible: the AV if that disturbs the agent, else the
+        // response of another agent.
         let direct = (1..=FUTURE).any(|k| disturbs(i, &logged[i], &before[i], k).is_some());
         let others = (1..agents.len()).filter(|&j| j != i && responds[j]);
         let seen = match direct {
@@ -145,7 +149,8 @@ pub(super) fn recheck(scenario: &Scenario, av: &[AgentState], certificate: &Cert
     }
 }
 
-/// The largest speed that the bends of a log allow at a place: for 4 m/s², or 1.1 times what the log drives there.
+/// Returns the largest speed that the bends of a log allow at a position: for 4 m/s², or 1.1 times the logged
+/// speed there.
 fn allowed_there(log: &[Frame], place: Vec2) -> f64 {
     let mut points: Vec<AgentState> = Vec::new();
     for state in log.iter().flatten() {
@@ -176,7 +181,7 @@ fn allowed_there(log: &[Frame], place: Vec2) -> f64 {
     (4.0 * (back + on) / turned).sqrt().max(1.1 * driven)
 }
 
-/// The time to collision as the benchmark defines it.
+/// Returns the time to collision as the benchmark defines it.
 fn time_to_collision(me: &Agent, s: &AgentState, other: &Agent, o: &AgentState) -> f64 {
     let d = o.position() - s.position();
     let turn = (o.heading - s.heading + PI).rem_euclid(2.0 * PI) - PI;
@@ -192,7 +197,8 @@ fn time_to_collision(me: &Agent, s: &AgentState, other: &Agent, o: &AgentState) 
     if front && closing > 0.0 { gap / closing } else { 5.0 }
 }
 
-/// The bounds of one response: as in the log up to the reaction, then along the logged path with bounded braking and jerk.
+/// Checks the bounds of one response: as in the log up to the reaction, then along the logged path with
+/// bounded braking and jerk.
 fn limits(scenario: &Scenario, i: usize, response: &Response) {
     let log = scenario.logged(i);
     let name = format!("{}: `{}`", scenario.id, response.agent);
@@ -220,13 +226,13 @@ fn limits(scenario: &Scenario, i: usize, response: &Response) {
         assert!(a <= hardest_gain + 0.15, "{name} gains {a:.2} m/s2 at step {k}");
         if let Some(before) = before {
             let jerk = (a - before) / DT;
-            // Positions lie on the chords of a path: a little more than the profile's own jerk.
+            // Positions are on chords of the path, which adds a little to the profile's own jerk.
             assert!(jerk.abs() <= settings.max_jerk + 3.0, "{name}: {jerk:.1} m/s3 at step {k}");
         }
         before = Some(a);
         let turns = scenario.start.agents[i].kind != AgentKind::Pedestrian;
         let most = if turns { allowed_there(&log, at(k).position()) } else { f64::INFINITY };
-        // Bends are measured between recorded points, the paths of responses between places every half metre.
+        // Bends are measured between recorded points, the paths of responses between points every half metre.
         assert!(
             said.norm() <= 1.1 * most + 0.3,
             "{name} goes {:.1} m/s at step {k}, not {most:.1}",
@@ -237,7 +243,8 @@ fn limits(scenario: &Scenario, i: usize, response: &Response) {
             assert_eq!(at(k).heading, at(k - 1).heading, "{name} stands at step {k}");
         }
     }
-    // Not much further than the log: 2 m, and a tenth of what its last speed covers.
+    // The response goes further than the log by at most 2 m plus a tenth of the distance at the log's last
+    // speed.
     let way = |states: &mut dyn Iterator<Item = AgentState>| {
         let positions: Vec<Vec2> = states.map(|s| s.position()).collect();
         positions.windows(2).map(|w| (w[1] - w[0]).norm()).sum::<f64>()
@@ -251,7 +258,7 @@ fn limits(scenario: &Scenario, i: usize, response: &Response) {
     let driven = way(&mut response.track[r..].iter().copied());
     let halt = at(r).speed() * at(r).speed() / (2.0 * settings.max_deceleration) + at(r).speed();
     assert!(driven <= most.max(halt) + 0.5, "{name} goes {driven:.1} m, in its log {in_log:.1} m");
-    // The path: nowhere further from the logged positions (up to its end) than the shift.
+    // The path is nowhere further from the logged positions (up to its end) than the shift.
     let logged: Vec<Vec2> = log[CURRENT + r..].iter().flatten().map(AgentState::position).collect();
     let end = logged[logged.len() - 1];
     for k in r + 1..=FUTURE {
