@@ -1,4 +1,4 @@
-//! What is asked of a reader: no panic, errors that can be shown, scenarios that hold what scenarios promise.
+//! Checks of a reader: it does not panic, its errors can be displayed, its scenarios keep their invariants.
 
 use std::backtrace::Backtrace;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
@@ -14,7 +14,7 @@ const MOST: usize = 200;
 /// Longest message, in bytes: what an input holds may be quoted, but not as a whole.
 const LONGEST_MESSAGE: usize = 20_000;
 
-/// Where and why the last panic was.
+/// Place and message of the last panic.
 static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
 
 /// Reads a file as users do, by its content, and as the format of this name whatever its content.
@@ -96,7 +96,7 @@ fn track(id: &str, track: &[Frame]) {
     }
 }
 
-/// What every scenario promises.
+/// Checks the invariants of every scenario.
 fn holds(scenario: &Scenario) {
     let start = &scenario.start;
     assert!(!scenario.id.is_empty(), "no id");
@@ -124,7 +124,7 @@ fn holds(scenario: &Scenario) {
         track("the deviation", &states);
     }
     assert_eq!(scenario.digest().len(), 64);
-    // What every simulation begins with.
+    // The first steps of every simulation.
     let road = start.road();
     let mut hits = Vec::new();
     for i in 0..start.agents.len() {

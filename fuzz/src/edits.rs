@@ -66,7 +66,7 @@ fn edit(bytes: &mut Unstructured<'_>, databases: &[Connection; 2]) -> Result<()>
             (format!("UPDATE {table} SET {column} = {other} WHERE {row}"), vec![])
         }
     };
-    // What can not be done changes nothing.
+    // An edit that cannot be made changes nothing.
     let _ = database.execute(&sql, rusqlite::params_from_iter(values));
     Ok(())
 }

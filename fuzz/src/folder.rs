@@ -1,11 +1,11 @@
-//! Where inputs are written: a folder of this process in memory.
+//! The folder for inputs: one of this process, in memory.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How such folders are named; the number of the process follows.
+/// Beginning of the names of such folders; the number of the process follows.
 const NAME: &str = "reactsim-fuzz-";
 
 /// The folder of this process. Those of processes that have ended are removed.

@@ -1,6 +1,6 @@
 //! Execution of tokens: from a token to the motion of an agent.
 
-use reactsim::dynamics::{Ability, Moving, Pose, REAR_AXLE, Tracker};
+use reactsim::dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
@@ -25,7 +25,7 @@ const STANDSTILL_TOKEN: TokenPoses = [ORIGIN; TOKEN_POSES];
 pub(crate) struct Executor {
     tracker: Option<Tracker>,
     targets: Vec<Pose>,
-    driven: Vec<Moving>,
+    driven: Vec<VehicleMotion>,
 }
 
 impl Executor {
@@ -33,7 +33,7 @@ impl Executor {
     /// pedestrians and cyclists, poses are exactly those of the token.
     pub(crate) fn new(projection: bool) -> Self {
         Self {
-            tracker: projection.then(|| Tracker::new(Ability::of_vehicle(0.0))),
+            tracker: projection.then(|| Tracker::new(MotionLimits::of_vehicle(0.0))),
             targets: Vec::new(),
             driven: Vec::new(),
         }
@@ -81,7 +81,7 @@ impl Executor {
         let Some(Some(state)) = track.last().copied() else { return };
         let from = Pose::from(state);
         let tracker = self.tracker.as_mut().filter(|_| class == Class::Vehicle);
-        let (Some(tracker), Some(now)) = (tracker, Moving::after(track)) else {
+        let (Some(tracker), Some(now)) = (tracker, VehicleMotion::after(track)) else {
             let mut before = from.position;
             for pose in token.iter().skip(1) {
                 let to = moved(from, *pose);
@@ -92,7 +92,7 @@ impl Executor {
         };
         self.targets.clear();
         self.targets.extend(smoothed(token, now.speed).map(|pose| moved(from, pose)));
-        tracker.set_ability(Ability::of_vehicle(REAR_AXLE * agent.length));
+        tracker.set_limits(MotionLimits::of_vehicle(REAR_AXLE * agent.length));
         tracker.track(now, &self.targets, &mut self.driven);
         let mut before = from.position;
         for moving in &self.driven {

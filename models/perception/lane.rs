@@ -19,7 +19,7 @@ const MAX_PIECES: usize = 60;
 
 /// Motion of an agent for which candidate paths are searched.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MotionState {
+pub(crate) struct VehicleMotion {
     /// Box centre, metres.
     pub position: Vec2,
     /// Unit vector of the heading.
@@ -68,7 +68,7 @@ fn points_ahead(speed: f64) -> usize {
 
 /// Returns the path of an agent that keeps its course and curvature. Agents on it matter wherever lanes
 /// lead.
-pub(crate) fn course_path(me: &MotionState) -> CandidatePath {
+pub(crate) fn course_path(me: &VehicleMotion) -> CandidatePath {
     let turn = |s: f64| (me.curvature * s).clamp(-MAX_COURSE_TURN, MAX_COURSE_TURN);
     let mut at = me.position;
     let mut points = Vec::new();
@@ -89,7 +89,7 @@ fn rotated(v: Vec2, angle: f64) -> Vec2 {
 /// Fills in the lateral offset from the agent's lane, the heading difference, the speed relative to the
 /// limit, and points of the paths along the lane in the agent's frame, about 0.5, 1 and 2 s ahead.
 /// Returns the paths. For pedestrians and without a lane, the features stay 0 and there are no paths.
-pub(crate) fn describe(me: &MotionState, places: &Places, out: &mut [f32]) -> Vec<CandidatePath> {
+pub(crate) fn describe(me: &VehicleMotion, places: &Places, out: &mut [f32]) -> Vec<CandidatePath> {
     if me.class == Class::Pedestrian {
         return Vec::new();
     }

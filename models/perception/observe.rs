@@ -5,7 +5,7 @@ use reactsim::scene::{Agent, AgentState, DT, Frame};
 
 use super::body::Body;
 use super::class::Class;
-use super::lane::{self, CandidatePath, MotionState};
+use super::lane::{self, CandidatePath, VehicleMotion};
 use super::places::Places;
 use super::widths::{BODY_FEATURES, LANE_FEATURES, OWN_FEATURES};
 
@@ -52,7 +52,7 @@ impl Body {
         body.describe(agent.kind, state, next, back);
         let speed = body.velocity.dot(&ahead).max(0.0);
         let (course, curvature) = body.course(back(CURVATURE_FRAMES));
-        let motion = MotionState { position: body.position, ahead, speed, class, course, curvature };
+        let motion = VehicleMotion { position: body.position, ahead, speed, class, course, curvature };
         let mut paths = vec![lane::course_path(&motion)];
         paths.extend(lane::describe(
             &motion,

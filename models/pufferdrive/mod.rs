@@ -13,7 +13,7 @@ mod world;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
-use reactsim::dynamics::{Ability, Moving, Pose, Tracker};
+use reactsim::dynamics::{MotionLimits, Pose, Tracker, VehicleMotion};
 use reactsim::geometry::{direction, math};
 use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::{Baseline, ModelError, Setup};
@@ -266,13 +266,13 @@ fn store_states(batch: &mut [Episode<'_>], driven: &[DrivenVehicle], states: Rec
 /// Drives the planned poses within the limits of the metrics. The environment's vehicles turn about
 /// their rear end.
 fn project(batch: &mut [Episode<'_>], driven: &[DrivenVehicle]) {
-    let mut tracker = Tracker::new(Ability::of_vehicle(0.0));
+    let mut tracker = Tracker::new(MotionLimits::of_vehicle(0.0));
     let mut moves = Vec::new();
     for one in driven {
         let Some(length) = vehicle(batch, one).map(|v| v.length) else { continue };
         let episode = &mut batch[one.episode];
-        let Some(now) = Moving::after(episode.seen.track(one.agent)) else { continue };
-        tracker.set_ability(Ability::of_vehicle(0.5 * length));
+        let Some(now) = VehicleMotion::after(episode.seen.track(one.agent)) else { continue };
+        tracker.set_limits(MotionLimits::of_vehicle(0.5 * length));
         tracker.track(now, &one.path, &mut moves);
         let mut from = now.pose.position;
         for (step, moving) in moves.iter().enumerate().take(episode.plan.steps()) {

@@ -1,6 +1,6 @@
 //! Driving of a path at planned speeds within the limits of the vehicle, whatever the programs return.
 
-use reactsim::dynamics::Moving;
+use reactsim::dynamics::VehicleMotion;
 use reactsim::geometry::direction;
 use reactsim::scene::{AgentState, DT};
 
@@ -19,12 +19,12 @@ const MAX_SLIP_SINE: f64 = 0.6;
 /// is the distance that the box centre moves divided by 0.1 s, and the curvature is the turn divided by
 /// the mean distance of two steps.
 pub(super) fn drive(
-    now: Moving,
+    now: VehicleMotion,
     rear: f64,
     path: &Path,
     accelerations: &[f64; STEPS],
     settings: &Settings,
-) -> Vec<Moving> {
+) -> Vec<VehicleMotion> {
     let max_change = settings.acceleration * DT;
     let (mut moving, mut planned, mut arc) = (now, now.speed, 0.0);
     let mut moves = Vec::with_capacity(STEPS);

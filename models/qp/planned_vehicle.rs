@@ -1,13 +1,13 @@
 //! A vehicle that is to be planned.
 
-use reactsim::dynamics::Moving;
+use reactsim::dynamics::VehicleMotion;
 use reactsim::scene::Road;
 
 use super::obstacle::Extent;
 
 /// A vehicle to be planned.
 pub(super) struct PlannedVehicle<'a> {
-    pub(super) now: Moving,
+    pub(super) now: VehicleMotion,
     /// Distance from the rear axle forward to the box centre, metres.
     pub(super) rear: f64,
     /// Half length and half width.

@@ -1,6 +1,6 @@
 //! Bounds on the distance over time that keep a vehicle clear of what is ahead.
 
-use reactsim::dynamics::Moving;
+use reactsim::dynamics::VehicleMotion;
 use reactsim::geometry::direction;
 
 use super::obstacle::{Obstacle, Span, TIMES, step_of};
@@ -144,7 +144,7 @@ impl DistanceBounds {
 }
 
 /// Returns how far a plan enters obstacles within the next three seconds, metres.
-pub(super) fn excess(now: &Moving, moves: &[Moving], all: &[[Option<Span>; TIMES]]) -> f64 {
+pub(super) fn excess(now: &VehicleMotion, moves: &[VehicleMotion], all: &[[Option<Span>; TIMES]]) -> f64 {
     let mut arc = [0.0; STEPS];
     let (mut distance, mut before) = (0.0, now.pose.position);
     for (arc, moving) in arc.iter_mut().zip(moves) {

@@ -1,6 +1,6 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
-use reactsim::dynamics::{Moving, Pose, REAR_AXLE, STANDSTILL_SPEED};
+use reactsim::dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim::geometry::{OrientedBox, math};
 use reactsim::rollout::Observation;
 use reactsim::scene::{AgentKind, AgentState, CURRENT};
@@ -120,7 +120,7 @@ impl Stage {
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (_, slot) in order {
             let (Intent::Vehicle(modes), Some(now)) = (&intents[slot], seen.state(slot)) else { continue };
-            let Some(moving) = Moving::after(seen.track(slot)) else { continue };
+            let Some(moving) = VehicleMotion::after(seen.track(slot)) else { continue };
             let agent = &agents[slot];
             let vehicle = self.planned_vehicle(seen, slot, moving);
             let modes = sorted(modes, &now);
@@ -146,7 +146,12 @@ impl Stage {
         plans
     }
 
-    fn planned_vehicle<'a>(&self, seen: &Observation<'a>, slot: usize, now: Moving) -> PlannedVehicle<'a> {
+    fn planned_vehicle<'a>(
+        &self,
+        seen: &Observation<'a>,
+        slot: usize,
+        now: VehicleMotion,
+    ) -> PlannedVehicle<'a> {
         let agent = &seen.start().agents[slot];
         // Vehicles driven here move smoothly; the headings of logs jitter.
         let driven = seen.frame() >= CURRENT + DRIVEN_FRAMES;
@@ -207,7 +212,7 @@ fn sorted(modes: &[Mode], now: &AgentState) -> Vec<Mode> {
 }
 
 /// Returns how far a vehicle may get within the planned time, metres.
-fn reach(now: &Moving, modes: &[Mode]) -> f64 {
+fn reach(now: &VehicleMotion, modes: &[Mode]) -> f64 {
     let from = now.pose.position;
     let far = modes.iter().map(|m| (m.centres(from)[STEPS - 1] - from).norm()).fold(0.0, f64::max);
     far.max(now.speed * now.speed / 8.0)

@@ -1,7 +1,7 @@
 //! Plans of single vehicles, checked by their poses alone.
 
 use proptest::prelude::*;
-use reactsim::dynamics::{Moving, Pose};
+use reactsim::dynamics::{Pose, VehicleMotion};
 use reactsim::geometry::{OrientedBox, Vec2, direction, left, wrap};
 use reactsim::scene::DT;
 
@@ -23,7 +23,7 @@ fn planner() -> Planner {
 fn vehicle(speed: f64, acceleration: f64, curvature: Option<f64>) -> PlannedVehicle<'static> {
     let pose = Pose { position: Vec2::new(3.0, -2.0), heading: 0.4 };
     PlannedVehicle {
-        now: Moving { pose, speed, acceleration },
+        now: VehicleMotion { pose, speed, acceleration },
         rear: REAR,
         extent: Extent { length: 0.5 * LENGTH, width: 0.5 * WIDTH },
         curvature,
@@ -33,7 +33,7 @@ fn vehicle(speed: f64, acceleration: f64, curvature: Option<f64>) -> PlannedVehi
 
 /// Returns the largest acceleration and curvature of all steps as the metrics take them: from centres
 /// and headings alone.
-fn judged(now: &Moving, moves: &[Moving]) -> (f64, f64) {
+fn judged(now: &VehicleMotion, moves: &[VehicleMotion]) -> (f64, f64) {
     let (mut acceleration, mut curvature) = (0.0_f64, 0.0_f64);
     let (mut before, mut v0) = (now.pose, now.speed.abs());
     for moving in moves {
@@ -48,7 +48,7 @@ fn judged(now: &Moving, moves: &[Moving]) -> (f64, f64) {
     (acceleration, curvature)
 }
 
-fn check(vehicle: &PlannedVehicle<'_>, moves: &[Moving]) {
+fn check(vehicle: &PlannedVehicle<'_>, moves: &[VehicleMotion]) {
     assert_eq!(moves.len(), STEPS);
     let (acceleration, curvature) = judged(&vehicle.now, moves);
     assert!(acceleration <= 5.5 + 1e-6, "{acceleration} m/s2");
@@ -77,7 +77,7 @@ fn driven(
     Mode::of(points.collect())
 }
 
-fn farthest(mode: &Mode, moves: &[Moving]) -> f64 {
+fn farthest(mode: &Mode, moves: &[VehicleMotion]) -> f64 {
     let apart = moves.iter().zip(&mode.points).map(|(m, p)| (m.pose.position - p).norm());
     apart.fold(0.0, f64::max)
 }

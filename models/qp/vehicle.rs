@@ -1,6 +1,6 @@
 //! Planning of one vehicle: a path and the speed along it for each of its modes, until one is clear.
 
-use reactsim::dynamics::{Ability, Moving, Pose, STANDSTILL_SPEED, Tracker};
+use reactsim::dynamics::{MotionLimits, Pose, STANDSTILL_SPEED, Tracker, VehicleMotion};
 use reactsim::geometry::{OrientedBox, direction};
 use reactsim::scene::DT;
 
@@ -19,7 +19,7 @@ use super::speed::{STEPS, SpeedProblem, SpeedProgram, hardest_braking};
 
 /// Plan for one mode.
 struct Attempt {
-    moves: Vec<Moving>,
+    moves: Vec<VehicleMotion>,
     path: Path,
     solve: Solve,
     /// Distance by which the plan enters obstacles, metres.
@@ -54,7 +54,7 @@ impl Planner {
             settings: settings.clone(),
             speed_program: SpeedProgram::new(settings)?,
             path_program: PathProgram::new(settings)?,
-            tracker: Tracker::new(Ability::of_vehicle(0.0)),
+            tracker: Tracker::new(MotionLimits::of_vehicle(0.0)),
             endings: Endings::default(),
         })
     }
@@ -66,13 +66,13 @@ impl Planner {
         vehicle: &PlannedVehicle<'_>,
         modes: &[Mode],
         obstacles: &[&Obstacle],
-    ) -> Vec<Moving> {
+    ) -> Vec<VehicleMotion> {
         let now = vehicle.now.pose.position;
         let axis = direction(vehicle.now.pose.heading);
         let end = modes[0].centres(now)[STEPS - 1] - now;
         if vehicle.now.speed.abs() < STANDSTILL_SPEED && end.norm() < STANDSTILL_REACH {
             self.endings.count(Ending::Standing);
-            return vec![Moving { speed: 0.0, acceleration: 0.0, ..vehicle.now }; STEPS];
+            return vec![VehicleMotion { speed: 0.0, acceleration: 0.0, ..vehicle.now }; STEPS];
         }
         let back = vehicle.now.speed < -REVERSING_SPEED
             || vehicle.now.speed < REVERSING_SPEED && end.dot(&axis) < -0.7 * end.norm();
@@ -80,8 +80,10 @@ impl Planner {
             self.endings.count(Ending::Backwards);
             return self.follow_backwards(vehicle, &modes[0], obstacles);
         }
-        let vehicle =
-            &PlannedVehicle { now: Moving { speed: vehicle.now.speed.abs(), ..vehicle.now }, ..*vehicle };
+        let vehicle = &PlannedVehicle {
+            now: VehicleMotion { speed: vehicle.now.speed.abs(), ..vehicle.now },
+            ..*vehicle
+        };
         let mut best: Option<(Attempt, usize)> = None;
         for (i, mode) in modes.iter().enumerate() {
             let Some(attempt) = self.attempt(vehicle, mode, obstacles) else { continue };
@@ -110,7 +112,7 @@ impl Planner {
     }
 
     /// Brakes as hard as possible along a path.
-    fn brake(&self, vehicle: &PlannedVehicle<'_>, path: &Path) -> Vec<Moving> {
+    fn brake(&self, vehicle: &PlannedVehicle<'_>, path: &Path) -> Vec<VehicleMotion> {
         let mut a = self.speed_program.initial_acceleration(vehicle.now.speed, vehicle.now.acceleration);
         let accelerations = [(); STEPS].map(|()| {
             a = (a - self.settings.jerk * DT).max(-self.settings.acceleration);
@@ -125,20 +127,20 @@ impl Planner {
         vehicle: &PlannedVehicle<'_>,
         mode: &Mode,
         obstacles: &[&Obstacle],
-    ) -> Vec<Moving> {
+    ) -> Vec<VehicleMotion> {
         let heading = vehicle.now.pose.heading;
         let poses: Vec<Pose> = mode
             .centres(vehicle.now.pose.position)
             .into_iter()
             .map(|position| Pose { position, heading })
             .collect();
-        let ability = Ability {
+        let limits = MotionLimits {
             acceleration: self.settings.acceleration,
             curvature: self.settings.curvature,
             jerk: self.settings.jerk,
             rear: vehicle.rear,
         };
-        self.tracker.set_ability(ability);
+        self.tracker.set_limits(limits);
         let mut moves = Vec::with_capacity(STEPS);
         self.tracker.track(vehicle.now, &poses, &mut moves);
         let footprint = |pose: Pose| {
@@ -168,7 +170,7 @@ impl Planner {
         obstacles: &[&Obstacle],
     ) -> Option<Attempt> {
         let settings = &self.settings;
-        let Moving { pose, speed, acceleration } = vehicle.now;
+        let VehicleMotion { pose, speed, acceleration } = vehicle.now;
         let reference = Reference::new(mode, pose.position);
         let guide = reference.guide(pose.position, direction(pose.heading), vehicle.rear)?;
         let stop = speed * speed / (2.0 * settings.acceleration) + 0.3 * speed;

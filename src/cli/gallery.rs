@@ -3,19 +3,19 @@
 use std::path::PathBuf;
 
 use super::find_inputs;
-use crate::evaluation::{EvaluationError, Shelf, Source, StudyResults, is_study};
+use crate::evaluation::{EvaluationError, ScenarioFiles, Source, StudyResults, is_study};
 use crate::report::page::{Gallery, Member};
 
 /// Opens the runs in these folders, members of studies included, with the scenarios at these paths.
 /// The shipped benchmark is always available.
 pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result<Gallery> {
-    let mut shelf = Shelf::default();
-    shelf.add(Source::shipped(usize::MAX));
+    let mut scenario_files = ScenarioFiles::default();
+    scenario_files.add(Source::shipped(usize::MAX));
     for input in find_inputs(scenarios)? {
-        shelf.add_file(&input)?;
+        scenario_files.add_file(&input)?;
     }
     let (members, studies) = members(folders)?;
-    Ok(Gallery::open(members, studies, shelf)?)
+    Ok(Gallery::open(members, studies, scenario_files)?)
 }
 
 /// Studies with their names.

@@ -14,4 +14,4 @@ pub use axle_path::{Allowed, AxlePath, CALM_STEERING_RATE, Departure, REAR_AXLE,
 pub use bicycle::Pose;
 pub use driven_path::{DrivenPath, PathPoint, PathProjection, Pursuit};
 pub use limits::{MAX_ACCELERATION, MAX_CURVATURE, PARKED_DISPLACEMENT, STANDSTILL_SPEED};
-pub use tracker::{Ability, Moving, Tracker};
+pub use tracker::{MotionLimits, Tracker, VehicleMotion};

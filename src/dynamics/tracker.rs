@@ -36,7 +36,7 @@ const MAX_SLIP_SINE: f64 = 0.6;
 
 /// Kinematic limits of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ability {
+pub struct MotionLimits {
     /// Largest magnitude of the acceleration, m/s². The metric's bound is [`super::MAX_ACCELERATION`].
     pub acceleration: f64,
     /// Largest magnitude of the curvature by the metric's formula, 1/m. The metric's bound is
@@ -50,7 +50,7 @@ pub struct Ability {
     pub rear: f64,
 }
 
-impl Ability {
+impl MotionLimits {
     /// Returns the limits of a vehicle whose rear axle is `rear` metres behind its centre; they
     /// leave a margin of a tenth to the bounds of the metrics.
     pub fn of_vehicle(rear: f64) -> Self {
@@ -60,7 +60,7 @@ impl Ability {
 
 /// Motion of a vehicle at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moving {
+pub struct VehicleMotion {
     /// Box centre and heading.
     pub pose: Pose,
     /// Distance travelled by the centre in the last step divided by 0.1 s, m/s; negative backwards.
@@ -69,7 +69,7 @@ pub struct Moving {
     pub acceleration: f64,
 }
 
-impl Moving {
+impl VehicleMotion {
     /// Returns the motion of a vehicle after these states, the last of which is the current one;
     /// `None` if it is absent in that one.
     ///
@@ -125,7 +125,7 @@ impl Moving {
 /// Controller that follows planned poses within a vehicle's limits.
 #[derive(Clone, Debug)]
 pub struct Tracker {
-    ability: Ability,
+    limits: MotionLimits,
     /// Weights of position and speed errors of the next poses in the acceleration of the next step,
     /// 1/s² and 1/s.
     gains: [(f64, f64); PREVIEW_POSES],
@@ -136,28 +136,28 @@ pub struct Tracker {
 
 impl Tracker {
     /// Creates a tracker for vehicles with these limits.
-    pub fn new(ability: Ability) -> Self {
+    pub fn new(limits: MotionLimits) -> Self {
         let gains = gains();
         let (mut place, mut pace) = (0.0, 0.0);
         for (j, (p, q)) in gains.iter().enumerate() {
             place += p;
             pace += p * DT * (j + 1) as f64 + q;
         }
-        Self { ability, gains, lag: pace / place, aims: Vec::new() }
+        Self { limits, gains, lag: pace / place, aims: Vec::new() }
     }
 
     /// Replaces the limits, for another vehicle.
-    pub fn set_ability(&mut self, ability: Ability) {
-        self.ability = ability;
+    pub fn set_limits(&mut self, limits: MotionLimits) {
+        self.limits = limits;
     }
 
     /// Drives from `now` along the planned `poses`, 0.1 s apart, the first of which is due after
     /// 0.1 s. Replaces the content of `driven` by one motion state per pose. Poses must be finite.
-    pub fn track(&mut self, now: Moving, poses: &[Pose], driven: &mut Vec<Moving>) {
+    pub fn track(&mut self, now: VehicleMotion, poses: &[Pose], driven: &mut Vec<VehicleMotion>) {
         driven.clear();
-        aim(&self.ability, now.pose, poses, &mut self.aims);
-        let limit = self.ability.acceleration;
-        let mut moving = Moving { acceleration: now.acceleration.clamp(-limit, limit), ..now };
+        aim(&self.limits, now.pose, poses, &mut self.aims);
+        let limit = self.limits.acceleration;
+        let mut moving = VehicleMotion { acceleration: now.acceleration.clamp(-limit, limit), ..now };
         for k in 0..poses.len() {
             moving = self.step(moving, k);
             driven.push(moving);
@@ -165,7 +165,7 @@ impl Tracker {
     }
 
     /// Returns the next motion state, `k` steps after the start of the plan.
-    fn step(&self, now: Moving, k: usize) -> Moving {
+    fn step(&self, now: VehicleMotion, k: usize) -> VehicleMotion {
         let aims = &self.aims[k..k + PREVIEW_POSES];
         let net: f64 = aims.iter().map(|a| a.speed).sum::<f64>() / PREVIEW_POSES as f64;
         let stationary = aims.iter().all(|a| a.speed.abs() < STANDSTILL_SPEED);
@@ -178,16 +178,16 @@ impl Tracker {
         if speed == 0.0 {
             let ahead = gap + aims[1..].iter().map(|a| sign * a.speed * DT).sum::<f64>();
             if ahead < STANDSTILL_SPEED * DT * PREVIEW_POSES as f64 {
-                return Moving { speed: 0.0, acceleration: 0.0, ..now };
+                return VehicleMotion { speed: 0.0, acceleration: 0.0, ..now };
             }
         }
         let next = self.next_speed(speed, sign * now.acceleration, sign, gap, aims, stationary);
         let acceleration = sign * (next - speed) / DT;
         if next == 0.0 {
-            return Moving { speed: 0.0, acceleration, ..now };
+            return VehicleMotion { speed: 0.0, acceleration, ..now };
         }
         let turn = if next > 0.0 { self.turn(now.pose, speed, next, sign, k) } else { 0.0 };
-        Moving { acceleration, ..now.moved(sign * next, turn, self.ability.rear) }
+        VehicleMotion { acceleration, ..now.moved(sign * next, turn, self.limits.rear) }
     }
 
     /// Returns the speed of the next step, positive in the direction of the plan.
@@ -205,7 +205,7 @@ impl Tracker {
             }
             wanted += place * (ahead - speed * DT * (j + 1) as f64) + pace * (sign * aim.speed - speed);
         }
-        let Ability { acceleration: limit, jerk, .. } = self.ability;
+        let MotionLimits { acceleration: limit, jerk, .. } = self.limits;
         let least = (last - jerk * DT).max(-limit);
         let most = (last + jerk * DT).min(limit);
         let mut next = speed + wanted.clamp(least, most) * DT;
@@ -222,7 +222,7 @@ impl Tracker {
     /// Returns the heading change of the next step, radians, in which the speed goes from `speed`
     /// to `next` (both positive in the direction of the plan, `next` > 0).
     fn turn(&self, now: Pose, speed: f64, next: f64, sign: f64, k: usize) -> f64 {
-        let rear = self.ability.rear;
+        let rear = self.limits.rear;
         let facing = direction(now.heading);
         let axle = now.position - facing * rear;
         let mut bend = Bend::new();
@@ -257,7 +257,7 @@ impl Tracker {
         let curvature = bend.curvature(0.5 * distance);
         let slip = rear * curvature;
         let turn = curvature * distance / (1.0 + slip * slip).sqrt();
-        let mut most = self.ability.curvature * DT * next.min(0.5 * (speed.max(0.0) + next));
+        let mut most = self.limits.curvature * DT * next.min(0.5 * (speed.max(0.0) + next));
         if rear.abs() > 0.0 {
             most = most.min(MAX_SLIP_SINE * distance / rear.abs());
         }

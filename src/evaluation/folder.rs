@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use super::EvaluationError;
 use super::provenance::Provenance;
 use super::reference::{self, REFERENCE_RECORD};
-use super::row::{EventHead, Failure, Place, Row};
+use super::row::{EventHead, Failure, RecordPosition, Row};
 use super::summary::Summary;
 use super::tally::Tally;
 use crate::files;
@@ -144,7 +144,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`EvaluationError::Write`].
-    pub fn part(&self, place: Place, simulator: usize) -> Result<PathBuf, EvaluationError> {
+    pub fn part(&self, place: RecordPosition, simulator: usize) -> Result<PathBuf, EvaluationError> {
         let folder = self.path.join(PARTS);
         fs::create_dir_all(&folder).map_err(cannot_write(&folder))?;
         Ok(folder.join(format!("{:06}-{:08}-{simulator:03}.parquet", place.input, place.record)))
@@ -266,7 +266,7 @@ fn is_unbegun(path: &Path) -> bool {
 }
 
 /// Events that count: position, simulator, rollout and metric.
-type CountedEvents = BTreeSet<(Place, String, u32, String)>;
+type CountedEvents = BTreeSet<(RecordPosition, String, u32, String)>;
 
 /// Reads which events an unfinished run counted. The last line may be truncated.
 fn counted_events(path: &Path) -> Result<CountedEvents, EvaluationError> {
@@ -360,7 +360,7 @@ fn complete_pairs(folder: &Path, inputs: usize, tally: &Tally) -> Result<Pairs, 
 }
 
 /// Rows by scenario and simulator.
-type Pairs = BTreeMap<(Place, String), Vec<Row>>;
+type Pairs = BTreeMap<(RecordPosition, String), Vec<Row>>;
 
 /// Calls `each` with every row of a finished run, or of a reference.
 fn for_rows(folder: &Path, each: impl FnMut(Row)) -> Result<(), EvaluationError> {
@@ -443,7 +443,7 @@ pub(super) fn line<T: serde::Serialize>(value: &T) -> String {
 }
 
 /// The sort key of a line: scenario, simulator, rollout (the row over all rollouts last).
-type Key = (Place, usize, u32);
+type Key = (RecordPosition, usize, u32);
 
 #[derive(Deserialize)]
 struct LineKey {
@@ -459,7 +459,7 @@ fn index(path: &Path, tally: &Tally) -> Result<Vec<(Key, u64, usize)>, Evaluatio
     for_lines(path, |at, text| {
         let Ok(key) = serde_json::from_str::<LineKey>(text) else { return };
         let Some(simulator) = tally.simulators.iter().position(|s| *s == key.simulator) else { return };
-        let place = Place { input: key.input, record: key.record };
+        let place = RecordPosition { input: key.input, record: key.record };
         lines.push(((place, simulator, key.rollout.unwrap_or(u32::MAX)), at, text.len()));
     })?;
     Ok(lines)

@@ -19,7 +19,7 @@
 //! and simulator with incomplete rows are dropped and run again. At the end both files are sorted by inputs,
 //! simulators and rollouts, so that no byte depends on threads, batches or interruptions.
 
-mod archive;
+mod finished_run;
 mod access;
 mod av;
 mod benchmarks;
@@ -46,7 +46,7 @@ mod runner;
 mod rollout_checks;
 mod scoring;
 mod selection;
-mod shelf;
+mod scenario_files;
 mod shipped;
 mod simulator_id;
 mod simulators;
@@ -57,7 +57,6 @@ mod summary;
 mod tally;
 
 pub use access::Access;
-pub use archive::Archive;
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use case_study::{CASE_STUDIES, CaseStudy};
@@ -65,6 +64,7 @@ pub use comparison::{Comparison, PairedDifference};
 pub use conditions::{Condition, ConditionDifference, changed_options};
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
+pub use finished_run::FinishedRun;
 pub use folder::{
     EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, RunFolder, SUMMARY,
     TABLE, VALUES_TABLE, read_provenance, read_rows, read_summary, read_tally,
@@ -78,11 +78,11 @@ pub use provenance::{
 };
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
-pub use row::{EventLine, EventRecord, Failure, Place, Row, Value};
+pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
+pub use scenario_files::ScenarioFiles;
 pub use scoring::Scoring;
 pub use selection::Selection;
-pub use shelf::Shelf;
 pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;

@@ -6,7 +6,7 @@ use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::rollout_checks::{self, Findings, RolloutCheck};
 use super::rollouts::recorded_tracks;
-use super::row::{Place, Row};
+use super::row::{RecordPosition, Row};
 use crate::formats::rollouts::RolloutRecord;
 use crate::metrics::Options;
 use crate::rollout::Rollout;
@@ -54,7 +54,7 @@ impl Recorded {
     /// the simulator. A scenario without rollouts is skipped.
     pub(super) fn score(
         &mut self,
-        place: Place,
+        place: RecordPosition,
         scenario: &Scenario,
     ) -> Vec<Result<ScoredPair, (String, String)>> {
         let mut groups: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
@@ -132,7 +132,7 @@ pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
 /// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
 /// and the lines of their events.
 pub(super) fn score_rollouts(
-    place: Place,
+    place: RecordPosition,
     scenario: &Scenario,
     simulator: &str,
     rollouts: &[Rollout],

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::folder::{ROLLOUTS, RunFolder};
 use super::foreign_rollout::ForeignRollout;
 use super::tally::Tally;
-use super::{EvaluationError, Place};
+use super::{EvaluationError, RecordPosition};
 use crate::formats::rollouts::{RolloutRecord, Writer, read};
 use crate::rollout::Rollout;
 use crate::scene::{AgentState, Frame, HISTORY, Scenario, limits};
@@ -35,7 +35,7 @@ pub(super) fn write_part(
 /// as it is.
 pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), EvaluationError> {
     let target = folder.path().join(ROLLOUTS);
-    let pairs: Vec<(Place, usize)> = tally
+    let pairs: Vec<(RecordPosition, usize)> = tally
         .entries
         .iter()
         .flat_map(|(place, entry)| (0..entry.cells.len()).map(move |s| (*place, s)))

@@ -10,7 +10,7 @@ use crate::scene::Scenario;
 
 /// The position of a record: its input and its index there. Everything that a run writes is sorted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
+pub struct RecordPosition {
     /// Index of the input file.
     pub input: usize,
     /// Index of the record in it.
@@ -54,7 +54,7 @@ pub struct Row {
 
 impl Row {
     /// Creates the row of a scenario and a simulator over all rollouts, without values.
-    pub(super) fn about(place: Place, scenario: &Scenario, digest: String, simulator: &str) -> Self {
+    pub(super) fn about(place: RecordPosition, scenario: &Scenario, digest: String, simulator: &str) -> Self {
         Self {
             input: place.input,
             record: place.record,
@@ -81,8 +81,8 @@ impl Row {
     }
 
     /// Returns the position of the scenario.
-    pub fn place(&self) -> Place {
-        Place { input: self.input, record: self.record }
+    pub fn place(&self) -> RecordPosition {
+        RecordPosition { input: self.input, record: self.record }
     }
 }
 
@@ -214,8 +214,8 @@ pub(super) struct EventHead {
 
 impl EventHead {
     /// Returns the position of the record.
-    pub(super) fn place(&self) -> Place {
-        Place { input: self.input, record: self.record }
+    pub(super) fn place(&self) -> RecordPosition {
+        RecordPosition { input: self.input, record: self.record }
     }
 }
 
@@ -239,8 +239,8 @@ pub struct Failure {
 
 impl Failure {
     /// Returns the position of the record.
-    pub fn place(&self) -> Place {
-        Place { input: self.input, record: self.record }
+    pub fn place(&self) -> RecordPosition {
+        RecordPosition { input: self.input, record: self.record }
     }
 }
 

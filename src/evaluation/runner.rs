@@ -11,7 +11,7 @@ use super::folder::RunFolder;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::plan::{NoAv, Plan};
-use super::row::{Failure, Place, Row};
+use super::row::{Failure, RecordPosition, Row};
 use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
 use super::summary::Summary;
@@ -154,7 +154,7 @@ fn least_common_multiple(a: usize, b: usize) -> usize {
 /// decides which one is earlier.
 fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     let repeated = tally.repeated();
-    let refuse = |(place, earlier): (Place, Place)| {
+    let refuse = |(place, earlier): (RecordPosition, RecordPosition)| {
         let entry = tally.entries.remove(&place)?;
         let first = &plan.sources[earlier.input].file.name;
         let error = format!(
@@ -168,7 +168,7 @@ fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
 
 fn failure(
     plan: &Plan,
-    place: Place,
+    place: RecordPosition,
     simulator: Option<&str>,
     scenario: Option<String>,
     error: String,
@@ -207,7 +207,7 @@ struct Runner<'a> {
 
 /// A scenario of a batch that is ready to run.
 struct PreparedScenario {
-    place: Place,
+    place: RecordPosition,
     scenario: Scenario,
     digest: String,
     /// AV at its initial state, copied for every rollout.
@@ -235,7 +235,7 @@ impl Runner<'_> {
     fn batch(&self, items: Vec<UndecodedRecord>) -> Result<(), EvaluationError> {
         let records = items.len();
         let mut ready = Vec::with_capacity(records);
-        let places: Vec<Place> = items.iter().map(|item| item.place).collect();
+        let places: Vec<RecordPosition> = items.iter().map(|item| item.place).collect();
         for item in items {
             if !(0..self.names.len()).any(|s| self.is_needed(item.place, s, &places)) {
                 continue;
@@ -272,12 +272,12 @@ impl Runner<'_> {
     /// Returns whether a simulator has to run a record, one of these `places`: there are no rows of an
     /// earlier run, or, in a batch of an external simulator, none for some record of the batch. Batches are
     /// always repeated as a whole.
-    fn is_needed(&self, place: Place, simulator: usize, places: &[Place]) -> bool {
-        let lacks_rows = |place: &Place| !self.before.has(*place, simulator);
+    fn is_needed(&self, place: RecordPosition, simulator: usize, places: &[RecordPosition]) -> bool {
+        let lacks_rows = |place: &RecordPosition| !self.before.has(*place, simulator);
         match self.plan.simulators[simulator].batch() {
             None => lacks_rows(&place),
             Some(size) => {
-                let of_batch = |other: &&Place| other.record / size == place.record / size;
+                let of_batch = |other: &&RecordPosition| other.record / size == place.record / size;
                 places.iter().filter(of_batch).any(lacks_rows)
             }
         }
@@ -389,7 +389,7 @@ impl Runner<'_> {
     }
 
     /// Prefixes a text with file and record, like errors of files.
-    fn named(&self, place: Place, text: &str) -> String {
+    fn named(&self, place: RecordPosition, text: &str) -> String {
         format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
     }
 

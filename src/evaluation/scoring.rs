@@ -7,8 +7,9 @@ use super::finish::finish;
 use super::recorded::{Recorded, ScoredPair};
 use super::rollouts::write_part;
 use super::{
-    BenchmarkRecord, EvaluationError, Failure, FileRecord, Place, Provenance, Registrar, RolloutCheck,
-    RunFolder, RunObserver, SettingsRecord, SimulatorRecord, Summary, Tally, program_commit, program_version,
+    BenchmarkRecord, EvaluationError, Failure, FileRecord, Provenance, RecordPosition, Registrar,
+    RolloutCheck, RunFolder, RunObserver, SettingsRecord, SimulatorRecord, Summary, Tally, program_commit,
+    program_version,
 };
 use crate::formats::{self, Input};
 use crate::metrics::Options;
@@ -37,7 +38,7 @@ impl Scoring {
                 match rollout {
                     Ok(rollout) => records.push(rollout),
                     Err(error) => {
-                        let place = Place { input, record };
+                        let place = RecordPosition { input, record };
                         failures.push(failure(place, &file, error.scenario.clone(), error));
                     }
                 }
@@ -97,7 +98,7 @@ impl Scoring {
         for (input, scenarios) in (first_scenarios..).zip(&self.scenarios) {
             let file = &self.provenance.inputs[input];
             for (record, scenario) in scenarios.open()?.enumerate() {
-                let place = Place { input, record };
+                let place = RecordPosition { input, record };
                 let scenario = match scenario {
                     Ok(scenario) => scenario,
                     Err(error) => {
@@ -127,7 +128,7 @@ impl Scoring {
         if let Some(file) = self.provenance.inputs.first() {
             let unmatched = self.recorded.left().map(|id| {
                 let error = format!("no scenario `{id}` in --scenarios for its rollouts");
-                failure(Place { input: 0, record: 0 }, file, Some(id.to_owned()), error)
+                failure(RecordPosition { input: 0, record: 0 }, file, Some(id.to_owned()), error)
             });
             self.failures.extend(unmatched);
         }
@@ -147,7 +148,7 @@ impl Scoring {
 /// Writes the scores and the rollouts of a scenario and a simulator.
 fn keep(
     pair: &ScoredPair,
-    place: Place,
+    place: RecordPosition,
     scenario: &Scenario,
     folder: Option<&RunFolder>,
 ) -> Result<(), EvaluationError> {
@@ -169,7 +170,12 @@ fn simulator(name: &str) -> SimulatorRecord {
     }
 }
 
-fn failure(place: Place, file: &FileRecord, scenario: Option<String>, error: impl ToString) -> Failure {
-    let Place { input, record } = place;
+fn failure(
+    place: RecordPosition,
+    file: &FileRecord,
+    scenario: Option<String>,
+    error: impl ToString,
+) -> Failure {
+    let RecordPosition { input, record } = place;
     Failure { input, record, simulator: None, file: file.name.clone(), scenario, error: error.to_string() }
 }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
 use super::EvaluationError;
 use super::file_record::{FileRecord, Registrar};
-use super::row::Place;
+use super::row::RecordPosition;
 use crate::formats::{FormatError, Input, PendingScenarios, Scenarios, UndecodedScenario, decoded};
 use crate::scene::Scenario;
 
@@ -65,7 +65,7 @@ impl Source {
 
 /// A record that is not yet decoded, with its position.
 pub(super) struct UndecodedRecord {
-    pub(super) place: Place,
+    pub(super) place: RecordPosition,
     pub(super) content: Result<UndecodedScenario, FormatError>,
 }
 
@@ -143,7 +143,7 @@ impl Reader<'_> {
             };
             let unopened = state.scenarios.is_none();
             if let Some(content) = content {
-                items.push(UndecodedRecord { place: Place { input, record: state.next }, content });
+                items.push(UndecodedRecord { place: RecordPosition { input, record: state.next }, content });
                 state.next += 1;
                 if !unopened {
                     continue;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::row::{Place, Row};
+use super::row::{RecordPosition, Row};
 use super::statistics::mean;
 use crate::metrics::{METRICS, Score};
 
@@ -50,7 +50,7 @@ pub struct Tally {
     /// Number of rollouts per scenario and simulator.
     pub rollouts: u32,
     /// Scenarios by position in the inputs.
-    pub entries: BTreeMap<Place, Entry>,
+    pub entries: BTreeMap<RecordPosition, Entry>,
 }
 
 impl Tally {
@@ -114,14 +114,14 @@ impl Tally {
     }
 
     /// Returns whether the pair of scenario and simulator has a result.
-    pub fn has(&self, place: Place, simulator: usize) -> bool {
+    pub fn has(&self, place: RecordPosition, simulator: usize) -> bool {
         self.entries.get(&place).is_some_and(|e| e.cells[simulator].is_some())
     }
 
     /// Returns the positions of scenarios with the id of an earlier scenario, each with the position of the
     /// earlier one.
-    pub fn repeated(&self) -> Vec<(Place, Place)> {
-        let mut first: BTreeMap<&str, Place> = BTreeMap::new();
+    pub fn repeated(&self) -> Vec<(RecordPosition, RecordPosition)> {
+        let mut first: BTreeMap<&str, RecordPosition> = BTreeMap::new();
         let mut repeated = Vec::new();
         for (place, entry) in &self.entries {
             match first.get(entry.scenario.as_str()) {

@@ -15,7 +15,6 @@ mod markdown;
 mod parquet;
 pub mod page;
 pub mod realism_charts;
-pub mod realism_scores;
 pub mod realism_tables;
 pub mod study_tables;
 mod style;
@@ -24,6 +23,7 @@ pub mod terminal;
 pub mod training_curves;
 pub mod verification;
 pub mod wrap;
+pub mod wosac_tables;
 
 use std::io::{self, Write};
 

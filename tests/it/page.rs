@@ -17,7 +17,7 @@ const MODELS: &str = "log-replay,constant-velocity,stop,idm";
 /// Longest answer to anything that is done to the list, milliseconds.
 const PROMPT: f64 = 100.0;
 
-/// What a command says on stderr that ends with this code.
+/// Runs a command that must end with this code, and returns its standard error.
 fn said(arguments: &[&str], code: i32) -> String {
     let output = reactsim(arguments);
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -244,7 +244,7 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
     page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
     assert_ne!(page.evaluate(picture), with_map);
 
-    // Who is under the pointer is told: the AV is in the middle of a view that follows it.
+    // The agent under the pointer is named: the AV is in the middle of a view that follows it.
     page.press("v");
     page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))");
     let tip = page.evaluate(

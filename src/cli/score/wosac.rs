@@ -1,7 +1,7 @@
 //! `reactsim score --wosac`: the realism metrics of the Sim Agents challenge.
 
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::{Context, bail};
@@ -16,7 +16,7 @@ use crate::evaluation::realism::{
 };
 use crate::formats::wosac::SubmissionReader;
 use crate::metrics::wosac::Config;
-use crate::report::realism_scores::{realism_csv, realism_json, realism_markdown, realism_rows};
+use crate::report::wosac_tables;
 use crate::work::available_threads;
 
 /// Number of missing scenarios that are named.
@@ -160,31 +160,29 @@ impl Format {
     }
 }
 
+/// Writes scores in one form.
+type TableWriter = fn(&RealismScores, &mut dyn Write) -> io::Result<()>;
+
 /// Prints the result and writes the folder.
 fn finish(args: &ScoreArgs, scores: &RealismScores, format: Format) -> anyhow::Result<ExitStatus> {
     if scores.rows.is_empty() {
         bail!("no scenario could be scored: see the warnings above");
     }
-    let json = || {
-        let mut text = serde_json::to_string_pretty(&realism_json(scores)).unwrap_or_default();
-        text.push('\n');
-        text
-    };
     write_result(None, |out| match format {
-        Format::Markdown => out.write_all(realism_markdown(scores).as_bytes()),
-        Format::Json => out.write_all(json().as_bytes()),
-        Format::Csv => out.write_all(realism_csv(scores).as_bytes()),
+        Format::Markdown => wosac_tables::write_markdown(scores, out),
+        Format::Json => wosac_tables::write_json(scores, out),
+        Format::Csv => wosac_tables::write_csv(scores, out),
     })?;
     if let Some(folder) = &args.out {
-        let write = |name: &str, text: &str| {
+        fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
+        let write = |name: &str, writer: TableWriter| {
             let path = folder.join(name);
-            write_file(&path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
+            write_file(&path, |out: &mut dyn Write| writer(scores, out))
                 .with_context(|| format!("could not write {}", path.display()))
         };
-        fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
-        write("wosac.jsonl", &realism_rows(scores))?;
-        write("wosac.md", &realism_markdown(scores))?;
-        write("wosac.json", &json())?;
+        write("wosac.jsonl", wosac_tables::write_rows)?;
+        write("wosac.md", wosac_tables::write_markdown)?;
+        write("wosac.json", wosac_tables::write_json)?;
         note(format_args!("{} contains wosac.json, wosac.md and wosac.jsonl", folder.display()));
     }
     if !scores.missing.is_empty() {

@@ -13,7 +13,7 @@ use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPai
 use crate::evaluation::{StudyPlan, read_summary};
 use crate::external::RunOutline;
 use crate::metrics::wosac::Config;
-use crate::report::realism_scores::realism_rows;
+use crate::report::wosac_tables;
 use crate::rollout::{Protocol, Replan, Settings};
 use crate::work::available_threads;
 
@@ -49,7 +49,7 @@ pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
 /// the scores into the folder of the study.
 pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Result<()> {
     let run = study.join(Protocol::Realism.name());
-    let (mut summaries, mut rows) = (Vec::new(), String::new());
+    let (mut summaries, mut rows) = (Vec::new(), Vec::new());
     for simulator in read_summary(&run)?.provenance.run.simulators {
         let progress = Progress::new();
         let mut observe = |done: usize, _: Option<&_>| progress.set_done(done);
@@ -65,10 +65,10 @@ pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Resu
             ));
         }
         summaries.extend(RealismSummary::of(&simulator.id, &scores));
-        rows.push_str(&realism_rows(&scores));
+        wosac_tables::write_rows(&scores, &mut rows).context("could not make the rows")?;
     }
     RealismSummary::write_all(&summaries, study)?;
     let path = study.join(REALISM_ROWS);
-    write_file(&path, |out: &mut dyn Write| out.write_all(rows.as_bytes()))
+    write_file(&path, |out: &mut dyn Write| out.write_all(&rows))
         .with_context(|| format!("could not write {}", path.display()))
 }

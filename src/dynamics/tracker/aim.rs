@@ -1,7 +1,7 @@
 //! Targets of the tracker: the planned poses with the steps that lead to them, and the
 //! extrapolation of the plan.
 
-use super::{Ability, PREVIEW_POSES, STANDSTILL_SPEED};
+use super::{MotionLimits, PREVIEW_POSES, STANDSTILL_SPEED};
 use crate::dynamics::Pose;
 use crate::geometry::{Vec2, direction, left, wrap};
 use crate::scene::DT;
@@ -59,8 +59,8 @@ impl Aim {
 /// Replaces `aims` by those of a plan that starts at `now`, followed by [`PREVIEW_POSES`]
 /// extrapolated ones: at the plan's last speed and with the curvature of its last half second. An
 /// empty plan has no aims.
-pub(super) fn aim(ability: &Ability, now: Pose, poses: &[Pose], aims: &mut Vec<Aim>) {
-    let rear = ability.rear;
+pub(super) fn aim(limits: &MotionLimits, now: Pose, poses: &[Pose], aims: &mut Vec<Aim>) {
+    let rear = limits.rear;
     aims.clear();
     let mut before = now.position;
     for pose in poses {
@@ -82,7 +82,7 @@ pub(super) fn aim(ability: &Ability, now: Pose, poses: &[Pose], aims: &mut Vec<A
     let turn = wrap(last.heading - heading);
     // The displacements of a stationary plan are noise.
     let curved = arc > 0.05 && !stationary;
-    let curvature = if curved { (turn / arc).clamp(-ability.curvature, ability.curvature) } else { 0.0 };
+    let curvature = if curved { (turn / arc).clamp(-limits.curvature, limits.curvature) } else { 0.0 };
     let sign = if last.speed < 0.0 { -1.0 } else { 1.0 };
     let slip = rear * curvature * sign;
     let step = if stationary { 0.0 } else { last.speed * DT / (1.0 + slip * slip).sqrt() };

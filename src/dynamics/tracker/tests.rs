@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn start(speed: f64) -> Moving {
-    Moving { pose: Pose { position: Vec2::new(31.0, -7.0), heading: 0.9 }, speed, acceleration: 0.0 }
+fn start(speed: f64) -> VehicleMotion {
+    VehicleMotion { pose: Pose { position: Vec2::new(31.0, -7.0), heading: 0.9 }, speed, acceleration: 0.0 }
 }
 
 /// Returns a pose given in the frame of another.
@@ -14,16 +14,16 @@ fn placed(from: Pose, x: f64, y: f64, heading: f64) -> Pose {
     Pose { position: from.position + ahead * x + left(ahead) * y, heading: wrap(from.heading + heading) }
 }
 
-fn track(ability: Ability, now: Moving, poses: &[Pose]) -> Vec<Moving> {
+fn track(limits: MotionLimits, now: VehicleMotion, poses: &[Pose]) -> Vec<VehicleMotion> {
     let mut driven = Vec::new();
-    Tracker::new(ability).track(now, poses, &mut driven);
+    Tracker::new(limits).track(now, poses, &mut driven);
     assert_eq!(driven.len(), poses.len());
     driven
 }
 
 /// Returns the largest acceleration and curvature by the formulas of the metrics. Checks that
 /// speeds match the positions.
-fn peaks(now: Moving, driven: &[Moving]) -> (f64, f64) {
+fn peaks(now: VehicleMotion, driven: &[VehicleMotion]) -> (f64, f64) {
     let (mut acceleration, mut curvature) = (0.0_f64, 0.0_f64);
     let mut before = now;
     for m in driven {
@@ -41,17 +41,17 @@ fn peaks(now: Moving, driven: &[Moving]) -> (f64, f64) {
     (acceleration, curvature)
 }
 
-fn feasible(now: Moving, driven: &[Moving]) {
+fn feasible(now: VehicleMotion, driven: &[VehicleMotion]) {
     let (acceleration, curvature) = peaks(now, driven);
     assert!(acceleration <= 5.5 + 1e-6, "{acceleration} m/s²");
     assert!(curvature <= 0.27 + 1e-6, "{curvature} 1/m");
 }
 
-fn error(driven: &[Moving], poses: &[Pose]) -> f64 {
+fn error(driven: &[VehicleMotion], poses: &[Pose]) -> f64 {
     driven.iter().zip(poses).map(|(m, p)| (m.pose.position - p.position).norm()).fold(0.0, f64::max)
 }
 
-fn end_error(driven: &[Moving], poses: &[Pose]) -> f64 {
+fn end_error(driven: &[VehicleMotion], poses: &[Pose]) -> f64 {
     (driven[driven.len() - 1].pose.position - poses[poses.len() - 1].position).norm()
 }
 
@@ -80,10 +80,10 @@ fn any_plan_is_brought_within_the_limits() {
                             let poses: Vec<Pose> = (0..n)
                                 .map(|k| placed(now.pose, x * share(k), y * share(k), turn * share(k)))
                                 .collect();
-                            feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
+                            feasible(now, &track(MotionLimits::of_vehicle(rear), now, &poses));
                             // The whole displacement in the first step.
                             let poses = vec![placed(now.pose, x, y, turn); n];
-                            feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
+                            feasible(now, &track(MotionLimits::of_vehicle(rear), now, &poses));
                         }
                     }
                 }
@@ -100,7 +100,7 @@ proptest! {
         rear in 0.0..6.0_f64,
         steps in prop::collection::vec((-4.0..5.0_f64, -2.0..2.0_f64, -1.0..1.0_f64), 1..45),
     ) {
-        let now = Moving { acceleration, ..start(speed) };
+        let now = VehicleMotion { acceleration, ..start(speed) };
         let mut pose = now.pose;
         let poses: Vec<Pose> = steps
             .iter()
@@ -109,7 +109,7 @@ proptest! {
                 pose
             })
             .collect();
-        feasible(now, &track(Ability::of_vehicle(rear), now, &poses));
+        feasible(now, &track(MotionLimits::of_vehicle(rear), now, &poses));
     }
 }
 
@@ -127,7 +127,7 @@ fn arcs_are_followed() {
                     let slip: f64 = rear * curvature;
                     let now = start(speed * (1.0 + slip * slip).sqrt());
                     let poses = drive(now.pose, rear, &vec![speed; n], |_| curvature);
-                    let driven = track(Ability::of_vehicle(rear), now, &poses);
+                    let driven = track(MotionLimits::of_vehicle(rear), now, &poses);
                     feasible(now, &driven);
                     let most = error(&driven, &poses);
                     assert!(most < 0.025, "{most} m: {n} steps, {speed} m/s, {curvature} 1/m, {rear} m");
@@ -156,7 +156,7 @@ fn braking_ends_where_it_should() {
                 let mut moving = now;
                 let mut all = Vec::new();
                 for piece in poses.chunks(window) {
-                    let driven = track(Ability::of_vehicle(0.0), moving, piece);
+                    let driven = track(MotionLimits::of_vehicle(0.0), moving, piece);
                     moving = driven[driven.len() - 1];
                     all.extend(driven);
                 }
@@ -176,7 +176,7 @@ fn staircases_are_followed() {
             for _ in 0..4 {
                 speed += rise;
                 let poses = drive(moving.pose, 0.0, &[speed; 5], |_| 0.0);
-                let driven = track(Ability::of_vehicle(0.0), moving, &poses);
+                let driven = track(MotionLimits::of_vehicle(0.0), moving, &poses);
                 feasible(moving, &driven);
                 assert!(error(&driven, &poses) < 0.02 && end_error(&driven, &poses) < 0.01);
                 moving = driven[4];
@@ -192,7 +192,7 @@ fn a_change_of_lanes_is_followed() {
         let most = 2.0 / (speed * speed);
         let bends = |k: usize| if k < n / 2 { most } else { -most };
         let poses = drive(now.pose, 1.3, &vec![speed; n], bends);
-        let driven = track(Ability::of_vehicle(1.3), now, &poses);
+        let driven = track(MotionLimits::of_vehicle(1.3), now, &poses);
         feasible(now, &driven);
         assert!(error(&driven, &poses) < 0.1, "{}", error(&driven, &poses));
     }
@@ -207,7 +207,7 @@ fn setting_off_and_reversing_are_followed() {
     speeds.extend((1..=10).map(|k| -0.1 * f64::from(k)));
     let now = start(0.0);
     let poses = drive(now.pose, 1.3, &speeds, |_| 0.1);
-    let driven = track(Ability::of_vehicle(1.3), now, &poses);
+    let driven = track(MotionLimits::of_vehicle(1.3), now, &poses);
     feasible(now, &driven);
     assert!(error(&driven, &poses) < 0.1, "{}", error(&driven, &poses));
     assert!(driven[..5].iter().all(|m| m.pose == now.pose));
@@ -219,22 +219,22 @@ fn a_stationary_vehicle_stays_exactly_still() {
     for speed in [0.0, 0.05, 0.3, -0.2] {
         for n in [1, 5, 40] {
             let now = start(speed);
-            let driven = track(Ability::of_vehicle(1.3), now, &vec![now.pose; n]);
+            let driven = track(MotionLimits::of_vehicle(1.3), now, &vec![now.pose; n]);
             assert!(driven.iter().all(|m| m.pose == now.pose && m.speed == 0.0));
         }
     }
     // A plan with millimetre jitter moves nothing.
     let now = start(0.0);
     let poses: Vec<Pose> = (0..40).map(|k| placed(now.pose, 1e-3 * f64::from(k % 2), 1e-3, 0.01)).collect();
-    assert!(track(Ability::of_vehicle(1.3), now, &poses).iter().all(|m| m.pose == now.pose));
+    assert!(track(MotionLimits::of_vehicle(1.3), now, &poses).iter().all(|m| m.pose == now.pose));
 }
 
 #[test]
 fn a_wrong_initial_speed_is_corrected() {
     for (stated, actual) in [(14.0, 10.0), (6.0, 10.0), (0.0, 5.0)] {
-        let now = Moving { acceleration: (stated - actual) / DT, ..start(stated) };
+        let now = VehicleMotion { acceleration: (stated - actual) / DT, ..start(stated) };
         let poses = drive(now.pose, 0.0, &[actual; 40], |_| 0.0);
-        let driven = track(Ability::of_vehicle(0.0), now, &poses);
+        let driven = track(MotionLimits::of_vehicle(0.0), now, &poses);
         feasible(now, &driven);
         assert!((driven[39].speed - actual).abs() < 0.05 && end_error(&driven, &poses) < 0.05);
     }
@@ -243,12 +243,12 @@ fn a_wrong_initial_speed_is_corrected() {
 #[test]
 fn motion_is_read_from_states() {
     let state = |x: f64, vx: f64, vy: f64| Some(AgentState { x, y: 0.0, heading: 0.0, vx, vy });
-    let moving = Moving::after(&[state(0.0, 3.0, 4.0), state(0.4, 4.0, 0.0)]).unwrap();
+    let moving = VehicleMotion::after(&[state(0.0, 3.0, 4.0), state(0.4, 4.0, 0.0)]).unwrap();
     assert_eq!((moving.speed, moving.acceleration), (4.0, (4.0 - 5.0) / DT));
     let nan = f64::NAN;
-    let moving = Moving::after(&[state(0.0, nan, nan), state(-0.2, nan, nan)]).unwrap();
+    let moving = VehicleMotion::after(&[state(0.0, nan, nan), state(-0.2, nan, nan)]).unwrap();
     assert_eq!((moving.speed, moving.acceleration), (-2.0, 0.0));
-    assert_eq!(Moving::after(&[None, state(1.0, nan, nan)]).unwrap().speed, 0.0);
-    assert!(Moving::after(&[state(0.0, 1.0, 0.0), None]).is_none());
-    assert!(Moving::after(&[]).is_none());
+    assert_eq!(VehicleMotion::after(&[None, state(1.0, nan, nan)]).unwrap().speed, 0.0);
+    assert!(VehicleMotion::after(&[state(0.0, 1.0, 0.0), None]).is_none());
+    assert!(VehicleMotion::after(&[]).is_none());
 }

@@ -7,7 +7,7 @@ use crate::formats::FormatError;
 use crate::formats::wosac::WosacLogs;
 use crate::scene::wosac::WosacLog;
 
-/// Place of a record: index of the file, and index of the record in it.
+/// Position of a record: index of the file, and index of the record in it.
 type RecordPlace = (usize, u64);
 
 /// Files with logs, from which any scenario is read by its id. One log is in memory at a time. Scenarios that

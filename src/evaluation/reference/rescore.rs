@@ -7,7 +7,7 @@ use super::ReferenceError;
 use crate::evaluation::folder::ROLLOUTS;
 use crate::evaluation::provenance::differences;
 use crate::evaluation::recorded::{rollouts_of, score_rollouts};
-use crate::evaluation::{Place, Row, Source, read_provenance, read_rows};
+use crate::evaluation::{RecordPosition, Row, Source, read_provenance, read_rows};
 use crate::formats::rollouts::ByName;
 use crate::metrics::Options;
 
@@ -32,14 +32,14 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
         options.set(name, value).map_err(|error| unfit(format!("provenance.json: {error}")))?;
     }
     let rollouts = ByName::open(&path)?;
-    let mut pairs: BTreeMap<Place, BTreeMap<String, Vec<Row>>> = BTreeMap::new();
+    let mut pairs: BTreeMap<RecordPosition, BTreeMap<String, Vec<Row>>> = BTreeMap::new();
     for row in read_rows(folder)? {
         pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
     }
     let mut scored = 0;
     for (input, source) in sources.iter().enumerate() {
         for (record, pending) in (source.open)()?.enumerate() {
-            let place = Place { input, record };
+            let place = RecordPosition { input, record };
             let scenario = pending.and_then(|decode| decode())?;
             for (simulator, stated) in pairs.remove(&place).unwrap_or_default() {
                 let mut records = Vec::new();

@@ -34,9 +34,9 @@ impl Gallery {
         for metric in CONTRAST_METRICS {
             let counts = self.subjects.iter().filter(|s| s.access != Access::Oracle).filter_map(|subject| {
                 let place = self.scenarios[index].places[subject.run]?;
-                let archive = &self.runs[subject.run].archive;
-                let done = archive.tally().has(place, subject.simulator);
-                done.then(|| archive.counted(place, subject.simulator, metric) > 0)
+                let finished = &self.runs[subject.run].finished;
+                let done = finished.tally().has(place, subject.simulator);
+                done.then(|| finished.counted(place, subject.simulator, metric) > 0)
             });
             let (with, all) = counts.fold((0.0, 0.0), |(with, all), hit| (with + f64::from(hit), all + 1.0));
             if all > 0.0 {

@@ -9,8 +9,8 @@ use super::PageError;
 use super::gallery::{Gallery, GalleryScenario};
 use crate::evaluation::{Access, Entry, Summary, program_commit, program_version};
 use crate::metrics::{EVENT_UNITS, METRICS};
-use crate::report::realism_scores::{AGGREGATES, Aggregate};
 use crate::report::table::{self, Column};
+use crate::report::wosac_tables::{AGGREGATES, Aggregate};
 use crate::report::{Run, TableStyle, exporter, study_tables};
 
 /// Formats and file names of the results that the page offers for download.
@@ -114,7 +114,7 @@ impl Gallery {
     /// Returns the data of the page. `scenes`: numbers of the scenarios that have a scene.
     pub(super) fn data(&self, scenes: &BTreeSet<usize>, live: bool) -> Result<Data<'_>, PageError> {
         let runs: Vec<Run<'_>> =
-            self.runs.iter().map(|r| Run { name: &r.name, summary: r.archive.summary() }).collect();
+            self.runs.iter().map(|r| Run { name: &r.name, summary: r.finished.summary() }).collect();
         let summaries: Vec<&Summary> = runs.iter().map(|r| r.summary).collect();
         let mut downloads = Vec::new();
         for (form, name) in DOWNLOADS {
@@ -185,7 +185,7 @@ impl Gallery {
     }
 
     fn scenario_data(&self, scenes: &BTreeSet<usize>) -> ScenarioData<'_> {
-        let entry = |run: usize, place| self.runs[run].archive.tally().entries.get(&place);
+        let entry = |run: usize, place| self.runs[run].finished.tally().entries.get(&place);
         let deviation = (0..self.runs.len()).map(|run| {
             let mut columns: BTreeMap<&str, Vec<Option<f64>>> = BTreeMap::new();
             for (i, scenario) in self.scenarios.iter().enumerate() {
@@ -212,9 +212,9 @@ impl Gallery {
             metrics.collect()
         });
         let events = self.subjects.iter().map(|subject| {
-            let archive = &self.runs[subject.run].archive;
+            let finished = &self.runs[subject.run].finished;
             let metrics = METRICS.iter().map(|metric| {
-                let count = |place| archive.counted(place, subject.simulator, metric.spec().id);
+                let count = |place| finished.counted(place, subject.simulator, metric.spec().id);
                 let column: Vec<u32> =
                     self.scenarios.iter().map(|s| s.places[subject.run].map_or(0, count)).collect();
                 if column.iter().all(|n| *n == 0) { Vec::new() } else { column }

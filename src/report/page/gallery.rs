@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::PageError;
 use super::scene::{SubjectRollout, scene};
-use crate::evaluation::{Access, Archive, Place, Shelf, StudyResults};
+use crate::evaluation::{Access, FinishedRun, RecordPosition, ScenarioFiles, StudyResults};
 
 /// A run to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,14 +25,14 @@ pub struct Gallery {
     pub(super) scenarios: Vec<GalleryScenario>,
     /// Studies with their names; their runs are among `runs`.
     pub(super) studies: Vec<(String, StudyResults)>,
-    shelf: Shelf,
+    scenario_files: ScenarioFiles,
 }
 
 /// An opened run.
 pub(super) struct GalleryRun {
     pub(super) name: String,
     pub(super) study: Option<(String, String)>,
-    pub(super) archive: Archive,
+    pub(super) finished: FinishedRun,
 }
 
 /// A simulator of a run, the unit of comparison.
@@ -53,7 +53,7 @@ pub(super) struct GalleryScenario {
     pub(super) category: Option<String>,
     pub(super) difficulty: Option<String>,
     /// Its place in each run.
-    pub(super) places: Vec<Option<Place>>,
+    pub(super) places: Vec<Option<RecordPosition>>,
 }
 
 impl Gallery {
@@ -65,7 +65,7 @@ impl Gallery {
     pub fn open(
         members: Vec<Member>,
         studies: Vec<(String, StudyResults)>,
-        shelf: Shelf,
+        scenario_files: ScenarioFiles,
     ) -> Result<Self, PageError> {
         let mut names = BTreeSet::new();
         let mut runs = Vec::with_capacity(members.len());
@@ -73,20 +73,20 @@ impl Gallery {
             if !names.insert(member.name.clone()) {
                 return Err(PageError::SameRun(member.name));
             }
-            let archive = Archive::open(&member.folder)?;
-            runs.push(GalleryRun { name: member.name, study: member.study, archive });
+            let finished = FinishedRun::open(&member.folder)?;
+            runs.push(GalleryRun { name: member.name, study: member.study, finished });
         }
         let mut subjects = Vec::new();
         let mut scenarios: Vec<GalleryScenario> = Vec::new();
         let mut known: BTreeMap<(String, String), usize> = BTreeMap::new();
         for (number, run) in runs.iter().enumerate() {
-            for record in &run.archive.summary().provenance.run.simulators {
-                let tally = run.archive.tally();
+            for record in &run.finished.summary().provenance.run.simulators {
+                let tally = run.finished.tally();
                 let Some(simulator) = tally.simulators.iter().position(|s| *s == record.id) else { continue };
                 let (id, title) = (record.id.clone(), record.title.clone());
                 subjects.push(Subject { run: number, simulator, id, title, access: record.access() });
             }
-            for (place, entry) in &run.archive.tally().entries {
+            for (place, entry) in &run.finished.tally().entries {
                 let key = (entry.scenario.clone(), entry.digest.clone());
                 let at = *known.entry(key).or_insert_with(|| {
                     scenarios.push(GalleryScenario {
@@ -107,7 +107,7 @@ impl Gallery {
                 }
             }
         }
-        Ok(Self { runs, subjects, scenarios, studies, shelf })
+        Ok(Self { runs, subjects, scenarios, studies, scenario_files })
     }
 
     /// Returns the number of the first scenario with this id.
@@ -118,15 +118,15 @@ impl Gallery {
     /// Returns messages on why scenes are unavailable: runs without rollouts, missing files of scenarios.
     pub fn missing_for_scenes(&self) -> Vec<String> {
         let mut messages = Vec::new();
-        let bare = self.runs.iter().filter(|run| !run.archive.keeps_rollouts());
+        let bare = self.runs.iter().filter(|run| !run.finished.keeps_rollouts());
         let bare: Vec<String> = bare.map(|run| format!("`{}`", run.name)).collect();
         if !bare.is_empty() {
             let names = bare.join(", ");
             messages.push(format!("no rollouts were kept of {names}: run with --keep-rollouts to see them"));
         }
-        let inputs = self.runs.iter().flat_map(|r| &r.archive.summary().provenance.run.inputs);
+        let inputs = self.runs.iter().flat_map(|r| &r.finished.summary().provenance.run.inputs);
         let missing: BTreeSet<&str> =
-            inputs.filter(|file| !self.shelf.has(file)).map(|f| f.name.as_str()).collect();
+            inputs.filter(|file| !self.scenario_files.has(file)).map(|f| f.name.as_str()).collect();
         if !missing.is_empty() {
             let names: Vec<&str> = missing.into_iter().collect();
             messages.push(format!(
@@ -141,9 +141,9 @@ impl Gallery {
     /// Returns whether there is a scene of a scenario.
     pub(super) fn has_scene(&self, index: usize) -> bool {
         self.runs.iter().zip(&self.scenarios[index].places).any(|(run, place)| {
-            let inputs = &run.archive.summary().provenance.run.inputs;
+            let inputs = &run.finished.summary().provenance.run.inputs;
             let file = place.and_then(|p| inputs.get(p.input));
-            run.archive.keeps_rollouts() && file.is_some_and(|f| self.shelf.has(f))
+            run.finished.keeps_rollouts() && file.is_some_and(|f| self.scenario_files.has(f))
         })
     }
 
@@ -153,11 +153,11 @@ impl Gallery {
         let Some(wanted) = self.scenarios.get(index) else { return Ok(None) };
         let mut scenario = None;
         for (run, place) in self.runs.iter().zip(&wanted.places) {
-            let inputs = &run.archive.summary().provenance.run.inputs;
+            let inputs = &run.finished.summary().provenance.run.inputs;
             if let Some(place) = place
                 && let Some(file) = inputs.get(place.input)
             {
-                scenario = self.shelf.read(file, place.record, &wanted.digest)?;
+                scenario = self.scenario_files.read(file, place.record, &wanted.digest)?;
             }
             if scenario.is_some() {
                 break;
@@ -166,13 +166,13 @@ impl Gallery {
         let Some(scenario) = scenario else { return Ok(None) };
         let mut rollouts = Vec::new();
         for (number, subject) in self.subjects.iter().enumerate() {
-            let archive = &self.runs[subject.run].archive;
+            let finished = &self.runs[subject.run].finished;
             let Some(place) = wanted.places[subject.run] else { continue };
-            if !archive.tally().has(place, subject.simulator) {
+            if !finished.tally().has(place, subject.simulator) {
                 continue;
             }
-            let Some(tracks) = archive.tracks(&scenario, subject.simulator, 0)? else { continue };
-            let mut events = archive.events(place, subject.simulator)?;
+            let Some(tracks) = finished.tracks(&scenario, subject.simulator, 0)? else { continue };
+            let mut events = finished.events(place, subject.simulator)?;
             events.retain(|event| event.rollout == 0);
             rollouts.push(SubjectRollout { subject: number, tracks, events });
         }

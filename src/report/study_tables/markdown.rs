@@ -6,9 +6,8 @@ use super::{Head, StudyCell, StudyTable, Title, members, tables};
 use crate::evaluation::{SimulatorSummary, StudyKind, StudyResults};
 use crate::report::comparison::signed;
 use crate::report::markdown::{capital, cell, escape, legend, method, write_aligned};
-use crate::report::realism_scores::realism_table;
 use crate::report::table::{count, program, provenance};
-use crate::report::{Run, TableStyle};
+use crate::report::{Run, TableStyle, wosac_tables};
 
 /// Writes the tables of a study as Markdown.
 ///
@@ -61,7 +60,8 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
         )?;
     }
     if !results.realism.is_empty() {
-        write!(out, "\n{}", realism_table(&results.realism))?;
+        writeln!(out)?;
+        wosac_tables::write_simulators(&results.realism, out)?;
     }
     Ok(())
 }

@@ -6,11 +6,11 @@ use super::{Difference, LargestDifference, SimulatorCheck, Subject, Verification
 use crate::evaluation::folder::tally_of;
 use crate::evaluation::provenance::{differences, leaves};
 use crate::evaluation::reference::{Reference, SimulatorClass};
-use crate::evaluation::{Place, Row, Summary, Tally};
+use crate::evaluation::{RecordPosition, Row, Summary, Tally};
 use crate::metrics::Score;
 
 /// The key of a row within a simulator's rows.
-type Key = (Place, Option<u32>);
+type Key = (RecordPosition, Option<u32>);
 
 /// Prefixes of the fields of a row that may differ between machines. All other fields describe the scenario.
 const ROLLOUT_FIELDS: [&str; 3] = ["metrics.", "outcomes.", "direction_tracking"];
@@ -186,7 +186,8 @@ fn pairs(first: &Tally, second: &Tally, simulator: &str, metric: &str) -> Vec<(f
         Some((simulator, tally.metrics.iter().position(|m| *m == metric)?))
     };
     let Some(((s, m), _)) = at(first).zip(at(second)) else { return Vec::new() };
-    let value = |tally: &Tally, place: &Place| tally.entries.get(place)?.cells[s].as_ref()?.values[m];
+    let value =
+        |tally: &Tally, place: &RecordPosition| tally.entries.get(place)?.cells[s].as_ref()?.values[m];
     first.entries.keys().filter_map(|place| value(first, place).zip(value(second, place))).collect()
 }
 

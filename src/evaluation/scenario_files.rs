@@ -12,7 +12,7 @@ use crate::scene::Scenario;
 
 /// Scenario files by the digest of their content: runs identify their inputs by digest, not by path.
 #[derive(Default)]
-pub struct Shelf {
+pub struct ScenarioFiles {
     files: BTreeMap<String, ScenarioFile>,
 }
 
@@ -24,7 +24,7 @@ enum ScenarioFile {
     Stream { open: Opener, position: Mutex<(usize, Option<PendingScenarios>)>, input: Option<Input> },
 }
 
-impl Shelf {
+impl ScenarioFiles {
     /// Adds a file.
     ///
     /// # Errors

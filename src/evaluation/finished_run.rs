@@ -9,7 +9,7 @@ use super::EvaluationError;
 use super::folder::{EVENTS, ROLLOUTS, cannot_read, for_lines, read_summary, read_tally};
 use super::reference::REFERENCE_RECORD;
 use super::rollouts::recorded_tracks;
-use super::row::{EventHead, EventRecord, Place};
+use super::row::{EventHead, EventRecord, RecordPosition};
 use super::summary::Summary;
 use super::tally::Tally;
 use crate::formats::rollouts::ByName;
@@ -17,12 +17,12 @@ use crate::scene::{Frame, Scenario};
 
 /// A finished run. Its values, event counts and file offsets are in memory; events and rollouts are read on
 /// demand.
-pub struct Archive {
+pub struct FinishedRun {
     folder: PathBuf,
     summary: Summary,
     tally: Tally,
     /// Event ranges by scenario and simulator.
-    events: BTreeMap<(Place, usize), EventRange>,
+    events: BTreeMap<(RecordPosition, usize), EventRange>,
     rollouts: Option<ByName>,
 }
 
@@ -35,7 +35,7 @@ struct EventRange {
     counted: BTreeMap<String, u32>,
 }
 
-impl Archive {
+impl FinishedRun {
     /// Opens the folder of a finished run.
     ///
     /// # Errors
@@ -43,7 +43,7 @@ impl Archive {
     pub fn open(folder: &Path) -> Result<Self, EvaluationError> {
         let summary = read_summary(folder)?;
         let tally = read_tally(folder)?;
-        let mut events: BTreeMap<(Place, usize), EventRange> = BTreeMap::new();
+        let mut events: BTreeMap<(RecordPosition, usize), EventRange> = BTreeMap::new();
         let path = folder.join(EVENTS);
         if !path.exists() && folder.join(REFERENCE_RECORD).exists() {
             return Err(EvaluationError::NoEvents { path: folder.to_owned() });
@@ -93,7 +93,7 @@ impl Archive {
 
     /// Returns the number of events of a metric that count in a scenario with a simulator (an index into the
     /// tally's list), over all rollouts.
-    pub fn counted(&self, place: Place, simulator: usize, metric: &str) -> u32 {
+    pub fn counted(&self, place: RecordPosition, simulator: usize, metric: &str) -> u32 {
         let range = self.events.get(&(place, simulator));
         range.and_then(|r| r.counted.get(metric)).copied().unwrap_or(0)
     }
@@ -102,7 +102,11 @@ impl Archive {
     ///
     /// # Errors
     /// [`EvaluationError`] if the file cannot be read any more.
-    pub fn events(&self, place: Place, simulator: usize) -> Result<Vec<EventRecord>, EvaluationError> {
+    pub fn events(
+        &self,
+        place: RecordPosition,
+        simulator: usize,
+    ) -> Result<Vec<EventRecord>, EvaluationError> {
         let Some(range) = self.events.get(&(place, simulator)) else { return Ok(Vec::new()) };
         let path = self.folder.join(EVENTS);
         let mut bytes = vec![0; range.length];

@@ -1,9 +1,12 @@
 //! Tables of the realism metrics of the Sim Agents challenge.
 
-use std::fmt::Write as _;
+use std::io::{self, Write};
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+
+use super::table::count;
+use super::{csv, markdown};
 
 use crate::evaluation::Estimate;
 use crate::evaluation::realism::{RealismScores, RealismSummary};
@@ -50,63 +53,75 @@ pub const AGGREGATES: [Aggregate; 8] = [
     Aggregate::cost("simulated_traffic_light_violation_rate", "Red light", "share"),
 ];
 
-/// Returns the tables as Markdown: the aggregates of the leaderboard and the likelihoods, one row per
-/// configuration.
-pub fn realism_markdown(scores: &RealismScores) -> String {
-    let mut text = String::new();
-    row(&mut text, std::iter::once("Configuration".to_owned()).chain(AGGREGATES.map(|a| a.heading())));
-    rule(&mut text, AGGREGATES.len());
-    for (i, config) in scores.configs.iter().enumerate() {
-        let estimates = scores.aggregates(i).into_iter().map(|(_, estimate)| cell(estimate));
-        row(&mut text, std::iter::once(config.title.to_owned()).chain(estimates));
-    }
-    text.push_str("\nLikelihoods:\n\n");
+/// Writes the tables of a set of rollouts as Markdown: the aggregates of the leaderboard and the likelihoods, one
+/// row per configuration.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
+    let titled = |i: usize, cells: Vec<String>| {
+        std::iter::once(scores.configs[i].title.to_owned()).chain(cells).collect::<Vec<_>>()
+    };
+    let configs = || 0..scores.configs.len();
+    let aggregates =
+        |i| titled(i, scores.aggregates(i).into_iter().map(|(_, estimate)| cell(estimate)).collect());
+    let rows: Vec<_> = std::iter::once(head("Configuration")).chain(configs().map(aggregates)).collect();
+    markdown::write_aligned(out, &rows, 1)?;
+
+    writeln!(out, "\nLikelihoods:\n")?;
     let features = Feature::ALL.map(|feature| feature.name().replace('_', " "));
-    row(&mut text, std::iter::once("Configuration").chain(features.iter().map(String::as_str)));
-    rule(&mut text, features.len());
-    for (i, config) in scores.configs.iter().enumerate() {
-        let likelihood = |feature: Feature| {
+    let features = std::iter::once("Configuration".to_owned()).chain(features).collect();
+    let likelihoods = |i: usize| {
+        let of = |feature: Feature| {
             cell(scores.estimate(feature.name(), |row| row.metrics[i].likelihood(feature)))
         };
-        row(&mut text, std::iter::once(config.title.to_owned()).chain(Feature::ALL.map(likelihood)));
-    }
-    let scenarios = match scores.rows.len() {
-        1 => "1 scenario".to_owned(),
-        n => format!("{n} scenarios"),
+        titled(i, Feature::ALL.map(of).to_vec())
     };
-    let rollouts: Vec<usize> = scores.rows.iter().map(|row| row.rollouts).collect();
-    let rollouts = match (rollouts.iter().min(), rollouts.iter().max()) {
+    let rows: Vec<_> = std::iter::once(features).chain(configs().map(likelihoods)).collect();
+    markdown::write_aligned(out, &rows, 1)?;
+
+    let rollouts = || scores.rows.iter().map(|row| row.rollouts);
+    let rollouts = match (rollouts().min(), rollouts().max()) {
         (Some(least), Some(most)) if least != most => format!("{least} to {most}"),
-        (least, _) => least.copied().unwrap_or_default().to_string(),
+        (least, _) => least.unwrap_or_default().to_string(),
     };
     let method = if scores.method.is_empty() { "" } else { ", " };
-    write!(
-        text,
+    writeln!(
+        out,
         "\nMeans over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is.\n\
-         {scenarios}, {rollouts} rollouts each{method}{}.\n",
-        scores.method
+         {}, {rollouts} rollouts each{method}{}.",
+        count(scores.rows.len(), "scenario"),
+        markdown::escape(&scores.method)
     )
-    .ok();
-    text
 }
 
-/// Returns a table of the simulators of a study as Markdown: the aggregates of the leaderboard, one row per
+/// Writes the simulators of a study as a table in Markdown: the aggregates of the leaderboard, one row per
 /// simulator.
-pub fn realism_table(simulators: &[RealismSummary]) -> String {
-    let mut text = String::from("Realism metrics of the Sim Agents challenge 2025:\n\n");
-    row(&mut text, std::iter::once("Method".to_owned()).chain(AGGREGATES.map(|a| a.heading())));
-    rule(&mut text, AGGREGATES.len());
-    for simulator in simulators {
+///
+/// # Errors
+/// If `out` cannot be written.
+pub(super) fn write_simulators(simulators: &[RealismSummary], out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "Realism metrics of the Sim Agents challenge 2025:\n")?;
+    let row = |simulator: &RealismSummary| {
         let estimate = |column: Aggregate| simulator.aggregates.get(column.id).copied().unwrap_or_default();
-        let estimates = AGGREGATES.map(|column| cell(estimate(column)));
-        row(&mut text, std::iter::once(simulator.title.clone()).chain(estimates));
-    }
-    text.push_str("\nMeans over scenarios ± half the width of the 95 % bootstrap interval.\n");
-    text
+        let cells = AGGREGATES.map(|column| cell(estimate(column)));
+        std::iter::once(markdown::escape(&simulator.title)).chain(cells).collect()
+    };
+    let rows: Vec<_> = std::iter::once(head("Method")).chain(simulators.iter().map(row)).collect();
+    markdown::write_aligned(out, &rows, 1)?;
+    writeln!(out, "\nMeans over scenarios ± half the width of the 95 % bootstrap interval.")
 }
 
-/// Returns the scores as JSON, with the field names of the official messages.
-pub fn realism_json(scores: &RealismScores) -> Value {
+/// Returns the head of a table of aggregates.
+fn head(first: &str) -> Vec<String> {
+    std::iter::once(first.to_owned()).chain(AGGREGATES.map(|column| column.heading())).collect()
+}
+
+/// Writes the scores as JSON, with the field names of the official messages.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_json(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
     let mut configs = Map::new();
     for (i, (config, mean)) in scores.means().into_iter().enumerate() {
         let fields = |fields: Vec<(&'static str, Option<f64>)>| -> Map<String, Value> {
@@ -125,57 +140,61 @@ pub fn realism_json(scores: &RealismScores) -> Value {
         });
         configs.insert(config.id.to_owned(), entry);
     }
-    json!({
+    let all = json!({
         "method": scores.method,
         "scenarios": scores.rows.len(),
         "configs": configs,
         "missing": scores.missing,
         "failures": scores.failures.iter().map(|failure| &failure.error).collect::<Vec<_>>(),
-    })
+    });
+    serde_json::to_writer_pretty(&mut *out, &all)?;
+    writeln!(out)
 }
 
-/// Returns the scores of every scenario as JSON lines, one per scenario and configuration.
-pub fn realism_rows(scores: &RealismScores) -> String {
-    let mut text = String::new();
+/// Writes the scores of every scenario as JSON lines, one per scenario and configuration.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_rows(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
     for row in &scores.rows {
         for (config, metrics) in scores.configs.iter().zip(&row.metrics) {
             let mut line = Map::new();
-            line.insert("scenario_id".to_owned(), json!(row.scenario_id));
-            line.insert("method".to_owned(), json!(scores.method));
-            line.insert("config".to_owned(), json!(config.id));
-            line.insert("rollouts".to_owned(), json!(row.rollouts));
+            line.insert("scenario_id".to_owned(), row.scenario_id.as_str().into());
+            line.insert("method".to_owned(), scores.method.as_str().into());
+            line.insert("config".to_owned(), config.id.into());
+            line.insert("rollouts".to_owned(), row.rollouts.into());
             line.extend(
-                metrics.fields().into_iter().filter_map(|(name, v)| Some((name.to_owned(), json!(v?)))),
+                metrics.fields().into_iter().filter_map(|(name, v)| Some((name.to_owned(), v?.into()))),
             );
-            writeln!(text, "{}", Value::Object(line)).ok();
+            writeln!(out, "{}", Value::Object(line))?;
         }
     }
-    text
+    Ok(())
 }
 
-/// Returns the scores of every scenario as CSV, one line per scenario and configuration.
-pub fn realism_csv(scores: &RealismScores) -> String {
-    let mut text = String::from("scenario_id,config,rollouts");
-    let names = Feature::ALL.iter().map(|feature| feature.likelihood_name());
+/// Writes the scores of every scenario as CSV, one line per scenario and configuration.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_csv(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
+    let likelihoods = Feature::ALL.map(|feature| feature.likelihood_name());
     let fixed = ["metametric", "average_displacement_error", "min_average_displacement_error"];
     let rates =
         ["simulated_collision_rate", "simulated_offroad_rate", "simulated_traffic_light_violation_rate"];
-    let columns: Vec<&str> = fixed.into_iter().chain(names).chain(rates).collect();
-    columns.iter().for_each(|name| write!(text, ",{name}").unwrap_or_default());
-    text.push('\n');
+    let columns: Vec<&str> = fixed.into_iter().chain(likelihoods).chain(rates).collect();
+    writeln!(out, "scenario_id,config,rollouts,{}", columns.join(","))?;
     for row in &scores.rows {
         for (config, metrics) in scores.configs.iter().zip(&row.metrics) {
+            write!(out, "{},{},{}", csv::quote(&row.scenario_id), config.id, row.rollouts)?;
             let fields = metrics.fields();
-            let id = row.scenario_id.replace('"', "\"\"");
-            write!(text, "\"{id}\",{},{}", config.id, row.rollouts).ok();
             for column in &columns {
                 let value = fields.iter().find(|(name, _)| name == column).and_then(|(_, value)| *value);
-                write!(text, ",{}", value.map_or_else(String::new, |v| v.to_string())).ok();
+                write!(out, ",{}", value.map_or_else(String::new, |v| v.to_string()))?;
             }
-            text.push('\n');
+            writeln!(out)?;
         }
     }
-    text
+    Ok(())
 }
 
 fn cell(estimate: Estimate) -> String {
@@ -184,15 +203,4 @@ fn cell(estimate: Estimate) -> String {
         (Some(mean), None) => format!("{mean:.4}"),
         (None, _) => "–".to_owned(),
     }
-}
-
-fn row(text: &mut String, cells: impl Iterator<Item = impl AsRef<str>>) {
-    cells.for_each(|cell| write!(text, "| {} ", cell.as_ref()).unwrap_or_default());
-    text.push_str("|\n");
-}
-
-fn rule(text: &mut String, columns: usize) {
-    text.push_str("|---");
-    text.push_str(&"|--:".repeat(columns));
-    text.push_str("|\n");
 }
