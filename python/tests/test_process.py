@@ -176,6 +176,8 @@ def test_interrupt() -> None:
     with Child(str(EXAMPLES / "stop.py")) as child:
         child.hello()
         child.process.send_signal(signal.SIGINT)
+        # Closing standard input would end it too, with another code.
+        child.process.wait(timeout=30)
         code, errors = child.wait()
         assert code == 130
         assert "Traceback" not in errors
