@@ -19,6 +19,9 @@ pub type UndecodedScenario = Box<dyn FnOnce() -> Result<Scenario, FormatError> +
 /// appear when it is decoded.
 pub type PendingScenarios = Box<dyn Iterator<Item = Result<UndecodedScenario, FormatError>> + Send>;
 
+/// Name of the repair that counts the frames after the last one of a recording; they are absent.
+pub(super) const UNRECORDED_FRAMES: &str = "frames at the end that are not recorded";
+
 /// Wraps a scenario as an [`UndecodedScenario`] record.
 pub fn decoded(scenario: Scenario) -> UndecodedScenario {
     Box::new(move || Ok(scenario))

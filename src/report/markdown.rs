@@ -121,11 +121,16 @@ fn pad(text: &str, width: usize, right: bool) -> String {
 
 /// Formats a mean with half the width of its interval, if it has one; a dash if no scenario has a value.
 pub(super) fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
+    estimate_text(estimate, |value| column.number(value))
+}
+
+/// As [`cell`], with numbers formatted by `number`.
+pub(super) fn estimate_text(estimate: Option<&Estimate>, number: impl Fn(f64) -> String) -> String {
     match estimate {
         Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
-            format!("{} ±{}", column.number(*mean), column.number((high - low) / 2.0))
+            format!("{} ±{}", number(*mean), number((high - low) / 2.0))
         }
-        Some(Estimate { mean: Some(mean), .. }) => column.number(*mean),
+        Some(Estimate { mean: Some(mean), .. }) => number(*mean),
         _ => "–".to_owned(),
     }
 }

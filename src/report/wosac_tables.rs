@@ -53,8 +53,8 @@ pub const AGGREGATES: [Aggregate; 8] = [
     Aggregate::cost("simulated_traffic_light_violation_rate", "Red light", "share"),
 ];
 
-/// Writes the tables of a set of rollouts as Markdown: the aggregates of the leaderboard and the likelihoods, one
-/// row per configuration.
+/// Writes the tables of a set of rollouts as Markdown: the aggregates of the leaderboard and the likelihoods,
+/// one row per configuration.
 ///
 /// # Errors
 /// If `out` cannot be written.
@@ -64,7 +64,7 @@ pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result
     };
     let configs = || 0..scores.configs.len();
     let aggregates =
-        |i| titled(i, scores.aggregates(i).into_iter().map(|(_, estimate)| cell(estimate)).collect());
+        |i| titled(i, scores.aggregates(i).into_iter().map(|(_, estimate)| cell(Some(&estimate))).collect());
     let rows: Vec<_> = std::iter::once(head("Configuration")).chain(configs().map(aggregates)).collect();
     markdown::write_aligned(out, &rows, 1)?;
 
@@ -73,7 +73,7 @@ pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result
     let features = std::iter::once("Configuration".to_owned()).chain(features).collect();
     let likelihoods = |i: usize| {
         let of = |feature: Feature| {
-            cell(scores.estimate(feature.name(), |row| row.metrics[i].likelihood(feature)))
+            cell(Some(&scores.estimate(feature.name(), |row| row.metrics[i].likelihood(feature))))
         };
         titled(i, Feature::ALL.map(of).to_vec())
     };
@@ -101,10 +101,10 @@ pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result
 /// # Errors
 /// If `out` cannot be written.
 pub(super) fn write_simulators(simulators: &[RealismSummary], out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "Realism metrics of the Sim Agents challenge 2025:\n")?;
+    let config = simulators.first().map_or("", |simulator| simulator.config.as_str());
+    writeln!(out, "Realism metrics of the Sim Agents challenge {config}:\n")?;
     let row = |simulator: &RealismSummary| {
-        let estimate = |column: Aggregate| simulator.aggregates.get(column.id).copied().unwrap_or_default();
-        let cells = AGGREGATES.map(|column| cell(estimate(column)));
+        let cells = AGGREGATES.map(|column| cell(simulator.aggregates.get(column.id)));
         std::iter::once(markdown::escape(&simulator.title)).chain(cells).collect()
     };
     let rows: Vec<_> = std::iter::once(head("Method")).chain(simulators.iter().map(row)).collect();
@@ -197,10 +197,6 @@ pub fn write_csv(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> 
     Ok(())
 }
 
-fn cell(estimate: Estimate) -> String {
-    match (estimate.mean, estimate.low.zip(estimate.high)) {
-        (Some(mean), Some((low, high))) => format!("{mean:.4} ±{:.4}", 0.5 * (high - low)),
-        (Some(mean), None) => format!("{mean:.4}"),
-        (None, _) => "–".to_owned(),
-    }
+fn cell(estimate: Option<&Estimate>) -> String {
+    markdown::estimate_text(estimate, |value| format!("{value:.4}"))
 }

@@ -26,6 +26,22 @@ pub(crate) fn scenario(i: usize) -> Scenario {
     deviating(i, true)
 }
 
+/// Returns a file of deviations with the deviated AVs of these scenarios.
+pub(crate) fn deviations(scenarios: &[usize]) -> serde_json::Value {
+    let record = |i: &usize| {
+        let track = scenario(*i).deviation.unwrap().track;
+        let each = |of: fn(&AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
+        let id = format!("road-{i:03}");
+        serde_json::json!({
+            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+        })
+    };
+    let records: Vec<_> = scenarios.iter().map(record).collect();
+    serde_json::json!({
+        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": records
+    })
+}
+
 /// As [`scenario`], with or without a deviated AV.
 pub(crate) fn deviating(i: usize, deviated: bool) -> Scenario {
     Scenario::assemble(parts(i, deviated)).unwrap()

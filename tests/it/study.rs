@@ -14,7 +14,7 @@ use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
 use serde_json::Value;
 
-use crate::generated::{deviating, scenario, source, write};
+use crate::generated::{deviating, deviations, scenario, source, write};
 use crate::program::program;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
@@ -477,18 +477,7 @@ fn deviations_say_which_scenarios_both_protocols_have() {
     let (plain, file, out) =
         (home.path().join("p.parquet"), home.path().join("d.json"), home.path().join("s"));
     write(&plain, (0..4).map(|i| deviating(i, false)));
-    let record = |i: usize| {
-        let track = scenario(i).deviation.unwrap().track;
-        let each = |of: fn(&reactsim::scene::AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
-        let id = format!("road-{i:03}");
-        serde_json::json!({
-            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
-        })
-    };
-    let document = serde_json::json!({
-        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": [record(1), record(3)]
-    });
-    fs::write(&file, document.to_string()).unwrap();
+    fs::write(&file, deviations(&[1, 3]).to_string()).unwrap();
     let arguments = ["study", "realism", text(&plain), "--deviations", text(&file), "--models", "stop"];
     let (_, told) = said(&[&arguments[..], &["--rollouts", "2", "--out", text(&out)]].concat(), 0);
     assert!(told.contains("2 scenarios passed over"), "{told}");

@@ -12,7 +12,7 @@ use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, log_sources, note, say, write_file, write_result};
 use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
-    LogFiles, LogSource, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
+    LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
 };
 use crate::formats::wosac::SubmissionReader;
 use crate::metrics::wosac::Config;
@@ -180,7 +180,7 @@ fn finish(args: &ScoreArgs, scores: &RealismScores, format: Format) -> anyhow::R
             write_file(&path, |out: &mut dyn Write| writer(scores, out))
                 .with_context(|| format!("could not write {}", path.display()))
         };
-        write("wosac.jsonl", wosac_tables::write_rows)?;
+        write(REALISM_ROWS, wosac_tables::write_rows)?;
         write("wosac.md", wosac_tables::write_markdown)?;
         write("wosac.json", wosac_tables::write_json)?;
         note(format_args!("{} contains wosac.json, wosac.md and wosac.jsonl", folder.display()));

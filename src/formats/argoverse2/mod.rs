@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
 use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named, read_whole,
+    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
+    read_whole,
 };
 use super::table::TableReader;
 use crate::scene::{CURRENT, Scenario};
@@ -96,7 +97,7 @@ fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
         FormatError::scene(file, 0, e)
     })?;
     if missing > 0 {
-        scenario.repairs.insert("frames at the end that are not recorded".into(), missing);
+        scenario.repairs.insert(UNRECORDED_FRAMES.into(), missing);
     }
     Ok(scenario)
 }

@@ -6,6 +6,7 @@ use super::pickle::View;
 use super::window::Window;
 use super::{lights, map, tracks};
 use crate::formats::error::Cause;
+use crate::formats::format::UNRECORDED_FRAMES;
 use crate::scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
 
 /// Scenario parts of a file, with the repairs made.
@@ -100,7 +101,7 @@ fn window(
     let mut repairs = BTreeMap::new();
     let recorded = window.recorded().len();
     if recorded < FRAMES {
-        repairs.insert("frames at the end that are not recorded", (FRAMES - recorded) as u32);
+        repairs.insert(UNRECORDED_FRAMES, (FRAMES - recorded) as u32);
     }
     if length > recorded {
         repairs.insert("recorded frames before and after those that are read", (length - recorded) as u32);

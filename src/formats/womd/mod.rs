@@ -12,7 +12,9 @@ use prost::Message;
 use self::message::Scenario as Proto;
 use self::record::Records;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
+};
 use crate::scene::Scenario;
 
 /// The format of the Waymo Open Motion Dataset.
@@ -88,7 +90,7 @@ fn read_one(path: &Path, record: u64, payload: &[u8]) -> Result<Scenario, Format
         parts::parts(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
     if missing > 0 {
-        scenario.repairs.insert("frames at the end that are not recorded".into(), missing);
+        scenario.repairs.insert(UNRECORDED_FRAMES.into(), missing);
     }
     Ok(scenario)
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::process::Output;
 
 use super::{results, stderr, stdout, text};
-use crate::generated::{deviating, scenario, write};
+use crate::generated::{deviating, deviations, scenario, write};
 use crate::program::reactsim;
 
 #[test]
@@ -62,18 +62,7 @@ fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
     let home = tempfile::tempdir().unwrap();
     let (plain, file) = (home.path().join("plain.parquet"), home.path().join("d.json"));
     write(&plain, (0..4).map(|i| deviating(i, false)));
-    let record = |i: usize| {
-        let track = scenario(i).deviation.unwrap().track;
-        let each = |of: fn(&reactsim::scene::AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
-        let id = format!("road-{i:03}");
-        serde_json::json!({
-            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
-        })
-    };
-    let all = [record(0), record(2), record(7)];
-    let document = serde_json::json!({
-        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": all
-    });
+    let document = deviations(&[0, 2, 7]);
     fs::write(&file, document.to_string()).unwrap();
     let out = home.path().join("run");
     let arguments =
@@ -119,14 +108,7 @@ fn with_a_file_of_deviations_those_that_scenarios_carry_do_not_count() {
     let home = tempfile::tempdir().unwrap();
     let (carried, file) = (home.path().join("carried.parquet"), home.path().join("d.json"));
     write(&carried, (0..3).map(scenario));
-    let track = scenario(1).deviation.unwrap().track;
-    let each = |of: fn(&reactsim::scene::AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
-    let document = serde_json::json!({
-        "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": [{
-            "scenario_id": "road-001", "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
-        }]
-    });
-    fs::write(&file, document.to_string()).unwrap();
+    fs::write(&file, deviations(&[1]).to_string()).unwrap();
     let output = reactsim(&["run", text(&carried), "--deviations", text(&file), "--models", "stop"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     insta::assert_snapshot!(stderr(&output), @"2 scenarios passed over: no deviated AV in the file of deviations");

@@ -48,7 +48,7 @@ function realism({ members, realism: scores = [] }) {
   const protocols = wide(head("Method", ...columns.map(([member, m]) => `${member.protocol}: ${arrow(m)}`)),
     el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...columns.map(([member, m]) => cell(m, find(member, s.id)?.metrics[m.id]))))));
   if (!scores.length) return [protocols];
-  return [protocols, el("h4", {}, "Realism metrics of the Sim Agents challenge 2025"),
+  return [protocols, el("h4", {}, `Realism metrics of the Sim Agents challenge ${scores[0].config}`),
     wide(head("Method", ...data.aggregates.map(arrow)),
       el("tbody", {}, ...scores.map((s) => el("tr", {}, method(find(members[0], s.id) ?? s), ...data.aggregates.map((m) => cell(m, s.aggregates[m.id]))))))];
 }
