@@ -1,4 +1,4 @@
-//! Reasons why a baseline cannot be built.
+//! Reasons why a baseline cannot be built or its parameters are refused.
 
 use std::error::Error;
 
@@ -111,8 +111,8 @@ pub enum ModelError {
         /// Cause: the tensor and how to fix it.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// The card has no such parameter.
-    #[error("the simulator `{id}` has no parameter `{key}`; {known}")]
+    /// There is no such parameter.
+    #[error("`{id}` has no parameter `{key}`; {known}")]
     UnknownParameter {
         /// Id of the baseline.
         id: &'static str,
@@ -121,8 +121,10 @@ pub enum ModelError {
         /// List of the parameters that exist.
         known: String,
     },
-    /// The value has another type than the one in the card.
-    #[error("`{value}` is not a valid `{key}` for `{id}`: its card has {like}, a value of type {expected}")]
+    /// The value has another type than the default one.
+    #[error(
+        "`{value}` is not a valid `{key}` for `{id}`: expected a value of type {expected}, such as {like}"
+    )]
     WrongParameter {
         /// Id of the baseline.
         id: &'static str,
@@ -130,9 +132,9 @@ pub enum ModelError {
         key: String,
         /// Value that was given.
         value: String,
-        /// Value in the card.
+        /// Present value.
         like: String,
-        /// Type of the value in the card.
+        /// Type of the present value.
         expected: &'static str,
     },
     /// The manifest of weights cannot be read.

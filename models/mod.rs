@@ -8,6 +8,7 @@ pub mod learning;
 pub mod log_replay;
 pub mod nn;
 pub mod ntp;
+mod parameters;
 pub mod perception;
 pub mod pufferdrive;
 pub mod qp_regression;
@@ -19,10 +20,12 @@ pub mod weights;
 
 pub use card::{Card, CardError};
 pub use error::ModelError;
+pub use parameters::Parameters;
 pub use ranges::{Allowed, ParameterRange, Ranges};
 pub use setup::Setup;
 pub use weights::WeightsFile;
 
+use reactsim::models::learning::TrainingTask;
 use reactsim::rollout::Controller;
 
 /// A baseline, as listed by `--models` and in tables.
@@ -90,4 +93,12 @@ pub const MODELS: &[Baseline] = &[
 /// Returns the baseline with this id.
 pub fn find(id: &str) -> Option<&'static Baseline> {
     MODELS.iter().find(|m| m.id == id)
+}
+
+/// All training tasks.
+pub const TASKS: &[TrainingTask] = &[ntp::learn::TASK, ntp::smart::learn::TASK, qp_regression::learn::TASK];
+
+/// Returns the training task with this id.
+pub fn find_task(id: &str) -> Option<&'static TrainingTask> {
+    TASKS.iter().find(|task| task.id == id)
 }

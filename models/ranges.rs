@@ -155,6 +155,19 @@ impl Ranges {
         self.0.get(key)
     }
 
+    /// Adds the entries of other ranges below a dotted path.
+    pub fn extend_below(&mut self, path: &str, other: Self) {
+        self.0.extend(other.0.into_iter().map(|(key, range)| (format!("{path}.{key}"), range)));
+    }
+
+    /// Returns the entries below a dotted path.
+    pub fn below(&self, path: &str) -> Self {
+        let own = |(key, range): (&String, &ParameterRange)| {
+            Some((key.strip_prefix(path)?.strip_prefix('.')?.to_owned(), range.clone()))
+        };
+        Self(self.0.iter().filter_map(own).collect())
+    }
+
     /// Returns the dotted paths of all parameters that have a range.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)

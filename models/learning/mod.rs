@@ -3,13 +3,23 @@
 //! A `LearningScene` is a logged scenario with map data of a network, which can be mirrored and
 //! stretched (`LearningMap`) and viewed from any frame. A `Reservoir` is a random sample of bounded
 //! size. [`Provenance`] describes what was computed from scenarios.
+//!
+//! A [`TrainingTask`] is an entry of the list of tasks: its recipe, and the function that builds a
+//! [`Trainable`] of it.
 
 mod map;
 mod provenance;
+mod recipe;
 mod reservoir;
 mod scene;
+mod trainable;
+mod training_task;
 
 pub(crate) use map::LearningMap;
 pub use provenance::Provenance;
+pub use recipe::recipe_document;
+pub(crate) use recipe::recipe_values;
 pub(crate) use reservoir::Reservoir;
 pub(crate) use scene::{LearningScene, shifted};
+pub use trainable::{Measure, SimulatorTask, Trainable, Training};
+pub use training_task::{ShippedRecipe, TaskError, TaskInput, TaskSetup, TrainingTask, learning_settings};

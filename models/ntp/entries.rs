@@ -3,8 +3,9 @@
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 
+use super::Driving;
 use super::reactive::{Policy, ReactiveSimulator};
-use super::smart::{SmartPolicy, SmartSimulator};
+use super::smart::{SmartParameters, SmartPolicy, SmartSimulator};
 
 /// Units and ranges of the parameters of our network.
 const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
@@ -35,6 +36,22 @@ const fn entry(
     make: fn(Setup) -> Result<Controller, ModelError>,
 ) -> Baseline {
     Baseline { id, card, ranges, oracle: false, takes_stage: true, needs_weights: true, make }
+}
+
+/// Returns the parameters on the card of our network.
+///
+/// # Errors
+/// [`ModelError`] if the card cannot be read; a test rules it out.
+pub(super) fn reactive_driving() -> Result<Driving, ModelError> {
+    Setup::new(REACTIVE.id, REACTIVE.card, REACTIVE.ranges, None)?.parameters()
+}
+
+/// Returns the parameters on the card of the published network.
+///
+/// # Errors
+/// [`ModelError`] if the card cannot be read; a test rules it out.
+pub(super) fn smart_parameters() -> Result<SmartParameters, ModelError> {
+    Setup::new(SMART.id, SMART.card, SMART.ranges, None)?.parameters()
 }
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {

@@ -8,6 +8,8 @@ pub mod learn;
 pub mod reactive;
 mod sampling;
 pub mod smart;
+mod smoothing;
+mod token_loss;
 pub mod tokens;
 
 pub use sampling::{Driving, Sampling};

@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 
-use super::{Policy, QpRegressionSimulator, RegressionSimulator};
+use super::{Driving, Policy, QpRegressionSimulator, RegressionSimulator};
 use crate::models::qp;
 
 /// Baseline that plans along predictions.
@@ -28,6 +28,14 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
     needs_weights: true,
     make: regression,
 };
+
+/// Returns the parameters on the card of the baseline that executes predictions as they are.
+///
+/// # Errors
+/// [`ModelError`] if the card cannot be read; a test rules it out.
+pub(super) fn regression_driving() -> Result<Driving, ModelError> {
+    Setup::new(REGRESSION.id, REGRESSION.card, REGRESSION.ranges, None)?.parameters()
+}
 
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 
 use crate::formats::rollouts::{self, Reader, RolloutRecord};
-use crate::scene::{FUTURE, Scenario, limits};
+use crate::scene::{FUTURE, Frame, Scenario, limits};
 
 /// Rollouts of one simulator, read on demand.
 pub(super) struct Futures {
@@ -41,7 +41,8 @@ impl Futures {
     pub(super) fn put_into(&mut self, scenario: &mut Scenario) -> anyhow::Result<bool> {
         let Some(record) = self.find(&scenario.id)? else { return Ok(false) };
         let tracks = record.tracks_in(scenario.origin);
-        for (slot, agent) in scenario.start.agents.iter().enumerate() {
+        let mut futures = Vec::new();
+        for agent in &scenario.start.agents {
             let track = record.agent_ids.iter().position(|id| *id == agent.id).map(|i| &tracks[i]);
             let track = track.with_context(|| {
                 let (file, scenario, agent) = (self.path.display(), &scenario.id, &agent.id);
@@ -55,11 +56,9 @@ impl Futures {
                 let (file, scenario, agent) = (self.path.display(), &scenario.id, &agent.id);
                 bail!("{file}: `{scenario}`: agent `{agent}`: `{name}` is {value:e}, expected {expected}");
             }
-            scenario.log_future.tracks[slot].clone_from(track);
+            futures.push(track.as_slice());
         }
-        scenario.deviation = None;
-        scenario.unselected.clear();
-        scenario.id = format!("{}+{}", scenario.id, self.model);
+        replace_future(scenario, futures, &self.model);
         Ok(true)
     }
 
@@ -82,6 +81,21 @@ impl Futures {
         }
         Ok(None)
     }
+}
+
+/// Replaces the future of a scenario by the tracks of a rollout, one per agent, and appends the simulator to its
+/// id.
+pub(super) fn replace_future<'a>(
+    scenario: &mut Scenario,
+    futures: impl IntoIterator<Item = &'a [Frame]>,
+    model: &str,
+) {
+    for (track, future) in scenario.log_future.tracks.iter_mut().zip(futures) {
+        *track = future.to_vec();
+    }
+    scenario.deviation = None;
+    scenario.unselected.clear();
+    scenario.id = format!("{}+{model}", scenario.id);
 }
 
 fn is_first_rollout(record: &RolloutRecord, model: &str) -> bool {

@@ -4,6 +4,7 @@ mod columns;
 mod metric_options;
 mod parameters;
 mod scenarios;
+mod tasks;
 
 use clap::{Args, Subcommand};
 
@@ -50,6 +51,8 @@ enum Kind {
     Maps,
     /// The case studies of the shipped benchmark
     Cases,
+    /// The training tasks, with their recipes and the files that they can be given
+    Tasks,
     /// The tensor backends that this program contains, and whether they work on this machine
     Backends,
 }
@@ -65,6 +68,10 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             let (rows, failed) = scenarios::rows(args)?;
             write_result(None, |out| aligned(&rows, out))?;
             return Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done });
+        }
+        Kind::Tasks => {
+            write_result(None, |out| wrapped(&tasks::rows(), out))?;
+            return Ok(ExitStatus::Done);
         }
         Kind::MetricOptions => {
             write_result(None, |out| wrapped(&metric_options::rows(), out))?;

@@ -201,7 +201,7 @@ pub fn main() -> ExitCode {
 /// Parses the arguments. Values may begin with a minus sign, so that a negative number is refused as a value
 /// and not as an unknown option.
 fn parse() -> Cli {
-    let matches = with_negative_numbers(Cli::command()).try_get_matches();
+    let matches = command_line().try_get_matches();
     let matches = matches.unwrap_or_else(|error| match error.kind() {
         ErrorKind::InvalidUtf8 => refuse_encoding(),
         _ => error.exit(),
@@ -218,6 +218,11 @@ fn refuse_encoding() -> ! {
     let value = arguments[bad].display();
     let text = format!("the value `{value}`{option} is not UTF-8; give a name in UTF-8\n");
     Cli::command().error(ErrorKind::InvalidUtf8, text).exit()
+}
+
+/// Returns the definition of all arguments.
+fn command_line() -> clap::Command {
+    with_negative_numbers(Cli::command())
 }
 
 fn with_negative_numbers(command: clap::Command) -> clap::Command {

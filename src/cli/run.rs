@@ -2,6 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
 use clap::Args;
@@ -69,6 +70,12 @@ pub(super) struct RunArgs {
 }
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
+    let stop = stop_on_interrupt(if args.out.is_some() { "writing what is finished" } else { "stopping" })?;
+    run_until(args, &stop)
+}
+
+/// Carries out a run until `stop` is set.
+pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     if args.subject.external.takes_stdout() && args.out.is_none() {
         bail!("--external …=@stdio: standard output belongs to the simulator: give --out FOLDER");
@@ -83,10 +90,9 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
         None => None,
     };
     keep_stderr(&external, args.out.as_deref())?;
-    let stop = stop_on_interrupt(if args.out.is_some() { "writing what is finished" } else { "stopping" })?;
     let progress = Progress::with_table(LiveTable::of(&plan.simulators));
     let execution = args.work.execution();
-    let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, &stop);
+    let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, stop);
     progress.end();
     match outcome? {
         Outcome::Interrupted => {

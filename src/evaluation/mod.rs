@@ -83,6 +83,7 @@ pub use runner::{Execution, Outcome, RunObserver, run};
 pub use scenario_files::ScenarioFiles;
 pub use scoring::Scoring;
 pub use selection::Selection;
+pub use shipped::shipped_ids;
 pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;

@@ -5,9 +5,17 @@ use std::path::Path;
 use reactsim_scenarios::BENCH;
 
 use super::{FileRecord, Source, shipped_benchmark};
-use crate::formats::native;
+use crate::formats::{FormatError, native};
 
 const NAME: &str = "bench.parquet";
+
+/// Returns the ids of the scenarios of the shipped benchmark.
+///
+/// # Errors
+/// [`FormatError`] if it is damaged; a test rules it out.
+pub fn shipped_ids() -> Result<Vec<String>, FormatError> {
+    native::ids(Path::new(NAME), BENCH)
+}
 
 impl Source {
     /// The shipped benchmark, or its first `most` scenarios.

@@ -19,6 +19,7 @@ pub mod realism_tables;
 pub mod study_tables;
 mod style;
 mod table;
+pub mod tensorboard;
 pub mod terminal;
 pub mod training_curves;
 pub mod verification;

@@ -93,7 +93,7 @@ fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> DrawRes
     styled(&head, "Training", (24, 26), 21, HPos::Left, ink)?;
     let best = rows.iter().rev().find_map(|row| match row {
         Row::Validation(row) if row.best => {
-            Some(format!("; lowest validation loss {:.4} after step {}", row.loss, row.step))
+            Some(format!("; best network after step {} (validation loss {:.4})", row.step, row.loss))
         }
         _ => None,
     });
@@ -195,13 +195,13 @@ mod tests {
                     samples: 1,
                     metrics: metrics(0.9 * x),
                     closed_loop: BTreeMap::from([("collisions".to_owned(), 0.2)]),
-                    wall: Wall { seconds: x, per_second: 1.0 },
+                    wall: Wall { seconds: x, per_second: 1.0, memory: 0 },
                 }));
             }
         }
         let svg = draw(&rows).unwrap();
         for text in [
-            "1000 steps; lowest validation loss 2.1000 after step 1000",
+            "1000 steps; best network after step 1000 (validation loss 2.1000)",
             "Token accuracy",
             "Closed loop: collisions",
             "Learning rate",

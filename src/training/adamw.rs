@@ -29,7 +29,7 @@ impl AdamW {
         gradient: &[f32],
     ) {
         self.updates += 1;
-        let [beta1, beta2] = settings.betas;
+        let Settings { beta1, beta2, .. } = *settings;
         let unbiased = |beta: f64| 1.0 - pow(beta, self.updates as f64);
         let step = (rate / unbiased(beta1)) as f32;
         let root = (1.0 / unbiased(beta2).sqrt()) as f32;

@@ -28,7 +28,7 @@ pub(super) struct Progress {
     pub(super) step: u64,
     /// Updates of the optimiser: fewer than steps if batches were empty.
     pub(super) updates: u64,
-    /// The lowest validation loss so far.
+    /// The best validation so far.
     pub(super) best: Option<Best>,
     /// Number of validations since then.
     pub(super) stale: u64,
@@ -36,13 +36,13 @@ pub(super) struct Progress {
     pub(super) seconds: f64,
 }
 
-/// The lowest validation loss and its step.
+/// The best validation and its step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Best {
     /// Number of steps taken before the validation.
     pub step: u64,
-    /// Mean loss over the held-out items.
-    pub loss: f64,
+    /// Value of what [`Settings::best_by`](super::Settings::best_by) names.
+    pub value: f64,
 }
 
 /// Returns the tensors of a flat list, named by `prefix` and the path of the parameter.

@@ -16,6 +16,7 @@ use super::log::{Row, StepRow, ValidationRow, Wall};
 use super::order::{Order, Split, split};
 use super::parameters::{self, Layout};
 use super::schedule::learning_rate;
+use super::settings::LOSS;
 use super::tensors::NamedTensors;
 use super::{Execution, Settings, Source, Task, TrainingError};
 
@@ -65,7 +66,7 @@ pub struct Outcome<M> {
     pub model: M,
     /// Number of steps taken, including those before an interruption.
     pub steps: u64,
-    /// The lowest validation loss; `None` without held-out examples.
+    /// The best validation; `None` without held-out examples.
     pub best: Option<Best>,
 }
 
@@ -74,7 +75,7 @@ pub struct Outcome<M> {
 pub enum Ending {
     /// All epochs are done.
     Finished,
-    /// The validation loss stopped decreasing.
+    /// Validations stopped improving.
     NoImprovement,
     /// It was interrupted on request; it can be resumed.
     Interrupted,
@@ -101,8 +102,7 @@ where
     T: Task,
     S: Source<Example = T::Example>,
 {
-    /// Trains in a folder until all epochs are done, the validation loss stops decreasing, or `stop` is
-    /// set.
+    /// Trains in a folder until all epochs are done, validations stop improving, or `stop` is set.
     ///
     /// # Errors
     /// [`TrainingError`]; the last checkpoint stays, and the training can be resumed from it once the
@@ -122,6 +122,12 @@ where
         if order.length() == 0 {
             let held = split.held_out.len();
             return Err(TrainingError::NoData(format!("no scenario is left to train on ({held} held out)")));
+        }
+        if settings.best_by != LOSS && self.closed_loop.is_none() {
+            let name = &settings.best_by;
+            return Err(TrainingError::Setting(format!(
+                "best_by is `{name}`, but there is no closed-loop evaluation: give its scenarios, or choose by `{LOSS}`"
+            )));
         }
         let model = self.task.init(settings.seed);
         let (layout, values) = parameters::read(&model);
@@ -227,7 +233,11 @@ where
             items: batch.items,
             samples: batch.samples,
             metrics: batch.metrics.means(),
-            wall: Wall { seconds: Self::seconds(run), per_second: batch.samples as f64 / seconds.max(1e-9) },
+            wall: Wall {
+                seconds: Self::seconds(run),
+                per_second: batch.samples as f64 / seconds.max(1e-9),
+                memory: memory(),
+            },
         });
         run.folder.append(&row)?;
         self.observer.row(&row);
@@ -247,7 +257,7 @@ where
         length
     }
 
-    /// Validates on the held-out examples, and writes the weights if their loss is the lowest so far.
+    /// Validates on the held-out examples, and writes the weights if they are the best so far.
     fn validate(&self, run: &mut Run<'_, T, S>) -> Result<(), TrainingError> {
         if run.held_out.is_empty() {
             return Ok(());
@@ -267,9 +277,10 @@ where
             None => BTreeMap::new(),
         };
         let loss = sum.mean_loss();
-        let best = run.state.progress.best.is_none_or(|best| loss < best.loss);
+        let value = self.criterion(loss, &closed_loop)?;
+        let best = run.state.progress.best.is_none_or(|best| value < best.value);
         if best {
-            run.state.progress.best = Some(Best { step, loss });
+            run.state.progress.best = Some(Best { step, value });
             run.state.progress.stale = 0;
             self.put_weights(run)?;
         } else {
@@ -284,11 +295,27 @@ where
             samples: sum.samples,
             metrics: sum.metrics.means(),
             closed_loop,
-            wall: Wall { seconds: Self::seconds(run), per_second: sum.samples as f64 / seconds.max(1e-9) },
+            wall: Wall {
+                seconds: Self::seconds(run),
+                per_second: sum.samples as f64 / seconds.max(1e-9),
+                memory: memory(),
+            },
         });
         run.folder.append(&row)?;
         self.observer.row(&row);
         Ok(())
+    }
+
+    /// Returns the value that the best network is lowest in.
+    fn criterion(&self, loss: f64, closed_loop: &BTreeMap<String, f64>) -> Result<f64, TrainingError> {
+        match self.settings.best_by.as_str() {
+            LOSS => Ok(loss),
+            name => closed_loop.get(name).copied().ok_or_else(|| {
+                TrainingError::Setting(format!(
+                    "best_by is `{name}`, which the closed-loop evaluation has no value of"
+                ))
+            }),
+        }
     }
 
     fn checkpoint(&self, run: &mut Run<'_, T, S>) -> Result<(), TrainingError> {
@@ -311,7 +338,7 @@ where
         }
     }
 
-    /// Checks that the weights of the lowest validation loss so far are still there, or writes them again if
+    /// Checks that the best weights so far are still there, or writes them again if
     /// they are those of the checkpoint.
     fn find_weights(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
         let Progress { step, best: Some(best), .. } = run.state.progress else { return Ok(()) };
@@ -327,7 +354,11 @@ where
         let mut weights = NamedTensors::default();
         weights.tensors.extend(named(run.batches.layout, &run.state.values, ""));
         weights.about.insert("step".to_owned(), run.state.progress.step.into());
-        weights.about.insert("validation_loss".to_owned(), json!(run.state.progress.best.map(|b| b.loss)));
+        let name = match self.settings.best_by.as_str() {
+            LOSS => "validation_loss",
+            name => name,
+        };
+        weights.about.insert(name.to_owned(), json!(run.state.progress.best.map(|b| b.value)));
         weights
     }
 
@@ -357,4 +388,9 @@ where
     fn seconds(run: &Run<'_, T, S>) -> f64 {
         run.state.progress.seconds + run.begun.elapsed().as_secs_f64()
     }
+}
+
+/// Returns the memory in use by the program, bytes; 0 if unknown.
+fn memory() -> u64 {
+    memory_stats::memory_stats().map_or(0, |stats| stats.physical_mem as u64)
 }

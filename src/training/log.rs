@@ -71,6 +71,9 @@ pub struct Wall {
     pub seconds: f64,
     /// Examples per second in this step.
     pub per_second: f64,
+    /// Memory in use by the program, bytes; 0 where the operating system does not tell.
+    #[serde(default)]
+    pub memory: u64,
 }
 
 impl Row {

@@ -6,8 +6,10 @@ use serde::{Deserialize, Serialize};
 
 /// Settings that, together with the task and the data, determine the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Settings {
     /// Seed of all random choices.
+    #[serde(default)]
     pub seed: u64,
     /// Number of epochs.
     pub epochs: f64,
@@ -23,8 +25,10 @@ pub struct Settings {
     pub warm_up: u64,
     /// Weight decay of matrices, per step and unit of learning rate.
     pub weight_decay: f64,
-    /// Decay rates of the first and second moments.
-    pub betas: [f64; 2],
+    /// Decay rate of the first moment.
+    pub beta1: f64,
+    /// Decay rate of the second moment.
+    pub beta2: f64,
     /// Constant added to the square root of the second moment.
     pub epsilon: f64,
     /// Norm to which larger gradients are clipped.
@@ -35,9 +39,14 @@ pub struct Settings {
     pub held_out: f64,
     /// Maximum number of examples per validation; further held-out examples are not used at all.
     pub most_held_out: usize,
-    /// Number of validations without a lower loss after which the training ends; 0: never.
+    /// Number of validations without a better network after which the training ends; 0: never.
     pub patience: u64,
+    /// What the best network is lowest in: [`LOSS`], or a metric of the closed-loop evaluation.
+    pub best_by: String,
 }
+
+/// Value of [`Settings::best_by`] that stands for the validation loss.
+pub const LOSS: &str = "loss";
 
 impl Default for Settings {
     /// Values for networks of about a million parameters. Betas and epsilon are those of Loshchilov and
@@ -52,13 +61,15 @@ impl Default for Settings {
             floor: 0.01,
             warm_up: 0,
             weight_decay: 0.01,
-            betas: [0.9, 0.999],
+            beta1: 0.9,
+            beta2: 0.999,
             epsilon: 1e-8,
             clip: 1.0,
             validate_every: 200,
             held_out: 0.02,
             most_held_out: 128,
             patience: 0,
+            best_by: LOSS.to_owned(),
         }
     }
 }
@@ -93,8 +104,9 @@ impl Settings {
                 return not(name, value, "0 to 1");
             }
         }
-        let beta = self.betas.into_iter().find(|b| !(0.0..1.0).contains(b));
-        beta.and_then(|b| not("betas", b, "0 to below 1"))
+        let betas = [("beta1", self.beta1), ("beta2", self.beta2)];
+        let beta = betas.into_iter().find(|(_, b)| !(0.0..1.0).contains(b));
+        beta.and_then(|(name, b)| not(name, b, "0 to below 1"))
     }
 }
 

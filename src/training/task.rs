@@ -39,6 +39,30 @@ pub trait Source: Sync {
     }
 }
 
+impl<S: Source + ?Sized> Source for &S {
+    type Example = S::Example;
+
+    fn len(&self) -> usize {
+        (**self).len()
+    }
+
+    fn id(&self, number: usize) -> &str {
+        (**self).id(number)
+    }
+
+    fn read(&self, number: usize) -> Result<Self::Example, String> {
+        (**self).read(number)
+    }
+
+    fn digest(&self) -> String {
+        (**self).digest()
+    }
+
+    fn parts(&self) -> Vec<(Vec<usize>, f64)> {
+        (**self).parts()
+    }
+}
+
 /// Augmentation of an example.
 #[derive(Debug)]
 pub enum View<'a> {

@@ -20,8 +20,15 @@ const FLOORS: &[&[&str]] = &[
 
 /// The levels inside `models` from the ground up. A module may use modules of lower levels, and itself.
 /// The other folders are the baselines, which are one level above all of these.
-const MODEL_LEVELS: &[&[&str]] =
-    &[&["card", "nn"], &["error"], &["ranges", "weights"], &["setup"], &["perception"], &["learning", "qp"]];
+const MODEL_LEVELS: &[&[&str]] = &[
+    &["card", "nn"],
+    &["error"],
+    &["ranges", "weights"],
+    &["parameters"],
+    &["setup"],
+    &["perception"],
+    &["learning", "qp"],
+];
 
 fn floor(room: &str) -> Option<usize> {
     FLOORS.iter().position(|rooms| rooms.contains(&room))

@@ -49,7 +49,7 @@ fn every_parameter_has_a_range_that_holds_its_value() {
     let mut checked = 0;
     for (id, card, text) in cards {
         let setup = Setup::new(id, card, text, None).unwrap();
-        let parameters: BTreeSet<String> = paths(&setup.parameters).into_iter().collect();
+        let parameters: BTreeSet<String> = paths(setup.parameters.values()).into_iter().collect();
         let ranges = Ranges::read(id, text).unwrap();
         let entries: BTreeSet<String> = ranges.keys().map(str::to_owned).collect();
         assert_eq!(parameters, entries, "{id}: the parameters and the entries of the ranges differ");

@@ -1,14 +1,16 @@
 //! From logs to a network that drives: training from the command line, its output, and its refusals.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use reactsim::formats;
 use reactsim::formats::rollouts;
+use reactsim::models::TASKS;
 use reactsim::scene::CURRENT;
 use serde_json::Value;
 
+use crate::generated::{scenario, write};
 use crate::program::reactsim;
 
 const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
@@ -53,36 +55,38 @@ shift = 4
 window = 4
 blind = 0.1
 noise = { wrong = 0.2, among = 6, remains = 0.5 }
-[smoothing]
-uniform = 0.0
-spatial = 0.1
+[learning]
+batch = 2
+held_out = 0.3
+validate_every = 2
 ";
+
+/// Writes a folder with six scenarios to learn from, and a file with two others to drive in.
+fn few(folder: &Path) -> (PathBuf, PathBuf) {
+    let (few, driven) = (folder.join("few"), folder.join("driven.parquet"));
+    fs::create_dir(&few).unwrap();
+    write(&few.join("few.parquet"), (0..6).map(scenario));
+    write(&driven, (6..8).map(scenario));
+    (few, driven)
+}
 
 #[test]
 fn a_network_is_trained_and_drives() {
     let folder = tempfile::tempdir().unwrap();
-    let few = folder.path().join("few");
-    fs::create_dir(&few).unwrap();
-    let native = few.join("few.parquet");
-    let mut writer = formats::native::Writer::create(&native).unwrap();
-    for scenario in formats::open(Path::new(BENCH)).unwrap().take(6) {
-        writer.write(&scenario.unwrap()).unwrap();
-    }
-    writer.finish().unwrap();
+    let (few, driven) = few(folder.path());
     let recipe = folder.path().join("recipe.toml");
     fs::write(&recipe, SMALL).unwrap();
 
     let train = |out: &Path, more: &[&str]| {
-        let base =
-            ["train", "ntp", text(&few), "--recipe", text(&recipe), "--out", text(out), "--batch", "2"];
-        let rest = ["--held-out", "0.3", "--validate-every", "2", "--closed-loop", text(&few)];
+        let base = ["train", "ntp-reactive", text(&few), "--recipe", text(&recipe), "--out", text(out)];
+        let rest = ["--closed-loop", text(&driven)];
         let most = ["--most-closed-loop", "2"];
         reactsim(&[&base[..], &rest[..], &most[..], more].concat())
     };
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
-    let output = train(&one, &["--epochs", "2", "--jobs", "1"]);
+    let output = train(&one, &["--set", "learning.epochs=2", "--jobs", "1"]);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    let output = train(&two, &["--epochs", "2", "--jobs", "2"]);
+    let output = train(&two, &["--set", "learning.epochs=2", "--jobs", "2"]);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
 
     // The same numbers on any number of threads, closed loop included.
@@ -109,20 +113,14 @@ fn a_network_is_trained_and_drives() {
         done(&["run", text(&few), "--models", "ntp-reactive", "--model-weights", &weights, "--limit", "2"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("| NTP-reactive "));
 
-    let other = train(&one, &["--epochs", "3", "--resume"]);
+    let other = train(&one, &["--set", "learning.epochs=3", "--resume"]);
     assert!(said(&other).contains("epochs"), "another training is not this one: {}", said(&other));
 }
 
 #[test]
 fn a_motion_predictor_is_trained_and_drives() {
     let folder = tempfile::tempdir().unwrap();
-    let few = folder.path().join("few");
-    fs::create_dir(&few).unwrap();
-    let mut writer = formats::native::Writer::create(few.join("few.parquet")).unwrap();
-    for scenario in formats::open(Path::new(BENCH)).unwrap().take(6) {
-        writer.write(&scenario.unwrap()).unwrap();
-    }
-    writer.finish().unwrap();
+    let (few, driven) = few(folder.path());
     let points = folder.path().join("points.safetensors");
     let made = done(&["train", "intentions", BENCH, "--points", "4", "--out", text(&points)]);
     let made: toml::Table = toml::from_str(&String::from_utf8_lossy(&made.stdout)).unwrap();
@@ -132,14 +130,14 @@ fn a_motion_predictor_is_trained_and_drives() {
     assert_eq!(fs::read(&points).unwrap(), fs::read(&again).unwrap());
 
     let recipe = folder.path().join("recipe.toml");
-    fs::write(&recipe, crate::regression::small_recipe()).unwrap();
+    let learning =
+        "[learning]\nbatch = 2\nepochs = 45.0\nlearning_rate = 3e-3\nheld_out = 0.3\nvalidate_every = 30\n";
+    fs::write(&recipe, crate::regression::small_recipe() + learning).unwrap();
     let train = |out: &Path, jobs: &str| {
         let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(out)];
-        let more =
-            ["--intentions", text(&points), "--batch", "2", "--epochs", "45", "--learning-rate", "3e-3"];
-        let held =
-            ["--held-out", "0.3", "--validate-every", "30", "--closed-loop", text(&few), "--jobs", jobs];
-        done(&[&base[..], &more[..], &held[..], &["--most-closed-loop", "1"]].concat())
+        let points = format!("intentions={}", text(&points));
+        let more = ["--input", &points, "--closed-loop", text(&driven), "--jobs", jobs];
+        done(&[&base[..], &more[..], &["--most-closed-loop", "1"]].concat())
     };
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
     train(&one, "1");
@@ -177,8 +175,11 @@ fn a_motion_predictor_is_trained_and_drives() {
     let more = folder.path().join("more");
     let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(&more)];
     done(
-        &[&base[..], &["--from", &first, "--epochs", "1", "--batch", "2", "--learning-rate", "1e-6"]]
-            .concat(),
+        &[
+            &base[..],
+            &["--from", &first, "--set", "learning.epochs=1", "--set", "learning.learning_rate=1e-6"],
+        ]
+        .concat(),
     );
     let after =
         done(&["train", "open-loop", text(&few), "--weights", text(&more.join("weights.safetensors"))]);
@@ -192,12 +193,17 @@ fn a_motion_predictor_is_trained_and_drives() {
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         said(&output)
     };
-    assert!(refused(&["--intentions", text(&recipe)]).contains("not safetensors"));
+    let input = |path: &Path| format!("intentions={}", text(path));
+    assert!(refused(&["--input", &input(&recipe)]).contains("not safetensors"));
     assert!(refused(&["--from", text(&recipe)]).contains("cannot use the weights"));
     assert!(refused(&["--from", &first]).contains("other sizes than the recipe"));
-    assert!(refused(&["--from", &first, "--intentions", text(&points)]).contains("--intentions"));
+    let sizes = ["--recipe", text(&recipe), "--from", &first];
+    let fan = folder.path().join("fan.safetensors");
+    done(&["train", "intentions", BENCH, "--points", "3", "--out", text(&fan)]);
+    let other = refused(&[&sizes[..], &["--input", &input(&fan)]].concat());
+    assert!(other.contains("other intention points"), "{other}");
     let wrong = folder.path().join("wrong.toml");
-    fs::write(&wrong, crate::regression::small_recipe().replace("step = 5", "step = 7")).unwrap();
+    fs::write(&wrong, "[network]\nstep = 7").unwrap();
     assert!(refused(&["--recipe", text(&wrong)]).contains("step = 7"));
 }
 
@@ -208,17 +214,85 @@ fn what_can_not_be_learnt_from_is_refused() {
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
     let refused = |arguments: &[&str]| {
-        let output = reactsim(&[&["train", "ntp"], arguments, &["--out", text(&out)]].concat());
+        let output = reactsim(&[&["train", "ntp-reactive"], arguments, &["--out", text(&out)]].concat());
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         said(&output)
     };
     assert!(refused(&[text(&empty)]).contains("empty"));
     let recipe = folder.path().join("recipe.toml");
-    fs::write(&recipe, SMALL.replace("heads = 2", "heads = 0")).unwrap();
-    assert!(refused(&[BENCH, "--recipe", text(&recipe)]).contains("heads = 0"));
-    fs::write(&recipe, SMALL.replace("past = 2", "pest = 2")).unwrap();
-    assert!(refused(&[BENCH, "--recipe", text(&recipe)]).contains("pest"));
-    assert!(refused(&[BENCH, "--vocabulary", text(&recipe)]).contains("vocabulary"));
+    let (few, driven) = few(folder.path());
+    let few = text(&few);
+    for (text, part) in [
+        ("[network]\nheads = 0", "`network.heads` is 0, expected 1 to 4096"),
+        ("[network]\npest = 2", "`ntp-reactive` has no parameter `network.pest`"),
+        ("[learning]\nepochs = \"many\"", "not a valid `learning.epochs`"),
+        ("[learning]\nbest_by = \"luck\"", "`learning.best_by` is \"luck\", expected loss or"),
+        ("agents = [3]", "`[3]` is not a valid `agents`"),
+        ("agents", "is not a recipe"),
+    ] {
+        fs::write(&recipe, text).unwrap();
+        let said = refused(&[few, "--recipe", recipe.to_str().unwrap()]);
+        assert!(said.contains(part), "{said}");
+    }
+    let said = refused(&[few, "--recipe", "quik"]);
+    assert!(said.contains("has quick; did you mean `quick`?"), "{said}");
+    assert!(refused(&[few, "--set", "learning.batch"]).contains("write KEY=VALUE"));
+    assert!(refused(&[few, "--input", "vocabulary"]).contains("write NAME=FILE"));
+    let said = refused(&[few, "--input", "vocabluary=x"]);
+    assert!(said.contains("takes vocabulary; did you mean `vocabulary`?"), "{said}");
+    let input = format!("vocabulary={}", text(&recipe));
+    assert!(refused(&[few, "--input", &input]).contains("cannot use the vocabulary"));
+    assert!(refused(&[few, "--from", text(&recipe)]).contains("cannot use the weights"));
+    assert!(refused(&[few, "--set", "learning.best_by=ade"]).contains("there is no closed-loop evaluation"));
+    assert!(refused(&[]).contains("scenarios to learn from"));
+
+    // What networks are judged by is not learned from.
+    assert!(refused(&[BENCH]).contains("this is the benchmark reactsim-bench v2"));
+    let part = folder.path().join("part.parquet");
+    let mut writer = formats::native::Writer::create(&part).unwrap();
+    writer.write(&formats::open(Path::new(BENCH)).unwrap().next().unwrap().unwrap()).unwrap();
+    writer.finish().unwrap();
+    let said = refused(&[few, text(&part)]);
+    assert!(said.contains("is of the benchmark reactsim-bench v2"), "{said}");
+    assert!(refused(&[text(&part), "--exclude", BENCH]).contains("no scenario to learn from"));
+    let both = refused(&[few, text(&driven), "--closed-loop", text(&driven)]);
+    assert!(both.contains("is both learned from and driven in"), "{both}");
+    let output = reactsim(&["train", "ntp-reactve", few, "--out", text(&out)]);
+    assert!(said_of_unknown(&output).contains("did you mean `ntp-reactive`?"));
+}
+
+fn said_of_unknown(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(2));
+    said(output)
+}
+
+/// Every recipe is complete, within its ranges, and reads back as it was printed.
+#[test]
+fn recipes_are_printed_and_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("recipe.toml");
+    for task in TASKS {
+        let recipe = task.recipe().unwrap();
+        let described: Vec<String> = recipe.ranges().unwrap().into_iter().map(|(key, ..)| key).collect();
+        assert!(described.len() > 20, "{}", task.id);
+        for (_, _, range) in recipe.ranges().unwrap() {
+            assert!(range.about.ends_with('.') && !range.unit.is_empty(), "{}: {}", task.id, range.about);
+        }
+        let names = task.recipes.iter().map(|r| Some(r.name)).chain([None]);
+        for name in names {
+            let chosen: Vec<&str> = name.into_iter().flat_map(|name| ["--recipe", name]).collect();
+            let printed = done(&[&["train", task.id, "--print-recipe"], &chosen[..]].concat()).stdout;
+            fs::write(&file, &printed).unwrap();
+            let again = done(&["train", task.id, "--print-recipe", "--recipe", text(&file)]).stdout;
+            assert_eq!(String::from_utf8_lossy(&printed), String::from_utf8_lossy(&again));
+        }
+    }
+    let quick = done(&["train", "ntp-reactive", "--print-recipe", "--recipe", "quick", "--set", "agents=7"]);
+    let quick = String::from_utf8_lossy(&quick.stdout).into_owned();
+    assert!(
+        quick.contains("# Largest distance of an agent attended to. 0.1 to 9999 m.\nagent_radius = 60.0")
+    );
+    assert!(quick.contains("\nhidden = 32\n") && quick.contains("\nagents = 7\n"), "{quick}");
 }
 
 #[test]
@@ -250,4 +324,108 @@ fn rollouts_become_futures() {
     }
     let output = reactsim(&[&convert[..], &["--model", "idm"]].concat());
     assert!(said(&output).contains("no rollouts of `idm`"), "{}", said(&output));
+}
+
+/// Parts depend on the content of scenarios alone, hold every scenario once, and can be learned from.
+#[test]
+fn scenarios_are_split_by_content() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, more) = (folder.path().join("all.parquet"), folder.path().join("more.parquet"));
+    write(&all, (0..12).map(scenario));
+    write(&more, (0..20).map(scenario));
+    let split = |input: &Path, out: &str, seed: &str| {
+        let out = folder.path().join(out);
+        let parts = ["--part", "train=0.6", "--part", "val=0.4", "--seed", seed];
+        let said = done(&[&["train", "split", text(input), "--out", text(&out)], &parts[..]].concat());
+        let ids = |name: &str| -> Vec<String> {
+            formats::open(&out.join(name)).unwrap().map(|scenario| scenario.unwrap().id).collect()
+        };
+        let (train, val) = (ids("train.parquet"), ids("val.parquet"));
+        let said = String::from_utf8_lossy(&said.stdout).into_owned();
+        assert!(said.contains(&format!("train.parquet: {} scenarios", train.len())), "{said}");
+        (train, val)
+    };
+    let (train, val) = split(&all, "one", "0");
+    assert_eq!(train.len() + val.len(), 12);
+    let (train_of_more, val_of_more) = split(&more, "two", "0");
+    assert!(
+        train.iter().all(|id| train_of_more.contains(id)) && val.iter().all(|id| val_of_more.contains(id))
+    );
+    assert_ne!(split(&all, "three", "1"), (train, val));
+
+    let refused = |parts: &[&str]| {
+        let out = folder.path().join("no");
+        let output = reactsim(&[&["train", "split", text(&all), "--out", text(&out)], parts].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(fs::read_dir(&out).is_ok_and(|mut files| files.next().is_none()) || !out.exists());
+        said(&output)
+    };
+    assert!(refused(&["--part", "a=0.5"]).contains("at least two parts"));
+    assert!(refused(&["--part", "a=0.5", "--part", "a=0.5"]).contains("the same name"));
+    assert!(refused(&["--part", "a=0.5", "--part", "b=0.6"]).contains("add up to 1.1"));
+    assert!(refused(&["--part", "a=1", "--part", "b=0.6"]).contains("write NAME=SHARE"));
+    assert!(refused(&["--part", "../a=0.5", "--part", "b=0.5"]).contains("is not a name"));
+    assert!(refused(&["--part", "a=0.000001", "--part", "b=0.999999"]).contains("would be empty"));
+}
+
+/// The published network learns from logs and drives, and continues from its weights.
+#[test]
+fn the_published_network_is_trained_and_drives() {
+    let folder = tempfile::tempdir().unwrap();
+    let (few, driven) = few(folder.path());
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (tokens, map) = (at("tokens.safetensors"), at("map.safetensors"));
+    done(&[
+        "train",
+        "vocabulary",
+        text(&few),
+        "--method",
+        "k-disks",
+        "--tokens",
+        "64",
+        "--fill",
+        "--out",
+        &tokens,
+        "--map-out",
+        &map,
+    ]);
+    let recipe = folder.path().join("recipe.toml");
+    let small = "agents = 6\nmap_radius = 50.0\n[network]\nhidden_dim = 16\nnum_freq_bands = 4\nnum_heads = 2\nhead_dim = 8\n\
+        num_agent_layers = 1\nmlp_embedding_first_width = 16\nseparate_heads = true\n[augmentation]\nwindow = 6\nnear_tokens = 3\n\
+        [learning]\nbatch = 2\nepochs = 6\nlearning_rate = 3e-3\nheld_out = 0.3\nvalidate_every = 4\n";
+    fs::write(&recipe, small).unwrap();
+    let inputs = [format!("vocabulary={tokens}"), format!("map-vocabulary={map}")];
+    let base = ["train", "smart", text(&few), "--recipe", text(&recipe)];
+    let files = ["--input", &inputs[0], "--input", &inputs[1]];
+    let train = |out: &str, jobs: &str, more: &[&str]| {
+        done(&[&base[..], more, &["--out", out, "--jobs", jobs, "--closed-loop", text(&driven)]].concat());
+        fs::read(Path::new(out).join("weights.safetensors")).unwrap()
+    };
+    let (one, two) = (at("one"), at("two"));
+    assert!(train(&one, "1", &files) == train(&two, "2", &files), "weights depend on the number of threads");
+    let log = fs::read_to_string(Path::new(&one).join("log.jsonl")).unwrap();
+    let rows: Vec<Value> = log.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    let losses: Vec<f64> = rows.iter().filter_map(|r| r["loss"].as_f64()).collect();
+    assert!(losses[losses.len() - 1] < losses[0], "{losses:?}");
+    assert!(Path::new(&one).join("events.out.tfevents.0.reactsim").metadata().unwrap().len() > 100);
+
+    let weights = format!("{one}/weights.safetensors");
+    let given = format!("smart={weights}");
+    let table = done(&["run", text(&driven), "--models", "smart", "--model-weights", &given]);
+    assert!(String::from_utf8_lossy(&table.stdout).contains("| SMART "));
+    train(&at("further"), "2", &["--from", &weights, "--set", "learning.epochs=1"]);
+
+    let refused = |more: &[&str]| {
+        let output = reactsim(&[&base[..], more, &["--out", &at("no")]].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        said(&output)
+    };
+    assert!(refused(&files[..2]).contains("needs a file `map-vocabulary`"));
+    let shared = [&files[..], &["--set", "network.separate_heads=false"]].concat();
+    let text = refused(&shared);
+    assert!(text.contains("tokens, but one head"), "{text}");
+    assert!(
+        refused(&["--from", &weights, "--set", "network.num_heads=4"])
+            .contains("other sizes than the recipe")
+    );
 }

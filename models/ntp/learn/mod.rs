@@ -2,7 +2,7 @@
 
 mod task;
 
-pub use task::{NextToken, Recipe};
+pub use task::{NextToken, Recipe, TASK};
 
 pub(crate) mod drive;
 pub(crate) mod loss;

@@ -9,10 +9,11 @@ use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::linked_places::LinkedPlaces;
 use super::super::reactive::step::{EarlierNode, Step};
+use super::super::token_loss::Target;
 use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
 use super::drive::{Perturbation, drive};
 use crate::models::learning::{LearningScene, shifted};
-use crate::models::perception::{Class, KnownMap};
+use crate::models::perception::KnownMap;
 
 /// Data augmentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,19 +33,6 @@ pub struct Augmentation {
     pub blind: f64,
     /// Deliberate errors during replay.
     pub noise: Perturbation,
-}
-
-/// Label of a node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Target {
-    /// Row of the node.
-    pub row: usize,
-    /// Class of the agent.
-    pub class: Class,
-    /// Token to choose.
-    pub token: usize,
-    /// Weight in the loss.
-    pub weight: f32,
 }
 
 /// Training sample of one scene: network inputs of its steps, and labels.

@@ -3,18 +3,76 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
+use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
-use reactsim::training::{Output, Stream, Sums, Task, View};
+use reactsim::training::{Output, Settings, Stream, Task, View};
 use serde::{Deserialize, Serialize};
 
-use super::super::reactive::{Config, Network, Policy};
-use super::super::tokens::Vocabulary;
+use super::super::entries::reactive_driving;
+use super::super::reactive::{Config, Network, Policy, ReactiveSimulator};
+use super::super::smoothing::{Smoothing, TargetDistributions};
+use super::super::tokens::{Kinematic, Vocabulary};
 use super::drive::Perturbation;
-use super::loss::{Smoothing, TargetDistributions, losses};
+use super::loss::loss;
 use super::sample::{Augmentation, Sample, sample};
-use crate::models::learning::LearningScene;
+use crate::models::learning::{
+    LearningScene, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
+    recipe_values,
+};
 use crate::models::nn::Initializer;
 use crate::models::perception::{Class, KnownMap};
+
+/// Training of our network.
+pub const TASK: TrainingTask = TrainingTask {
+    id: ID,
+    title: "Next-token prediction with the reactive network, 0.9 million weights by default",
+    simulators: &[ID, "ntp-reactive-raw"],
+    defaults: || recipe_values(&Recipe::default(), &Settings::default()),
+    ranges: include_str!("ranges.toml"),
+    recipes: &[ShippedRecipe {
+        name: "quick",
+        about: "0.2 million weights, a few minutes on two cores",
+        text: include_str!("recipes/quick.toml"),
+    }],
+    inputs: &[TaskInput {
+        name: VOCABULARY,
+        about: "motion tokens, from `train vocabulary` [default: the kinematic ones]",
+        required: false,
+    }],
+    needs_weights: false,
+    make,
+};
+
+/// Id of the task, and of the simulator that runs the network within kinematic limits.
+const ID: &str = "ntp-reactive";
+/// Name of the input with the tokens.
+const VOCABULARY: &str = "vocabulary";
+
+fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
+    let recipe: Recipe = setup.recipe()?;
+    let values = |source: Box<dyn std::error::Error + Send + Sync>| TaskError::Values { id: ID, source };
+    recipe.network.check().map_err(|e| values(e.into()))?;
+    let vocabulary = setup.input(VOCABULARY, Vocabulary::read)?;
+    let Some(file) = &setup.from else {
+        let vocabulary = match vocabulary {
+            Some(vocabulary) => vocabulary,
+            None => Kinematic::default().build().map_err(|e| values(e.into()))?,
+        };
+        return Ok(Box::new(NextToken::new(recipe, vocabulary, &setup.device)));
+    };
+    let refuse = |source| TaskError::File { what: "weights", file: file.name.clone(), source };
+    let policy = Policy::read(&file.bytes, &setup.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
+    if policy.config != recipe.network {
+        return Err(refuse(
+            "its network has other sizes than the recipe: give the recipe the same `network`".into(),
+        ));
+    }
+    if vocabulary.is_some_and(|other| other != policy.vocabulary) {
+        return Err(refuse("it has other tokens than the given vocabulary: omit the vocabulary".into()));
+    }
+    let from = Some((policy.network, file.digest.clone()));
+    Ok(Box::new(NextToken { from, ..NextToken::new(recipe, policy.vocabulary, &setup.device) }))
+}
 
 /// Settings of training, in addition to the data and the learner's own settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,6 +111,8 @@ pub struct NextToken {
     recipe: Recipe,
     vocabulary: Vocabulary,
     device: Device,
+    /// Network to start from, on a device with autodiff, and the digest of its file.
+    from: Option<(Network, String)>,
     /// Target distributions on the device with gradients and on the one without.
     target_distributions: [TargetDistributions; 2],
 }
@@ -63,7 +123,13 @@ impl NextToken {
         let device = device.clone();
         let target_distributions = [device.clone().autodiff(), device.clone()]
             .map(|d| TargetDistributions::of(&vocabulary, &recipe.smoothing, &d));
-        Self { recipe, vocabulary, device, target_distributions }
+        Self { recipe, vocabulary, device, from: None, target_distributions }
+    }
+
+    /// Returns a network as the policy that a simulator reads.
+    fn policy(&self, network: &Network) -> Policy {
+        let (config, vocabulary) = (self.recipe.network, self.vocabulary.clone());
+        Policy { config, vocabulary, network: network.clone() }
     }
 
     /// Returns the vocabulary.
@@ -78,6 +144,9 @@ impl Task for NextToken {
     type Model = Network;
 
     fn init(&self, seed: u64) -> Network {
+        if let Some((network, _)) = &self.from {
+            return network.clone();
+        }
         let tokens = Class::ALL.map(|c| self.vocabulary.tokens(c));
         let device = self.device.clone().autodiff();
         Network::init(&self.recipe.network, tokens, &mut Initializer::new(seed, &device))
@@ -102,21 +171,29 @@ impl Task for NextToken {
             Some(_) => (&self.target_distributions[0], self.device.clone().autodiff()),
             None => (&self.target_distributions[1], self.device.clone()),
         };
-        let sums = losses(model, samples, target_distributions, &self.recipe.network, &device);
-        let mut metrics = Sums::new();
-        metrics.add("accuracy", sums.right, sums.weight);
-        metrics.add("surprise", sums.surprise, sums.weight);
-        Output { loss: sums.loss, items: sums.weight, metrics }
+        loss(model, samples, target_distributions, &self.recipe.network, &device)
     }
 
     fn file(&self, model: &Network, about: &serde_json::Value) -> Option<Vec<u8>> {
         let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        let (config, vocabulary) = (self.recipe.network, self.vocabulary.clone());
         // Writing cannot fail: the vocabulary was read from text and files.
-        Policy { config, vocabulary, network: model.clone() }.write(&made).ok()
+        self.policy(model).write(&made).ok()
     }
 
     fn describe(&self) -> serde_json::Value {
-        serde_json::json!({ "recipe": self.recipe, "vocabulary": self.vocabulary.provenance() })
+        let mut all =
+            serde_json::json!({ "recipe": self.recipe, "vocabulary": self.vocabulary.provenance() });
+        if let Some((_, digest)) = &self.from {
+            all["from"] = digest.as_str().into();
+        }
+        all
+    }
+}
+
+impl SimulatorTask for NextToken {
+    fn controller(&self, network: &Network) -> Result<Controller, String> {
+        let driving = reactive_driving().map_err(|e| e.to_string())?;
+        let simulator = ReactiveSimulator::new(self.policy(network), driving, self.device.clone());
+        Ok(Controller::Fair(Box::new(simulator)))
     }
 }

@@ -53,6 +53,12 @@ pub struct SmartConfig {
     /// Largest number of agents that see one map token.
     #[serde(default = "max_agents_per_map_token_pl2a")]
     pub max_agents_per_map_token_pl2a: usize,
+    /// Number of nearest map tokens within the radius that an agent sees; 0 for all, as published.
+    #[serde(default)]
+    pub nearest_pl2a: usize,
+    /// Number of nearest agents within the radius that an agent sees; 0 for all, as published.
+    #[serde(default)]
+    pub nearest_a2a: usize,
     /// Variance offset of layer norms; only 1e-5 is supported.
     #[serde(default = "layer_norm_eps")]
     pub layer_norm_eps: f64,
@@ -216,6 +222,43 @@ impl SmartConfig {
             bipartite,
             relation_norm: true,
             dropout: self.dropout,
+        }
+    }
+}
+
+impl Default for SmartConfig {
+    /// Returns the published sizes (7 million parameters).
+    fn default() -> Self {
+        Self {
+            hidden_dim: 128,
+            num_freq_bands: 64,
+            num_heads: 8,
+            head_dim: 16,
+            dropout: 0.1,
+            hist_drop_prob: hist_drop_prob(),
+            num_map_layers: 3,
+            num_agent_layers: 6,
+            pl2pl_radius: 10.0,
+            pl2a_radius: 30.0,
+            a2a_radius: 60.0,
+            time_span: 30,
+            shift_frames: shift_frames(),
+            n_token_agent: TokenCounts::Shared(2048),
+            n_token_map: n_token_map(),
+            n_params: 0,
+            max_neighbours_pl2pl: max_neighbours_pl2pl(),
+            max_neighbours_a2a: max_neighbours_a2a(),
+            max_agents_per_map_token_pl2a: max_agents_per_map_token_pl2a(),
+            nearest_pl2a: 0,
+            nearest_a2a: 0,
+            layer_norm_eps: layer_norm_eps(),
+            map_point_types: map_point_types(),
+            map_polygon_types: map_polygon_types(),
+            map_light_types: map_light_types(),
+            agent_types: agent_types(),
+            mlp_embedding_first_width: mlp_embedding_first_width(),
+            ffn_multiple: ffn_multiple(),
+            feed_forward: FeedForwardKind::default(),
         }
     }
 }

@@ -94,6 +94,13 @@ impl Edges {
         edges
     }
 
+    /// Returns the pairs of map tokens and agents at one step.
+    pub(super) fn from_map(config: &SmartConfig, map: &MapTokens, step: &Step) -> Self {
+        let mut edges = Self::new(3);
+        edges.add_from_map(config, &Pose::all(&map.position, &map.orientation), step, |agent| agent);
+        edges
+    }
+
     /// Adds the map tokens (sources) that agents see at one step. The number of agents that see one map
     /// token is limited to the first by index; invalid ones count towards the limit.
     pub(super) fn add_from_map(
@@ -105,14 +112,17 @@ impl Edges {
     ) {
         let mut seen_by = vec![0; map.len()];
         for (agent, own) in Pose::all(&step.position, &step.heading).iter().enumerate() {
+            let mut seen = Vec::new();
             for (source, pose) in map.iter().enumerate() {
                 if own.is_within(pose, config.pl2a_radius) {
                     seen_by[source] += 1;
                     if step.valid[agent] && seen_by[source] <= config.max_agents_per_map_token_pl2a {
-                        self.push(source, node(agent), &own.relation_to(pose));
+                        seen.push((source, own.relation_to(pose)));
                     }
                 }
             }
+            keep_nearest(&mut seen, config.nearest_pl2a);
+            seen.iter().for_each(|(source, relation)| self.push(*source, node(agent), relation));
         }
     }
 
@@ -123,9 +133,21 @@ impl Edges {
         for (target, own) in poses.iter().enumerate().filter(|(t, _)| step.valid[*t]) {
             let near =
                 poses.iter().enumerate().filter(|(s, p)| *s != target && own.is_within(p, config.a2a_radius));
-            for (source, pose) in near.take(config.max_neighbours_a2a).filter(|(s, _)| step.valid[*s]) {
-                self.push(node(source), node(target), &own.relation_to(pose));
-            }
+            let valid = near.take(config.max_neighbours_a2a).filter(|(s, _)| step.valid[*s]);
+            let mut seen: Vec<_> = valid.map(|(source, pose)| (source, own.relation_to(pose))).collect();
+            keep_nearest(&mut seen, config.nearest_a2a);
+            seen.iter().for_each(|(source, relation)| self.push(node(*source), node(target), relation));
         }
     }
+}
+
+/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Of equally distant ones
+/// the first are kept.
+fn keep_nearest(seen: &mut Vec<(usize, [f32; 3])>, most: usize) {
+    if most == 0 || seen.len() <= most {
+        return;
+    }
+    seen.sort_by(|(a, [near, ..]), (b, [far, ..])| near.total_cmp(far).then(a.cmp(b)));
+    seen.truncate(most);
+    seen.sort_by_key(|(source, _)| *source);
 }

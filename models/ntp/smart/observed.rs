@@ -1,12 +1,13 @@
 //! Network input from observed episodes: the map once, agents at every step.
 
 use reactsim::dynamics::Pose;
+use reactsim::geometry::Vec2;
 use reactsim::rollout::Observation;
 use reactsim::scene::{CURRENT, Frame, Start};
 
 use super::super::tokens::{
-    MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces, fill_gaps,
-    token_of_motion,
+    CurvePiece, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces,
+    fill_gaps, token_of_motion,
 };
 use super::{Agents, MapTokens, Step};
 use crate::models::perception::Class;
@@ -14,9 +15,18 @@ use crate::models::perception::Class;
 /// Returns the pieces of the map that begin within `radius` metres of the AV's current position, with
 /// the current light states.
 pub(super) fn map_tokens(start: &Start, vocabulary: &MapVocabulary, radius: f64) -> MapTokens {
-    let center = start.now(0).position();
+    map_tokens_of(&curve_pieces(start), vocabulary, start.now(0).position(), radius)
+}
+
+/// Returns the pieces that begin within `radius` metres of a point.
+pub(super) fn map_tokens_of(
+    pieces: &[CurvePiece],
+    vocabulary: &MapVocabulary,
+    center: Vec2,
+    radius: f64,
+) -> MapTokens {
     let mut map = MapTokens::default();
-    for piece in curve_pieces(start).iter().filter(|p| (p.start() - center).norm() < radius) {
+    for piece in pieces.iter().filter(|p| (p.start() - center).norm() < radius) {
         map.position.push([piece.start().x as f32, piece.start().y as f32]);
         map.orientation.push(piece.heading() as f32);
         map.token.push(vocabulary.nearest(piece) as u32);

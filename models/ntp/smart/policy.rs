@@ -84,7 +84,7 @@ impl SmartPolicy {
         if frames != TOKEN_FRAMES {
             return Err(SmartPolicyError::Frames(frames));
         }
-        let tables = network.tables(&shapes(&vocabulary, &map_vocabulary), device)?;
+        let tables = network.tables(&token_shapes(&vocabulary, &map_vocabulary), device)?;
         Ok(Self { vocabulary, map_vocabulary, network, tables })
     }
 
@@ -103,7 +103,7 @@ impl SmartPolicy {
         let map_vocabulary = MapVocabulary::from_tables(&tensors.split_off(MAP_PREFIX))?;
         // Check before loading the network: with a vocabulary of another size, the network would seem
         // wrong.
-        shapes(&vocabulary, &map_vocabulary).check(&config)?;
+        token_shapes(&vocabulary, &map_vocabulary).check(&config)?;
         Self::new(Smart::of_tensors(&config, tensors, device)?, vocabulary, map_vocabulary, device)
     }
 
@@ -125,7 +125,7 @@ impl SmartPolicy {
 }
 
 /// Converts the vocabularies to the token shapes that the network reads.
-fn shapes(vocabulary: &Vocabulary, map: &MapVocabulary) -> Shapes {
+pub(super) fn token_shapes(vocabulary: &Vocabulary, map: &MapVocabulary) -> Shapes {
     let contours = |class| {
         let ends = (0..vocabulary.tokens(class)).map(|token| vocabulary.contour(class, token));
         ends.map(|c| std::array::from_fn(|i| c[i / 2][i % 2] as f32)).collect()

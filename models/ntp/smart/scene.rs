@@ -162,6 +162,19 @@ impl MapTokens {
         Ok(())
     }
 
+    /// Keeps only the marked pieces.
+    pub(super) fn retain(&mut self, kept: &[bool]) {
+        fn of<T: Copy>(list: &mut Vec<T>, kept: &[bool]) {
+            *list = list.iter().zip(kept).filter(|(_, kept)| **kept).map(|(value, _)| *value).collect();
+        }
+        of(&mut self.position, kept);
+        of(&mut self.orientation, kept);
+        of(&mut self.token, kept);
+        of(&mut self.kind, kept);
+        of(&mut self.polygon, kept);
+        of(&mut self.light, kept);
+    }
+
     /// Appends the pieces of another map.
     pub(super) fn append(&mut self, other: &Self) {
         self.position.extend_from_slice(&other.position);

@@ -9,4 +9,4 @@ mod task;
 pub use disturb::Disturbance;
 pub use measure::MEASURES;
 pub use sample::{Augmentation, Sample};
-pub use task::{InitialWeightsError, Recipe, Regression};
+pub use task::{Recipe, Regression, TASK};

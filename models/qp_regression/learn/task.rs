@@ -3,21 +3,71 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
+use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
-use reactsim::training::{Output, Stream, Sums, Task, View};
+use reactsim::training::{Output, Settings, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
+use super::super::entries::regression_driving;
 use super::super::inputs::Survey;
 use super::super::network::{Config, Network};
-use super::super::{Intentions, Policy, PolicyError};
+use super::super::{Intentions, Policy, RegressionSimulator};
 use super::Disturbance;
 use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
-use crate::models::WeightsFile;
-use crate::models::learning::LearningScene;
+use crate::models::learning::{
+    LearningScene, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask, recipe_values,
+};
 use crate::models::nn::Initializer;
 use crate::models::perception::Class;
+
+/// Training of the regression network.
+pub const TASK: TrainingTask = TrainingTask {
+    id: ID,
+    title: "Motion prediction in the manner of MTR, 0.6 million weights by default",
+    simulators: &[ID, "regression"],
+    defaults: || recipe_values(&Recipe::default(), &Settings::default()),
+    ranges: include_str!("ranges.toml"),
+    recipes: &[],
+    inputs: &[TaskInput {
+        name: INTENTIONS,
+        about: "intention points, from `train intentions` [default: a fan of sixteen]",
+        required: false,
+    }],
+    needs_weights: false,
+    make,
+};
+
+/// Id of the task, and of the simulator that plans along predictions.
+const ID: &str = "qp-regression";
+/// Name of the input with the intention points.
+const INTENTIONS: &str = "intentions";
+
+fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
+    let recipe: Recipe = setup.recipe()?;
+    recipe.network.check().map_err(|e| TaskError::Values { id: ID, source: e.into() })?;
+    let intentions = setup.input(INTENTIONS, Intentions::read)?;
+    let Some(file) = &setup.from else {
+        return Ok(Box::new(Regression::new(
+            recipe,
+            intentions.unwrap_or_else(Intentions::fan),
+            &setup.device,
+        )));
+    };
+    let refuse = |source| TaskError::File { what: "weights", file: file.name.clone(), source };
+    let policy = Policy::read(&file.bytes, &setup.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
+    if policy.config != recipe.network {
+        return Err(refuse(
+            "its network has other sizes than the recipe: give the recipe the same `network`".into(),
+        ));
+    }
+    if intentions.is_some_and(|other| other != policy.intentions) {
+        return Err(refuse("it has other intention points than those given: omit them".into()));
+    }
+    let from = Some((policy.network, file.digest.clone()));
+    Ok(Box::new(Regression { from, ..Regression::new(recipe, policy.intentions, &setup.device) }))
+}
 
 /// Everything that determines training, besides the data and the learner's own settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,40 +108,10 @@ pub struct Regression {
     parked: bool,
 }
 
-/// Error of weights that training cannot start from.
-#[derive(Debug, thiserror::Error)]
-pub enum InitialWeightsError {
-    /// The weights cannot be read.
-    #[error("cannot use the weights {0}: {1}")]
-    Policy(String, PolicyError),
-    /// The network has other sizes than the recipe.
-    #[error("the network of {0} has other sizes than the recipe: give the recipe the same `network`")]
-    Sizes(String),
-}
-
 impl Regression {
     /// Creates a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, intentions: Intentions, device: &Device) -> Self {
         Self { recipe, intentions, device: device.clone(), from: None, parked: false }
-    }
-
-    /// Creates a task that starts from the network of this file and uses its intention points.
-    ///
-    /// # Errors
-    /// [`InitialWeightsError`] if the file holds no such network, or one of other sizes than the
-    /// recipe.
-    pub fn from_weights(
-        recipe: Recipe,
-        file: &WeightsFile,
-        device: &Device,
-    ) -> Result<Self, InitialWeightsError> {
-        let policy = Policy::read(&file.bytes, &device.clone().autodiff())
-            .map_err(|error| InitialWeightsError::Policy(file.name.clone(), error))?;
-        if policy.config != recipe.network {
-            return Err(InitialWeightsError::Sizes(file.name.clone()));
-        }
-        let from = Some((policy.network, file.digest.clone()));
-        Ok(Self { from, ..Self::new(recipe, policy.intentions, device) })
     }
 
     /// Returns the same task with parked agents judged too. Training stays the same.
@@ -175,5 +195,13 @@ impl Task for Regression {
             all["from"] = digest.as_str().into();
         }
         all
+    }
+}
+
+impl SimulatorTask for Regression {
+    fn controller(&self, network: &Network) -> Result<Controller, String> {
+        let driving = regression_driving().map_err(|e| e.to_string())?;
+        let simulator = RegressionSimulator::new(self.policy(network), driving, self.device.clone());
+        Ok(Controller::Fair(Box::new(simulator)))
     }
 }

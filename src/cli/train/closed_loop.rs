@@ -69,6 +69,11 @@ impl ClosedLoop {
         Ok(Self { scenarios, rollouts })
     }
 
+    /// Returns the ids of the scenarios.
+    pub(super) fn ids(&self) -> impl Iterator<Item = &str> {
+        self.scenarios.iter().map(|scenario| scenario.id.as_str())
+    }
+
     /// Returns the means over scenarios of a simulator's metrics, by metric id.
     pub(super) fn measure(&self, controller: &Controller) -> Result<BTreeMap<String, f64>, String> {
         let scored: Result<Vec<_>, String> =

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use rayon::prelude::*;
 
+use super::exclusion::Exclusion;
 use crate::cli::{find_inputs, say};
 use crate::evaluation::Registrar;
 use crate::formats::native::{ByNumber, Writer};
@@ -41,9 +42,10 @@ fn part(text: &str) -> anyhow::Result<(PathBuf, f64)> {
 }
 
 impl Data {
-    /// Opens the scenarios at these paths. Converts files of other formats to native files in the
-    /// folder `cache`, named by their content, so that later trainings reuse them.
-    pub(super) fn open(parts: &[String], cache: &Path) -> anyhow::Result<Self> {
+    /// Opens the scenarios at these paths, except for those that are excluded. Converts files of other
+    /// formats to native files in the folder `cache`, named by their content, so that later trainings
+    /// reuse them.
+    pub(super) fn open(parts: &[String], mut exclusion: Exclusion, cache: &Path) -> anyhow::Result<Self> {
         // Find all inputs before converting any.
         let mut inputs = Vec::new();
         for text in parts {
@@ -57,8 +59,12 @@ impl Data {
             hasher.update(&times.to_le_bytes());
             let first = data.places.len();
             for input in inputs {
+                exclusion.refuse_benchmark(&registrar.record(&input)?)?;
                 let file = open(&input, cache, &mut registrar)?;
                 for number in 0..file.len() {
+                    if !exclusion.admits(file.id(number), &input.path.display().to_string())? {
+                        continue;
+                    }
                     data.places.push((data.files.len(), number));
                     hasher.update(file.id(number).as_bytes());
                     hasher.update(file.digest(number).as_bytes());
@@ -67,11 +73,19 @@ impl Data {
             }
             data.parts.push(((first..data.places.len()).collect(), times));
         }
+        exclusion.report();
         data.digest = hasher.finalize().to_hex().to_string();
         if data.places.is_empty() {
-            bail!("{}: no scenario could be read", parts.join(", "));
+            bail!("{}: no scenario to learn from", parts.join(", "));
         }
         Ok(data)
+    }
+}
+
+impl Data {
+    /// Returns whether a scenario is among them.
+    pub(super) fn contains(&self, id: &str) -> bool {
+        (0..self.len()).any(|number| self.id(number) == id)
     }
 }
 

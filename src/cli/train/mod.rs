@@ -1,15 +1,17 @@
-//! `reactsim train`: trains networks on scenarios, and builds vocabularies and intention points.
+//! `reactsim train`: trains networks on scenarios, and prepares what trainings need.
 
 mod closed_loop;
 mod data;
+mod exclusion;
 mod intentions;
-mod ntp;
 mod open_loop;
 mod progress;
-mod qp_regression;
+mod quick;
 mod reader;
 mod recipe;
 mod session;
+mod split;
+mod task;
 mod tensor_file;
 mod vocabulary;
 mod vocabulary_manifest;
@@ -18,22 +20,37 @@ use clap::{Args, Subcommand};
 
 use super::ExitStatus;
 
+const AFTER: &str = "\
+`reactsim list tasks` names tasks, their recipes and the files that they can be given. A recipe (TOML)
+states only what differs from the defaults; --print-recipe shows all values with units and ranges.
+
+Scenarios of known benchmarks are refused.
+
+Examples:
+  reactsim generate --preset train --count 2000 --out logs.parquet
+  reactsim train ntp-reactive logs.parquet --recipe quick --out training
+  reactsim run --models idm,ntp-reactive --model-weights ntp-reactive=training/weights.safetensors
+  reactsim train ntp-reactive --print-recipe";
+
 /// Arguments of `train`.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, after_help = AFTER)]
 pub(super) struct TrainArgs {
     #[command(subcommand)]
-    command: TrainCommand,
+    command: Option<TrainCommand>,
+    #[command(flatten)]
+    task: task::TaskArgs,
 }
 
 #[derive(Debug, Subcommand)]
 enum TrainCommand {
-    /// Train the simulator `ntp-reactive` on scenarios of any format
-    Ntp(ntp::NtpArgs),
-    /// Train the simulator `regression` on scenarios of any format
-    QpRegression(qp_regression::QpRegressionArgs),
+    /// Make data, train a small network and show it in the table, in a few minutes
+    Quick(quick::QuickArgs),
+    /// Divide scenarios into parts, such as training and validation
+    Split(split::SplitArgs),
     /// Measure the prediction errors of the network of `regression` on recorded scenarios
     OpenLoop(open_loop::OpenLoopArgs),
-    /// Compute intention points for `train qp-regression` from scenarios
+    /// Compute intention points for the task `qp-regression` from scenarios
     Intentions(intentions::IntentionsArgs),
     /// Build a vocabulary of motion tokens from scenarios
     Vocabulary(vocabulary::VocabularyArgs),
@@ -41,10 +58,11 @@ enum TrainCommand {
 
 pub(super) fn train(args: &TrainArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
-        TrainCommand::Ntp(args) => ntp::ntp(args),
-        TrainCommand::QpRegression(args) => qp_regression::qp_regression(args),
-        TrainCommand::OpenLoop(args) => open_loop::open_loop(args),
-        TrainCommand::Intentions(args) => intentions::intentions(args),
-        TrainCommand::Vocabulary(args) => vocabulary::vocabulary(args),
+        Some(TrainCommand::Quick(args)) => quick::quick(args),
+        Some(TrainCommand::Split(args)) => split::split(args),
+        Some(TrainCommand::OpenLoop(args)) => open_loop::open_loop(args),
+        Some(TrainCommand::Intentions(args)) => intentions::intentions(args),
+        Some(TrainCommand::Vocabulary(args)) => vocabulary::vocabulary(args),
+        None => task::task(&args.task),
     }
 }

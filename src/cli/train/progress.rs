@@ -1,13 +1,16 @@
 //! Progress of a training on stderr, and the plot of its curves in the folder.
 
 use std::cell::{Cell, RefCell};
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::{say, write_result};
+use crate::report::tensorboard::{self, EVENTS};
 use crate::report::training_curves;
 use crate::training::{LOG, Observer, Row, ValidationRow, read_log};
 
@@ -29,6 +32,8 @@ pub(super) struct Progress {
     /// Exponential moving average of the loss.
     loss: Cell<Option<f64>>,
     skipped: RefCell<usize>,
+    /// Event file for TensorBoard; none if it cannot be written.
+    events: RefCell<Option<File>>,
 }
 
 impl Progress {
@@ -47,6 +52,35 @@ impl Progress {
             samples: Cell::new(0),
             loss: Cell::new(None),
             skipped: RefCell::new(0),
+            events: RefCell::new(None),
+        }
+    }
+
+    /// Begins the event file with the rows that the log has already. An error does not end the training.
+    fn begin_events(&self) {
+        let begin = || -> anyhow::Result<File> {
+            let (log, path) = (self.folder.join(LOG), self.folder.join(EVENTS));
+            let mut bytes = tensorboard::header();
+            for row in read_log(&log)? {
+                bytes.extend(tensorboard::record(&row));
+            }
+            let mut file = File::create(path)?;
+            file.write_all(&bytes)?;
+            Ok(file)
+        };
+        match begin() {
+            Ok(file) => *self.events.borrow_mut() = Some(file),
+            Err(error) => say(format_args!("warning: no events for TensorBoard: {error:#}")),
+        }
+    }
+
+    /// Appends a row to the event file.
+    fn append_event(&self, row: &Row) {
+        let mut events = self.events.borrow_mut();
+        let written = events.as_mut().map(|file| file.write_all(&tensorboard::record(row)));
+        if let Some(Err(error)) = written {
+            *events = None;
+            self.bar.suspend(|| say(format_args!("warning: no more events for TensorBoard: {error}")));
         }
     }
 
@@ -106,11 +140,13 @@ impl Observer for Progress {
     fn begun(&self, step: u64, steps: u64) {
         self.first.set(step);
         self.steps.set(steps);
+        self.begin_events();
         self.bar.set_length(steps);
         self.bar.set_position(step);
     }
 
     fn row(&self, row: &Row) {
+        self.append_event(row);
         match row {
             Row::Step(row) => self.step(row.step, row.loss, row.samples),
             Row::Validation(row) => {

@@ -1,16 +1,65 @@
-//! Recipes (TOML): all settings of a training other than the data and the learner's settings.
+//! Recipes: a shipped one or a file, and single changes.
 
 use std::path::Path;
 
-use anyhow::Context;
-use serde::de::DeserializeOwned;
+use anyhow::{Context, bail};
+use clap::Args;
+use toml::Table;
 
+use crate::cli::suggestion::did_you_mean;
 use crate::files::read_regular;
+use crate::models::Parameters;
+use crate::models::learning::TrainingTask;
 
-/// Reads the recipe in a file, or returns the default one.
-pub(super) fn read<R: DeserializeOwned + Default>(path: Option<&Path>) -> anyhow::Result<R> {
-    let Some(path) = path else { return Ok(R::default()) };
-    let read = || format!("could not read {}", path.display());
-    let text = String::from_utf8(read_regular(path).with_context(read)?).with_context(read)?;
-    toml::from_str(&text).with_context(|| format!("{} is not a recipe", path.display()))
+/// Arguments that determine the recipe.
+#[derive(Debug, Default, Args)]
+pub(super) struct RecipeArgs {
+    /// Recipe: the name of a shipped one, or a file (TOML) [default: the default values]
+    #[arg(long, value_name = "NAME|FILE")]
+    recipe: Option<String>,
+    /// Change a value of the recipe, such as learning.epochs=2; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl RecipeArgs {
+    /// Returns the arguments of a shipped recipe.
+    pub(super) fn named(name: &str) -> Self {
+        Self { recipe: Some(name.to_owned()), set: Vec::new() }
+    }
+
+    /// Returns the values of the recipe.
+    pub(super) fn read(&self, task: &TrainingTask) -> anyhow::Result<Parameters> {
+        let mut recipe = task.recipe()?;
+        if let Some(name) = &self.recipe {
+            recipe.merge(&changes(name, task)?).with_context(|| format!("the recipe {name}"))?;
+        }
+        for text in &self.set {
+            let Some((key, value)) = text.split_once('=') else {
+                bail!("--set `{text}`: write KEY=VALUE, such as learning.epochs=2");
+            };
+            recipe.set(key.trim(), value.trim())?;
+        }
+        Ok(recipe)
+    }
+}
+
+/// Returns what a recipe states.
+fn changes(name: &str, task: &TrainingTask) -> anyhow::Result<Table> {
+    let path = Path::new(name);
+    let text = match task.recipes.iter().find(|recipe| recipe.name == name) {
+        Some(shipped) => shipped.text.to_owned(),
+        None if path.exists() || name.contains(['.', '/']) => {
+            let read = || format!("could not read {name}");
+            String::from_utf8(read_regular(path).with_context(read)?).with_context(read)?
+        }
+        None => {
+            let known: Vec<&str> = task.recipes.iter().map(|recipe| recipe.name).collect();
+            let meant = did_you_mean(name, known.iter().copied());
+            let known =
+                if known.is_empty() { "has none".to_owned() } else { format!("has {}", known.join(", ")) };
+            bail!("there is no recipe `{name}` and no file of this name; `{}` {known}{meant}", task.id)
+        }
+    };
+    toml::from_str(&text).with_context(|| format!("{name} is not a recipe"))
 }

@@ -1,23 +1,25 @@
-//! Training of any network on scenarios: arguments, files, ^C.
+//! A training on scenarios: data, files, progress.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use anyhow::bail;
-use burn::tensor::Device;
+use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::{Map, Value, json};
 
+use super::closed_loop::ClosedLoop;
 use super::data::Data;
+use super::exclusion::Exclusion;
 use super::progress::{CURVES, Progress};
 use crate::cli::duration::duration;
-use crate::cli::{ExitStatus, note, say, stop_on_interrupt};
+use crate::cli::{ExitStatus, say};
 use crate::evaluation::{program_commit, program_version};
-use crate::models::nn::{Backend, BackendError};
-use crate::scene::Scenario;
-use crate::training::{ABOUT, ClosedLoop, Ending, Execution, Learner, Settings, Task, WEIGHTS};
+use crate::models::learning::{Trainable, Training};
+use crate::models::nn::Backend;
+use crate::rollout::Controller;
+use crate::training::{ABOUT, Ending, Execution, LOSS, Settings, WEIGHTS};
 use crate::work::available_threads;
 
 /// Arguments of every training.
@@ -25,59 +27,27 @@ use crate::work::available_threads;
 pub(super) struct SessionArgs {
     /// Files or folders of scenarios, optionally with the number of times that their scenarios are
     /// seen per epoch (default 1), such as logs=4 or generated.parquet=0.5
-    #[arg(required = true, value_name = "SCENARIOS[=TIMES]")]
-    scenarios: Vec<String>,
+    #[arg(value_name = "SCENARIOS[=TIMES]")]
+    pub(super) scenarios: Vec<String>,
     /// Folder of the training to write: log, curves, checkpoints, weights
     #[arg(long, value_name = "FOLDER")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// Continue the training in --out from its last checkpoint
     #[arg(long)]
     resume: bool,
     /// Folder for scenarios converted from other formats [default: cache in --out]
     #[arg(long, value_name = "FOLDER")]
     cache: Option<PathBuf>,
+    /// Files or folders of scenarios that are not learned from, even if they are among the others; may
+    /// be repeated
+    #[arg(long, value_name = "SCENARIOS")]
+    exclude: Vec<PathBuf>,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Number of epochs
-    #[arg(long, default_value_t = Settings::default().epochs, value_name = "N")]
-    epochs: f64,
-    /// Scenarios per step
-    #[arg(long, default_value_t = Settings::default().batch, value_name = "N")]
-    batch: usize,
-    /// Scenarios per forward pass of the network; more need more memory
-    #[arg(long, default_value_t = Settings::default().together, value_name = "N")]
-    together: usize,
-    /// Peak learning rate
-    #[arg(long, default_value_t = Settings::default().learning_rate, value_name = "RATE")]
-    learning_rate: f64,
-    /// Final learning rate as a fraction of the peak
-    #[arg(long, default_value_t = Settings::default().floor, value_name = "PART")]
-    floor: f64,
-    /// Warm-up steps, in which the learning rate grows to its peak
-    #[arg(long, default_value_t = Settings::default().warm_up, value_name = "STEPS")]
-    warm_up: u64,
-    /// Weight decay
-    #[arg(long, default_value_t = Settings::default().weight_decay, value_name = "RATE")]
-    weight_decay: f64,
-    /// Norm to which larger gradients are clipped
-    #[arg(long, default_value_t = Settings::default().clip, value_name = "NORM")]
-    clip: f64,
-    /// Steps between validations
-    #[arg(long, default_value_t = Settings::default().validate_every, value_name = "STEPS")]
-    validate_every: u64,
-    /// Fraction of the scenarios held out for validation
-    #[arg(long, default_value_t = Settings::default().held_out, value_name = "PART")]
-    held_out: f64,
-    /// Maximum number of scenarios per validation
-    #[arg(long, default_value_t = Settings::default().most_held_out, value_name = "N")]
-    most_held_out: usize,
-    /// Validations without a lower loss after which the training ends (0: never)
-    #[arg(long, default_value_t = Settings::default().patience, value_name = "N")]
-    patience: u64,
+    pub(super) seed: u64,
     /// Tensor backend; `reactsim list backends` shows those of this program
     #[arg(long, default_value_t, value_name = "NAME")]
-    backend: Backend,
+    pub(super) backend: Backend,
     /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -87,97 +57,87 @@ pub(super) struct SessionArgs {
 }
 
 impl SessionArgs {
-    /// Device of the network.
-    pub(super) fn device(&self) -> Result<Device, BackendError> {
-        self.backend.check()?;
-        Ok(self.backend.device())
+    /// Returns the arguments of a training in the folder `training` of another one, without scenarios.
+    pub(super) fn quick(folder: &Path, seed: u64, resume: bool, jobs: Option<u16>) -> Self {
+        Self {
+            scenarios: Vec::new(),
+            out: Some(folder.join("training")),
+            resume,
+            cache: None,
+            exclude: Vec::new(),
+            seed,
+            backend: Backend::default(),
+            jobs,
+            checkpoint_every: Duration::from_secs(30),
+        }
+    }
+
+    /// Returns the folder of the training.
+    pub(super) fn folder(&self) -> anyhow::Result<&Path> {
+        self.out.as_deref().context("give --out FOLDER for log, curves, checkpoints and weights")
     }
 
     /// Number of threads.
-    fn jobs(&self) -> usize {
+    pub(super) fn jobs(&self) -> usize {
         self.jobs.map_or_else(available_threads, usize::from)
     }
-
-    fn settings(&self) -> Settings {
-        Settings {
-            seed: self.seed,
-            epochs: self.epochs,
-            batch: self.batch,
-            together: self.together,
-            learning_rate: self.learning_rate,
-            floor: self.floor,
-            warm_up: self.warm_up,
-            weight_decay: self.weight_decay,
-            clip: self.clip,
-            validate_every: self.validate_every,
-            held_out: self.held_out,
-            most_held_out: self.most_held_out,
-            patience: self.patience,
-            ..Settings::default()
-        }
-    }
 }
 
-/// Trains the network of a simulator with the settings of the arguments.
-pub(super) fn train<T: Task<Example = Scenario>>(
+/// Trains a network with these settings, until `stop` is set.
+pub(super) fn train(
     args: &SessionArgs,
-    id: &str,
-    task: &T,
-    closed_loop: Option<&ClosedLoop<'_, T::Model>>,
-) -> anyhow::Result<ExitStatus> {
-    let stop = stop_on_interrupt("writing a checkpoint after this step")?;
-    let status = train_until(args, task, closed_loop, &stop)?;
-    if status == ExitStatus::Done {
-        let folder = args.out.display();
-        note(format_args!(
-            "next: reactsim run --models {id},{id}@mine --model-weights {id}@mine={folder}/{WEIGHTS}"
-        ));
-    }
-    Ok(status)
-}
-
-fn train_until<T: Task<Example = Scenario>>(
-    args: &SessionArgs,
-    task: &T,
-    closed_loop: Option<&ClosedLoop<'_, T::Model>>,
+    training: &dyn Trainable,
+    settings: Settings,
+    closed_loop: Option<&ClosedLoop>,
     stop: &AtomicBool,
 ) -> anyhow::Result<ExitStatus> {
-    let cache = args.cache.clone().unwrap_or_else(|| args.out.join("cache"));
-    let data = Data::open(&args.scenarios, &cache)?;
+    let out = args.folder()?;
+    if args.scenarios.is_empty() {
+        bail!("give files or folders of scenarios to learn from");
+    }
+    let cache = args.cache.clone().unwrap_or_else(|| out.join("cache"));
+    let data = Data::open(&args.scenarios, Exclusion::read(&args.exclude)?, &cache)?;
+    if let Some(id) = closed_loop.and_then(|driven| driven.ids().find(|id| data.contains(id))) {
+        bail!(
+            "scenario `{id}` is both learned from and driven in to judge the network: give --exclude with the \
+             scenarios of --closed-loop"
+        );
+    }
     let about = Map::from_iter([
         ("program".to_owned(), json!({ "version": program_version(), "commit": program_commit() })),
         ("scenarios".to_owned(), json!(args.scenarios)),
         ("backend".to_owned(), json!(args.backend.name())),
     ]);
     if args.resume {
-        refuse_other_backend(args)?;
+        refuse_other_backend(args, out)?;
     }
-    let progress = Progress::new(&args.out);
-    let learner = Learner {
-        task,
+    let progress = Progress::new(out);
+    let best_by = settings.best_by.clone();
+    let measure = closed_loop.map(|scenarios| |controller: &Controller| scenarios.measure(controller));
+    let outcome = training.learn(Training {
         source: &data,
-        settings: args.settings(),
+        settings,
         execution: Execution { jobs: args.jobs(), checkpoint_every: args.checkpoint_every },
         about,
-        closed_loop,
+        measure: measure.as_ref().map(|measure| measure as _),
         observer: &progress,
-    };
-    let outcome = learner.learn(&args.out, args.resume, stop);
+        folder: out,
+        resume: args.resume,
+        stop,
+    });
     progress.end();
     let outcome = outcome?;
-    let (steps, folder) = (outcome.steps, args.out.display());
+    let (steps, folder) = (outcome.steps, out.display());
     if outcome.ending == Ending::Interrupted {
         say(format_args!("interrupted after step {steps}; to continue, repeat the command with --resume"));
         return Ok(ExitStatus::Interrupted);
     }
     if outcome.ending == Ending::NoImprovement {
-        say(format_args!(
-            "ended early: the validation loss did not decrease in {} validations",
-            args.patience
-        ));
+        say(format_args!("ended early: no validation was better than that of the best network for too long"));
     }
     let best = outcome.best.map_or_else(String::new, |best| {
-        format!("; lowest validation loss {:.4} after step {}", best.loss, best.step)
+        let what = if best_by == LOSS { "validation loss" } else { best_by.as_str() };
+        format!("; lowest {what} {:.4} after step {}", best.value, best.step)
     });
     say(format_args!("trained {steps} steps, {:.1} scenarios/s{best}", progress.per_second()));
     say(format_args!("weights: {folder}/{WEIGHTS}; curves: {folder}/{CURVES}"));
@@ -185,13 +145,13 @@ fn train_until<T: Task<Example = Scenario>>(
 }
 
 /// Refuses to continue a training on another backend: its result would be that of neither.
-fn refuse_other_backend(args: &SessionArgs) -> anyhow::Result<()> {
-    let about = fs::read(args.out.join(ABOUT)).ok().and_then(|b| serde_json::from_slice::<Value>(&b).ok());
+fn refuse_other_backend(args: &SessionArgs, folder: &Path) -> anyhow::Result<()> {
+    let about = fs::read(folder.join(ABOUT)).ok().and_then(|b| serde_json::from_slice::<Value>(&b).ok());
     let before = about.as_ref().and_then(|a| a.get("backend")).and_then(Value::as_str);
     match before {
         Some(before) if before != args.backend.name() => bail!(
             "{}: the training was begun on the backend `{before}`: give --backend {before}",
-            args.out.display()
+            folder.display()
         ),
         _ => Ok(()),
     }

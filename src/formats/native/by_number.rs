@@ -33,25 +33,7 @@ impl ByNumber {
     /// [`FormatError`] if the file is not a native file or is damaged.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         let mut table = open(path)?;
-        let refuse = |cause| FormatError::file(path, cause);
-        let mut entries = Vec::new();
-        for group in 0..table.groups() {
-            let batch = table.group(group, &["id", "digest"])?;
-            let id = View::need(&batch, "id", Leaf::Text, 0).map_err(refuse)?;
-            let digest = View::need(&batch, "digest", Leaf::Text, 0).map_err(refuse)?;
-            for row in 0..batch.num_rows() {
-                let text = |view: &View| {
-                    view.text(row).map(str::to_owned).ok_or_else(|| {
-                        refuse(Cause::value(
-                            format!("`{}` of row {}", view.name(), entries.len()),
-                            "null",
-                            "a text",
-                        ))
-                    })
-                };
-                entries.push(Entry { id: text(&id)?, digest: text(&digest)?, group, row });
-            }
-        }
+        let entries = entries(path, &mut table)?;
         Ok(Self { path: path.to_owned(), entries, idle_readers: Mutex::new(vec![table]) })
     }
 
@@ -103,6 +85,40 @@ impl ByNumber {
         }
         Err(changed(format!("scenario `{}` in place of `{}`", scenario.id, entry.id)))
     }
+}
+
+/// Returns the ids of all scenarios of a file in memory.
+///
+/// # Errors
+/// [`FormatError`] if the content is not a native file or is damaged.
+pub fn ids(name: &Path, content: &'static [u8]) -> Result<Vec<String>, FormatError> {
+    let mut table = TableReader::of_bytes(name, content)?;
+    table.require(KIND, VERSION)?;
+    Ok(entries(name, &mut table)?.into_iter().map(|entry| entry.id).collect())
+}
+
+/// Reads ids and digests of all scenarios, and checks the checksums of all row groups.
+fn entries(path: &Path, table: &mut TableReader) -> Result<Vec<Entry>, FormatError> {
+    let refuse = |cause| FormatError::file(path, cause);
+    let mut entries = Vec::new();
+    for group in 0..table.groups() {
+        let batch = table.group(group, &["id", "digest"])?;
+        let id = View::need(&batch, "id", Leaf::Text, 0).map_err(refuse)?;
+        let digest = View::need(&batch, "digest", Leaf::Text, 0).map_err(refuse)?;
+        for row in 0..batch.num_rows() {
+            let text = |view: &View| {
+                view.text(row).map(str::to_owned).ok_or_else(|| {
+                    refuse(Cause::value(
+                        format!("`{}` of row {}", view.name(), entries.len()),
+                        "null",
+                        "a text",
+                    ))
+                })
+            };
+            entries.push(Entry { id: text(&id)?, digest: text(&digest)?, group, row });
+        }
+    }
+    Ok(entries)
 }
 
 fn open(path: &Path) -> Result<TableReader, FormatError> {

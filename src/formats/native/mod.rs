@@ -15,7 +15,7 @@ use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenar
 use super::table::{self, TableReader, TableWriter};
 use crate::scene::Scenario;
 
-pub use by_number::ByNumber;
+pub use by_number::{ByNumber, ids};
 
 /// Value of `reactsim.format` in the metadata.
 const KIND: &str = "reactsim-scenarios";

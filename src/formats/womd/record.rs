@@ -173,6 +173,13 @@ fn check(what: &'static str, data: &[u8], stated: &[u8]) -> Result<(), Cause> {
     Err(Cause::Checksum { what, found: hex(&sum.to_le_bytes()), expected: hex(stated) })
 }
 
+/// Returns a record of a TFRecord file with this payload.
+pub(crate) fn tf_record(payload: &[u8]) -> Vec<u8> {
+    let length = (payload.len() as u64).to_le_bytes();
+    let sums = [masked_crc(&length), masked_crc(payload)].map(u32::to_le_bytes);
+    [&length[..], &sums[0], payload, &sums[1]].concat()
+}
+
 /// Returns the CRC-32C, rotated and offset as in TensorFlow (a plain checksum is weak for data that contain
 /// checksums).
 pub(super) fn masked_crc(data: &[u8]) -> u32 {

@@ -16,7 +16,7 @@ fn a_toy_is_learned() {
     let outcome = trial.learn(folder.path(), false).unwrap();
     assert_eq!(outcome.ending, Ending::Finished);
     let best = outcome.best.unwrap();
-    assert!(best.loss < 0.01, "{best:?}");
+    assert!(best.value < 0.01, "{best:?}");
     let (rows, weights) = left(folder.path());
     assert_eq!(weights.about["step"], best.step);
     assert_eq!(rows.last().unwrap().step(), outcome.steps);

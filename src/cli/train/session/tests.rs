@@ -8,7 +8,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use clap::Parser;
 
 use super::*;
-use crate::training::{ABOUT, LOG, Output, Stream, Sums, View, draw_parameters, read_log};
+use crate::models::learning::SimulatorTask;
+use crate::scene::Scenario;
+use crate::training::{LOG, Output, Stream, Sums, Task, View, draw_parameters, read_log};
 
 #[derive(Debug, Parser)]
 struct Line {
@@ -53,15 +55,37 @@ impl Task for Speeds {
     }
 }
 
-fn run(scenarios: &[&str], out: &Path, more: &[&str]) -> anyhow::Result<ExitStatus> {
-    let out = out.display().to_string();
-    let fixed = ["--out", &out, "--epochs", "20", "--batch", "4", "--learning-rate", "0.05"];
-    let line = ["train"].iter().chain(scenarios).chain(&fixed).chain(more);
-    train_until(&Line::try_parse_from(line)?.args, &Speeds, None, &AtomicBool::new(more == INTERRUPTED))
+impl SimulatorTask for Speeds {
+    fn controller(&self, _: &Net) -> Result<Controller, String> {
+        Err("it does not drive".to_owned())
+    }
 }
 
-/// Arguments of a training that is interrupted immediately.
-const INTERRUPTED: &[&str] = &["--validate-every", "5"];
+fn run(scenarios: &[&str], out: &Path, more: &[&str]) -> anyhow::Result<ExitStatus> {
+    run_every(5, false, scenarios, out, more)
+}
+
+/// Trains with validations after so many steps; `interrupted` before the first one.
+fn run_every(
+    validate_every: u64,
+    interrupted: bool,
+    scenarios: &[&str],
+    out: &Path,
+    more: &[&str],
+) -> anyhow::Result<ExitStatus> {
+    let out = out.display().to_string();
+    let line = [&["train"], scenarios, &["--out", &out], more].concat();
+    let args = Line::try_parse_from(line)?.args;
+    let settings = Settings {
+        seed: args.seed,
+        epochs: 20.0,
+        batch: 4,
+        learning_rate: 0.05,
+        validate_every,
+        ..Settings::default()
+    };
+    train(&args, &Speeds, settings, None, &AtomicBool::new(interrupted))
+}
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
@@ -69,7 +93,7 @@ const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 fn scenarios_of_any_format_are_learned_from() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("a");
-    assert_eq!(run(&[MINI], &out, &["--validate-every", "5", "--jobs", "2"]).unwrap(), ExitStatus::Done);
+    assert_eq!(run(&[MINI], &out, &["--jobs", "2"]).unwrap(), ExitStatus::Done);
     for name in [ABOUT, LOG, WEIGHTS, CURVES, "cache"] {
         assert!(out.join(name).exists(), "{name}");
     }
@@ -99,10 +123,10 @@ fn scenarios_of_any_format_are_learned_from() {
 #[test]
 fn an_interrupted_training_leaves_a_checkpoint_and_goes_on() {
     let folder = tempfile::tempdir().unwrap();
-    assert_eq!(run(&[MINI], folder.path(), INTERRUPTED).unwrap(), ExitStatus::Interrupted);
+    assert_eq!(run_every(5, true, &[MINI], folder.path(), &[]).unwrap(), ExitStatus::Interrupted);
     assert!(folder.path().join("checkpoint-00000000.safetensors").exists());
     assert!(!folder.path().join(WEIGHTS).exists());
-    let again = run(&[MINI], folder.path(), &["--validate-every", "5", "--resume"]).unwrap();
+    let again = run(&[MINI], folder.path(), &["--resume"]).unwrap();
     assert_eq!(again, ExitStatus::Done);
     assert!(folder.path().join(WEIGHTS).exists());
 }
@@ -110,7 +134,7 @@ fn an_interrupted_training_leaves_a_checkpoint_and_goes_on() {
 #[test]
 fn weights_that_are_gone_are_missed() {
     let folder = tempfile::tempdir().unwrap();
-    let trained = |more: &[&str]| run(&[MINI], folder.path(), &[&["--validate-every", "4"], more].concat());
+    let trained = |more: &[&str]| run_every(4, false, &[MINI], folder.path(), more);
     assert_eq!(trained(&[]).unwrap(), ExitStatus::Done);
     let weights = folder.path().join(WEIGHTS);
     let bytes = fs::read(&weights).unwrap();

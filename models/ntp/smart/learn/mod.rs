@@ -1,0 +1,9 @@
+//! Training of the network on scenarios: recipe, samples, loss.
+
+mod recipe;
+mod sample;
+mod task;
+
+pub use recipe::{Augmentation, NetworkSizes, Recipe};
+pub use sample::Sample;
+pub use task::{NextSmartToken, TASK};

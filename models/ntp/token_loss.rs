@@ -1,0 +1,65 @@
+//! Loss of next-token prediction: the cross-entropy of smoothed labels.
+
+use burn::tensor::activation::log_softmax;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use reactsim::training::{Output, Sums};
+
+use super::smoothing::TargetDistributions;
+use crate::models::perception::Class;
+
+/// Label of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Target {
+    /// Row of the node.
+    pub row: usize,
+    /// Class of the agent.
+    pub class: Class,
+    /// Token to choose.
+    pub token: usize,
+    /// Weight in the loss.
+    pub weight: f32,
+}
+
+/// Returns loss, accuracy and surprise (mean negative log-likelihood of the labels, nats) of scores.
+/// `scores` returns those of the given rows of nodes of a class, [rows, tokens of the class].
+pub(crate) fn token_loss(
+    targets: &[Target],
+    distributions: &TargetDistributions,
+    device: &Device,
+    scores: impl Fn(Class, Tensor<1, Int>) -> Tensor<2>,
+) -> Output {
+    let mut loss = Tensor::zeros([1], device);
+    let (mut weight, mut right, mut surprise) = (0.0, 0.0, 0.0);
+    for class in Class::ALL {
+        let own: Vec<&Target> = targets.iter().filter(|t| t.class == class).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let ints = |values: Vec<i32>| {
+            let n = values.len();
+            Tensor::<1, Int>::from_data(TensorData::new(values, [n]), device)
+        };
+        let rows = ints(own.iter().map(|t| t.row as i32).collect());
+        let labels = ints(own.iter().map(|t| t.token as i32).collect());
+        let values: Vec<f32> = own.iter().map(|t| t.weight).collect();
+        weight += values.iter().map(|&w| f64::from(w)).sum::<f64>();
+        let weights = Tensor::<2>::from_data(TensorData::new(values, [own.len(), 1]), device);
+
+        let log_p = log_softmax(scores(class, rows), 1);
+        let target = distributions.of_labels(class, labels.clone());
+        loss = loss - (log_p.clone() * target * weights.clone()).sum();
+
+        // Metrics only: no gradients needed.
+        let log_p = log_p.inner();
+        let weights = weights.inner();
+        let labels = labels.inner().unsqueeze_dim::<2>(1);
+        let likeliest = log_p.clone().argmax(1);
+        let hits = likeliest.equal(labels.clone()).float() * weights.clone();
+        right += f64::from(hits.sum().into_scalar::<f32>());
+        surprise -= f64::from((log_p.gather(1, labels) * weights).sum().into_scalar::<f32>());
+    }
+    let mut metrics = Sums::new();
+    metrics.add("accuracy", right, weight);
+    metrics.add("surprise", surprise, weight);
+    Output { loss, items: weight, metrics }
+}

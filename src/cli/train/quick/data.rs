@@ -1,0 +1,111 @@
+//! Training data of the quick path: logs, and scenarios in which agents react to an AV that leaves its log.
+
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context, anyhow};
+
+use crate::cli::futures::replace_future;
+use crate::cli::progress::Progress;
+use crate::curation::driver::CurationObserver;
+use crate::curation::{Chooser, CurationOutcome, CurationSettings, SOURCES, curate_scenario};
+use crate::formats::native::{ByNumber, Writer};
+use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
+use crate::models;
+use crate::rollout::{Controller, DeviatedAv, Request, Settings, roll_out};
+use crate::scene::Scenario;
+
+/// Seed of the data, which are the same in every quick training.
+const SEED: u64 = 1;
+/// Number of generated logs.
+const LOGS: u64 = 800;
+/// Number of further logs, of which those become scenarios with reactions whose AV can deviate.
+const DEVIATED_LOGS: u64 = 900;
+/// Simulator that reacts.
+const REACTING: &str = "idm";
+
+/// Files of training data.
+pub(super) struct Files {
+    /// Logs.
+    pub(super) logs: PathBuf,
+    /// Scenarios with reactions.
+    pub(super) reactions: PathBuf,
+}
+
+/// Writes the files that a folder does not have yet. `None` if it was stopped.
+pub(super) fn make(folder: &Path, jobs: usize, stop: &AtomicBool) -> anyhow::Result<Option<Files>> {
+    fs::create_dir_all(folder).with_context(|| format!("could not write {}", folder.display()))?;
+    let files = Files { logs: folder.join("logs.parquet"), reactions: folder.join("reactions.parquet") };
+    let preset = Preset::Train;
+    let generator =
+        Generator::new(GenerationSettings { preset, seed: SEED, maps: Vec::new(), density: None })?;
+    let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
+    // Numbers of scenarios are apart, so that no scenario is in both files.
+    let log = |number| generator.scenario(number).ok();
+    let reaction = |number| generator.scenario(LOGS + number).ok().map(|log| with_reactions(log, &idm));
+    let done = write(&files.logs, LOGS, jobs, stop, |number| Ok(log(number)))?
+        && write(&files.reactions, DEVIATED_LOGS, jobs, stop, |number| {
+            reaction(number).transpose().map(Option::flatten)
+        })?;
+    Ok(done.then_some(files))
+}
+
+/// Writes the scenarios that `make` returns for the numbers below `end`, unless the file is there already. Returns
+/// whether the file is complete.
+fn write(
+    path: &Path,
+    end: u64,
+    jobs: usize,
+    stop: &AtomicBool,
+    make: impl Fn(u64) -> anyhow::Result<Option<Scenario>> + Sync,
+) -> anyhow::Result<bool> {
+    if path.exists() {
+        // A file has its name only when it is complete.
+        ByNumber::open(path)?;
+        return Ok(true);
+    }
+    let progress = Progress::new();
+    progress.set_total(Some(end as usize));
+    let mut writer = Writer::create(path)?;
+    let ending = in_order(
+        end,
+        jobs,
+        stop,
+        &mut (),
+        |(), number| make(number),
+        |(), number, scenario| {
+            if let Some(scenario) = scenario? {
+                writer.write(&scenario)?;
+            }
+            progress.scenario_done(number as usize + 1);
+            Ok::<_, anyhow::Error>(ControlFlow::Continue(()))
+        },
+    );
+    progress.end();
+    if ending? == Ending::Stopped {
+        return Ok(false);
+    }
+    writer.finish()?;
+    Ok(true)
+}
+
+/// Returns the scenario with an AV that deviates and agents that react to it; `None` if nothing was found that its
+/// AV could do.
+fn with_reactions(mut scenario: Scenario, simulator: &Controller) -> anyhow::Result<Option<Scenario>> {
+    let settings = CurationSettings { seed: SEED, scenes: false, ..CurationSettings::default() };
+    let CurationOutcome::Retained(mut record, _) = curate_scenario(&scenario, SOURCES[0], &settings) else {
+        return Ok(None);
+    };
+    let mut chooser = Chooser::new();
+    let Some(chosen) = chooser.choose_among(&mut record, |_| true) else { return Ok(None) };
+    let track = chosen.candidate.track[1..].to_vec();
+    let av = Box::new(DeviatedAv::new(&scenario.start.now(0), track)?);
+    let request = Request { scenario: &scenario, av, rollout: 0 };
+    let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
+    let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;
+    let futures = rollout.tracks.iter().map(|track| &track[crate::scene::CURRENT + 1..]);
+    replace_future(&mut scenario, futures, REACTING);
+    Ok(Some(scenario))
+}

@@ -1,0 +1,115 @@
+//! `reactsim train quick`: from nothing to a trained network in the table, in a few minutes.
+
+mod data;
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, FromArgMatches};
+
+use super::recipe::RecipeArgs;
+use super::session::{self, SessionArgs};
+use super::task;
+use crate::cli::{Command, ExitStatus, command_line, note, run, say, stop_on_interrupt};
+use crate::models::learning::learning_settings;
+use crate::training::WEIGHTS;
+
+/// Task and recipe of the quick training.
+const TASK: &str = "ntp-reactive";
+const RECIPE: &str = "quick";
+/// How often the scenarios in which agents react to a deviated AV are seen per epoch.
+const REACTIONS_PER_EPOCH: f64 = 3.0;
+/// Name of the new network in the table.
+const VARIANT: &str = "quick";
+
+const AFTER: &str = "\
+1. Generates 800 logs, and 900 others in which the AV deviates and the agents react to it as `idm` does.
+2. Trains a reactive network of 0.2 million weights on them.
+3. Runs it on the shipped benchmark next to the baselines.
+
+The files in --out are those of `generate`, `train` and `run`, so that every step can be repeated and
+changed; the tutorial on training goes on from there.";
+
+/// Arguments of `train quick`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct QuickArgs {
+    /// Folder to write: scenarios, training, run
+    #[arg(long, default_value = "quick", value_name = "FOLDER")]
+    out: PathBuf,
+    /// Seed of the network's initial weights and of the order of the data
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    seed: u64,
+    /// Continue in --out where it was interrupted
+    #[arg(long)]
+    resume: bool,
+    /// Threads; they do not change the result [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+}
+
+pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
+    let stop = stop_on_interrupt("keeping what is finished")?;
+    let mut session = SessionArgs::quick(&args.out, args.seed, args.resume, args.jobs);
+    let Some(files) = data::make(&args.out, session.jobs(), &stop)? else {
+        say(format_args!("interrupted; to continue, repeat the command with --resume"));
+        return Ok(ExitStatus::Interrupted);
+    };
+    let (logs, reactions) = (files.logs.display(), files.reactions.display());
+    session.scenarios = vec![logs.to_string(), format!("{reactions}={REACTIONS_PER_EPOCH}")];
+
+    let task = task::find(TASK)?;
+    let recipe = RecipeArgs::named(RECIPE).read(task)?;
+    let settings = learning_settings(&recipe, args.seed)?;
+    let training = task::build(task, recipe, &[], None, session.backend)?;
+    let trained = session.folder()?.join(WEIGHTS);
+    let status = session::train(&session, training.as_ref(), settings, None, &stop)?;
+    if status != ExitStatus::Done {
+        return Ok(status);
+    }
+    let status = table(args, &trained, &stop)?;
+    if status == ExitStatus::Done {
+        show_next_steps(&args.out, &trained);
+    }
+    Ok(status)
+}
+
+/// Runs the baselines and the new network on the shipped benchmark and prints the table.
+fn table(args: &QuickArgs, weights: &Path, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
+    let (raw, projected) = (format!("{TASK}-raw@{VARIANT}"), format!("{TASK}@{VARIANT}"));
+    let models = format!("log-replay,constant-velocity,stop,idm,{TASK}-raw,{TASK},{raw},{projected}");
+    let mut line: Vec<OsString> = ["reactsim", "run", "--models", &models].map(OsString::from).to_vec();
+    for id in [raw, projected] {
+        line.push("--model-weights".into());
+        let mut value = OsString::from(format!("{id}="));
+        value.push(weights);
+        line.push(value);
+    }
+    let folder = args.out.join("run");
+    line.extend(["--out".into(), folder.clone().into_os_string()]);
+    line.push("--keep-rollouts".into());
+    if args.resume && folder.exists() {
+        line.push("--resume".into());
+    }
+    if let Some(jobs) = args.jobs {
+        line.extend(["--jobs".into(), jobs.to_string().into()]);
+    }
+    let matches = command_line().try_get_matches_from(line)?;
+    let cli = crate::cli::Cli::from_arg_matches(&matches)?;
+    match cli.command {
+        Some(Command::Run(args)) => run::run_until(args, stop),
+        _ => Ok(ExitStatus::BadInput),
+    }
+}
+
+fn show_next_steps(out: &Path, weights: &Path) {
+    let (out, weights) = (out.display(), weights.display());
+    note(format_args!(
+        "\nnext:\n  \
+         reactsim view {out}/run                                     look at its scenes\n  \
+         reactsim train {TASK} --print-recipe --recipe {RECIPE}          see what can be changed\n  \
+         reactsim train {TASK} YOUR-LOGS --recipe {RECIPE} --from {weights} --out further\n  \
+         reactsim train {TASK} {out}/logs.parquet {out}/reactions.parquet={REACTIONS_PER_EPOCH} --out large"
+    ));
+}

@@ -1,0 +1,112 @@
+//! `reactsim train TASK`: trains the network of a task.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail};
+use clap::Args;
+
+use super::closed_loop::ClosedLoopArgs;
+use super::recipe::RecipeArgs;
+use super::session::{self, SessionArgs};
+use crate::cli::suggestion::did_you_mean;
+use crate::cli::{ExitStatus, note, stop_on_interrupt, write_result};
+use crate::files::read_regular;
+use crate::models::learning::{TaskSetup, Trainable, TrainingTask, learning_settings, recipe_document};
+use crate::models::nn::Backend;
+use crate::models::{Parameters, TASKS, WeightsFile, find_task};
+use crate::training::WEIGHTS;
+
+/// Arguments of a training.
+#[derive(Debug, Args)]
+pub(super) struct TaskArgs {
+    /// What to train; `reactsim list tasks` names the tasks
+    task: Option<String>,
+    /// Print the recipe with all values, units and ranges (TOML), and end
+    #[arg(long)]
+    print_recipe: bool,
+    #[command(flatten)]
+    recipe: RecipeArgs,
+    /// File that the task is given, such as vocabulary=tokens.safetensors; may be repeated
+    #[arg(long, value_name = "NAME=FILE")]
+    input: Vec<String>,
+    /// Start from the weights of an earlier training instead of new ones
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    #[command(flatten)]
+    session: SessionArgs,
+    #[command(flatten)]
+    closed_loop: ClosedLoopArgs,
+}
+
+pub(super) fn task(args: &TaskArgs) -> anyhow::Result<ExitStatus> {
+    let Some(id) = &args.task else {
+        bail!("give a task and scenarios; `reactsim list tasks` names the tasks");
+    };
+    let task = find(id)?;
+    let recipe = args.recipe.read(task)?;
+    if args.print_recipe {
+        let text = recipe_document(&recipe)?;
+        write_result(None, |out| {
+            writeln!(out, "# Recipe of the task `{}`, with all values.\n\n{text}", task.id)
+        })?;
+        return Ok(ExitStatus::Done);
+    }
+    let settings = learning_settings(&recipe, args.session.seed)?;
+    let training = build(task, recipe, &args.input, args.from.as_deref(), args.session.backend)?;
+    let closed_loop = args.closed_loop.read()?;
+    let stop = stop_on_interrupt("writing a checkpoint after this step")?;
+    let status = session::train(&args.session, training.as_ref(), settings, closed_loop.as_ref(), &stop)?;
+    if status == ExitStatus::Done
+        && let Some(id) = task.simulators.first()
+    {
+        let folder = args.session.folder()?.display();
+        note(format_args!(
+            "next: reactsim run --models {id},{id}@mine --model-weights {id}@mine={folder}/{WEIGHTS}"
+        ));
+    }
+    Ok(status)
+}
+
+/// Returns the task with this id.
+pub(super) fn find(id: &str) -> anyhow::Result<&'static TrainingTask> {
+    find_task(id).ok_or_else(|| {
+        let known: Vec<&str> = TASKS.iter().map(|task| task.id).collect();
+        let meant = did_you_mean(id, known.iter().copied());
+        anyhow!("there is no task `{id}`; the tasks are {}{meant}", known.join(", "))
+    })
+}
+
+/// Builds the training of a task.
+pub(super) fn build(
+    task: &TrainingTask,
+    recipe: Parameters,
+    inputs: &[String],
+    from: Option<&Path>,
+    backend: Backend,
+) -> anyhow::Result<Box<dyn Trainable>> {
+    backend.check()?;
+    let mut files = BTreeMap::new();
+    for text in inputs {
+        let Some((name, path)) = text.split_once('=') else {
+            bail!("--input `{text}`: write NAME=FILE, such as vocabulary=tokens.safetensors");
+        };
+        let known = || task.inputs.iter().map(|input| input.name);
+        let Some(name) = known().find(|known| *known == name) else {
+            let meant = did_you_mean(name, known());
+            let list: Vec<&str> = known().collect();
+            let list = if list.is_empty() { "no files".to_owned() } else { list.join(", ") };
+            bail!("--input {text}: the task `{}` takes {list}{meant}", task.id);
+        };
+        if files.insert(name, file(Path::new(path))?).is_some() {
+            bail!("--input {name}: given twice");
+        }
+    }
+    let from = from.map(file).transpose()?;
+    Ok((task.make)(TaskSetup { recipe, inputs: files, from, device: backend.device() })?)
+}
+
+fn file(path: &Path) -> anyhow::Result<WeightsFile> {
+    let bytes = read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
+    Ok(WeightsFile::new(path.display().to_string(), bytes))
+}
