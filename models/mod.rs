@@ -96,9 +96,10 @@ pub fn find(id: &str) -> Option<&'static Baseline> {
 }
 
 /// All training tasks.
-pub const TASKS: &[TrainingTask] = &[ntp::learn::TASK, ntp::smart::learn::TASK, qp_regression::learn::TASK];
+pub const TASKS: &[TrainingTask] =
+    &[ntp::learn::TASK, ntp::smart::learn::TASK, ntp::smart::learn::catk::TASK, qp_regression::learn::TASK];
 
-/// Returns the training task with this id.
+/// Returns the training task with this id or earlier name.
 pub fn find_task(id: &str) -> Option<&'static TrainingTask> {
-    TASKS.iter().find(|task| task.id == id)
+    TASKS.iter().find(|task| task.id == id || task.also.contains(&id))
 }

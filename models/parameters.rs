@@ -211,7 +211,11 @@ mod tests {
             ("car", "1", "no parameter `car`"),
             ("car.limits.speed.x", "1", "no parameter `car.limits.speed.x`"),
             ("", "1", "no parameter ``"),
-            ("count", "1.5", "`1.5` is not a valid `count` for `some`: expected a value of type integer, such as 3"),
+            (
+                "count",
+                "1.5",
+                "`1.5` is not a valid `count` for `some`: expected a value of type integer, such as 3",
+            ),
             ("count", "1\nx = 2", "not a valid"),
             ("car.limits.speed", "nan", "`car.limits.speed` is nan, expected"),
             ("car.limits.speed", "inf", "`car.limits.speed` is inf, expected"),

@@ -17,6 +17,8 @@ use super::recipe::{LEARNING, recipe_parameters};
 pub struct TrainingTask {
     /// Stable id, such as `ntp-reactive`.
     pub id: &'static str,
+    /// Earlier names, which are accepted too.
+    pub also: &'static [&'static str],
     /// One-line description.
     pub title: &'static str,
     /// Ids of the simulators that read the trained weights.

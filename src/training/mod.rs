@@ -38,6 +38,7 @@ pub use folder::{ABOUT, LOG, WEIGHTS};
 pub use initial::draw_parameters;
 pub use learner::{ClosedLoop, Ending, Learner, Observer, Outcome};
 pub use log::{Row, StepRow, ValidationRow, Wall, read_log};
+pub use parameters::parameter_paths;
 pub use settings::{Execution, LOSS, Settings};
 pub use stream::Stream;
 pub use sums::Sums;

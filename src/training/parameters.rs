@@ -42,6 +42,11 @@ pub(super) fn read<M: Module>(model: &M) -> (Layout, Vec<f32>) {
     (reader.layout, reader.values)
 }
 
+/// Returns the paths of the trained parameters of a network, in order: names of modules, joined by dots.
+pub fn parameter_paths<M: Module>(model: &M) -> Vec<String> {
+    read(model).0.parameters.into_iter().map(|parameter| parameter.path).collect()
+}
+
 /// Returns the network with these values. Its parameters are new leaves, so that it shares no graph
 /// with other copies, which burn would guard by one lock.
 pub(super) fn write<M: Module>(model: M, values: &[f32]) -> M {

@@ -6,3 +6,4 @@ pub(crate) mod call;
 mod changes;
 mod files;
 mod kills;
+mod trainings;

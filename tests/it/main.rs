@@ -53,6 +53,7 @@ mod variants;
 mod wosac;
 mod smart_golden;
 mod smart_simulator;
+mod smart_training;
 
 // Sources of the library that are compiled here again use the geometry by this path.
 use reactsim::geometry;

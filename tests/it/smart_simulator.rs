@@ -57,7 +57,7 @@ impl ModuleMapper for Loud {
     }
 }
 
-fn policy(device: &Device) -> SmartPolicy {
+pub(crate) fn policy(device: &Device) -> SmartPolicy {
     let vocabulary = coarse().build().unwrap();
     let [veh, ped, cyc] = Class::ALL.map(|c| vocabulary.tokens(c));
     let config = format!(

@@ -415,6 +415,17 @@ fn the_published_network_is_trained_and_drives() {
     assert!(String::from_utf8_lossy(&table.stdout).contains("| SMART "));
     train(&at("further"), "2", &["--from", &weights, "--set", "learning.epochs=1"]);
 
+    // Fine-tuning in closed loop, from these weights.
+    let tune = |out: &str, jobs: &str| {
+        let base = ["train", "catk", text(&few), "--recipe", "reactive", "--from", &weights];
+        let settings = ["--set", "learning.epochs=1", "--set", "learning.batch=2", "--set", "steps=6"];
+        done(&[&base[..], &settings, &["--out", out, "--jobs", jobs]].concat());
+        fs::read(Path::new(out).join("weights.safetensors")).unwrap()
+    };
+    assert!(tune(&at("tuned"), "1") == tune(&at("again"), "2"), "weights depend on the number of threads");
+    let output = reactsim(&["train", "catk", text(&few), "--out", &at("no")]);
+    assert!(said(&output).contains("give --from FILE"), "{}", said(&output));
+
     let refused = |more: &[&str]| {
         let output = reactsim(&[&base[..], more, &["--out", &at("no")]].concat());
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));

@@ -25,6 +25,7 @@ use crate::models::perception::{Class, KnownMap};
 /// Training of our network.
 pub const TASK: TrainingTask = TrainingTask {
     id: ID,
+    also: &["ntp"],
     title: "Next-token prediction with the reactive network, 0.9 million weights by default",
     simulators: &[ID, "ntp-reactive-raw"],
     defaults: || recipe_values(&Recipe::default(), &Settings::default()),

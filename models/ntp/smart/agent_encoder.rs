@@ -53,6 +53,23 @@ impl AgentEncoder {
         }
     }
 
+    /// Returns the encoder with all embeddings fixed.
+    pub(super) fn with_frozen_embeddings(self) -> Self {
+        Self {
+            token_emb_veh: self.token_emb_veh.no_grad(),
+            token_emb_ped: self.token_emb_ped.no_grad(),
+            token_emb_cyc: self.token_emb_cyc.no_grad(),
+            type_a_emb: self.type_a_emb.no_grad(),
+            shape_emb: self.shape_emb.no_grad(),
+            x_a_emb: self.x_a_emb.no_grad(),
+            fusion_emb: self.fusion_emb.no_grad(),
+            r_t_emb: self.r_t_emb.no_grad(),
+            r_pt2a_emb: self.r_pt2a_emb.no_grad(),
+            r_a2a_emb: self.r_a2a_emb.no_grad(),
+            ..self
+        }
+    }
+
     pub(super) fn token_embedding(&self, class: usize) -> &MlpEmbedding {
         [&self.token_emb_veh, &self.token_emb_ped, &self.token_emb_cyc][class]
     }

@@ -94,6 +94,17 @@ impl Smart {
         Ok(tensors.load(network)?)
     }
 
+    /// Returns the network with everything but the attention of agents and the token heads fixed, as CATK trains
+    /// it: the encoder of the map, and the embeddings of tokens, motion, classes, shapes and relations.
+    pub(super) fn with_frozen_embeddings(self) -> Self {
+        let Self { map_encoder, agent_encoder, config } = self;
+        Self {
+            map_encoder: map_encoder.no_grad(),
+            agent_encoder: agent_encoder.with_frozen_embeddings(),
+            config,
+        }
+    }
+
     /// Returns the configuration.
     pub fn config(&self) -> &SmartConfig {
         &self.config

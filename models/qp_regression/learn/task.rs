@@ -25,6 +25,7 @@ use crate::models::perception::Class;
 /// Training of the regression network.
 pub const TASK: TrainingTask = TrainingTask {
     id: ID,
+    also: &[],
     title: "Motion prediction in the manner of MTR, 0.6 million weights by default",
     simulators: &[ID, "regression"],
     defaults: || recipe_values(&Recipe::default(), &Settings::default()),

@@ -1,5 +1,6 @@
 //! Training of the network on scenarios: recipe, samples, loss.
 
+pub mod catk;
 mod recipe;
 mod sample;
 mod task;

@@ -1,15 +1,14 @@
 //! Training samples: logged scenes as tokens, with the token to choose at every step.
 
 use rand::RngExt;
-use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
-use reactsim::scene::{CURRENT, Frame, Scenario};
+use reactsim::scene::{Agent, CURRENT, Frame, Scenario};
 use reactsim::training::Stream;
 
 use super::super::super::token_loss::Target;
 use super::super::super::tokens::{
-    CurveKind, CurvePiece, MapVocabulary, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, TokenNoise, Vocabulary,
-    curve_pieces, fill_gaps, motion_between,
+    CurveKind, CurvePiece, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, TokenNoise,
+    TokenTrack, Vocabulary, curve_pieces, fill_gaps, motion_between,
 };
 use super::super::observed::map_tokens_of;
 use super::super::{Agents, Edges, Scene, SmartConfig, Step};
@@ -76,8 +75,7 @@ pub(super) fn sample(
     };
     let mut known = 0;
     for slot in 0..scene.agents.len() {
-        let class = if slot == 0 { Some(Class::Vehicle) } else { Class::of(scene.agents[slot].kind) };
-        let Some(class) = class else { continue };
+        let Some(class) = class_of(&scene.agents, slot) else { continue };
         if known == recipe.agents {
             break;
         }
@@ -92,19 +90,15 @@ pub(super) fn sample(
         let agent = &scene.agents[slot];
         sample.scene.agents.class.push(class.index() as u8);
         sample.scene.agents.shape.push([agent.length as f32, agent.width as f32, recipe.height as f32]);
-        let weight = if scene.is_parked(slot) { PARKED_WEIGHT } else { 1.0 };
+        let weight = loss_weight(&scene, slot);
         for (at, step) in (first..first + steps).zip(&mut sample.scene.steps) {
-            let (pose, valid) = (tokens.poses[at], tokens.valid[at]);
-            step.position.push([pose.position.x as f32, pose.position.y as f32]);
-            step.heading.push(pose.heading as f32);
-            step.valid.push(valid);
-            step.token.push(tokens.tokens[at] as u32);
-            if !valid || !tokens.valid.get(at + 1).copied().unwrap_or(false) {
+            put(step, &track, &tokens, at);
+            if !tokens.valid[at] || !tokens.valid.get(at + 1).copied().unwrap_or(false) {
                 continue;
             }
             // The step that the history of a rollout begins with is not predicted from.
             let Some(goal) = track.pose((at + 2) * TOKEN_FRAMES).filter(|_| at > 0) else { continue };
-            let token = vocabulary.nearest(class, back_to(pose, goal));
+            let token = vocabulary.nearest(class, motion_between(tokens.poses[at], goal));
             let row = (known - 1) * steps + at - first;
             sample.targets.push(Target { row, class, token, weight });
         }
@@ -118,7 +112,7 @@ pub(super) fn sample(
 
 /// Removes map tokens from which nothing reaches an agent, which are most of a map: agents see some tokens, and
 /// every layer of the map connects those with their neighbours.
-fn forget_unseen_pieces(scene: &mut Scene, config: &SmartConfig) {
+pub(super) fn forget_unseen_pieces(scene: &mut Scene, config: &SmartConfig) {
     let mut seen = vec![false; scene.map.len()];
     for step in &scene.steps {
         let edges = Edges::from_map(config, &scene.map, step);
@@ -134,9 +128,26 @@ fn forget_unseen_pieces(scene: &mut Scene, config: &SmartConfig) {
     scene.map.retain(&seen);
 }
 
-/// Returns the motion that leads from the pose of a tokenised agent to its log.
-fn back_to(pose: Pose, goal: Pose) -> Pose {
-    motion_between(pose, goal)
+/// Adds an agent to a step of a scene. At an invalid step its true position is stated, from which the motion at the
+/// next step counts.
+pub(super) fn put(step: &mut Step, track: &PreparedTrack, tokens: &TokenTrack, at: usize) {
+    let (token, valid) = (tokens.tokens[at], tokens.valid[at]);
+    let pose = if valid { Some(tokens.poses[at]) } else { track.pose((at + 1) * TOKEN_FRAMES) };
+    let pose = pose.unwrap_or(ORIGIN);
+    step.position.push([pose.position.x as f32, pose.position.y as f32]);
+    step.heading.push(pose.heading as f32);
+    step.valid.push(valid);
+    step.token.push(token as u32);
+}
+
+/// Returns the class of an agent; the AV counts as a vehicle.
+pub(super) fn class_of(agents: &[Agent], slot: usize) -> Option<Class> {
+    if slot == 0 { Some(Class::Vehicle) } else { Class::of(agents[slot].kind) }
+}
+
+/// Returns the weight of an agent's labels.
+pub(super) fn loss_weight<M>(scene: &LearningScene<M>, slot: usize) -> f32 {
+    if scene.is_parked(slot) { PARKED_WEIGHT } else { 1.0 }
 }
 
 impl Augmentation {

@@ -25,6 +25,7 @@ use crate::models::perception::Class;
 /// Training of SMART and TrajTok.
 pub const TASK: TrainingTask = TrainingTask {
     id: ID,
+    also: &[],
     title: "Next-token prediction with the published network of SMART and TrajTok",
     simulators: &[ID, "smart-projected"],
     defaults: || recipe_values(&Recipe::default(), &Settings::default()),

@@ -1,0 +1,46 @@
+//! Recipe of a fine-tuning.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::super::super::smoothing::Smoothing;
+
+/// Settings of fine-tuning, in addition to the data and the learner's own settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CatkRecipe {
+    /// Number of agents per scenario, nearest to the AV first.
+    pub agents: usize,
+    /// Radius of the known map around the AV's position at the current frame, metres.
+    pub map_radius: f64,
+    /// Height of all boxes, metres.
+    pub height: f64,
+    /// Number of likeliest tokens of which the nearest to the record is executed.
+    pub top_k: usize,
+    /// Number of steps that the network drives.
+    pub steps: usize,
+    /// Whether the AV follows its record instead of the network.
+    pub external_av: bool,
+    /// Probability that a scene is mirrored.
+    pub mirror: f64,
+    /// Largest relative change of scale, up or down.
+    pub stretch: f64,
+    /// Label smoothing.
+    pub smoothing: Smoothing,
+}
+
+impl Default for CatkRecipe {
+    /// Returns the published settings, with the numbers of agents and map pieces of `smart`.
+    fn default() -> Self {
+        Self {
+            agents: 32,
+            map_radius: 100.0,
+            height: 1.8,
+            top_k: 32,
+            steps: 16,
+            external_av: false,
+            mirror: 0.5,
+            stretch: 0.0,
+            smoothing: Smoothing { uniform: 0.0, spatial: 0.0 },
+        }
+    }
+}

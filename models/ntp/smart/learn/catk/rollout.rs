@@ -1,0 +1,102 @@
+//! The rollout: the network drives, kept near the record.
+
+use reactsim::dynamics::Pose;
+
+use super::super::super::super::token_loss::Target;
+use super::super::super::super::tokens::{ORIGIN, Vocabulary, motion_between, moved, token_of_motion};
+use super::super::super::{InputError, Scene, Smart, Step, TokenTables};
+use super::CatkRecipe;
+use super::sample::{CatkSample, HISTORY, RecordedAgent};
+
+/// Number of the AV among the agents of a sample.
+const AV: usize = 0;
+
+/// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels. Rows are
+/// nodes as in a batch: by agent, then step.
+///
+/// # Errors
+/// [`InputError`] if the network cannot read the sample.
+pub(super) fn roll_out(
+    network: &Smart,
+    tables: &TokenTables,
+    sample: &CatkSample,
+    recipe: &CatkRecipe,
+    vocabulary: &Vocabulary,
+) -> Result<(Scene, Vec<Target>), InputError> {
+    let map = network.encode_map(tables, &sample.scene.map)?;
+    let mut episode = network.begin(tables, map, sample.scene.agents.clone())?;
+    let mut scene = sample.scene.clone();
+    let (mut targets, steps) = (Vec::new(), HISTORY + recipe.steps);
+    let mut poses: Vec<Option<Pose>> = sample.agents.iter().map(|agent| agent.pose).collect();
+    for earlier in &scene.steps[..HISTORY - 1] {
+        network.advance(tables, &mut episode, earlier.clone())?;
+    }
+    for step in 0..recipe.steps {
+        let now = HISTORY - 1 + step;
+        let scores = network.step(tables, &mut episode, scene.steps[now].clone())?;
+        let width = scores.dims()[1];
+        let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
+        let mut next = Step::default();
+        for (number, agent) in sample.agents.iter().enumerate() {
+            let own = &scores[number * width..][..vocabulary.tokens(agent.class)];
+            let (pose, token) = match poses[number] {
+                None => (None, 0),
+                Some(pose) => {
+                    let goal = agent.record[step].map(|goal| motion_between(pose, goal));
+                    if let Some(goal) = goal {
+                        let token = vocabulary.nearest(agent.class, goal);
+                        let row = number * steps + now;
+                        targets.push(Target { row, class: agent.class, token, weight: agent.weight });
+                    }
+                    if number == AV && recipe.external_av {
+                        follow(agent, pose, step, vocabulary)
+                    } else {
+                        let token = choose(own, goal, agent, recipe.top_k, vocabulary);
+                        (Some(moved(pose, vocabulary.end(agent.class, token))), token)
+                    }
+                }
+            };
+            poses[number] = pose;
+            let shown = pose.unwrap_or(ORIGIN);
+            next.position.push([shown.position.x as f32, shown.position.y as f32]);
+            next.heading.push(shown.heading as f32);
+            next.valid.push(pose.is_some());
+            next.token.push(token as u32);
+        }
+        scene.steps.push(next);
+    }
+    if recipe.external_av {
+        // The AV executes none of the network's tokens.
+        targets.retain(|target| target.row / steps != AV);
+    }
+    Ok((scene, targets))
+}
+
+/// Returns the recorded pose at the end of a step, and the token that describes the motion to it.
+fn follow(agent: &RecordedAgent, pose: Pose, step: usize, vocabulary: &Vocabulary) -> (Option<Pose>, usize) {
+    match agent.record[step] {
+        Some(goal) => (Some(goal), token_of_motion(vocabulary, agent.class, pose, goal).0),
+        None => (None, 0),
+    }
+}
+
+/// Returns the token to execute: of the likeliest ones that which ends nearest to the record, or the likeliest one
+/// without a record. Of equal scores and distances, the lower index counts.
+fn choose(
+    scores: &[f32],
+    goal: Option<Pose>,
+    agent: &RecordedAgent,
+    top_k: usize,
+    vocabulary: &Vocabulary,
+) -> usize {
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    let likelier = |a: &usize, b: &usize| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b));
+    let most = if goal.is_some() { top_k.min(order.len()) } else { 1 };
+    if most < order.len() {
+        order.select_nth_unstable_by(most - 1, likelier);
+        order.truncate(most);
+    }
+    order.sort_unstable();
+    let distance = |token: &usize| goal.map_or(0.0, |goal| vocabulary.distance(agent.class, *token, goal));
+    order.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+}
