@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use reactsim::models::{ModelError, ParameterRange, Parameters, Ranges};
+use reactsim::models::{Allowed, ModelError, ParameterRange, Parameters, Ranges};
 use reactsim::training::Settings;
 use serde::Serialize;
 use toml::{Table, Value};
@@ -61,7 +61,11 @@ fn table_of(key: &str) -> &str {
     key.rsplit_once('.').map_or("", |(table, _)| table)
 }
 
+/// Returns the range as a sentence.
 fn describe(range: &ParameterRange) -> String {
+    if let Allowed::Texts(texts) = &range.allowed {
+        return format!("One of {}.", texts.join(", "));
+    }
     let text = range.to_string();
     let mut letters = text.chars();
     let first = letters.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();

@@ -224,7 +224,11 @@ fn what_can_not_be_learnt_from_is_refused() {
     let few = text(&few);
     for (text, part) in [
         ("[network]\nheads = 0", "`network.heads` is 0, expected 1 to 4096"),
-        ("[network]\npest = 2", "`ntp-reactive` has no parameter `network.pest`"),
+        (
+            "[network]\npest = 2",
+            "`ntp-reactive` has no parameter `network.pest`; did you mean `network.past`?",
+        ),
+        ("[nonsense]\nluck = 2", "`ntp-reactive` has no parameter `nonsense.luck`; it has: agents, "),
         ("[learning]\nepochs = \"many\"", "not a valid `learning.epochs`"),
         ("[learning]\nbest_by = \"luck\"", "`learning.best_by` is \"luck\", expected loss or"),
         ("agents = [3]", "`[3]` is not a valid `agents`"),
@@ -439,4 +443,20 @@ fn the_published_network_is_trained_and_drives() {
         refused(&["--from", &weights, "--set", "network.num_heads=4"])
             .contains("other sizes than the recipe")
     );
+}
+
+/// The quick training reacts to deviated AVs better than constant velocity, and stays near the log.
+#[test]
+#[ignore = "trains for some minutes"]
+fn the_quick_training_beats_constant_velocity() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("quick");
+    done(&["train", "quick", "--out", text(&out), "--quiet"]);
+    let summary: Value =
+        serde_json::from_slice(&fs::read(out.join("run").join("summary.json")).unwrap()).unwrap();
+    let mean =
+        |id: &str, metric: &str| summary["simulators"][id]["metrics"][metric]["mean"].as_f64().unwrap();
+    let raw = "ntp-reactive-raw@quick";
+    assert!(mean(raw, "aav-collision") < mean("constant-velocity", "aav-collision"));
+    assert!(mean(raw, "ade") < 3.5);
 }

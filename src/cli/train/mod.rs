@@ -21,8 +21,9 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-`reactsim list tasks` names tasks, their recipes and the files that they can be given. A recipe (TOML)
-states only what differs from the defaults; --print-recipe shows all values with units and ranges.
+`reactsim list tasks` names tasks, their recipes and the files that they can be given. A recipe is a
+TOML file that states what differs from the defaults; --print-recipe prints all values with units and
+ranges.
 
 Scenarios of known benchmarks are refused.
 

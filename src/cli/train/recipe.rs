@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use toml::Table;
 
-use crate::cli::suggestion::did_you_mean;
+use crate::cli::suggestion::{did_you_mean, most_similar};
 use crate::files::read_regular;
-use crate::models::Parameters;
 use crate::models::learning::TrainingTask;
+use crate::models::{ModelError, Parameters};
 
 /// Arguments that determine the recipe.
 #[derive(Debug, Default, Args)]
@@ -32,15 +32,26 @@ impl RecipeArgs {
     pub(super) fn read(&self, task: &TrainingTask) -> anyhow::Result<Parameters> {
         let mut recipe = task.recipe()?;
         if let Some(name) = &self.recipe {
-            recipe.merge(&changes(name, task)?).with_context(|| format!("the recipe {name}"))?;
+            let merged = recipe.merge(&changes(name, task)?).map_err(|error| suggested(error, &recipe));
+            merged.with_context(|| format!("the recipe {name}"))?;
         }
         for text in &self.set {
             let Some((key, value)) = text.split_once('=') else {
                 bail!("--set `{text}`: write KEY=VALUE, such as learning.epochs=2");
             };
-            recipe.set(key.trim(), value.trim())?;
+            recipe.set(key.trim(), value.trim()).map_err(|error| suggested(error, &recipe))?;
         }
         Ok(recipe)
+    }
+}
+
+/// Returns the error with the most similar name in place of all names, if a name is unknown and one is similar.
+fn suggested(error: ModelError, recipe: &Parameters) -> anyhow::Error {
+    let ModelError::UnknownParameter { id, key, .. } = &error else { return error.into() };
+    let keys = recipe.ranges().unwrap_or_default().into_iter().map(|(key, ..)| key);
+    match most_similar(key, keys) {
+        Some(meant) => anyhow!("`{id}` has no parameter `{key}`; did you mean `{meant}`?"),
+        None => error.into(),
     }
 }
 

@@ -14,7 +14,7 @@ use crate::cli::{ExitStatus, note, stop_on_interrupt, write_result};
 use crate::files::read_regular;
 use crate::models::learning::{TaskSetup, Trainable, TrainingTask, learning_settings, recipe_document};
 use crate::models::nn::Backend;
-use crate::models::{Parameters, TASKS, WeightsFile, find_task};
+use crate::models::{self, Parameters, TASKS, WeightsFile, find_task};
 use crate::training::WEIGHTS;
 
 /// Arguments of a training.
@@ -58,11 +58,12 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<ExitStatus> {
     let stop = stop_on_interrupt("writing a checkpoint after this step")?;
     let status = session::train(&args.session, training.as_ref(), settings, closed_loop.as_ref(), &stop)?;
     if status == ExitStatus::Done
-        && let Some(id) = task.simulators.first()
+        && let Some(baseline) = task.simulators.first().and_then(|id| models::find(id))
     {
-        let folder = args.session.folder()?.display();
+        let (folder, id) = (args.session.folder()?.display(), baseline.id);
+        let shipped = if baseline.is_complete() { format!("{id},") } else { String::new() };
         note(format_args!(
-            "next: reactsim run --models {id},{id}@mine --model-weights {id}@mine={folder}/{WEIGHTS}"
+            "next: reactsim run --models {shipped}{id}@mine --model-weights {id}@mine={folder}/{WEIGHTS}"
         ));
     }
     Ok(status)

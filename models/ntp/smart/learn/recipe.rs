@@ -143,7 +143,7 @@ impl Default for Recipe {
                 time_span: 20,
                 mlp_embedding_first_width: 128,
                 feed_forward: FeedForwardKind::Relu,
-                separate_heads: false,
+                separate_heads: true,
             },
             augmentation: Augmentation {
                 mirror: 0.5,

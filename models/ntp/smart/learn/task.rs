@@ -33,7 +33,7 @@ pub const TASK: TrainingTask = TrainingTask {
     recipes: &[
         ShippedRecipe {
             name: "trajtok",
-            about: "the variant of TrajTok: a head per class, SwiGLU, spatially aware smoothing",
+            about: "the variant of TrajTok: SwiGLU, spatially aware smoothing",
             text: include_str!("recipes/trajtok.toml"),
         },
         ShippedRecipe {

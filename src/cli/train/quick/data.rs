@@ -109,3 +109,26 @@ fn with_reactions(mut scenario: Scenario, simulator: &Controller) -> anyhow::Res
     replace_future(&mut scenario, futures, REACTING);
     Ok(Some(scenario))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agents_react_to_an_av_that_leaves_its_log() {
+        let settings =
+            GenerationSettings { preset: Preset::Train, seed: SEED, maps: Vec::new(), density: None };
+        let generator = Generator::new(settings).unwrap();
+        let idm = models::find(REACTING).unwrap().simulator().unwrap();
+        let made = (0..40).find_map(|number| {
+            let log = generator.scenario(number).unwrap();
+            Some((with_reactions(log.clone(), &idm).unwrap()?, log))
+        });
+        let (reacting, log) = made.expect("none of 40 AVs can deviate");
+        assert_eq!(reacting.id, format!("{}+idm", log.id));
+        assert!(reacting.deviation.is_none());
+        assert_eq!(reacting.start.history, log.start.history);
+        assert_ne!(reacting.log_future.tracks[0], log.log_future.tracks[0], "the AV");
+        assert_ne!(reacting.log_future.tracks[1..], log.log_future.tracks[1..], "the others");
+    }
+}
