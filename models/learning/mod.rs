@@ -17,8 +17,8 @@ mod training_task;
 
 pub(crate) use map::LearningMap;
 pub use provenance::Provenance;
-pub use recipe::recipe_document;
 pub(crate) use recipe::recipe_values;
+pub use recipe::{LEARNING_RANGES, recipe_document};
 pub(crate) use reservoir::Reservoir;
 pub(crate) use scene::{LearningScene, shifted};
 pub use trainable::{Measure, SimulatorTask, Trainable, Training};

@@ -7,8 +7,8 @@ use reactsim::training::Settings;
 use serde::Serialize;
 use toml::{Table, Value};
 
-/// Units and ranges of the learner's settings.
-const LEARNING_RANGES: &str = include_str!("learning.ranges.toml");
+/// Units and ranges of the learner's settings, which are part of every recipe (TOML).
+pub const LEARNING_RANGES: &str = include_str!("ranges.toml");
 /// Table of a recipe with the learner's settings.
 pub(crate) const LEARNING: &str = "learning";
 

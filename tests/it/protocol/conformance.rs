@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
-use reactsim::models::{Card, MODELS, qp};
+use reactsim::models::learning::LEARNING_RANGES;
+use reactsim::models::{Card, MODELS, TASKS, qp};
 use reactsim::rollout::{
     AvError, AvPolicy, LogAv, Observation, Protocol, Request, Rollout, Settings, roll_out,
 };
@@ -229,15 +230,30 @@ fn replayed_recordings_keep_their_velocities_and_nobody_else_does() {
     assert_eq!(velocities("stop", log()), [[9.0, 0.25], [0.0, 0.0], [0.0, 0.0]]);
 }
 
-/// Collects the TOML files below a folder, as text: the cards, and the ranges of their parameters.
-fn cards_and_ranges(folder: &Path, cards: &mut BTreeSet<String>, ranges: &mut BTreeSet<String>) {
-    for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-        if path.is_dir() {
-            cards_and_ranges(&path, cards, ranges);
-        } else if path.extension().is_some_and(|e| e == "toml") {
-            let is_range = path.ends_with("ranges.toml") || folder.ends_with("ranges");
-            let files = if is_range { &mut *ranges } else { &mut *cards };
-            files.insert(std::fs::read_to_string(path).unwrap());
+/// Texts of the TOML files of `models`.
+#[derive(Default)]
+struct ModelFiles {
+    cards: BTreeSet<String>,
+    ranges: BTreeSet<String>,
+    recipes: BTreeSet<String>,
+}
+
+impl ModelFiles {
+    /// Adds the files below a folder.
+    fn add(&mut self, folder: &Path) {
+        for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                self.add(&path);
+            } else if path.extension().is_some_and(|e| e == "toml") {
+                let files = if path.ends_with("ranges.toml") || folder.ends_with("ranges") {
+                    &mut self.ranges
+                } else if folder.ends_with("recipes") {
+                    &mut self.recipes
+                } else {
+                    &mut self.cards
+                };
+                files.insert(std::fs::read_to_string(path).unwrap());
+            }
         }
     }
 }
@@ -245,15 +261,18 @@ fn cards_and_ranges(folder: &Path, cards: &mut BTreeSet<String>, ranges: &mut BT
 #[test]
 fn cards_are_read_and_each_is_that_of_one_baseline() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
-    let (mut cards, mut ranges) = (BTreeSet::new(), BTreeSet::new());
-    cards_and_ranges(&home, &mut cards, &mut ranges);
+    let mut files = ModelFiles::default();
+    files.add(&home);
     // The cards of the baselines, and that of the stage behind them.
     let of_models: BTreeSet<String> =
         MODELS.iter().map(|m| m.card).chain([qp::CARD]).map(str::to_owned).collect();
-    assert_eq!(cards, of_models);
+    assert_eq!(files.cards, of_models);
     assert_eq!(of_models.len(), MODELS.len() + 1);
-    let used = MODELS.iter().map(|m| m.ranges).chain([qp::RANGES]).filter(|text| !text.is_empty());
-    assert_eq!(ranges, used.map(str::to_owned).collect());
+    let used = MODELS.iter().map(|m| m.ranges).chain(TASKS.iter().map(|task| task.ranges));
+    let used = used.chain([qp::RANGES, LEARNING_RANGES]).filter(|text| !text.is_empty());
+    assert_eq!(files.ranges, used.map(str::to_owned).collect());
+    let recipes = TASKS.iter().flat_map(|task| task.recipes).map(|recipe| recipe.text.to_owned());
+    assert_eq!(files.recipes, recipes.collect());
     for (i, model) in MODELS.iter().enumerate() {
         assert!(MODELS[..i].iter().all(|m| m.id != model.id), "{} twice", model.id);
         // A baseline with a folder of its own has the name of the folder.
