@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use rand::RngExt;
 use reactsim::rollout::{Purpose, Stream, stream};
+use reactsim::training::leading_bits;
 
 /// Keys of seen items to remember, as a multiple of the sample size. When there are more, all are
 /// forgotten, which bounds memory.
@@ -58,5 +59,5 @@ fn key_of(values: impl Iterator<Item = f64>, step: f64) -> u64 {
     for value in values {
         bytes.extend_from_slice(&((value / step).round() as i32).to_le_bytes());
     }
-    blake3::hash(&bytes).as_bytes().iter().take(8).fold(0, |all, &byte| all << 8 | u64::from(byte))
+    leading_bits(&blake3::hash(&bytes))
 }

@@ -90,7 +90,7 @@ pub enum TaskError {
     /// An input file or the weights to start from cannot be used.
     #[error("cannot use the {what} {file}: {source}")]
     File {
-        /// What the file is, such as `vocabulary`.
+        /// Kind of file, such as `vocabulary`.
         what: &'static str,
         /// Name of the file.
         file: String,
@@ -113,6 +113,13 @@ pub enum TaskError {
     },
 }
 
+impl TaskError {
+    /// Returns the error that values of the recipe do not fit together.
+    pub fn values(id: &'static str, source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::Values { id, source: source.into() }
+    }
+}
+
 impl TrainingTask {
     /// Returns the default recipe.
     ///
@@ -130,6 +137,31 @@ impl TaskSetup {
     /// [`ModelError`] naming the value that is invalid.
     pub fn recipe<T: DeserializeOwned>(&self) -> Result<T, ModelError> {
         self.recipe.clone().split_off(LEARNING).0.get()
+    }
+
+    /// Reads the weights to start from, if they are given, on the device with autodiff. Returns what was
+    /// read, and the digest of the file.
+    ///
+    /// # Errors
+    /// [`TaskError::File`] with the cause.
+    pub fn parent<T, E: Into<Box<dyn Error + Send + Sync>>>(
+        &self,
+        read: impl FnOnce(&[u8], &Device) -> Result<T, E>,
+    ) -> Result<Option<(T, String)>, TaskError> {
+        let Some(file) = &self.from else { return Ok(None) };
+        let parent = read(&file.bytes, &self.device.clone().autodiff());
+        parent.map(|parent| Some((parent, file.digest.clone()))).map_err(|e| self.refuse_parent(e))
+    }
+
+    /// Returns the error that the weights to start from do not fit.
+    pub fn refuse_parent(&self, source: impl Into<Box<dyn Error + Send + Sync>>) -> TaskError {
+        let file = self.from.as_ref().map(|file| file.name.clone()).unwrap_or_default();
+        TaskError::File { what: "weights", file, source: source.into() }
+    }
+
+    /// Returns the error that the network of the weights to start from differs from that of the recipe.
+    pub fn refuse_parent_sizes(&self) -> TaskError {
+        self.refuse_parent("its network has other sizes than the recipe: give the recipe the same `network`")
     }
 
     /// Reads an input file, if it is given.

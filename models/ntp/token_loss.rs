@@ -5,7 +5,11 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim::training::{Output, Sums};
 
 use super::smoothing::TargetDistributions;
+use crate::models::learning::LearningScene;
 use crate::models::perception::Class;
+
+/// Loss weight of parked agents; that of others is 1.
+const PARKED_WEIGHT: f32 = 0.05;
 
 /// Label of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +22,11 @@ pub(crate) struct Target {
     pub token: usize,
     /// Weight in the loss.
     pub weight: f32,
+}
+
+/// Returns the weight of an agent's labels in the loss.
+pub(crate) fn loss_weight<M>(scene: &LearningScene<M>, slot: usize) -> f32 {
+    if scene.is_parked(slot) { PARKED_WEIGHT } else { 1.0 }
 }
 
 /// Returns loss, accuracy and surprise (mean negative log-likelihood of the labels, nats) of scores.

@@ -83,8 +83,8 @@ impl Futures {
     }
 }
 
-/// Replaces the future of a scenario by the tracks of a rollout, one per agent, and appends the simulator to its
-/// id.
+/// Replaces the future of a scenario by the tracks of a rollout, one per agent, and appends the simulator to
+/// its id.
 pub(super) fn replace_future<'a>(
     scenario: &mut Scenario,
     futures: impl IntoIterator<Item = &'a [Frame]>,

@@ -1,7 +1,8 @@
 //! The log of a training as a TensorBoard event file.
 //!
 //! The file is a sequence of records as in TFRecord; each is a message `Event` of TensorFlow's `event.proto`
-//! (<https://github.com/tensorflow/tensorboard>, `tensorboard/compat/proto`), of which only scalars are used here.
+//! (<https://github.com/tensorflow/tensorboard>, `tensorboard/compat/proto`), of which only scalars are used
+//! here.
 
 use prost::{Message, Oneof};
 
@@ -51,8 +52,8 @@ pub fn header() -> Vec<u8> {
     tf_record(&Event { wall_time: 0.0, step: 0, what }.encode_to_vec())
 }
 
-/// Returns the record of a row of the log. Tags are `train/…`, `validation/…` and `closed_loop/…`; wall times are
-/// seconds since the training began.
+/// Returns the record of a row of the log. Tags are `train/…`, `validation/…` and `closed_loop/…`; wall times
+/// are seconds since the training began.
 pub fn record(row: &Row) -> Vec<u8> {
     let mut value = Vec::new();
     let mut put = |group: &str, name: &str, number: f64| {

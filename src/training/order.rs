@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::hash::{leading_bits, unit_interval};
 use super::stream::{shuffle, stream};
 use super::{Settings, Source};
 
@@ -88,16 +89,13 @@ pub(super) struct Split {
 /// Holds examples out by a hash of their names, independently of the rest of the data. If no hash is
 /// low enough, but there are at least two different names, the example with the lowest hash is held out.
 pub(super) fn split(source: &impl Source, settings: &Settings) -> Split {
-    let hash = |number: usize| {
-        let digest = blake3::hash(source.id(number).as_bytes());
-        digest.as_bytes()[..8].iter().fold(0u64, |hash, byte| hash << 8 | u64::from(*byte))
-    };
+    let hash = |number: usize| leading_bits(&blake3::hash(source.id(number).as_bytes()));
     let parts = source.parts();
     let mut hashes = BTreeMap::new();
     for number in parts.iter().flat_map(|(numbers, _)| numbers) {
         hashes.entry(hash(*number)).or_insert(*number);
     }
-    let low = |hash: u64| (hash >> 11) as f64 / (1u64 << 53) as f64 <= settings.held_out;
+    let low = |hash: u64| unit_interval(hash) <= settings.held_out;
     let mut held: BTreeSet<u64> = BTreeSet::new();
     if settings.held_out > 0.0 {
         held.extend(hashes.keys().copied().filter(|h| low(*h)));

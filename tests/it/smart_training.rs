@@ -88,8 +88,16 @@ fn an_external_av_follows_its_record_whatever_the_network_says() {
         let [x, y] = step.position[0];
         assert!((f64::from(x) - record.x).abs() < 1e-4 && (f64::from(y) - record.y).abs() < 1e-4);
     }
-    let own = driven(&CatkRecipe { external_av: false, ..recipe }, &scenario);
-    assert_ne!(own.steps[STEPS - 1].position[0], scene.steps[STEPS - 1].position[0]);
+    let own = CatkRecipe { external_av: false, ..recipe.clone() };
+    assert_ne!(driven(&own, &scenario).steps[STEPS - 1].position[0], scene.steps[STEPS - 1].position[0]);
+    // It has no labels: one less per step.
+    let labels = |recipe: CatkRecipe| {
+        let task = catk(recipe);
+        let sample = task.prepare(&scenario, View::Plain).unwrap();
+        task.loss(&policy(&device()).network, &[sample], None).items
+    };
+    let of_av = labels(own) - labels(recipe);
+    assert!((of_av - (STEPS - HISTORY) as f64).abs() < 1e-3, "{of_av}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use reactsim::scene::CURRENT;
 use serde_json::Value;
 
 use crate::generated::{scenario, write};
-use crate::program::reactsim;
+use crate::program::{log_rows, reactsim};
 
 const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
 
@@ -90,19 +90,14 @@ fn a_network_is_trained_and_drives() {
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
 
     // The same numbers on any number of threads, closed loop included.
-    let rows = |out: &Path| {
-        let log = fs::read_to_string(out.join("log.jsonl")).unwrap();
-        let mut rows: Vec<Value> = log.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
-        rows.iter_mut().for_each(|r| drop(r.as_object_mut().unwrap().remove("wall")));
-        rows
-    };
-    assert_eq!(rows(&one), rows(&two));
+    assert_eq!(log_rows(&one), log_rows(&two));
     assert_eq!(
         fs::read(one.join("weights.safetensors")).unwrap(),
         fs::read(two.join("weights.safetensors")).unwrap()
     );
-    let in_closed_loop =
-        |id: &str| rows(&one).into_iter().filter_map(|r| r["closed_loop"][id].as_f64()).collect::<Vec<_>>();
+    let in_closed_loop = |id: &str| {
+        log_rows(&one).into_iter().filter_map(|r| r["closed_loop"][id].as_f64()).collect::<Vec<_>>()
+    };
     assert!(!in_closed_loop("aav-ttc").is_empty(), "what the network does in closed loop is logged");
     let (mean, least) = (in_closed_loop("ade"), in_closed_loop("min-ade"));
     assert_eq!(mean.len(), least.len());
@@ -262,12 +257,9 @@ fn what_can_not_be_learnt_from_is_refused() {
     let both = refused(&[few, text(&driven), "--closed-loop", text(&driven)]);
     assert!(both.contains("is both learned from and driven in"), "{both}");
     let output = reactsim(&["train", "ntp-reactve", few, "--out", text(&out)]);
-    assert!(said_of_unknown(&output).contains("did you mean `ntp-reactive`?"));
-}
-
-fn said_of_unknown(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(2));
-    said(output)
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("did you mean `ntp-reactive`?"), "{message}");
 }
 
 /// Every recipe is complete, within its ranges, and reads back as it was printed.

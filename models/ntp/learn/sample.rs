@@ -9,7 +9,7 @@ use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::linked_places::LinkedPlaces;
 use super::super::reactive::step::{EarlierNode, Step};
-use super::super::token_loss::Target;
+use super::super::token_loss::{Target, loss_weight};
 use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
 use super::drive::{Perturbation, drive};
 use crate::models::learning::{LearningScene, shifted};
@@ -45,8 +45,6 @@ pub struct Sample {
 
 /// Number of steps from the current frame to the last one.
 const ALL_STEPS: usize = FUTURE / TOKEN_FRAMES;
-/// Loss weight of parked agents; that of others is 1.
-const PARKED_WEIGHT: f32 = 0.05;
 
 /// Builds a sample of at most `most` agents, augmented by draws from the stream, or as logged. `None` if
 /// there is nothing to learn.
@@ -86,8 +84,7 @@ pub(crate) fn sample(
         tracks.push(if slot == 0 { logged.clone() } else { driven.track });
         labels.push(driven.labels);
     }
-    let weights: Vec<f32> =
-        (0..count).map(|slot| if scene.is_parked(slot) { PARKED_WEIGHT } else { 1.0 }).collect();
+    let weights: Vec<f32> = (0..count).map(|slot| loss_weight(&scene, slot)).collect();
 
     let linked = LinkedPlaces::of(&scene.map, config);
     let mut sample = Sample { linked, steps: Vec::new(), targets: Vec::new() };

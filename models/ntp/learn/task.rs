@@ -51,27 +51,23 @@ const VOCABULARY: &str = "vocabulary";
 
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
-    let values = |source: Box<dyn std::error::Error + Send + Sync>| TaskError::Values { id: ID, source };
-    recipe.network.check().map_err(|e| values(e.into()))?;
+    recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
     let vocabulary = setup.input(VOCABULARY, Vocabulary::read)?;
-    let Some(file) = &setup.from else {
+    let Some((policy, digest)) = setup.parent(Policy::read)? else {
         let vocabulary = match vocabulary {
             Some(vocabulary) => vocabulary,
-            None => Kinematic::default().build().map_err(|e| values(e.into()))?,
+            None => Kinematic::default().build().map_err(|e| TaskError::values(ID, e))?,
         };
         return Ok(Box::new(NextToken::new(recipe, vocabulary, &setup.device)));
     };
-    let refuse = |source| TaskError::File { what: "weights", file: file.name.clone(), source };
-    let policy = Policy::read(&file.bytes, &setup.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
     if policy.config != recipe.network {
-        return Err(refuse(
-            "its network has other sizes than the recipe: give the recipe the same `network`".into(),
-        ));
+        return Err(setup.refuse_parent_sizes());
     }
     if vocabulary.is_some_and(|other| other != policy.vocabulary) {
-        return Err(refuse("it has other tokens than the given vocabulary: omit the vocabulary".into()));
+        let cause = "it has other tokens than the given vocabulary: omit the vocabulary";
+        return Err(setup.refuse_parent(cause));
     }
-    let from = Some((policy.network, file.digest.clone()));
+    let from = Some((policy.network, digest));
     Ok(Box::new(NextToken { from, ..NextToken::new(recipe, policy.vocabulary, &setup.device) }))
 }
 

@@ -141,8 +141,8 @@ impl Edges {
     }
 }
 
-/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Of equally distant ones
-/// the first are kept.
+/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Of equally distant
+/// ones the first are kept.
 fn keep_nearest(seen: &mut Vec<(usize, [f32; 3])>, most: usize) {
     if most == 0 || seen.len() <= most {
         return;

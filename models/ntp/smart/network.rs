@@ -94,8 +94,9 @@ impl Smart {
         Ok(tensors.load(network)?)
     }
 
-    /// Returns the network with everything but the attention of agents and the token heads fixed, as CATK trains
-    /// it: the encoder of the map, and the embeddings of tokens, motion, classes, shapes and relations.
+    /// Returns the network with everything but the attention of agents and the token heads fixed, as CATK
+    /// trains it: the encoder of the map, and the embeddings of tokens, motion, classes, shapes and
+    /// relations.
     pub(super) fn with_frozen_embeddings(self) -> Self {
         let Self { map_encoder, agent_encoder, config } = self;
         Self {

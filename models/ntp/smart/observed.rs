@@ -3,7 +3,7 @@
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::rollout::Observation;
-use reactsim::scene::{CURRENT, Frame, Start};
+use reactsim::scene::{Agent, CURRENT, Frame, Start};
 
 use super::super::tokens::{
     CurvePiece, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces,
@@ -37,6 +37,12 @@ pub(super) fn map_tokens_of(
     map
 }
 
+/// Returns the class of an agent; the AV counts as a vehicle. `None` for agents that the network does not
+/// know.
+pub(super) fn class_of(agents: &[Agent], slot: usize) -> Option<Class> {
+    if slot == 0 { Some(Class::Vehicle) } else { Class::of(agents[slot].kind) }
+}
+
 /// An agent that the network knows.
 #[derive(Clone, Debug)]
 pub(super) struct Participant {
@@ -57,11 +63,7 @@ impl Participant {
     /// Returns the participants of a scenario, in slot order. The AV counts as a vehicle; other agents
     /// without a class are left out.
     pub(super) fn all(start: &Start, vocabulary: &Vocabulary) -> Vec<Self> {
-        let class = |slot: usize| match slot {
-            0 => Some(Class::Vehicle),
-            _ => Class::of(start.agents[slot].kind),
-        };
-        let slots = (0..start.agents.len()).filter_map(|slot| Some((slot, class(slot)?)));
+        let slots = (0..start.agents.len()).filter_map(|slot| Some((slot, class_of(&start.agents, slot)?)));
         slots.map(|(slot, class)| Self::new(slot, class, &start.history[slot], vocabulary)).collect()
     }
 
@@ -115,14 +117,11 @@ impl Participant {
 /// Returns the classes and shapes of participants as network input. Boxes have no height here: all get
 /// `height`, in metres.
 pub(super) fn identities(start: &Start, participants: &[Participant], height: f64) -> Agents {
-    let shape = |p: &Participant| {
-        let agent = &start.agents[p.slot];
-        [agent.length as f32, agent.width as f32, height as f32]
-    };
-    Agents {
-        class: participants.iter().map(|p| p.class.index() as u8).collect(),
-        shape: participants.iter().map(shape).collect(),
+    let mut agents = Agents::default();
+    for participant in participants {
+        agents.push(participant.class, &start.agents[participant.slot], height);
     }
+    agents
 }
 
 /// Returns the step that ends at a frame, which must be at least 5. `tracks` has one track per
@@ -136,10 +135,7 @@ pub(super) fn step_at(
     let mut step = Step::default();
     for (participant, track) in participants.iter().zip(tracks) {
         let (pose, token, valid) = participant.node(track, frame, vocabulary);
-        step.position.push([pose.position.x as f32, pose.position.y as f32]);
-        step.heading.push(pose.heading as f32);
-        step.valid.push(valid);
-        step.token.push(token as u32);
+        step.push(pose, token, valid);
     }
     step
 }

@@ -1,6 +1,10 @@
 //! Network input: plain lists, validated before any computation.
 
+use reactsim::dynamics::Pose;
+use reactsim::scene::Agent;
+
 use super::SmartConfig;
+use crate::models::perception::Class;
 
 /// The map as P pieces of 5 m. All lists have one entry per piece.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -187,6 +191,12 @@ impl MapTokens {
 }
 
 impl Agents {
+    /// Adds an agent. Boxes have no height here: all get `height`, in metres.
+    pub(super) fn push(&mut self, class: Class, agent: &Agent, height: f64) {
+        self.class.push(class.index() as u8);
+        self.shape.push([agent.length as f32, agent.width as f32, height as f32]);
+    }
+
     /// Returns the number of agents.
     pub fn len(&self) -> usize {
         self.class.len()
@@ -209,6 +219,14 @@ impl Agents {
 }
 
 impl Step {
+    /// Adds the pose of an agent and the token that led there.
+    pub(super) fn push(&mut self, pose: Pose, token: usize, valid: bool) {
+        self.position.push([pose.position.x as f32, pose.position.y as f32]);
+        self.heading.push(pose.heading as f32);
+        self.valid.push(valid);
+        self.token.push(token as u32);
+    }
+
     /// Checks the step for these agents and a network with this configuration.
     ///
     /// # Errors

@@ -47,26 +47,19 @@ const INTENTIONS: &str = "intentions";
 
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
-    recipe.network.check().map_err(|e| TaskError::Values { id: ID, source: e.into() })?;
+    recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
     let intentions = setup.input(INTENTIONS, Intentions::read)?;
-    let Some(file) = &setup.from else {
-        return Ok(Box::new(Regression::new(
-            recipe,
-            intentions.unwrap_or_else(Intentions::fan),
-            &setup.device,
-        )));
+    let Some((policy, digest)) = setup.parent(Policy::read)? else {
+        let intentions = intentions.unwrap_or_else(Intentions::fan);
+        return Ok(Box::new(Regression::new(recipe, intentions, &setup.device)));
     };
-    let refuse = |source| TaskError::File { what: "weights", file: file.name.clone(), source };
-    let policy = Policy::read(&file.bytes, &setup.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
     if policy.config != recipe.network {
-        return Err(refuse(
-            "its network has other sizes than the recipe: give the recipe the same `network`".into(),
-        ));
+        return Err(setup.refuse_parent_sizes());
     }
     if intentions.is_some_and(|other| other != policy.intentions) {
-        return Err(refuse("it has other intention points than those given: omit them".into()));
+        return Err(setup.refuse_parent("it has other intention points than those given: omit them"));
     }
-    let from = Some((policy.network, file.digest.clone()));
+    let from = Some((policy.network, digest));
     Ok(Box::new(Regression { from, ..Regression::new(recipe, policy.intentions, &setup.device) }))
 }
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::exclusion::Exclusion;
 use crate::cli::{find_inputs, say};
-use crate::evaluation::Registrar;
+use crate::evaluation::{FileRecord, Registrar};
 use crate::formats::native::{ByNumber, Writer};
 use crate::formats::{FormatError, Input};
 use crate::scene::Scenario;
@@ -59,8 +59,9 @@ impl Data {
             hasher.update(&times.to_le_bytes());
             let first = data.places.len();
             for input in inputs {
-                exclusion.refuse_benchmark(&registrar.record(&input)?)?;
-                let file = open(&input, cache, &mut registrar)?;
+                let record = registrar.record(&input)?;
+                exclusion.refuse_benchmark(&record)?;
+                let file = open(&input, &record, cache)?;
                 for number in 0..file.len() {
                     if !exclusion.admits(file.id(number), &input.path.display().to_string())? {
                         continue;
@@ -80,9 +81,7 @@ impl Data {
         }
         Ok(data)
     }
-}
 
-impl Data {
     /// Returns whether a scenario is among them.
     pub(super) fn contains(&self, id: &str) -> bool {
         (0..self.len()).any(|number| self.id(number) == id)
@@ -90,11 +89,11 @@ impl Data {
 }
 
 /// Opens a native file directly, and a file of another format through the cache.
-fn open(input: &Input, cache: &Path, registrar: &mut Registrar) -> anyhow::Result<ByNumber> {
+fn open(input: &Input, record: &FileRecord, cache: &Path) -> anyhow::Result<ByNumber> {
     if input.format.id() == "native" {
         return Ok(ByNumber::open(&input.path)?);
     }
-    let digest = registrar.record(input)?.digest();
+    let digest = record.digest();
     let converted = cache.join(format!("{}.parquet", &digest[..32]));
     if !converted.exists() {
         fs::create_dir_all(cache).with_context(|| format!("could not write {}", cache.display()))?;

@@ -54,8 +54,8 @@ impl Exclusion {
         if names(id).any(|name| self.benchmark.contains(name)) {
             let known = shipped_benchmark().map_or_else(String::new, |known| format!(" {}", known.record));
             bail!(
-                "{file}: scenario `{id}` is of the benchmark{known}, which networks are judged by: remove it, or give \
-                 --exclude with the file of the benchmark"
+                "{file}: scenario `{id}` is of the benchmark{known}, which networks are judged by: remove it, or \
+                 give --exclude with the file of the benchmark"
             );
         }
         Ok(true)
@@ -69,7 +69,8 @@ impl Exclusion {
     }
 }
 
-/// Returns the id of a scenario and those of the scenarios that its futures are of: `a+idm` has futures of `a`.
+/// Returns the id of a scenario and those of the scenarios that its futures are of: `a+idm` has futures of
+/// `a`.
 fn names(id: &str) -> impl Iterator<Item = &str> {
     std::iter::once(id).chain(id.match_indices('+').map(|(at, _)| &id[..at]))
 }

@@ -45,7 +45,8 @@ impl RecipeArgs {
     }
 }
 
-/// Returns the error with the most similar name in place of all names, if a name is unknown and one is similar.
+/// Returns the error with the most similar name in place of all names, if a name is unknown and one is
+/// similar.
 fn suggested(error: ModelError, recipe: &Parameters) -> anyhow::Error {
     let ModelError::UnknownParameter { id, key, .. } = &error else { return error.into() };
     let keys = recipe.ranges().unwrap_or_default().into_iter().map(|(key, ..)| key);

@@ -14,6 +14,7 @@ use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
 use crate::formats::native::Writer;
 use crate::scene::Scenario;
+use crate::training::{leading_bits, unit_interval};
 
 const AFTER: &str = "\
 The part of a scenario depends on its content and the seed alone: it stays the same when other
@@ -135,8 +136,7 @@ fn check(parts: &[Part]) -> anyhow::Result<()> {
 fn part_of(scenario: &Scenario, parts: &[Part], seed: u64) -> usize {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"reactsim-split").update(&seed.to_le_bytes()).update(scenario.digest().as_bytes());
-    let first = hasher.finalize().as_bytes()[..8].iter().fold(0_u64, |all, byte| all << 8 | u64::from(*byte));
-    let mut left = (first >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut left = unit_interval(leading_bits(&hasher.finalize()));
     for (number, part) in parts.iter().enumerate() {
         left -= part.share;
         if left < 0.0 {

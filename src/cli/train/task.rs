@@ -20,7 +20,7 @@ use crate::training::WEIGHTS;
 /// Arguments of a training.
 #[derive(Debug, Args)]
 pub(super) struct TaskArgs {
-    /// What to train; `reactsim list tasks` names the tasks
+    /// Training task; `reactsim list tasks` names the tasks
     task: Option<String>,
     /// Print the recipe with all values, units and ranges (TOML), and end
     #[arg(long)]

@@ -9,10 +9,9 @@ use std::time::Instant;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use serde_json::Value;
 
 use crate::generated::{scenario, write};
-use crate::program::program;
+use crate::program::{log_rows, program};
 
 /// A network that learns in a moment, with a checkpoint after almost every step.
 const RECIPE: &str = "agents = 8
@@ -39,14 +38,6 @@ fn train(home: &Path, out: &Path, resume: bool) -> Child {
     command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Returns the rows of the log without wall times.
-fn rows(out: &Path) -> Vec<Value> {
-    let log = fs::read_to_string(out.join("log.jsonl")).unwrap();
-    let mut rows: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    rows.iter_mut().for_each(|row| drop(row.as_object_mut().unwrap().remove("wall")));
-    rows
-}
-
 /// Kills a training at so many moments, each in a folder of its own, and resumes it.
 fn attack(moments: u32) {
     let home = tempfile::tempdir().unwrap();
@@ -56,7 +47,7 @@ fn attack(moments: u32) {
     let start = Instant::now();
     assert!(train(home.path(), &whole, false).wait().unwrap().success());
     let duration = start.elapsed();
-    let (weights, log) = (fs::read(whole.join("weights.safetensors")).unwrap(), rows(&whole));
+    let (weights, log) = (fs::read(whole.join("weights.safetensors")).unwrap(), log_rows(&whole));
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut killed = 0;
     for moment in 0..moments {
@@ -74,7 +65,7 @@ fn attack(moments: u32) {
             fs::read(out.join("weights.safetensors")).unwrap() == weights,
             "moment {moment}: other weights"
         );
-        assert_eq!(rows(&out), log, "moment {moment}");
+        assert_eq!(log_rows(&out), log, "moment {moment}");
     }
     assert!(killed > moments / 2, "only {killed} of {moments} trainings were killed before their end");
 }

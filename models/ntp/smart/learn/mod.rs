@@ -4,6 +4,8 @@ pub mod catk;
 mod recipe;
 mod sample;
 mod task;
+mod token_learning;
+mod tracked;
 
 pub use recipe::{Augmentation, NetworkSizes, Recipe};
 pub use sample::Sample;

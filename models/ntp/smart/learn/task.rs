@@ -1,6 +1,5 @@
 //! Training of the network as a task.
 
-use std::collections::BTreeMap;
 use std::error::Error;
 
 use burn::module::Module;
@@ -10,12 +9,10 @@ use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
 use reactsim::training::{Output, Settings, Stream, Task, View};
 
-use super::super::super::entries::smart_parameters;
-use super::super::super::smoothing::TargetDistributions;
-use super::super::super::token_loss::{Target, token_loss};
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
-use super::super::{Batch, Smart, SmartConfig, SmartPolicy, SmartSimulator, token_shapes};
+use super::super::{Smart, SmartConfig, SmartPolicy};
 use super::sample::sample;
+use super::token_learning::TokenLearning;
 use super::{Recipe, Sample};
 use crate::models::learning::{
     ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask, recipe_values,
@@ -65,34 +62,25 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
     let vocabulary = setup.input(VOCABULARY, Vocabulary::read)?;
     let map_vocabulary = setup.input(MAP_VOCABULARY, MapVocabulary::read)?;
-    let values = |source: Box<dyn Error + Send + Sync>| TaskError::Values { id: ID, source };
-    let Some(file) = &setup.from else {
+    let values = |source: Box<dyn Error + Send + Sync>| TaskError::values(ID, source);
+    let Some((policy, digest)) = setup.parent(SmartPolicy::read)? else {
         let vocabulary = vocabulary.ok_or(TaskError::NoInput { id: ID, name: VOCABULARY })?;
         let map_vocabulary = map_vocabulary.ok_or(TaskError::NoInput { id: ID, name: MAP_VOCABULARY })?;
         let task = NextSmartToken::new(recipe, vocabulary, map_vocabulary, &setup.device);
         return Ok(Box::new(task.map_err(values)?));
     };
-    let refuse = |source: Box<dyn Error + Send + Sync>| TaskError::File {
-        what: "weights",
-        file: file.name.clone(),
-        source,
-    };
-    let policy =
-        SmartPolicy::read(&file.bytes, &setup.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
     if vocabulary.is_some_and(|other| other != policy.vocabulary)
         || map_vocabulary.is_some_and(|other| other != policy.map_vocabulary)
     {
-        return Err(refuse("it has other tokens than the given vocabularies: omit them".into()));
+        return Err(setup.refuse_parent("it has other tokens than the given vocabularies: omit them"));
     }
     let task = NextSmartToken::new(recipe, policy.vocabulary, policy.map_vocabulary, &setup.device);
     let mut task = task.map_err(values)?;
     let stated = SmartConfig { n_params: 0, ..policy.network.config().clone() };
     if stated != task.config {
-        return Err(refuse(
-            "its network has other sizes than the recipe: give the recipe the same `network`".into(),
-        ));
+        return Err(setup.refuse_parent_sizes());
     }
-    task.from = Some((policy.network, file.digest.clone()));
+    task.from = Some((policy.network, digest));
     Ok(Box::new(task))
 }
 
@@ -100,13 +88,9 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
 pub struct NextSmartToken {
     recipe: Recipe,
     config: SmartConfig,
-    vocabulary: Vocabulary,
-    map_vocabulary: MapVocabulary,
-    device: Device,
+    tokens: TokenLearning,
     /// Network to start from, on a device with autodiff, and the digest of its file.
     from: Option<(Smart, String)>,
-    /// Target distributions on the device with gradients and on the one without.
-    distributions: [TargetDistributions; 2],
 }
 
 impl NextSmartToken {
@@ -120,50 +104,18 @@ impl NextSmartToken {
         map_vocabulary: MapVocabulary,
         device: &Device,
     ) -> Result<Self, Box<dyn Error + Send + Sync>> {
-        let tokens = Class::ALL.map(|class| vocabulary.tokens(class));
-        if !recipe.network.separate_heads && tokens.iter().any(|count| *count != tokens[0]) {
+        let counts = Class::ALL.map(|class| vocabulary.tokens(class));
+        if !recipe.network.separate_heads && counts.iter().any(|count| *count != counts[0]) {
             return Err(format!(
                 "the classes have {}, {} and {} tokens, but one head: set `network.separate_heads` to true",
-                tokens[0], tokens[1], tokens[2]
+                counts[0], counts[1], counts[2]
             )
             .into());
         }
-        let config = recipe.network.config(tokens, map_vocabulary.tokens());
+        let config = recipe.network.config(counts, map_vocabulary.tokens());
         config.check()?;
-        let device = device.clone();
-        let distributions = [device.clone().autodiff(), device.clone()]
-            .map(|d| TargetDistributions::of(&vocabulary, &recipe.smoothing, &d));
-        Ok(Self { recipe, config, vocabulary, map_vocabulary, device, from: None, distributions })
-    }
-
-    /// Returns the loss of samples with a network on this device.
-    fn run(
-        &self,
-        network: &Smart,
-        samples: &[Sample],
-        distributions: &TargetDistributions,
-        device: &Device,
-        noise: &mut Noise,
-    ) -> Output {
-        let batch = Batch::new(network.config(), samples.iter().map(|s| &s.scene), noise)
-            .expect("samples are made for networks of this configuration");
-        let tables = network
-            .tables(&token_shapes(&self.vocabulary, &self.map_vocabulary), device)
-            .expect("the network was built for these vocabularies");
-        let (mut targets, mut nodes) = (Vec::new(), 0);
-        for sample in samples {
-            targets.extend(sample.targets.iter().map(|t| Target { row: t.row + nodes, ..*t }));
-            nodes += sample.scene.agents.len() * sample.scene.steps.len();
-        }
-        let scores = network.forward(&tables, &batch, noise);
-        token_loss(&targets, distributions, device, |class, rows| {
-            scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
-        })
-    }
-
-    fn policy(&self, network: &Smart) -> Result<SmartPolicy, String> {
-        let (vocabulary, map_vocabulary) = (self.vocabulary.clone(), self.map_vocabulary.clone());
-        SmartPolicy::new(network.clone(), vocabulary, map_vocabulary, &self.device).map_err(|e| e.to_string())
+        let tokens = TokenLearning::new(vocabulary, map_vocabulary, &recipe.smoothing, device);
+        Ok(Self { recipe, config, tokens, from: None })
     }
 }
 
@@ -176,40 +128,37 @@ impl Task for NextSmartToken {
         if let Some((network, _)) = &self.from {
             return network.clone();
         }
-        let device = self.device.clone().autodiff();
+        let device = self.tokens.device.clone().autodiff();
         Smart::init(&self.config, &mut Initializer::new(seed, &device))
             .expect("the configuration was checked")
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let varied = match view {
-            View::Varied(stream) => Some((&self.recipe.augmentation, stream)),
+            View::Varied(stream) => Some(stream),
             View::Plain => None,
         };
-        sample(scenario, &self.recipe, &self.config, &self.vocabulary, &self.map_vocabulary, varied)
+        let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
+        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, varied)
     }
 
     fn loss(&self, model: &Smart, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
         match stream {
-            Some(stream) => {
-                let device = self.device.clone().autodiff();
-                self.run(model, samples, &self.distributions[0], &device, &mut Noise::new(stream.clone()))
-            }
+            Some(stream) => self.tokens.loss(model, samples, &mut Noise::new(stream.clone())),
             // Validation has no stream and no autodiff.
-            None => self.run(model, samples, &self.distributions[1], &self.device, &mut Noise::none()),
+            None => self.tokens.plain_loss(model, samples),
         }
     }
 
     fn file(&self, model: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        self.policy(model).ok()?.write(&made).ok()
+        self.tokens.file(model, about)
     }
 
     fn describe(&self) -> serde_json::Value {
         let mut all = serde_json::json!({
             "recipe": self.recipe,
-            "vocabulary": self.vocabulary.provenance(),
-            "map_vocabulary": self.map_vocabulary.provenance(),
+            "vocabulary": self.tokens.vocabulary.provenance(),
+            "map_vocabulary": self.tokens.map_vocabulary.provenance(),
             "parameters": self.init(0).num_params(),
         });
         if let Some((_, digest)) = &self.from {
@@ -221,7 +170,6 @@ impl Task for NextSmartToken {
 
 impl SimulatorTask for NextSmartToken {
     fn controller(&self, network: &Smart) -> Result<Controller, String> {
-        let parameters = smart_parameters().map_err(|e| e.to_string())?;
-        Ok(Controller::Fair(Box::new(SmartSimulator::new(ID, self.policy(network)?, parameters))))
+        self.tokens.controller(network)
     }
 }

@@ -52,8 +52,8 @@ pub(super) fn make(folder: &Path, jobs: usize, stop: &AtomicBool) -> anyhow::Res
     Ok(done.then_some(files))
 }
 
-/// Writes the scenarios that `make` returns for the numbers below `end`, unless the file is there already. Returns
-/// whether the file is complete.
+/// Writes the scenarios that `make` returns for the numbers below `end`, unless the file is there already.
+/// Returns whether the file is complete.
 fn write(
     path: &Path,
     end: u64,
@@ -91,8 +91,8 @@ fn write(
     Ok(true)
 }
 
-/// Returns the scenario with an AV that deviates and agents that react to it; `None` if nothing was found that its
-/// AV could do.
+/// Returns the scenario with an AV that deviates and agents that react to it; `None` if nothing was found
+/// that its AV could do.
 fn with_reactions(mut scenario: Scenario, simulator: &Controller) -> anyhow::Result<Option<Scenario>> {
     let settings = CurationSettings { seed: SEED, scenes: false, ..CurationSettings::default() };
     let CurationOutcome::Retained(mut record, _) = curate_scenario(&scenario, SOURCES[0], &settings) else {

@@ -4,15 +4,15 @@ use reactsim::dynamics::Pose;
 
 use super::super::super::super::token_loss::Target;
 use super::super::super::super::tokens::{ORIGIN, Vocabulary, motion_between, moved, token_of_motion};
-use super::super::super::{InputError, Scene, Smart, Step, TokenTables};
+use super::super::super::{InputError, Smart, Step, TokenTables};
+use super::super::Sample;
 use super::CatkRecipe;
 use super::sample::{CatkSample, HISTORY, RecordedAgent};
 
 /// Number of the AV among the agents of a sample.
 const AV: usize = 0;
 
-/// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels. Rows are
-/// nodes as in a batch: by agent, then step.
+/// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels.
 ///
 /// # Errors
 /// [`InputError`] if the network cannot read the sample.
@@ -22,7 +22,7 @@ pub(super) fn roll_out(
     sample: &CatkSample,
     recipe: &CatkRecipe,
     vocabulary: &Vocabulary,
-) -> Result<(Scene, Vec<Target>), InputError> {
+) -> Result<Sample, InputError> {
     let map = network.encode_map(tables, &sample.scene.map)?;
     let mut episode = network.begin(tables, map, sample.scene.agents.clone())?;
     let mut scene = sample.scene.clone();
@@ -38,9 +38,10 @@ pub(super) fn roll_out(
         let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
         let mut next = Step::default();
         for (number, agent) in sample.agents.iter().enumerate() {
-            let own = &scores[number * width..][..vocabulary.tokens(agent.class)];
             let (pose, token) = match poses[number] {
                 None => (None, 0),
+                // An external AV executes none of the network's tokens and has no labels.
+                Some(pose) if number == AV && recipe.external_av => follow(agent, pose, step, vocabulary),
                 Some(pose) => {
                     let goal = agent.record[step].map(|goal| motion_between(pose, goal));
                     if let Some(goal) = goal {
@@ -48,28 +49,17 @@ pub(super) fn roll_out(
                         let row = number * steps + now;
                         targets.push(Target { row, class: agent.class, token, weight: agent.weight });
                     }
-                    if number == AV && recipe.external_av {
-                        follow(agent, pose, step, vocabulary)
-                    } else {
-                        let token = choose(own, goal, agent, recipe.top_k, vocabulary);
-                        (Some(moved(pose, vocabulary.end(agent.class, token))), token)
-                    }
+                    let own = &scores[number * width..][..vocabulary.tokens(agent.class)];
+                    let token = choose(own, goal, agent, recipe.top_k, vocabulary);
+                    (Some(moved(pose, vocabulary.end(agent.class, token))), token)
                 }
             };
             poses[number] = pose;
-            let shown = pose.unwrap_or(ORIGIN);
-            next.position.push([shown.position.x as f32, shown.position.y as f32]);
-            next.heading.push(shown.heading as f32);
-            next.valid.push(pose.is_some());
-            next.token.push(token as u32);
+            next.push(pose.unwrap_or(ORIGIN), token, pose.is_some());
         }
         scene.steps.push(next);
     }
-    if recipe.external_av {
-        // The AV executes none of the network's tokens.
-        targets.retain(|target| target.row / steps != AV);
-    }
-    Ok((scene, targets))
+    Ok(Sample { scene, targets })
 }
 
 /// Returns the recorded pose at the end of a step, and the token that describes the motion to it.
@@ -80,8 +70,8 @@ fn follow(agent: &RecordedAgent, pose: Pose, step: usize, vocabulary: &Vocabular
     }
 }
 
-/// Returns the token to execute: of the likeliest ones that which ends nearest to the record, or the likeliest one
-/// without a record. Of equal scores and distances, the lower index counts.
+/// Returns the token to execute: of the likeliest ones that which ends nearest to the record, or the
+/// likeliest one without a record. Of equal scores and distances, the lower index counts.
 fn choose(
     scores: &[f32],
     goal: Option<Pose>,

@@ -2,17 +2,16 @@
 
 use rand::RngExt;
 use reactsim::dynamics::Pose;
-use reactsim::scene::{CURRENT, Scenario};
+use reactsim::scene::Scenario;
 use reactsim::training::Stream;
 
+use super::super::super::super::token_loss::loss_weight;
 use super::super::super::super::tokens::{
-    MapVocabulary, PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, curve_pieces, fill_gaps,
+    MapVocabulary, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, curve_pieces,
 };
-use super::super::super::observed::map_tokens_of;
-use super::super::super::{Agents, Scene, Step};
-use super::super::sample::{class_of, loss_weight, put};
+use super::super::super::Scene;
+use super::super::tracked::{LoggedScene, scene_without_agents, tracked_agents};
 use super::CatkRecipe;
-use crate::models::learning::LearningScene;
 use crate::models::perception::Class;
 
 /// Number of steps of the history that a rollout begins with.
@@ -39,8 +38,8 @@ pub(super) struct RecordedAgent {
     pub(super) weight: f32,
 }
 
-/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if no agent has both a
-/// history and a record.
+/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if no agent has
+/// both a history and a record.
 pub(super) fn sample(
     scenario: &Scenario,
     recipe: &CatkRecipe,
@@ -48,45 +47,29 @@ pub(super) fn sample(
     map_vocabulary: &MapVocabulary,
     varied: Option<&mut Stream>,
 ) -> Option<CatkSample> {
-    let mut scene = LearningScene::of(scenario, curve_pieces(&scenario.start));
+    let mut logged = LoggedScene::of(scenario, curve_pieces(&scenario.start));
     let mut first = 0;
     if let Some(stream) = varied {
-        scene = scene.varied(recipe.mirror, recipe.stretch, stream);
+        logged = logged.varied(recipe.mirror, recipe.stretch, stream);
         first = stream.random_range(0..=TOKEN_STEPS - HISTORY - recipe.steps);
     }
-    let center = scene.tracks[0].get(CURRENT).copied().flatten()?.position();
-    let mut sample = CatkSample {
-        scene: Scene {
-            map: map_tokens_of(&scene.map, map_vocabulary, center, recipe.map_radius),
-            agents: Agents::default(),
-            steps: vec![Step::default(); HISTORY],
-        },
-        agents: Vec::new(),
-    };
-    for slot in 0..scene.agents.len() {
-        let Some(class) = class_of(&scene.agents, slot) else { continue };
-        if sample.agents.len() == recipe.agents {
-            break;
-        }
-        let mut track = scene.tracks[slot].clone();
-        fill_gaps(&mut track);
-        let track = PreparedTrack::new(&track);
-        let tokens = track.nearest_tokens(vocabulary, class);
-        let agent = &scene.agents[slot];
-        sample.scene.agents.class.push(class.index() as u8);
-        sample.scene.agents.shape.push([agent.length as f32, agent.width as f32, recipe.height as f32]);
-        for (at, step) in (first..).zip(&mut sample.scene.steps) {
-            put(step, &track, &tokens, at);
+    let mut scene = scene_without_agents(&logged, map_vocabulary, recipe.map_radius, HISTORY)?;
+    let mut agents = Vec::new();
+    for agent in tracked_agents(&logged, recipe.agents, 0) {
+        let tokens = agent.track.nearest_tokens(vocabulary, agent.class);
+        scene.agents.push(agent.class, &logged.agents[agent.slot], recipe.height);
+        for (at, step) in (first..).zip(&mut scene.steps) {
+            agent.put(step, &tokens, at);
         }
         let last = first + HISTORY - 1;
         let frame = |step: usize| (last + step + 2) * TOKEN_FRAMES;
-        sample.agents.push(RecordedAgent {
-            class,
+        agents.push(RecordedAgent {
+            class: agent.class,
             pose: tokens.valid[last].then_some(tokens.poses[last]),
-            record: (0..recipe.steps).map(|step| track.pose(frame(step))).collect(),
-            weight: loss_weight(&scene, slot),
+            record: (0..recipe.steps).map(|step| agent.track.pose(frame(step))).collect(),
+            weight: loss_weight(&logged, agent.slot),
         });
     }
     let learns = |agent: &RecordedAgent| agent.pose.is_some() && agent.record[0].is_some();
-    sample.agents.iter().any(learns).then_some(sample)
+    agents.iter().any(learns).then_some(CatkSample { scene, agents })
 }

@@ -1,8 +1,5 @@
 //! Fine-tuning of the network as a task.
 
-use std::collections::BTreeMap;
-use std::error::Error;
-
 use burn::module::Module;
 use burn::tensor::Device;
 use reactsim::models::nn::Noise;
@@ -10,11 +7,10 @@ use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
 use reactsim::training::{Output, Settings, Stream, Task, View};
 
-use super::super::super::super::entries::smart_parameters;
-use super::super::super::super::smoothing::TargetDistributions;
-use super::super::super::super::token_loss::{Target, token_loss};
-use super::super::super::{Batch, InputError, Scene, Smart, SmartPolicy, SmartSimulator, token_shapes};
+use super::super::super::{InputError, Scene, Smart, SmartPolicy};
+use super::super::Sample;
 use super::super::sample::forget_unseen_pieces;
+use super::super::token_learning::TokenLearning;
 use super::rollout::roll_out;
 use super::sample::sample;
 use super::{CatkRecipe, CatkSample};
@@ -49,37 +45,27 @@ const ID: &str = "catk";
 
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: CatkRecipe = setup.recipe()?;
-    let file = setup.from.as_ref().ok_or(TaskError::NoWeights { id: ID })?;
-    let refuse = |source: Box<dyn Error + Send + Sync>| TaskError::File {
-        what: "weights",
-        file: file.name.clone(),
-        source,
-    };
-    let parent =
-        SmartPolicy::read(&file.bytes, &setup.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
-    Ok(Box::new(ClosestAmongTopK::new(recipe, parent, file.digest.clone(), &setup.device)))
+    let (parent, digest) = setup.parent(SmartPolicy::read)?.ok_or(TaskError::NoWeights { id: ID })?;
+    Ok(Box::new(ClosestAmongTopK::new(recipe, parent, digest, &setup.device)))
 }
 
 /// The fine-tuning task.
 pub struct ClosestAmongTopK {
     recipe: CatkRecipe,
-    /// The network to start from, on a device with autodiff, with its vocabularies.
-    parent: SmartPolicy,
+    tokens: TokenLearning,
+    /// The network to start from, on a device with autodiff.
+    parent: Smart,
     /// Digest of its file.
     digest: String,
-    device: Device,
-    /// Target distributions on the device with gradients and on the one without.
-    distributions: [TargetDistributions; 2],
 }
 
 impl ClosestAmongTopK {
     /// Builds a task on this device, which must be one without autodiff. The parent must be on the same with
     /// autodiff; `digest` names it.
     pub fn new(recipe: CatkRecipe, parent: SmartPolicy, digest: String, device: &Device) -> Self {
-        let device = device.clone();
-        let distributions = [device.clone().autodiff(), device.clone()]
-            .map(|d| TargetDistributions::of(&parent.vocabulary, &recipe.smoothing, &d));
-        Self { recipe, parent, digest, device, distributions }
+        let SmartPolicy { vocabulary, map_vocabulary, network, .. } = parent;
+        let tokens = TokenLearning::new(vocabulary, map_vocabulary, &recipe.smoothing, device);
+        Self { recipe, tokens, parent: network, digest }
     }
 
     /// Rolls a sample out with a network without gradients: the history, then the steps that it drives.
@@ -87,45 +73,20 @@ impl ClosestAmongTopK {
     /// # Errors
     /// [`InputError`] if the network cannot read the sample.
     pub fn roll_out(&self, network: &Smart, sample: &CatkSample) -> Result<Scene, InputError> {
-        let SmartPolicy { vocabulary, map_vocabulary, .. } = &self.parent;
-        let tables = network.tables(&token_shapes(vocabulary, map_vocabulary), &self.device)?;
-        Ok(roll_out(network, &tables, sample, &self.recipe, vocabulary)?.0)
+        let tables = self.tokens.tables(network);
+        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary)?.scene)
     }
 
-    /// Rolls samples out with the network without gradients, and returns the loss of the network on this device
-    /// in the states that were reached.
-    fn run(
-        &self,
-        driving: &Smart,
-        network: &Smart,
-        samples: &[CatkSample],
-        distributions: &TargetDistributions,
-        device: &Device,
-    ) -> Output {
-        const READ: &str = "samples are made for networks of this configuration";
-        let SmartPolicy { vocabulary, map_vocabulary, .. } = &self.parent;
-        let shapes = token_shapes(vocabulary, map_vocabulary);
-        let tables = driving.tables(&shapes, &self.device).expect(READ);
-        let (mut scenes, mut targets, mut nodes) = (Vec::new(), Vec::new(), 0);
-        for sample in samples {
-            let (mut scene, own) = roll_out(driving, &tables, sample, &self.recipe, vocabulary).expect(READ);
-            targets.extend(own.into_iter().map(|t| Target { row: t.row + nodes, ..t }));
-            nodes += scene.agents.len() * scene.steps.len();
-            forget_unseen_pieces(&mut scene, network.config());
-            scenes.push(scene);
-        }
-        let batch = Batch::new(network.config(), &scenes, &mut Noise::none()).expect(READ);
-        let tables = network.tables(&shapes, device).expect(READ);
-        let scores = network.forward(&tables, &batch, &mut Noise::none());
-        token_loss(&targets, distributions, device, |class, rows| {
-            scores.clone().select(0, rows).narrow(1, 0, vocabulary.tokens(class))
-        })
-    }
-
-    fn policy(&self, network: &Smart) -> Result<SmartPolicy, String> {
-        let SmartPolicy { vocabulary, map_vocabulary, .. } = &self.parent;
-        SmartPolicy::new(network.clone(), vocabulary.clone(), map_vocabulary.clone(), &self.device)
-            .map_err(|e| e.to_string())
+    /// Returns samples as a network without gradients drives in them.
+    fn driven(&self, network: &Smart, samples: &[CatkSample]) -> Vec<Sample> {
+        let tables = self.tokens.tables(network);
+        let drive = |sample| {
+            let mut driven = roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary)
+                .expect("samples are made for networks of this configuration");
+            forget_unseen_pieces(&mut driven.scene, network.config());
+            driven
+        };
+        samples.iter().map(drive).collect()
     }
 }
 
@@ -135,7 +96,7 @@ impl Task for ClosestAmongTopK {
     type Model = Smart;
 
     fn init(&self, _seed: u64) -> Smart {
-        self.parent.network.clone().with_frozen_embeddings()
+        self.parent.clone().with_frozen_embeddings()
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<CatkSample> {
@@ -143,38 +104,35 @@ impl Task for ClosestAmongTopK {
             View::Varied(stream) => Some(stream),
             View::Plain => None,
         };
-        let SmartPolicy { vocabulary, map_vocabulary, .. } = &self.parent;
-        sample(scenario, &self.recipe, vocabulary, map_vocabulary, varied)
+        sample(scenario, &self.recipe, &self.tokens.vocabulary, &self.tokens.map_vocabulary, varied)
     }
 
     fn loss(&self, model: &Smart, samples: &[CatkSample], stream: Option<&mut Stream>) -> Output {
         match stream {
             Some(_) => {
-                let (driving, device) = (model.valid(), self.device.clone().autodiff());
-                self.run(&driving, model, samples, &self.distributions[0], &device)
+                let driven = self.driven(&model.valid(), samples);
+                self.tokens.loss(model, &driven, &mut Noise::none())
             }
             // Validation has no stream and no autodiff.
-            None => self.run(model, model, samples, &self.distributions[1], &self.device),
+            None => self.tokens.plain_loss(model, &self.driven(model, samples)),
         }
     }
 
     fn file(&self, model: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        self.policy(model).ok()?.write(&made).ok()
+        self.tokens.file(model, about)
     }
 
     fn describe(&self) -> serde_json::Value {
         serde_json::json!({
             "recipe": self.recipe,
             "from": self.digest,
-            "parameters": self.parent.network.num_params(),
+            "parameters": self.parent.num_params(),
         })
     }
 }
 
 impl SimulatorTask for ClosestAmongTopK {
     fn controller(&self, network: &Smart) -> Result<Controller, String> {
-        let parameters = smart_parameters().map_err(|e| e.to_string())?;
-        Ok(Controller::Fair(Box::new(SmartSimulator::new("smart", self.policy(network)?, parameters))))
+        self.tokens.controller(network)
     }
 }

@@ -1,0 +1,109 @@
+//! Shared part of the trainings of the network: its vocabularies, the loss, files and simulators.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Device;
+use reactsim::models::nn::Noise;
+use reactsim::rollout::Controller;
+use reactsim::training::Output;
+
+use super::super::super::entries::smart_parameters;
+use super::super::super::smoothing::{Smoothing, TargetDistributions};
+use super::super::super::token_loss::{Target, token_loss};
+use super::super::super::tokens::{MapVocabulary, Vocabulary};
+use super::super::{
+    Batch, Smart, SmartPolicy, SmartSimulator, TokenTables, Vocabulary as Shapes, token_shapes,
+};
+use super::Sample;
+
+/// Reason why the network reads every sample.
+const READ: &str = "samples and networks are made for these vocabularies and this configuration";
+
+/// What a training needs besides its recipe and samples.
+pub(super) struct TokenLearning {
+    pub(super) vocabulary: Vocabulary,
+    pub(super) map_vocabulary: MapVocabulary,
+    /// Device without autodiff.
+    pub(super) device: Device,
+    shapes: Shapes,
+    /// Target distributions on the device without autodiff.
+    distributions: TargetDistributions,
+    /// The same on the device with autodiff.
+    learning_distributions: TargetDistributions,
+}
+
+impl TokenLearning {
+    /// Prepares a training on this device, which must be one without autodiff.
+    pub(super) fn new(
+        vocabulary: Vocabulary,
+        map_vocabulary: MapVocabulary,
+        smoothing: &Smoothing,
+        device: &Device,
+    ) -> Self {
+        let distributions = |device: &Device| TargetDistributions::of(&vocabulary, smoothing, device);
+        Self {
+            shapes: token_shapes(&vocabulary, &map_vocabulary),
+            distributions: distributions(device),
+            learning_distributions: distributions(&device.clone().autodiff()),
+            device: device.clone(),
+            vocabulary,
+            map_vocabulary,
+        }
+    }
+
+    /// Returns the embedding vectors of all tokens by a network without autodiff.
+    pub(super) fn tables(&self, network: &Smart) -> TokenTables {
+        network.tables(&self.shapes, &self.device).expect(READ)
+    }
+
+    /// Returns the loss of a network with autodiff.
+    pub(super) fn loss(&self, network: &Smart, samples: &[Sample], noise: &mut Noise) -> Output {
+        let device = self.device.clone().autodiff();
+        self.loss_on(network, samples, &self.learning_distributions, &device, noise)
+    }
+
+    /// Returns the loss of a network without autodiff, and without noise.
+    pub(super) fn plain_loss(&self, network: &Smart, samples: &[Sample]) -> Output {
+        self.loss_on(network, samples, &self.distributions, &self.device, &mut Noise::none())
+    }
+
+    fn loss_on(
+        &self,
+        network: &Smart,
+        samples: &[Sample],
+        distributions: &TargetDistributions,
+        device: &Device,
+        noise: &mut Noise,
+    ) -> Output {
+        let scenes = samples.iter().map(|sample| &sample.scene);
+        let batch = Batch::new(network.config(), scenes, noise).expect(READ);
+        let tables = network.tables(&self.shapes, device).expect(READ);
+        let (mut targets, mut nodes) = (Vec::new(), 0);
+        for Sample { scene, targets: own } in samples {
+            targets.extend(own.iter().map(|t| Target { row: t.row + nodes, ..*t }));
+            nodes += scene.agents.len() * scene.steps.len();
+        }
+        let scores = network.forward(&tables, &batch, noise);
+        token_loss(&targets, distributions, device, |class, rows| {
+            scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
+        })
+    }
+
+    /// Returns a network with its vocabularies. The error is a message.
+    fn policy(&self, network: &Smart) -> Result<SmartPolicy, String> {
+        let (vocabulary, map_vocabulary) = (self.vocabulary.clone(), self.map_vocabulary.clone());
+        SmartPolicy::new(network.clone(), vocabulary, map_vocabulary, &self.device).map_err(|e| e.to_string())
+    }
+
+    /// Returns the file of a network; `about` says how it was made.
+    pub(super) fn file(&self, network: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
+        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
+        self.policy(network).ok()?.write(&made).ok()
+    }
+
+    /// Returns the simulator that executes the tokens of a network as they are. The error is a message.
+    pub(super) fn controller(&self, network: &Smart) -> Result<Controller, String> {
+        let parameters = smart_parameters().map_err(|e| e.to_string())?;
+        Ok(Controller::Fair(Box::new(SmartSimulator::new("smart", self.policy(network)?, parameters))))
+    }
+}
