@@ -42,6 +42,8 @@ pub struct Baseline {
     /// Whether a trajectory stage can follow it. False where the motion is the log's or already
     /// comes from the stage.
     pub takes_stage: bool,
+    /// Whether it runs if no simulators are named. The others are run by their ids, or by `all`.
+    pub by_default: bool,
     /// Whether the simulator needs weights.
     pub needs_weights: bool,
     /// Builds the simulator.
@@ -85,6 +87,7 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::REACTIVE_RAW,
     ntp::entries::SMART,
     ntp::entries::SMART_PROJECTED,
+    ntp::entries::TOKEN_REPLAY,
     pufferdrive::ENTRY,
     qp_regression::entries::QP_REGRESSION,
     qp_regression::entries::REGRESSION,

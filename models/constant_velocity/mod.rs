@@ -10,6 +10,7 @@ pub(super) const ENTRY: Baseline = Baseline {
     ranges: "",
     oracle: false,
     takes_stage: true,
+    by_default: true,
     needs_weights: false,
     make,
 };

@@ -11,6 +11,7 @@ pub(super) const ENTRY: Baseline = Baseline {
     ranges: "",
     oracle: true,
     takes_stage: false,
+    by_default: true,
     needs_weights: false,
     make,
 };

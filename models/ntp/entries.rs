@@ -6,6 +6,7 @@ use reactsim::rollout::Controller;
 use super::Driving;
 use super::reactive::{Policy, ReactiveSimulator};
 use super::smart::{SmartParameters, SmartPolicy, SmartSimulator};
+use super::token_replay;
 
 /// Units and ranges of the parameters of our network.
 const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
@@ -28,6 +29,18 @@ pub(in crate::models) const SMART: Baseline =
 pub(in crate::models) const SMART_PROJECTED: Baseline =
     entry("smart-projected", include_str!("cards/smart_projected.toml"), SMART_RANGES, smart);
 
+/// The log by tokens.
+pub(in crate::models) const TOKEN_REPLAY: Baseline = Baseline {
+    id: token_replay::ID,
+    card: include_str!("cards/token_replay.toml"),
+    ranges: include_str!("ranges/token_replay.toml"),
+    oracle: true,
+    takes_stage: false,
+    by_default: true,
+    needs_weights: true,
+    make: token_replay::make,
+};
+
 /// Returns the baseline of a network: not an oracle, and in need of weights.
 const fn entry(
     id: &'static str,
@@ -35,7 +48,16 @@ const fn entry(
     ranges: &'static str,
     make: fn(Setup) -> Result<Controller, ModelError>,
 ) -> Baseline {
-    Baseline { id, card, ranges, oracle: false, takes_stage: true, needs_weights: true, make }
+    Baseline {
+        id,
+        card,
+        ranges,
+        oracle: false,
+        takes_stage: true,
+        by_default: true,
+        needs_weights: true,
+        make,
+    }
 }
 
 /// Returns the parameters on the card of our network.

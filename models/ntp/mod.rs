@@ -3,6 +3,7 @@
 
 pub(super) mod entries;
 mod clearance;
+pub(crate) mod drive;
 mod execute;
 pub mod learn;
 pub mod reactive;
@@ -10,6 +11,8 @@ mod sampling;
 pub mod smart;
 mod smoothing;
 mod token_loss;
+mod token_replay;
 pub mod tokens;
 
 pub use sampling::{Driving, Sampling};
+pub use token_replay::{TokenReplay, TokenReplayParameters};

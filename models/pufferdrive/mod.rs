@@ -32,6 +32,7 @@ pub(super) const ENTRY: Baseline = Baseline {
     ranges: include_str!("ranges.toml"),
     oracle: false,
     takes_stage: true,
+    by_default: true,
     needs_weights: true,
     make,
 };

@@ -14,6 +14,7 @@ pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
     ranges: include_str!("ranges/qp_regression.toml"),
     oracle: false,
     takes_stage: false,
+    by_default: true,
     needs_weights: true,
     make: qp_regression,
 };
@@ -25,6 +26,7 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
     ranges: include_str!("ranges/regression.toml"),
     oracle: false,
     takes_stage: true,
+    by_default: true,
     needs_weights: true,
     make: regression,
 };

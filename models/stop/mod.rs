@@ -11,6 +11,7 @@ pub(super) const ENTRY: Baseline = Baseline {
     ranges: include_str!("ranges.toml"),
     oracle: false,
     takes_stage: true,
+    by_default: true,
     needs_weights: false,
     make,
 };

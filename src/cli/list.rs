@@ -83,7 +83,8 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                 let card = Card::read(model.id, model.card)?;
                 let mark = if model.oracle { " †" } else { "" };
                 let needs = if model.is_complete() { "" } else { " Needs --model-weights." };
-                let summary = format!("{}{needs}", card.summary);
+                let named = if model.by_default { "" } else { " Runs by its id or --models all." };
+                let summary = format!("{}{needs}{named}", card.summary);
                 rows.push(vec![model.id.to_owned(), format!("{}{mark}", card.title), summary]);
             }
             rows

@@ -4,6 +4,7 @@ mod carry_out;
 mod guards;
 mod realism;
 mod replan;
+mod vocabulary;
 
 use std::path::PathBuf;
 
@@ -44,6 +45,8 @@ enum StudyCommand {
     Realism(realism::RealismArgs),
     /// Ablation of the parts of simulators: projection, keeping clear, QP stage, AV look-ahead
     Guards(guards::GuardsArgs),
+    /// Motion tokens: the log as several vocabularies replay it
+    Vocabulary(vocabulary::VocabularyArgs),
 }
 
 /// A study, and the external simulators in it.
@@ -78,6 +81,7 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
         StudyCommand::Replan(args) => (replan::plan(args)?, &args.shared),
         StudyCommand::Realism(args) => (realism::plan(args)?, &args.shared),
         StudyCommand::Guards(args) => (guards::plan(args)?, &args.shared),
+        StudyCommand::Vocabulary(args) => (vocabulary::plan(args)?, &args.shared),
     };
     shared.table.check(&shared.format, &FORMATS)?;
     carry_out::carry_out(plan, shared)

@@ -25,7 +25,8 @@ use crate::work::available_threads;
 pub(super) struct EvaluationArgs {
     #[command(flatten)]
     input: ScenarioArgs,
-    /// Simulators, separated by commas [default: all baselines except those that lack weights]
+    /// Simulators, separated by commas; `all` for all baselines that have weights, `default` for those that
+    /// run by default; `reactsim list models` shows them [default: default]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     pub(super) models: Vec<String>,
     /// Weights of a simulator, such as pufferdrive=puffer.safetensors, or of a variant beside the shipped
@@ -108,6 +109,20 @@ impl EvaluationArgs {
             ));
         }
         Ok(adjustments)
+    }
+
+    /// Refuses options about simulators, for commands that choose their own; `why` says which.
+    pub(super) fn refuse_simulators(&self, why: &str) -> anyhow::Result<()> {
+        let options = [
+            ("--models", !self.models.is_empty()),
+            ("--model-weights", !self.model_weights.is_empty()),
+            ("--set", !self.set.is_empty()),
+            ("--external", self.external.is_any()),
+        ];
+        match options.iter().find(|(_, given)| *given) {
+            Some((option, _)) => bail!("{option}: {why}"),
+            None => Ok(()),
+        }
     }
 
     /// Returns the sources of the scenarios' logs.

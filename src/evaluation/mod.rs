@@ -88,8 +88,8 @@ pub use simulators::{Adjustments, PlannedSimulator};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;
 pub use study::{
-    Difference, Member, STUDY, STUDY_TABLE, Study, StudyFolder, StudyKind, StudyPlan, StudyResults, is_study,
-    read_study,
+    Difference, Member, NamedVocabulary, STUDY, STUDY_TABLE, Study, StudyFolder, StudyKind, StudyPlan,
+    StudyResults, is_study, read_study,
 };
 pub use summary::{
     CategorySummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,

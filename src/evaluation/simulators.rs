@@ -68,8 +68,14 @@ impl SelectedSimulator {
     }
 }
 
+/// Name of the baselines that run if none are named.
+const DEFAULT: &str = "default";
+/// Name of all baselines that have their weights.
+const ALL: &str = "all";
+
 impl PlannedSimulator {
-    /// Creates simulators by their ids; if `ids` is empty, all baselines that have their weights.
+    /// Creates simulators by their ids; if `ids` is empty, those that run by default. `default` stands for the
+    /// same ones, `all` for all baselines that have their weights.
     ///
     /// # Errors
     /// [`EvaluationError`] names an unknown or repeated id, a card that cannot be read, or a baseline without
@@ -114,14 +120,23 @@ impl PlannedSimulator {
             let variant = selected.variant();
             let ids = [variant.as_str(), selected.id.as_str()];
             let path = ids.iter().rev().find_map(|id| weights.get(id)).copied();
+            let file = path.map(|path| weights_file(path)).transpose()?;
             let mut parameters: BTreeMap<&str, &str> = BTreeMap::new();
             for id in ids {
                 let own = changes.iter().filter(|((of, _), _)| *of == id);
                 parameters.extend(own.map(|((_, key), value)| (*key, *value)));
             }
-            Self::make(&selected, path, parameters.into_iter(), adjustments.backend)
+            Self::make(&selected, file, parameters.into_iter(), adjustments.backend)
         };
         all.into_iter().map(make).collect()
+    }
+
+    /// Creates a simulator with these weights.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names an unknown id, or weights that do not fit.
+    pub fn with_weights(id: &str, weights: WeightsFile) -> Result<Self, EvaluationError> {
+        Self::make(&named(id)?, Some(weights), std::iter::empty(), Backend::default())
     }
 
     /// Creates the entry of an external simulator, with a stage behind it if requested.
@@ -156,7 +171,7 @@ impl PlannedSimulator {
 
     fn make<'a>(
         selected: &SelectedSimulator,
-        weights: Option<&PathBuf>,
+        weights: Option<WeightsFile>,
         changes: impl Iterator<Item = (&'a str, &'a str)>,
         backend: Backend,
     ) -> Result<Self, EvaluationError> {
@@ -171,14 +186,10 @@ impl PlannedSimulator {
         for (key, value) in changes {
             parameters.insert(key.to_owned(), setup.set(key, value)?);
         }
-        if let Some(path) = weights {
-            let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
+        if let Some(file) = weights {
             if !baseline.needs_weights {
-                return Err(ModelError::UnexpectedWeights { id, file: name.into_owned() }.into());
+                return Err(ModelError::UnexpectedWeights { id, file: file.name }.into());
             }
-            let bytes =
-                read_regular(path).map_err(|source| EvaluationError::Read { path: path.clone(), source })?;
-            let file = WeightsFile::new(name, bytes);
             file.check(id)?;
             setup.weights = Some(file);
         }
@@ -211,6 +222,14 @@ impl PlannedSimulator {
     }
 }
 
+/// Reads a file of weights.
+fn weights_file(path: &Path) -> Result<WeightsFile, EvaluationError> {
+    let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
+    let bytes =
+        read_regular(path).map_err(|source| EvaluationError::Read { path: path.to_owned(), source })?;
+    Ok(WeightsFile::new(name, bytes))
+}
+
 /// Returns what tells a simulator apart from the known one in tables: its label, or else the name of weights
 /// that the manifest does not list, be they new or a damaged copy.
 fn mark(
@@ -230,9 +249,9 @@ fn mark(
 /// Returns the simulators to run.
 fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimulator>, EvaluationError> {
     let mut all: Vec<SelectedSimulator> = Vec::new();
+    let has_weights = |b: &Baseline| adjustments.weights.iter().any(|(id, _)| id == b.id);
     if ids.is_empty() {
-        let has_weights = |b: &Baseline| adjustments.weights.iter().any(|(id, _)| id == b.id);
-        let complete = MODELS.iter().filter(|b| b.is_complete() || has_weights(b));
+        let complete = MODELS.iter().filter(|b| b.is_complete() && b.by_default || has_weights(b));
         let adjusted = adjustments.weights.iter().map(|(id, _)| id);
         let adjusted: Vec<&String> =
             adjusted.chain(adjustments.parameters.iter().map(|(id, ..)| id)).collect();
@@ -248,7 +267,14 @@ fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimul
         }
     }
     for id in ids {
-        all.push(named(id)?);
+        match id.as_str() {
+            DEFAULT | ALL => {
+                let listed = |b: &&Baseline| b.is_complete() && (b.by_default || id == ALL) || has_weights(b);
+                let listed = MODELS.iter().filter(listed).map(|b| named(b.id));
+                all.extend(listed.collect::<Result<Vec<_>, _>>()?);
+            }
+            id => all.push(named(id)?),
+        }
     }
     if let Some(smoothing) = adjustments.smoothing {
         for selected in all.iter_mut().filter(|s| s.smoothing.is_none() && s.baseline.takes_stage) {

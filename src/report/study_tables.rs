@@ -18,6 +18,10 @@ const REACTION_METRICS: &[&str] = &["aav-collision", "aav-ttc"];
 /// rollouts.
 const REALISM_METRICS: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
 
+/// Metrics of the motion itself, without the AV.
+const MOTION_METRICS: &[&str] =
+    &["acceleration", "curvature", "curvature-velocity", "aa-collision", "offroad", "direction", "ade"];
+
 /// A table of a study.
 struct StudyTable<'a> {
     title: Title,
@@ -91,7 +95,7 @@ fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTabl
     let mut tables = match results.study.kind {
         StudyKind::Replan => by_interval(results, style),
         StudyKind::Realism => by_protocol(results, style),
-        StudyKind::Guards => by_variant(results, style),
+        StudyKind::Guards | StudyKind::Vocabulary => by_variant(results, style),
     };
     if style.bold {
         tables.iter_mut().for_each(mark_best);
@@ -109,6 +113,7 @@ fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Colum
         }
         StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
         StudyKind::Guards => MAIN_COLUMNS.to_vec(),
+        StudyKind::Vocabulary => of(MOTION_METRICS),
     };
     Column::with(usual, style.also)
 }

@@ -7,6 +7,7 @@ use std::process::Output;
 
 use burn::tensor::Device;
 use reactsim::models::nn::{Initializer, save};
+use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::pufferdrive::network::Network;
 use reactsim::models::{MODELS, WeightsFile, find};
 
@@ -36,6 +37,7 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
         "ntp-reactive" | "ntp-reactive-raw" => crate::ntp_reactive::untrained(),
         "regression" | "qp-regression" => crate::regression::untrained(),
         "smart" | "smart-projected" => crate::smart_simulator::untrained(),
+        "token-replay" => Kinematic::default().build().unwrap().write().unwrap(),
         "pufferdrive" => save(&Network::init(&mut init, &device), &BTreeMap::new()),
         _ => return None,
     };

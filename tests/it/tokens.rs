@@ -5,4 +5,5 @@ mod command;
 mod golden;
 mod map;
 mod matching;
+mod replay;
 mod vocabulary;

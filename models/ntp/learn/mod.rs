@@ -4,6 +4,5 @@ mod task;
 
 pub use task::{NextToken, Recipe, TASK};
 
-pub(crate) mod drive;
 pub(crate) mod loss;
 pub(crate) mod sample;

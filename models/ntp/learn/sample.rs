@@ -5,13 +5,13 @@ use reactsim::scene::{CURRENT, FRAMES, FUTURE, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
+use super::super::drive::{Perturbation, drive};
 use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::linked_places::LinkedPlaces;
 use super::super::reactive::step::{EarlierNode, Step};
 use super::super::token_loss::{Target, loss_weight};
 use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
-use super::drive::{Perturbation, drive};
 use crate::models::learning::{LearningScene, shifted};
 use crate::models::perception::KnownMap;
 

@@ -8,11 +8,11 @@ use reactsim::scene::Scenario;
 use reactsim::training::{Output, Settings, Stream, Task, View};
 use serde::{Deserialize, Serialize};
 
+use super::super::drive::Perturbation;
 use super::super::entries::reactive_driving;
 use super::super::reactive::{Config, Network, Policy, ReactiveSimulator};
 use super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::tokens::{Kinematic, Vocabulary};
-use super::drive::Perturbation;
 use super::loss::loss;
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::{

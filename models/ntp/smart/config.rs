@@ -56,6 +56,9 @@ pub struct SmartConfig {
     /// Number of nearest map tokens within the radius that an agent sees; 0 for all, as published.
     #[serde(default)]
     pub nearest_pl2a: usize,
+    /// Distance ahead of an agent from which the nearness of map tokens counts, metres.
+    #[serde(default)]
+    pub ahead_pl2a: f32,
     /// Number of nearest agents within the radius that an agent sees; 0 for all, as published.
     #[serde(default)]
     pub nearest_a2a: usize,
@@ -187,6 +190,9 @@ impl SmartConfig {
                 return wrong(name, radius.to_string(), "metres above 0");
             }
         }
+        if !(0.0..=1000.0).contains(&self.ahead_pl2a) {
+            return wrong("ahead_pl2a", self.ahead_pl2a.to_string(), "0 to 1000 metres");
+        }
         for (name, share) in [("dropout", self.dropout), ("hist_drop_prob", self.hist_drop_prob)] {
             if !(0.0..1.0).contains(&share) {
                 return wrong(name, share.to_string(), "a share from 0 to below 1");
@@ -250,6 +256,7 @@ impl Default for SmartConfig {
             max_neighbours_a2a: max_neighbours_a2a(),
             max_agents_per_map_token_pl2a: max_agents_per_map_token_pl2a(),
             nearest_pl2a: 0,
+            ahead_pl2a: 0.0,
             nearest_a2a: 0,
             layer_norm_eps: layer_norm_eps(),
             map_point_types: map_point_types(),

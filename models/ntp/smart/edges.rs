@@ -1,5 +1,7 @@
 //! Attention pairs: the four kinds, in the order and with the limits of the published networks.
 
+use reactsim::geometry::math;
+
 use super::relation::Pose;
 use super::{MapTokens, SmartConfig, Step};
 
@@ -121,7 +123,7 @@ impl Edges {
                     }
                 }
             }
-            keep_nearest(&mut seen, config.nearest_pl2a);
+            keep_nearest(&mut seen, config.nearest_pl2a, config.ahead_pl2a);
             seen.iter().for_each(|(source, relation)| self.push(*source, node(agent), relation));
         }
     }
@@ -135,19 +137,26 @@ impl Edges {
                 poses.iter().enumerate().filter(|(s, p)| *s != target && own.is_within(p, config.a2a_radius));
             let valid = near.take(config.max_neighbours_a2a).filter(|(s, _)| step.valid[*s]);
             let mut seen: Vec<_> = valid.map(|(source, pose)| (source, own.relation_to(pose))).collect();
-            keep_nearest(&mut seen, config.nearest_a2a);
+            keep_nearest(&mut seen, config.nearest_a2a, 0.0);
             seen.iter().for_each(|(source, relation)| self.push(node(*source), node(target), relation));
         }
     }
 }
 
-/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Of equally distant
-/// ones the first are kept.
-fn keep_nearest(seen: &mut Vec<(usize, [f32; 3])>, most: usize) {
+/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Distances count from a
+/// point `ahead` metres ahead of the agent. Of equally distant ones the first are kept.
+fn keep_nearest(seen: &mut Vec<(usize, [f32; 3])>, most: usize, ahead: f32) {
     if most == 0 || seen.len() <= most {
         return;
     }
-    seen.sort_by(|(a, [near, ..]), (b, [far, ..])| near.total_cmp(far).then(a.cmp(b)));
-    seen.truncate(most);
-    seen.sort_by_key(|(source, _)| *source);
+    // The square of the distance, less that of `ahead`.
+    let distance = |[distance, bearing, _]: [f32; 3]| match ahead {
+        0.0 => distance,
+        _ => distance * (distance - 2.0 * ahead * math::cos(f64::from(bearing)) as f32),
+    };
+    let mut ranked: Vec<_> = seen.iter().map(|(source, relation)| (distance(*relation), *source)).collect();
+    ranked.sort_by(|(near, a), (far, b)| near.total_cmp(far).then(a.cmp(b)));
+    let mut kept: Vec<usize> = ranked[..most].iter().map(|(_, source)| *source).collect();
+    kept.sort_unstable();
+    seen.retain(|(source, _)| kept.binary_search(source).is_ok());
 }

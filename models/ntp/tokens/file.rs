@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use reactsim::dynamics::Pose;
 use reactsim::geometry::{Vec2, heading_of};
 use reactsim::models::nn::Tensors;
-use reactsim::models::nn::weights::Tables;
+use reactsim::models::nn::weights::{CONFIG, Tables};
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{ORIGIN, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
@@ -80,6 +80,19 @@ impl Vocabulary {
             [table(NATIVE_TENSORS[0])?, table(NATIVE_TENSORS[1])?, table(NATIVE_TENSORS[2])?],
             provenance,
         )
+    }
+
+    /// Reads a vocabulary from a file of a vocabulary, or from the weights of a network that was trained with it.
+    ///
+    /// # Errors
+    /// [`VocabularyError`], as [`Self::read`].
+    pub fn read_any(bytes: &[u8]) -> Result<Self, VocabularyError> {
+        match Tensors::read(bytes) {
+            Ok(mut tensors) if tensors.metadata().contains_key(CONFIG) => {
+                Self::from_tables(&tensors.split_off(PREFIX))
+            }
+            _ => Self::read(bytes),
+        }
     }
 
     /// Returns the tokens as tensors `[tokens, 6, 3]` by name, and the metadata entry with their

@@ -9,6 +9,7 @@ mod folder;
 mod guards;
 mod plan;
 mod results;
+mod vocabulary;
 
 use std::collections::BTreeMap;
 
@@ -18,6 +19,7 @@ pub use file::{STUDY, STUDY_TABLE, is_study, read_study};
 pub use folder::StudyFolder;
 pub use plan::StudyPlan;
 pub use results::{Difference, StudyResults};
+pub use vocabulary::NamedVocabulary;
 
 /// The subject of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,6 +31,8 @@ pub enum StudyKind {
     Realism,
     /// Ablation of the components of simulators, and of observing the AV one step ahead.
     Guards,
+    /// The log by the motion tokens of several vocabularies.
+    Vocabulary,
 }
 
 impl StudyKind {
@@ -38,7 +42,13 @@ impl StudyKind {
             Self::Replan => "replan",
             Self::Realism => "realism",
             Self::Guards => "guards",
+            Self::Vocabulary => "vocabulary",
         }
+    }
+
+    /// Returns whether members are variants of simulators, which are compared with the first member.
+    pub const fn has_variants(self) -> bool {
+        matches!(self, Self::Guards | Self::Vocabulary)
     }
 }
 
@@ -69,14 +79,15 @@ pub struct Member {
     /// `reactive`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
-    /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`.
+    /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`. In
+    /// those of kind `vocabulary` the name of the vocabulary; `log` for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
     /// Whether agents at t+1 observe the AV at t+1; in studies of kind `guards`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub av_lookahead: Option<bool>,
     /// Id of each simulator of this run, and the id of the unchanged simulator (in the first member). They
-    /// differ if a stage was added or removed. In studies of kind `guards`.
+    /// differ if a stage was added or removed. In studies of kind `guards` and `vocabulary`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub originals: BTreeMap<String, String>,
 }
@@ -118,9 +129,9 @@ impl Study {
             let missing = match self.kind {
                 StudyKind::Replan => replan_steps.is_none().then_some("replan_steps"),
                 StudyKind::Realism => protocol.is_none().then_some("protocol"),
-                StudyKind::Guards if variant.is_none() => Some("variant"),
+                StudyKind::Guards | StudyKind::Vocabulary if variant.is_none() => Some("variant"),
                 StudyKind::Guards if av_lookahead.is_none() => Some("av_lookahead"),
-                StudyKind::Guards => originals.is_empty().then_some("originals"),
+                StudyKind::Guards | StudyKind::Vocabulary => originals.is_empty().then_some("originals"),
             };
             if let Some(field) = missing {
                 return Some(format!("the member `{folder}` has no `{field}`"));

@@ -3,6 +3,7 @@
 use std::mem;
 
 use super::guards::{self, Variant};
+use super::vocabulary::{self, NamedVocabulary};
 use super::{Member, Study, StudyKind};
 use crate::evaluation::{Adjustments, AvChoice, EvaluationError, Plan, PlannedSimulator, RunSettings};
 use crate::rollout::{Protocol, Replan, Settings};
@@ -79,6 +80,19 @@ impl StudyPlan {
         let sets = variants.into_iter().map(|v| v.simulators).collect();
         let study = Study::new(StudyKind::Guards, members);
         Ok(Self { study, settings, sets, selected: 0, plan })
+    }
+
+    /// Plans the replay of the log, and that by the tokens of each vocabulary. `plan` has no simulators.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] for a vocabulary that cannot be used.
+    pub fn vocabulary(plan: Plan, vocabularies: Vec<NamedVocabulary>) -> Result<Self, EvaluationError> {
+        let (members, sets): (Vec<_>, Vec<_>) = vocabulary::members(vocabularies)?.into_iter().unzip();
+        let settings = (0..sets.len()).map(|set| (plan.settings.clone(), set)).collect();
+        let study = Study::new(StudyKind::Vocabulary, members);
+        let mut all = Self { study, settings, sets, selected: 0, plan };
+        mem::swap(&mut all.plan.simulators, &mut all.sets[0]);
+        Ok(all)
     }
 
     fn of_one_set(kind: StudyKind, members: Vec<(Member, RunSettings)>, plan: Plan) -> Self {

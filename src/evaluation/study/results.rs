@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{Study, StudyKind, read_study};
+use super::{Study, read_study};
 use crate::evaluation::realism::RealismSummary;
 use crate::evaluation::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
 
@@ -46,7 +46,7 @@ impl StudyResults {
         let members = || study.members.iter().map(|m| folder.join(&m.folder));
         let summaries: Vec<Summary> = members().map(|path| read_summary(&path)).collect::<Result<_, _>>()?;
         let mut differences = Vec::new();
-        if study.kind == StudyKind::Guards {
+        if study.kind.has_variants() {
             let mut tallies = Vec::new();
             for (summary, path) in summaries.iter().zip(members()) {
                 let tally = read_tally(&path)?;

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::{Head, StudyCell, StudyTable, Title, members, tables};
-use crate::evaluation::{SimulatorSummary, StudyKind, StudyResults};
+use crate::evaluation::{SimulatorSummary, StudyResults};
 use crate::report::comparison::signed;
 use crate::report::markdown::{capital, cell, escape, legend, method, write_aligned};
 use crate::report::table::{count, program, provenance};
@@ -52,7 +52,7 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;
     legend(out, all().map(SimulatorSummary::access))?;
-    if results.study.kind == StudyKind::Guards {
+    if results.study.kind.has_variants() {
         writeln!(
             out,
             "Differences are paired, scenario by scenario; bold where the interval, which need not be \

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use reactsim::models::learning::LEARNING_RANGES;
-use reactsim::models::{Card, MODELS, TASKS, qp};
+use reactsim::models::{Baseline, Card, MODELS, TASKS, qp};
 use reactsim::rollout::{
     AvError, AvPolicy, LogAv, Observation, Protocol, Request, Rollout, Settings, roll_out,
 };
@@ -32,14 +32,19 @@ fn realism(scenario: &Scenario) -> Request<'_> {
     Request { scenario, av: Box::new(Unasked), rollout: 0 }
 }
 
-/// Returns the agents whose log an oracle replays: all but an external AV; none for other simulators.
-fn replayed(oracle: bool, external_av: bool, scenario: &Scenario) -> Range<usize> {
-    if oracle { usize::from(external_av)..scenario.start.agents.len() } else { 0..0 }
+/// Returns the agents whose recorded states are replayed: all but an external AV by `log-replay`, none by other
+/// simulators.
+fn replayed(model: &Baseline, external_av: bool, scenario: &Scenario) -> Range<usize> {
+    match model.id {
+        "log-replay" => usize::from(external_av)..scenario.start.agents.len(),
+        _ => 0..0,
+    }
 }
 
 /// Checks the properties of a rollout of any simulator.
-fn check(scenario: &Scenario, rollout: &Rollout, replayed: Range<usize>, what: &str) {
-    let (fair, what) = (replayed.is_empty(), format!("{what}: {}", scenario.id));
+fn check(scenario: &Scenario, rollout: &Rollout, model: &Baseline, external_av: bool, what: &str) {
+    let (replayed, fair) = (replayed(model, external_av, scenario), !model.oracle);
+    let what = format!("{what}: {}", scenario.id);
     assert_eq!(rollout.tracks.len(), scenario.start.agents.len(), "{what}");
     for (i, track) in rollout.tracks.iter().enumerate() {
         assert_eq!(track.len(), FRAMES, "{what}: agent {i}");
@@ -74,7 +79,7 @@ fn rollouts_are_whole_and_agree_with_themselves() {
                 let av = coasting(scenario);
                 let done = roll_out(vec![request(scenario, av.clone(), 0)], &controller, &settings).remove(0);
                 let done = done.unwrap();
-                check(scenario, &done, replayed(model.oracle, true, scenario), model.id);
+                check(scenario, &done, model, true, model.id);
                 for (track, given) in done.tracks[0][HISTORY..].iter().zip(&av) {
                     let s = track.unwrap();
                     assert_eq!(
@@ -120,7 +125,7 @@ fn in_the_realism_protocol_the_simulator_moves_the_av() {
         for scenario in &scenarios(2) {
             let settings = Settings { protocol: Protocol::Realism, ..Settings::default() };
             let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0).unwrap();
-            check(scenario, &done, replayed(model.oracle, false, scenario), model.id);
+            check(scenario, &done, model, false, model.id);
             let (now, then) = (scenario.start.now(0), done.tracks[0][FRAMES - 1].unwrap());
             match model.id {
                 "log-replay" => {
@@ -192,13 +197,13 @@ fn bare_scenes_are_lawful() {
                 for state in roll_out(vec![request(scenario, av, 0)], &controller, &settings) {
                     let what = format!("{} every {replan}", model.id);
                     let done = state.unwrap_or_else(|e| panic!("{what}: {e}"));
-                    check(scenario, &done, replayed(model.oracle, true, scenario), &what);
+                    check(scenario, &done, model, true, &what);
                 }
                 let settings = Settings { protocol: Protocol::Realism, ..settings };
                 let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0);
                 let what = format!("{} every {replan}, realism", model.id);
                 let done = done.unwrap_or_else(|e| panic!("{what}: {e}"));
-                check(scenario, &done, replayed(model.oracle, false, scenario), &what);
+                check(scenario, &done, model, false, &what);
             }
         }
     }

@@ -53,6 +53,8 @@ pub struct NetworkSizes {
     pub a2a_radius: f64,
     /// Number of nearest map tokens within the radius that an agent sees; 0 for all, as published.
     pub nearest_pl2a: usize,
+    /// Distance ahead of an agent from which the nearness of map tokens counts, metres.
+    pub ahead_pl2a: f64,
     /// Number of nearest agents within the radius that an agent sees; 0 for all, as published.
     pub nearest_a2a: usize,
     /// Time span over which agents see their own past, frames.
@@ -107,6 +109,7 @@ impl NetworkSizes {
             pl2a_radius: self.pl2a_radius as f32,
             a2a_radius: self.a2a_radius as f32,
             nearest_pl2a: self.nearest_pl2a,
+            ahead_pl2a: self.ahead_pl2a as f32,
             nearest_a2a: self.nearest_a2a,
             time_span: self.time_span,
             shift_frames: TOKEN_FRAMES,
@@ -139,6 +142,7 @@ impl Default for Recipe {
                 pl2a_radius: 30.0,
                 a2a_radius: 60.0,
                 nearest_pl2a: 32,
+                ahead_pl2a: 12.0,
                 nearest_a2a: 12,
                 time_span: 20,
                 mlp_embedding_first_width: 128,

@@ -10,8 +10,8 @@ use reactsim::scene::{Agent, FRAMES, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
-use super::super::execute::Executor;
-use super::super::tokens::{TOKEN_FRAMES, Vocabulary, motion_between, moved};
+use super::execute::Executor;
+use super::tokens::{TOKEN_FRAMES, Vocabulary, motion_between, moved};
 use crate::models::perception::Class;
 
 /// Deliberate errors during replay.
