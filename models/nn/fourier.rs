@@ -6,6 +6,8 @@ use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
 
+#[cfg(feature = "flex")]
+use super::fused;
 use super::host::is_host;
 use super::turns::cos_sin_rows;
 use super::{Initializer, Rows, linear};
@@ -62,6 +64,10 @@ impl FourierEmbedding {
         let features = |d| {
             let u = scalars.clone().narrow(1, d, 1);
             let f = self.freqs.val().narrow(0, d, 1);
+            #[cfg(feature = "flex")]
+            if let Some(features) = fused::cos_sin(&u, &f) {
+                return features;
+            }
             let angle = (u.clone().expand([rows, frequencies]) * f) * TAU;
             Tensor::cat(vec![angle.clone().cos(), angle.sin(), u], 1)
         };

@@ -8,6 +8,8 @@ mod attention;
 mod device;
 mod feed_forward;
 mod fourier;
+#[cfg(feature = "flex")]
+mod fused;
 mod host;
 mod initializer;
 mod mlp;

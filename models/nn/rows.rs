@@ -5,6 +5,8 @@ use burn::tensor::activation::relu;
 use burn::tensor::module::layer_norm;
 use burn::tensor::{Tensor, TensorData};
 
+#[cfg(feature = "flex")]
+use super::fused;
 use super::host::{self, RowPass, is_host};
 
 /// Constant added to the variances of layer norms, dimensionless; value of the published networks.
@@ -77,32 +79,64 @@ impl Rows {
             return host::pass(x, pass);
         }
         let RowPass { weights, added, bias, norm, relu: rectified, factors } = pass;
-        let x = match weights {
-            Some(weights) => x.matmul(weights),
-            None => x,
+        let x = if added.is_empty() {
+            learned(x, weights, bias, norm, rectified)
+        } else {
+            let x = match weights {
+                Some(weights) => learned(x, Some(weights), None, None, false),
+                None => x,
+            };
+            let [n, width] = x.dims();
+            let x = added.into_iter().fold(x, |x, other| {
+                let m = other.dims()[0];
+                if m == n {
+                    return x + other;
+                }
+                (x.reshape([n / m, m, width]) + other.unsqueeze_dim::<3>(0)).reshape([n, width])
+            });
+            learned(x, None, bias, norm, rectified)
         };
-        let [n, width] = x.dims();
-        let mut x = added.into_iter().fold(x, |x, other| {
-            let m = other.dims()[0];
-            if m == n {
-                return x + other;
-            }
-            (x.reshape([n / m, m, width]) + other.unsqueeze_dim::<3>(0)).reshape([n, width])
-        });
-        if let Some(bias) = bias {
-            x = x + bias.unsqueeze_dim::<2>(0);
-        }
-        if let Some((gain, shift, _)) = norm {
-            x = layer_norm(x, gain, shift, NORM_EPSILON);
-        }
-        if rectified {
-            x = relu(x);
-        }
         match factors {
             Some(factors) => x * factors,
             None => x,
         }
     }
+}
+
+/// Multiplies with weights and finishes, with gradients: as one operation where there is one.
+fn learned(
+    x: Tensor<2>,
+    weights: Option<Tensor<2>>,
+    bias: Option<Tensor<1>>,
+    norm: Option<(Tensor<1>, Option<Tensor<1>>, f32)>,
+    rectified: bool,
+) -> Tensor<2> {
+    #[cfg(feature = "flex")]
+    if let Some(x) = fused::finish(&x, weights.as_ref(), bias.as_ref(), norm.as_ref(), rectified) {
+        return x;
+    }
+    let x = match weights {
+        Some(weights) => x.matmul(weights),
+        None => x,
+    };
+    finish(x, bias, norm, rectified)
+}
+
+/// Adds the bias, applies the norm (gain, shift, constant added to variances) and the activation, by operations of the
+/// backend.
+pub(super) fn finish(
+    mut x: Tensor<2>,
+    bias: Option<Tensor<1>>,
+    norm: Option<(Tensor<1>, Option<Tensor<1>>, f32)>,
+    rectified: bool,
+) -> Tensor<2> {
+    if let Some(bias) = bias {
+        x = x + bias.unsqueeze_dim::<2>(0);
+    }
+    if let Some((gain, shift, _)) = norm {
+        x = layer_norm(x, gain, shift, NORM_EPSILON);
+    }
+    if rectified { relu(x) } else { x }
 }
 
 /// Returns the output of a linear layer, `[n, outputs]`, for a matrix `[n, inputs]`.

@@ -33,6 +33,22 @@ pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequenc
     rows
 }
 
+/// Returns the gradients with respect to the frequencies, for rows of [`cos_sin_rows`] with this number of frequencies and
+/// the gradients with respect to these rows.
+pub(crate) fn frequency_gradients(rows: &[f32], of_rows: &[f32], count: usize) -> Vec<f32> {
+    let mut sums = vec![0.0_f64; count];
+    let width = 2 * count + 1;
+    for (row, of_row) in rows.chunks_exact(width).zip(of_rows.chunks_exact(width)) {
+        let turn = TAU * row[2 * count];
+        let ((cos, sin), (of_cos, of_sin)) =
+            (row[..2 * count].split_at(count), of_row[..2 * count].split_at(count));
+        for i in 0..count {
+            sums[i] += f64::from(turn * (cos[i] * of_sin[i] - sin[i] * of_cos[i]));
+        }
+    }
+    sums.into_iter().map(|sum| sum as f32).collect()
+}
+
 /// Returns cosine and sine of `turns` turns, fewer than [`MAX_TURNS`], to 2e-7. It has no branches,
 /// so that a processor computes several at once.
 #[inline(always)]

@@ -1,4 +1,4 @@
-//! Groups of operations on numbers in host memory, for networks without gradients.
+//! Groups of operations on numbers in host memory, mostly for networks without gradients.
 //!
 //! A backend writes the result of every operation to memory. Where this takes most of the time, a group of
 //! operations is computed here in one pass. A function equals the operations that it replaces but for
@@ -12,6 +12,7 @@
 )]
 
 mod attention;
+mod learned_rows;
 mod product;
 mod relational;
 mod rows;
@@ -22,8 +23,9 @@ use burn::tensor::{Device, TensorData};
 use super::device::is_gpu;
 
 pub(crate) use attention::{Attention, attend};
+pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
 pub(crate) use relational::{Slots, attend_to_neighbors};
-pub(crate) use rows::{RowPass, pass, pool};
+pub(crate) use rows::{Finish, Norm, RowPass, pass, pool};
 
 /// Largest number of 32-bit numbers in a vector register (AVX-512). Rows are padded to a multiple of it,
 /// which registers of other sizes divide.
@@ -35,7 +37,7 @@ pub(crate) fn is_host(device: &Device) -> bool {
 }
 
 /// Returns the numbers of a tensor, row by row.
-fn slice(data: &TensorData) -> &[f32] {
+pub(super) fn slice(data: &TensorData) -> &[f32] {
     // Networks are loaded and computed in this type.
     data.as_slice().expect("32-bit floating-point numbers")
 }

@@ -57,14 +57,13 @@ pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
         (Some(weights), Some(product)) => (Some((slice(&x), k, slice(weights))), product.as_mut_slice()),
         _ => (None, x.as_mut_slice().expect("32-bit floating-point numbers")),
     };
-    let follow = Follow {
+    let finish = Finish {
         width,
-        added: &added,
         bias: bias.as_ref().map(slice),
         norm: gain.as_ref().map(|gain| Norm { gain: slice(gain), shift: shift.as_ref().map(slice), epsilon }),
         relu,
-        factors: factors.as_ref().map(slice),
     };
+    let follow = Follow { finish: &finish, added: &added, factors: factors.as_ref().map(slice) };
     if width > 0 {
         let arch = Arch::new();
         let weights = product_of.map(|(_, _, weights)| Weights::new(weights, width, rows));
@@ -82,20 +81,31 @@ pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
 
 /// The operations after the product, as slices.
 struct Follow<'a> {
-    width: usize,
+    finish: &'a Finish<'a>,
     added: &'a [&'a [f32]],
-    bias: Option<&'a [f32]>,
-    norm: Option<Norm<'a>>,
-    relu: bool,
     factors: Option<&'a [f32]>,
 }
 
+/// Bias, norm and activation of rows, in this order.
+pub(crate) struct Finish<'a> {
+    /// Number of columns.
+    pub width: usize,
+    /// Added to each row, `[width]`.
+    pub bias: Option<&'a [f32]>,
+    /// Layer norm.
+    pub norm: Option<Norm<'a>>,
+    /// Whether negative numbers become 0.
+    pub relu: bool,
+}
+
 /// A layer norm.
-struct Norm<'a> {
-    gain: &'a [f32],
-    shift: Option<&'a [f32]>,
+pub(crate) struct Norm<'a> {
+    /// Gain, `[width]`.
+    pub gain: &'a [f32],
+    /// Shift, `[width]`.
+    pub shift: Option<&'a [f32]>,
     /// Added to variances.
-    epsilon: f32,
+    pub epsilon: f32,
 }
 
 /// Rows, of which the first has this number, and what is done to them.
@@ -117,32 +127,50 @@ impl WithSimd for Rows<'_, '_> {
 impl Follow<'_> {
     #[inline(always)]
     fn apply(&self, first: usize, rows: &mut [f32]) {
-        let width = self.width;
+        let width = self.finish.width;
         for (i, row) in rows.chunks_exact_mut(width).enumerate() {
             let i = first + i;
             for added in self.added {
                 add(row, &added[(i * width) % added.len()..][..width]);
             }
-            if let Some(bias) = self.bias {
-                add(row, bias);
-            }
-            if let Some(norm) = &self.norm {
-                normalize(row, norm.gain, norm.epsilon);
-                if let Some(shift) = norm.shift {
-                    add(row, shift);
-                }
-            }
-            if self.relu {
-                for x in &mut *row {
-                    // NaN stays.
-                    *x = if *x < 0.0 { 0.0 } else { *x };
-                }
-            }
+            self.finish.apply(row);
             if let Some(factors) = self.factors {
                 let factor = factors[i];
                 for x in row {
                     *x *= factor;
                 }
+            }
+        }
+    }
+}
+
+impl Finish<'_> {
+    /// Applies the operations to all rows.
+    pub(crate) fn apply_all(&self, rows: &mut [f32]) {
+        if self.width > 0 {
+            Arch::new().dispatch(Rows {
+                follow: &Follow { finish: self, added: &[], factors: None },
+                first: 0,
+                rows,
+            });
+        }
+    }
+
+    #[inline(always)]
+    fn apply(&self, row: &mut [f32]) {
+        if let Some(bias) = self.bias {
+            add(row, bias);
+        }
+        if let Some(norm) = &self.norm {
+            normalize(row, norm.gain, norm.epsilon);
+            if let Some(shift) = norm.shift {
+                add(row, shift);
+            }
+        }
+        if self.relu {
+            for x in row {
+                // NaN stays.
+                *x = if *x < 0.0 { 0.0 } else { *x };
             }
         }
     }
@@ -170,7 +198,7 @@ fn normalize(row: &mut [f32], gain: &[f32], epsilon: f32) {
 
 /// Adds up the terms of a row, each [`LANES`]-th in a sum of its own.
 #[inline(always)]
-fn sum(row: &[f32], term: impl Fn(f32) -> f32) -> f32 {
+pub(super) fn sum(row: &[f32], term: impl Fn(f32) -> f32) -> f32 {
     let mut sums = [0.0; LANES];
     let (blocks, rest) = row.as_chunks::<LANES>();
     for block in blocks {
