@@ -53,6 +53,9 @@ pub struct SmartConfig {
     /// Largest number of agents that see one map token.
     #[serde(default = "max_agents_per_map_token_pl2a")]
     pub max_agents_per_map_token_pl2a: usize,
+    /// Number of nearest map tokens within the radius that a map token sees; 0 for all, as published.
+    #[serde(default)]
+    pub nearest_pl2pl: usize,
     /// Number of nearest map tokens within the radius that an agent sees; 0 for all, as published.
     #[serde(default)]
     pub nearest_pl2a: usize,
@@ -255,6 +258,7 @@ impl Default for SmartConfig {
             max_neighbours_pl2pl: max_neighbours_pl2pl(),
             max_neighbours_a2a: max_neighbours_a2a(),
             max_agents_per_map_token_pl2a: max_agents_per_map_token_pl2a(),
+            nearest_pl2pl: 0,
             nearest_pl2a: 0,
             ahead_pl2a: 0.0,
             nearest_a2a: 0,

@@ -62,9 +62,10 @@ impl Edges {
                 .iter()
                 .enumerate()
                 .filter(|(s, p)| *s != target && own.is_within(p, config.pl2pl_radius));
-            for (source, pose) in near.take(config.max_neighbours_pl2pl) {
-                edges.push(source, target, &own.relation_to(pose));
-            }
+            let near = near.take(config.max_neighbours_pl2pl);
+            let mut seen: Vec<_> = near.map(|(source, pose)| (source, own.relation_to(pose))).collect();
+            keep_nearest(&mut seen, config.nearest_pl2pl, 0.0);
+            seen.iter().for_each(|(source, relation)| edges.push(*source, target, relation));
         }
         edges
     }

@@ -51,6 +51,8 @@ pub struct NetworkSizes {
     pub pl2a_radius: f64,
     /// Radius within which agents see each other, metres.
     pub a2a_radius: f64,
+    /// Number of nearest map tokens within the radius that a map token sees; 0 for all, as published.
+    pub nearest_pl2pl: usize,
     /// Number of nearest map tokens within the radius that an agent sees; 0 for all, as published.
     pub nearest_pl2a: usize,
     /// Distance ahead of an agent from which the nearness of map tokens counts, metres.
@@ -108,6 +110,7 @@ impl NetworkSizes {
             pl2pl_radius: self.pl2pl_radius as f32,
             pl2a_radius: self.pl2a_radius as f32,
             a2a_radius: self.a2a_radius as f32,
+            nearest_pl2pl: self.nearest_pl2pl,
             nearest_pl2a: self.nearest_pl2a,
             ahead_pl2a: self.ahead_pl2a as f32,
             nearest_a2a: self.nearest_a2a,
@@ -141,6 +144,7 @@ impl Default for Recipe {
                 pl2pl_radius: 10.5,
                 pl2a_radius: 30.0,
                 a2a_radius: 60.0,
+                nearest_pl2pl: 12,
                 nearest_pl2a: 32,
                 ahead_pl2a: 12.0,
                 nearest_a2a: 12,
