@@ -90,24 +90,27 @@ pub(crate) fn row_gradients(finish: &Finish<'_>, rows: &[f32], of_output: &[f32]
     let block = SUMMED_ROWS * width;
     let RowGradients { rows: of_rows, bias, gain, shift } = &mut all;
     let blocks = rows.chunks(block).zip(of_output.chunks(block)).zip(of_rows.chunks_mut(block));
-    let (arch, mut input, mut sums) = (Arch::new(), zeros(), [zeros(), zeros(), zeros()]);
+    let (arch, no_shift) = (Arch::new(), zeros());
+    let (mut input, mut sums) = (zeros(), [zeros(), zeros(), zeros()]);
     for ((rows, of_output), of_rows) in blocks {
         sums.iter_mut().for_each(|sum| sum.fill(0.0));
-        arch.dispatch(Backward { finish, rows, of_output, of_rows, input: &mut input, sums: &mut sums });
-        for (all, sum) in [&mut *bias, gain, shift].into_iter().zip(&sums) {
+        let (input, sums) = (&mut input, &mut sums);
+        arch.dispatch(Backward { finish, rows, of_output, of_rows, input, zeros: &no_shift, sums });
+        for (all, sum) in [&mut *bias, gain, shift].into_iter().zip(&*sums) {
             all.iter_mut().zip(sum).for_each(|(all, sum)| *all += sum);
         }
     }
     all
 }
 
-/// A block of rows, space for one, and the sums over the block: gradients of bias, gain and shift.
+/// A block of rows, space for one, a row of zeros, and the sums over the block: gradients of bias, gain and shift.
 struct Backward<'a, 'b> {
     finish: &'a Finish<'a>,
     rows: &'a [f32],
     of_output: &'a [f32],
     of_rows: &'b mut [f32],
     input: &'b mut [f32],
+    zeros: &'a [f32],
     sums: &'b mut [Vec<f32>; 3],
 }
 
@@ -116,13 +119,15 @@ impl WithSimd for Backward<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { finish, rows, of_output, of_rows, input, sums: [bias, gain, shift] } = self;
+        let Self { finish, rows, of_output, of_rows, input, zeros, sums: [bias, gain, shift] } = self;
         let width = finish.width;
         let (input, of_bias) = (&mut input[..width], &mut bias[..width]);
         // What is below passes no gradient; NaN does.
         let floor = if finish.relu { 0.0 } else { f32::NEG_INFINITY };
         let each = rows.chunks_exact(width).zip(of_output.chunks_exact(width));
         for ((row, of_output), own) in each.zip(of_rows.chunks_exact_mut(width)) {
+            // Of known length, so that loops over columns need no checks and become vector instructions.
+            let (of_output, own) = (&of_output[..width], &mut own[..width]);
             match finish.bias {
                 Some(bias) => add(input, row, bias),
                 None => input.copy_from_slice(row),
@@ -131,10 +136,7 @@ impl WithSimd for Backward<'_, '_> {
                 Some(norm) => {
                     let factor = standardize(input, norm.epsilon);
                     let of_norm = NormSums { gain, shift };
-                    match norm.shift {
-                        Some(shift) => of_norm.add(input, of_output, own, norm.gain, |i| shift[i], floor),
-                        None => of_norm.add(input, of_output, own, norm.gain, |_| 0.0, floor),
-                    }
+                    of_norm.add(input, of_output, own, (norm.gain, norm.shift.unwrap_or(zeros)), floor);
                     through_norm(own, input, factor);
                 }
                 None => {
@@ -164,19 +166,37 @@ impl NormSums<'_> {
         normalized: &[f32],
         of_output: &[f32],
         of_normalized: &mut [f32],
-        gain: &[f32],
-        shift: impl Fn(usize) -> f32,
+        (gain, shift): (&[f32], &[f32]),
         floor: f32,
     ) {
-        let width = normalized.len();
-        let (of_output, of_normalized, gain) =
-            (&of_output[..width], &mut of_normalized[..width], &gain[..width]);
-        let (of_gain, of_shift) = (&mut self.gain[..width], &mut self.shift[..width]);
-        for i in 0..width {
-            let output = normalized[i] * gain[i] + shift(i);
+        let (blocks, first) = (normalized.len() / LANES, normalized.len() / LANES * LANES);
+        // Copies of a register's length: a loop over slices, of which some are written, would not become vector instructions.
+        let at = |numbers: &[f32], block: usize| numbers.as_chunks::<LANES>().0[block];
+        for block in 0..blocks {
+            let (x, gain, shift, given) =
+                (at(normalized, block), at(gain, block), at(shift, block), at(of_output, block));
+            let mut passed = [0.0; LANES];
+            for i in 0..LANES {
+                passed[i] = if x[i] * gain[i] + shift[i] <= floor { 0.0 } else { given[i] };
+            }
+            let of_gain = &mut self.gain.as_chunks_mut::<LANES>().0[block];
+            for i in 0..LANES {
+                of_gain[i] += passed[i] * x[i];
+            }
+            let of_shift = &mut self.shift.as_chunks_mut::<LANES>().0[block];
+            for i in 0..LANES {
+                of_shift[i] += passed[i];
+            }
+            let of_normalized = &mut of_normalized.as_chunks_mut::<LANES>().0[block];
+            for i in 0..LANES {
+                of_normalized[i] = passed[i] * gain[i];
+            }
+        }
+        for i in first..normalized.len() {
+            let output = normalized[i] * gain[i] + shift[i];
             let passed = if output <= floor { 0.0 } else { of_output[i] };
-            of_gain[i] += passed * normalized[i];
-            of_shift[i] += passed;
+            self.gain[i] += passed * normalized[i];
+            self.shift[i] += passed;
             of_normalized[i] = passed * gain[i];
         }
     }
