@@ -1,7 +1,7 @@
 //! The run folder: the files of a run, and how the run resumes after being killed.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -105,11 +105,8 @@ impl RunFolder {
 
     fn open(path: &Path) -> Result<Self, EvaluationError> {
         let at = path.join(PROVENANCE);
-        let lock = File::open(&at).map_err(cannot_read(&at))?;
-        // On file systems without locks the run continues unlocked.
-        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
-            return Err(EvaluationError::Busy { path: path.to_owned() });
-        }
+        let lock = files::lock(&at).map_err(cannot_read(&at))?;
+        let lock = lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?;
         let append = |name| Appender::open(path.join(name)).map(Mutex::new);
         let (rows, events, failures) = (append(ROWS)?, append(EVENTS)?, append(FAILURES)?);
         let folder = Self { path: path.to_owned(), rows, events, failures, _lock: lock };

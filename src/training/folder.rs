@@ -1,6 +1,6 @@
 //! The folder of a training: description, log, last checkpoints, weights.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -102,11 +102,8 @@ impl Folder {
     fn open(path: &Path, identity: Value) -> Result<Self, TrainingError> {
         let at = path.join(ABOUT);
         let refuse = |path: PathBuf| move |source| TrainingError::Write { path, source };
-        let lock = File::open(&at).map_err(refuse(at))?;
-        // File systems without locks are accepted unprotected.
-        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
-            return Err(TrainingError::Busy { path: path.to_owned() });
-        }
+        let lock = files::lock(&at).map_err(refuse(at))?;
+        let lock = lock.ok_or_else(|| TrainingError::Busy { path: path.to_owned() })?;
         let at = path.join(LOG);
         let log = OpenOptions::new().create(true).append(true).open(&at).map_err(refuse(at))?;
         Ok(Self { path: path.to_owned(), log, identity, _lock: lock })

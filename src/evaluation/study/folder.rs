@@ -1,6 +1,6 @@
 //! The folder of a study: how it is created, and how it resumes after an interruption.
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -75,11 +75,8 @@ impl StudyFolder {
 
     fn open(path: &Path) -> Result<Self, EvaluationError> {
         let at = path.join(STUDY);
-        let lock = File::open(&at).map_err(cannot_read(&at))?;
-        // On file systems without locks the study continues unlocked.
-        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
-            return Err(EvaluationError::Busy { path: path.to_owned() });
-        }
+        let lock = files::lock(&at).map_err(cannot_read(&at))?;
+        let lock = lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?;
         Ok(Self { path: path.to_owned(), _lock: lock })
     }
 

@@ -27,7 +27,7 @@ fn agents_stay_near_their_log_and_parked_ones_where_they_are() {
         [(0.0, 9.0), (-20.0, 10.0), (-60.0, 0.0)].map(|(x, v)| car(&format!("at {x}"), x, 0.0, 0.0, v));
     for scenario in mini().into_iter().chain([scene("cars", cars.into(), straight())]) {
         let tracks = replayed(&scenario);
-        for agent in 1..tracks.len() {
+        for (agent, track) in tracks.iter().enumerate().skip(1) {
             if scenario.start.agents[agent].kind != AgentKind::Vehicle {
                 continue;
             }
@@ -36,7 +36,7 @@ fn agents_stay_near_their_log_and_parked_ones_where_they_are() {
             let now = logged[CURRENT].unwrap();
             let stands = logged[CURRENT..].iter().flatten().all(|s| s.position() == now.position());
             parked += usize::from(stands);
-            for (frame, state) in tracks[agent].iter().enumerate().skip(HISTORY) {
+            for (frame, state) in track.iter().enumerate().skip(HISTORY) {
                 let (Some(state), Some(log)) = (state, logged[frame]) else { continue };
                 let away = (state.position() - log.position()).norm();
                 assert!(away < 1.0, "{}: agent {agent}, frame {frame}: {away} m", scenario.id);
