@@ -12,6 +12,7 @@
 )]
 
 mod attention;
+#[cfg(feature = "flex")]
 mod learned_rows;
 mod product;
 mod relational;
@@ -23,9 +24,12 @@ use burn::tensor::{Device, TensorData};
 use super::device::is_gpu;
 
 pub(crate) use attention::{Attention, attend};
+#[cfg(feature = "flex")]
 pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
 pub(crate) use relational::{Slots, attend_to_neighbors};
-pub(crate) use rows::{Finish, Norm, RowPass, pass, pool};
+#[cfg(feature = "flex")]
+pub(crate) use rows::{Finish, Norm};
+pub(crate) use rows::{RowPass, pass, pool};
 
 /// Largest number of 32-bit numbers in a vector register (AVX-512). Rows are padded to a multiple of it,
 /// which registers of other sizes divide.
