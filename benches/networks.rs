@@ -42,8 +42,9 @@ const TINY: &str = r#"{"hidden_dim": 128, "num_freq_bands": 64, "num_heads": 8, 
 
 /// A network of the sizes of the default recipe, 1 million parameters.
 const SMALL: &str = r#"{"hidden_dim": 64, "num_freq_bands": 16, "num_heads": 4, "head_dim": 16, "dropout": 0.0,
-    "num_map_layers": 1, "num_agent_layers": 3, "pl2pl_radius": 10.5, "pl2a_radius": 30, "a2a_radius": 60, "time_span": 20,
-    "nearest_pl2a": 32, "ahead_pl2a": 12, "nearest_a2a": 12, "n_token_agent": 768, "mlp_embedding_first_width": 128}"#;
+    "num_map_layers": 1, "num_agent_layers": 3, "pl2pl_radius": 10.5, "pl2a_radius": 30, "a2a_radius": 60,
+    "time_span": 20, "nearest_pl2a": 32, "ahead_pl2a": 12, "nearest_a2a": 12, "n_token_agent": 768,
+    "mlp_embedding_first_width": 128}"#;
 
 fn main() -> Result<()> {
     let device = device();

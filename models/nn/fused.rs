@@ -1,8 +1,8 @@
 //! Groups of operations as one operation with gradients, on the backend flex.
 //!
-//! burn computes and stores the result of every operation, and again its gradient. For the norms and activations of
-//! many short rows this takes longer than the products between them. Here a group is one pass forwards and one
-//! backwards. Results equal those of the operations but for rounding.
+//! burn computes and stores the result of every operation, and again its gradient. For the norms and
+//! activations of many short rows this takes longer than the products between them. Here a group is one pass
+//! forwards and one backwards. Results equal those of the operations but for rounding.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Flex};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 
 use super::host::{Finish, LearnedRows, Norm, learned_rows, matrix_gradients, row_gradients};
 use super::turns::{cos_sin_rows, frequency_gradients};
@@ -24,9 +24,9 @@ type Learning = Autodiff<Flex>;
 /// A tensor without gradients.
 type Plain = FloatTensor<Flex>;
 
-/// Multiplies the rows of a matrix `[n, k]` with weights `[k, width]`, adds a bias, applies a norm (gain, shift, constant
-/// added to variances) and ReLU, those that are given. `None` if a tensor is of another backend or has no gradients, or
-/// if there are no rows.
+/// Multiplies the rows of a matrix `[n, k]` with weights `[k, width]`, adds a bias, applies a norm (gain,
+/// shift, constant added to variances) and ReLU, those that are given. `None` if a tensor is of another
+/// backend or has no gradients, or if there are no rows.
 pub(super) fn finish(
     x: &Tensor<2>,
     weights: Option<&Tensor<2>>,
@@ -39,22 +39,13 @@ pub(super) fn finish(
     if count * k * width == 0 {
         return None;
     }
-    // An absent tensor has no numbers, and no gradient.
-    let absent = || Tensor::<1>::zeros([0], &x.device()).try_into_primitive::<Learning>().ok();
-    let vector = |given: Option<&Tensor<1>>| match given {
-        Some(vector) => vector.clone().try_into_primitive::<Learning>().ok(),
-        None => absent(),
-    };
-    let weights = match weights {
-        Some(weights) => weights.clone().try_into_primitive::<Learning>().ok()?,
-        None => absent()?,
-    };
     let (gain, shift, epsilon) = match norm {
         Some((gain, shift, epsilon)) => (Some(gain), shift.as_ref(), Some(*epsilon)),
         None => (None, None, None),
     };
-    let x = x.clone().try_into_primitive::<Learning>().ok()?;
-    let all = [x, weights, vector(bias)?, vector(gain)?, vector(shift)?];
+    let device = x.device();
+    let [bias, gain, shift] = [bias, gain, shift].map(|vector| tracked(vector, &device));
+    let all = [tracked(Some(x), &device)?, tracked(weights, &device)?, bias?, gain?, shift?];
     let nodes = all.each_ref().map(|tensor| tensor.node());
     let [x, weights, bias, gain, shift] = all.map(|tensor| tensor.into_primitive().to_contiguous());
     let steps = Steps { width, weights, bias, gain, shift, epsilon, relu };
@@ -65,6 +56,15 @@ pub(super) fn finish(
         OpsKind::UnTracked(operation) => operation.finish(out),
     };
     Some(Tensor::from_primitive::<Learning>(out))
+}
+
+/// Returns a tensor with its node in the graph; without numbers and gradient if it is absent. `None` if it is
+/// of another backend.
+fn tracked<const D: usize>(given: Option<&Tensor<D>>, device: &Device) -> Option<FloatTensor<Learning>> {
+    match given {
+        Some(tensor) => tensor.clone().try_into_primitive::<Learning>().ok(),
+        None => Tensor::<1>::zeros([0], device).try_into_primitive::<Learning>().ok(),
+    }
 }
 
 /// Returns the numbers of a contiguous tensor.
@@ -140,8 +140,9 @@ impl Backward<Flex, 5> for FinishRows {
     }
 }
 
-/// Returns a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u, for every number u of a column `[n, 1]`.
-/// Frequencies `[1, f]` have gradients, numbers do not. `None` if a tensor is of another backend or has no gradients.
+/// Returns a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u, for every number u of a column
+/// `[n, 1]`. Frequencies `[1, f]` have gradients, numbers do not. `None` if a tensor is of another backend or
+/// has no gradients.
 pub(super) fn cos_sin(column: &Tensor<2>, frequencies: &Tensor<2>) -> Option<Tensor<2>> {
     let column = column.clone().try_into_primitive::<Learning>().ok()?.into_primitive().to_contiguous();
     let frequencies = frequencies.clone().try_into_primitive::<Learning>().ok()?;
@@ -180,7 +181,7 @@ impl Backward<Flex, 1> for CosSin {
 mod tests {
     use std::f32::consts::TAU;
 
-    use burn::tensor::{Device, Distribution};
+    use burn::tensor::Distribution;
 
     use super::*;
     use crate::models::nn::{device, rows};

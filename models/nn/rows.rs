@@ -122,8 +122,8 @@ fn learned(
     finish(x, bias, norm, rectified)
 }
 
-/// Adds the bias, applies the norm (gain, shift, constant added to variances) and the activation, by operations of the
-/// backend.
+/// Adds the bias, applies the norm (gain, shift, constant added to variances) and the activation, by
+/// operations of the backend.
 pub(super) fn finish(
     mut x: Tensor<2>,
     bias: Option<Tensor<1>>,

@@ -33,8 +33,8 @@ pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequenc
     rows
 }
 
-/// Returns the gradients with respect to the frequencies, for rows of [`cos_sin_rows`] with this number of frequencies and
-/// the gradients with respect to these rows.
+/// Returns the gradients with respect to the frequencies, for rows of [`cos_sin_rows`] with this number of
+/// frequencies and the gradients with respect to these rows.
 #[cfg(feature = "flex")]
 pub(crate) fn frequency_gradients(rows: &[f32], of_rows: &[f32], count: usize) -> Vec<f32> {
     let mut sums = vec![0.0_f64; count];

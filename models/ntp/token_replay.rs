@@ -1,5 +1,5 @@
-//! Replay of the log by tokens: what a vocabulary can express, and what it does to the motion. An oracle, because it
-//! sees the future.
+//! Replay of the log by tokens: what a vocabulary can express, and what it does to the motion. An oracle,
+//! because it sees the future.
 
 use reactsim::models::{ModelError, Setup};
 use reactsim::rollout::{Controller, Episode, Memory, Oracle, PlanError};
@@ -15,8 +15,8 @@ pub(super) const ID: &str = "token-replay";
 
 /// Simulator in which every agent follows its log by the nearest tokens of a vocabulary.
 ///
-/// Tokens start at the current frame, each where the previous one ended. An agent is present from its first whole step of
-/// half a second to its last one. Agents without a class replay their log.
+/// Tokens start at the current frame, each where the previous one ended. An agent is present from its first
+/// whole step of half a second to its last one. Agents without a class replay their log.
 #[derive(Clone, Debug)]
 pub struct TokenReplay {
     vocabulary: Vocabulary,

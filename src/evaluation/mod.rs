@@ -84,7 +84,7 @@ pub use scenario_files::ScenarioFiles;
 pub use scoring::Scoring;
 pub use selection::Selection;
 pub use shipped::shipped_ids;
-pub use simulators::{Adjustments, PlannedSimulator};
+pub use simulators::{Adjustments, PlannedSimulator, weights_file};
 pub use source::{Opener, Source};
 pub use statistics::Estimate;
 pub use study::{

@@ -74,8 +74,8 @@ const DEFAULT: &str = "default";
 const ALL: &str = "all";
 
 impl PlannedSimulator {
-    /// Creates simulators by their ids; if `ids` is empty, those that run by default. `default` stands for the
-    /// same ones, `all` for all baselines that have their weights.
+    /// Creates simulators by their ids; if `ids` is empty, those that run by default. `default` stands for
+    /// the same ones, `all` for all baselines that have their weights.
     ///
     /// # Errors
     /// [`EvaluationError`] names an unknown or repeated id, a card that cannot be read, or a baseline without
@@ -223,7 +223,10 @@ impl PlannedSimulator {
 }
 
 /// Reads a file of weights.
-fn weights_file(path: &Path) -> Result<WeightsFile, EvaluationError> {
+///
+/// # Errors
+/// [`EvaluationError::Read`] names the file.
+pub fn weights_file(path: &Path) -> Result<WeightsFile, EvaluationError> {
     let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
     let bytes =
         read_regular(path).map_err(|source| EvaluationError::Read { path: path.to_owned(), source })?;

@@ -8,12 +8,12 @@ use std::time::Duration;
 
 /// Number of attempts at a lock.
 const ATTEMPTS: u32 = 20;
-/// Time between two attempts. A process that this one starts holds its open files, and with them their locks, until it
-/// runs its own program: a lock that was just given up can be held for a moment.
+/// Time between two attempts. A process that this one starts holds its open files, and with them their locks,
+/// until it runs its own program: a lock that was just given up can be held for a moment.
 const PAUSE: Duration = Duration::from_millis(25);
 
-/// Opens and locks a file until it is dropped. `None` if another process holds the lock. On file systems without locks the
-/// file remains unlocked.
+/// Opens and locks a file until it is dropped. `None` if another process holds the lock. On file systems
+/// without locks the file remains unlocked.
 ///
 /// # Errors
 /// If the file cannot be opened.
@@ -43,7 +43,7 @@ mod tests {
         std::fs::write(&path, "").unwrap();
         let held = lock(&path).unwrap().expect("nobody else holds it");
         assert!(lock(&path).unwrap().is_none());
-        // What is given up in time is received.
+        // A lock that is given up in time is acquired.
         let release = thread::spawn(move || {
             sleep(2 * PAUSE);
             drop(held);

@@ -1,4 +1,5 @@
-//! Files: written so that they are complete or absent, whatever happens; read only if they are regular files; locked.
+//! Files: written so that they are complete or absent, whatever happens; read only if they are regular files;
+//! locked.
 
 mod lock;
 mod new_file;

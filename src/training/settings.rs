@@ -41,7 +41,8 @@ pub struct Settings {
     pub most_held_out: usize,
     /// Number of validations without a better network after which the training ends; 0: never.
     pub patience: u64,
-    /// Value by which the best network is chosen, the lowest one: [`LOSS`], or a metric of the closed-loop evaluation.
+    /// Value by which the best network is chosen, the lowest one: [`LOSS`], or a metric of the closed-loop
+    /// evaluation.
     pub best_by: String,
 }
 

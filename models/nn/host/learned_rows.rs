@@ -61,8 +61,8 @@ pub(crate) fn learned_rows(x: &[f32], weights: Option<&[f32]>, finish: &Finish<'
     out
 }
 
-/// Returns the gradients with respect to the matrix that is multiplied with weights `[k, width]`, for the gradients with
-/// respect to the products.
+/// Returns the gradients with respect to the matrix that is multiplied with weights `[k, width]`, for the
+/// gradients with respect to the products.
 pub(crate) fn matrix_gradients(of_products: &[f32], weights: &[f32], width: usize) -> Vec<f32> {
     let (k, count) = (weights.len() / width, of_products.len() / width);
     let mut transposed = vec![0.0; weights.len()];
@@ -103,7 +103,8 @@ pub(crate) fn row_gradients(finish: &Finish<'_>, rows: &[f32], of_output: &[f32]
     all
 }
 
-/// A block of rows, space for one, a row of zeros, and the sums over the block: gradients of bias, gain and shift.
+/// A block of rows, space for one, a row of zeros, and the sums over the block: gradients of bias, gain and
+/// shift.
 struct Backward<'a, 'b> {
     finish: &'a Finish<'a>,
     rows: &'a [f32],
@@ -122,7 +123,7 @@ impl WithSimd for Backward<'_, '_> {
         let Self { finish, rows, of_output, of_rows, input, zeros, sums: [bias, gain, shift] } = self;
         let width = finish.width;
         let (input, of_bias) = (&mut input[..width], &mut bias[..width]);
-        // What is below passes no gradient; NaN does.
+        // Numbers up to this one pass no gradient; NaN does.
         let floor = if finish.relu { 0.0 } else { f32::NEG_INFINITY };
         let each = rows.chunks_exact(width).zip(of_output.chunks_exact(width));
         for ((row, of_output), own) in each.zip(of_rows.chunks_exact_mut(width)) {
@@ -170,7 +171,8 @@ impl NormSums<'_> {
         floor: f32,
     ) {
         let (blocks, first) = (normalized.len() / LANES, normalized.len() / LANES * LANES);
-        // Copies of a register's length: a loop over slices, of which some are written, would not become vector instructions.
+        // Copies of a register's length: a loop over slices, of which some are written, would not become
+        // vector instructions.
         let at = |numbers: &[f32], block: usize| numbers.as_chunks::<LANES>().0[block];
         for block in 0..blocks {
             let (x, gain, shift, given) =

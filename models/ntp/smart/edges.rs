@@ -144,8 +144,8 @@ impl Edges {
     }
 }
 
-/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Distances count from a
-/// point `ahead` metres ahead of the agent. Of equally distant ones the first are kept.
+/// Removes all but the `most` nearest sources, or none if `most` is 0; the order stays. Distances count from
+/// a point `ahead` metres ahead of the agent. Of equally distant ones the first are kept.
 fn keep_nearest(seen: &mut Vec<(usize, [f32; 3])>, most: usize, ahead: f32) {
     if most == 0 || seen.len() <= most {
         return;

@@ -82,7 +82,8 @@ impl Vocabulary {
         )
     }
 
-    /// Reads a vocabulary from a file of a vocabulary, or from the weights of a network that was trained with it.
+    /// Reads a vocabulary from a file of a vocabulary, or from the weights of a network that was trained with
+    /// it.
     ///
     /// # Errors
     /// [`VocabularyError`], as [`Self::read`].

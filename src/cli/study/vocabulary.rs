@@ -1,15 +1,14 @@
 //! `reactsim study vocabulary`: what motion tokens do to the motion that they replay.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use anyhow::{Context, bail};
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
-use crate::evaluation::{NamedVocabulary, StudyPlan};
-use crate::files::read_regular;
-use crate::models::{WeightsFile, weights};
+use crate::evaluation::{NamedVocabulary, StudyPlan, weights_file};
+use crate::models::weights;
 use crate::rollout::Settings;
 
 const AFTER: &str = "\
@@ -23,8 +22,7 @@ Examples:
   reactsim study vocabulary logs/ --av log --vocabulary fine=fine.safetensors --out studies/mine";
 
 /// Networks that ship, by the name of the vocabulary that they contain.
-const SHIPPED: [(&str, &str); 3] =
-    [("k-disks", "smart-small"), ("trajtok", "trajtok-small"), ("kinematic", "ntp-reactive")];
+const SHIPPED: [(&str, &str); 1] = [("kinematic", "ntp-reactive")];
 
 /// Arguments of `study vocabulary`.
 #[derive(Debug, Args)]
@@ -77,10 +75,9 @@ pub(super) fn plan(args: &VocabularyArgs) -> anyhow::Result<PlannedStudy> {
 }
 
 fn read(file: &VocabularyFile) -> anyhow::Result<NamedVocabulary> {
-    let bytes = read_regular(&file.path)
-        .with_context(|| format!("could not read the vocabulary {}", file.path.display()))?;
-    let name = file.path.file_name().unwrap_or(Path::new("vocabulary").as_os_str()).to_string_lossy();
-    Ok(NamedVocabulary { name: file.name.clone(), file: WeightsFile::new(name, bytes) })
+    let context = || format!("could not read the vocabulary {}", file.path.display());
+    let weights = weights_file(&file.path).with_context(context)?;
+    Ok(NamedVocabulary { name: file.name.clone(), file: weights })
 }
 
 /// Returns the vocabularies of the networks that ship.

@@ -54,8 +54,8 @@ impl Exclusion {
         if names(id).any(|name| self.benchmark.contains(name)) {
             let known = shipped_benchmark().map_or_else(String::new, |known| format!(" {}", known.record));
             bail!(
-                "{file}: scenario `{id}` is of the benchmark{known}, which networks are judged by: remove it, or \
-                 give --exclude with the file of the benchmark"
+                "{file}: scenario `{id}` is of the benchmark{known}, which networks are judged by: remove \
+                 it, or give --exclude with the file of the benchmark"
             );
         }
         Ok(true)

@@ -79,8 +79,8 @@ pub struct Member {
     /// `reactive`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
-    /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`. In
-    /// those of kind `vocabulary` the name of the vocabulary; `log` for none.
+    /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`.
+    /// In those of kind `vocabulary` the name of the vocabulary; `log` for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
     /// Whether agents at t+1 observe the AV at t+1; in studies of kind `guards`.

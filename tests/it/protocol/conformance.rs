@@ -32,8 +32,8 @@ fn realism(scenario: &Scenario) -> Request<'_> {
     Request { scenario, av: Box::new(Unasked), rollout: 0 }
 }
 
-/// Returns the agents whose recorded states are replayed: all but an external AV by `log-replay`, none by other
-/// simulators.
+/// Returns the agents whose recorded states are replayed: all but an external AV by `log-replay`, none by
+/// other simulators.
 fn replayed(model: &Baseline, external_av: bool, scenario: &Scenario) -> Range<usize> {
     match model.id {
         "log-replay" => usize::from(external_av)..scenario.start.agents.len(),

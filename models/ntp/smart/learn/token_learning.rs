@@ -19,7 +19,7 @@ use super::Sample;
 /// Reason why the network reads every sample.
 const READ: &str = "samples and networks are made for these vocabularies and this configuration";
 
-/// What a training needs besides its recipe and samples.
+/// Vocabularies, device and target distributions of a training.
 pub(super) struct TokenLearning {
     pub(super) vocabulary: Vocabulary,
     pub(super) map_vocabulary: MapVocabulary,
