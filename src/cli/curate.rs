@@ -3,6 +3,7 @@
 mod apply;
 mod make;
 mod review;
+mod source;
 mod stats;
 
 use anyhow::bail;

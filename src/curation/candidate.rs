@@ -1,5 +1,6 @@
 //! Step 2: candidates and their sources.
 
+use crate::formats::Cause;
 use crate::rollout::Stream;
 use crate::scene::{AgentState, Deviation, FUTURE, Scenario};
 
@@ -50,7 +51,15 @@ pub trait CandidateSource: Sync {
     /// Returns the name used in files and settings.
     fn id(&self) -> &'static str;
 
-    /// Returns one proposal per stream; the same streams give the same proposals. All streams of a
+    /// Refuses a scenario if what the source knows about it is damaged or meant for another one.
+    ///
+    /// # Errors
+    /// [`Cause`] names the part.
+    fn check(&self, _scenario: &Scenario) -> Result<(), Cause> {
+        Ok(())
+    }
+
+    /// Returns at most one proposal per stream; the same streams give the same proposals. All streams of a
     /// scenario come in one call, so that shared work is done once.
     fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>>;
 }

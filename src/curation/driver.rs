@@ -1,7 +1,7 @@
 //! Runs the pipeline over files: scenarios in parallel, choice and writing in the order of the inputs.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
@@ -47,15 +47,24 @@ pub struct Curation<'a> {
     pub jobs: usize,
 }
 
+/// Result of a curation.
+pub struct Curated {
+    /// Provenance of the file.
+    pub provenance: CurationProvenance,
+    /// Statistics of the set.
+    pub statistics: Statistics,
+    /// Ids of all scenarios of the inputs, those that failed included as far as they are known.
+    pub scenarios: BTreeSet<String>,
+}
+
 impl Curation<'_> {
-    /// Curates all inputs and writes the scenarios that pass step 1. Returns the provenance and the
-    /// statistics of the set.
+    /// Curates all inputs and writes the scenarios that pass step 1.
     ///
     /// If `stop` is set meanwhile, the file holds the scenarios before the first unfinished one. The
     /// provenance is `base` plus the results; the caller finishes the file with it.
     ///
-    /// Unreadable records and scenarios with a duplicate id are failures: they are reported to the
-    /// observer and listed in the provenance, and do not end the run.
+    /// Unreadable records, scenarios that the source refuses and scenarios with a duplicate id are failures:
+    /// they are reported to the observer and listed in the provenance, and do not end the run.
     ///
     /// # Errors
     /// [`FormatError`] when the file cannot be written.
@@ -65,7 +74,7 @@ impl Curation<'_> {
         writer: &mut Writer,
         observer: &dyn CurationObserver,
         stop: &AtomicBool,
-    ) -> Result<(CurationProvenance, Statistics), FormatError> {
+    ) -> Result<Curated, FormatError> {
         let jobs = self.jobs.clamp(1, MAX_THREADS);
         let pool = Pool::new(jobs);
         let mut collector = ResultCollector::new(base, observer);
@@ -94,12 +103,16 @@ impl Curation<'_> {
         }
         let PendingRecord { input, number, content } = record;
         let scenario = content.and_then(|decode| decode());
-        let curated = scenario.map(|scenario| {
+        let curated = scenario.and_then(|scenario| {
+            // The collector names the file.
+            self.source.check(&scenario).map_err(|cause| {
+                FormatError::record(Path::new(""), number as u64, Some(scenario.id.clone()), cause)
+            })?;
             let mut curated = curate_scenario(&scenario, self.source, self.settings);
             if let CurationOutcome::Retained(record, _) = &mut curated {
                 record.scene = self.settings.scenes.then(|| sketch(&scenario));
             }
-            (scenario.id, curated)
+            Ok((scenario.id, curated))
         });
         Some(CuratedRecord { input, number, curated })
     }
@@ -134,6 +147,8 @@ struct ResultCollector<'a> {
     observer: &'a dyn CurationObserver,
     done: usize,
     ids: BTreeSet<String>,
+    /// Ids of scenarios that failed, as far as known.
+    failed: BTreeSet<String>,
     chooser: Chooser,
     collector: Collector,
 }
@@ -141,12 +156,21 @@ struct ResultCollector<'a> {
 impl<'a> ResultCollector<'a> {
     fn new(provenance: CurationProvenance, observer: &'a dyn CurationObserver) -> Self {
         let (chooser, collector) = (Chooser::new(), Collector::default());
-        Self { provenance, observer, done: 0, ids: BTreeSet::new(), chooser, collector }
+        Self {
+            provenance,
+            observer,
+            done: 0,
+            ids: BTreeSet::new(),
+            failed: BTreeSet::new(),
+            chooser,
+            collector,
+        }
     }
 
-    fn finish(self) -> (CurationProvenance, Statistics) {
+    fn finish(mut self) -> Curated {
         let statistics = self.collector.finish(&self.provenance);
-        (self.provenance, statistics)
+        self.ids.append(&mut self.failed);
+        Curated { provenance: self.provenance, statistics, scenarios: self.ids }
     }
 
     fn take(
@@ -161,6 +185,7 @@ impl<'a> ResultCollector<'a> {
             Err(mut error) => {
                 // The provenance must not reveal the folder of the file.
                 error.path = PathBuf::from(&file.name);
+                self.failed.extend(error.scenario.clone());
                 self.fail(error.to_string());
                 return Ok(());
             }

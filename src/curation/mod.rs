@@ -5,6 +5,7 @@ pub mod apply;
 mod avoidance;
 pub mod benchmark;
 mod candidate;
+mod candidate_file;
 mod choice;
 pub mod driver;
 mod filter;
@@ -24,6 +25,7 @@ mod taxonomy;
 
 pub use avoidance::{AvoidanceSettings, Unavoidable, certify, certify_case};
 pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
+pub use candidate_file::{CandidateFile, MAX_CANDIDATES};
 pub use choice::{Chooser, score};
 pub use filter::{CandidateFilter, FilterContext, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;

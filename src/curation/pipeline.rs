@@ -11,7 +11,7 @@ use super::{
 use crate::rollout::{Purpose, Stream, stream};
 use crate::scene::{AgentState, Scenario};
 
-/// All sources of candidates.
+/// All sources of candidates apart from files ([`super::CandidateFile`]).
 pub const SOURCES: &[&dyn CandidateSource] = &[&Rules];
 
 /// Settings that determine a set of deviated AVs, apart from scenarios and source.

@@ -26,6 +26,7 @@ pub(crate) const VERSION: u32 = 1;
 const COLUMNS: &[&str] = &[
     "scenario_id",
     "category",
+    "maneuver",
     "scenario_digest",
     "chosen",
     "origin_x",
@@ -58,6 +59,8 @@ const MAX_JSON_SIZE: u64 = 1 << 30;
 pub struct DeviationRecord {
     /// Dominant source of the deviation, if known.
     pub category: Option<Deviation>,
+    /// Description of the maneuver in a few words; empty if the file contains none.
+    pub maneuver: String,
     /// Digest of the scenario that the trajectory was made for, if the file contains it.
     pub scenario_digest: Option<String>,
     /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
@@ -84,101 +87,135 @@ impl DeviationRecord {
     }
 }
 
-/// Reads all trajectories of a file, or only the chosen ones if it has a column `chosen` (files of
-/// curations).
+/// Reads the trajectories of a file, one per scenario: the chosen ones if it has a column `chosen` (files of
+/// curations), otherwise all.
 ///
 /// # Errors
 /// [`FormatError`] names the scenario and the step: gaps, values that are not finite, a wrong number of
 /// steps, a scenario that occurs twice, an unknown category, missing columns, a file without chosen rows.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
-    let path = path.as_ref();
-    let mut all = RecordCollector { path, records: BTreeMap::new(), next: 0 };
-    if is_parquet(path).map_err(|e| FormatError::file(path, Cause::read(e)))? {
-        all.read_parquet()?
-    } else {
-        all.read_json()?
-    }
-    Ok(all.records)
+    let mut records = BTreeMap::new();
+    let mut take = |scenario: &str, record| match records.entry(scenario.to_owned()) {
+        Entry::Vacant(place) => {
+            place.insert(record);
+            Ok(())
+        }
+        Entry::Occupied(_) => {
+            let found = format!("`{scenario}` again");
+            Err(Cause::value("scenario_id", found, "one trajectory per scenario"))
+        }
+    };
+    Rows { path: path.as_ref(), wanted: Wanted::Chosen, take: &mut take, next: 0 }.read()?;
+    Ok(records)
 }
 
-/// Trajectories read so far.
-struct RecordCollector<'a> {
+/// Reads all trajectories of a file, chosen or not: any number per scenario, in the order of the file, without
+/// certificates.
+///
+/// # Errors
+/// As [`read`], but scenarios may occur often; a file without trajectories is an error.
+pub fn read_all(path: impl AsRef<Path>) -> Result<BTreeMap<String, Vec<DeviationRecord>>, FormatError> {
+    let path = path.as_ref();
+    let mut records: BTreeMap<String, Vec<DeviationRecord>> = BTreeMap::new();
+    let mut take = |scenario: &str, record| {
+        match records.get_mut(scenario) {
+            Some(earlier) => earlier.push(record),
+            None => {
+                records.insert(scenario.to_owned(), vec![record]);
+            }
+        }
+        Ok(())
+    };
+    Rows { path, wanted: Wanted::All, take: &mut take, next: 0 }.read()?;
+    match records.is_empty() {
+        true => Err(FormatError::file(path, Cause::value("the file", "empty", "at least one trajectory"))),
+        false => Ok(records),
+    }
+}
+
+/// The rows that are read.
+#[derive(Clone, Copy, PartialEq)]
+enum Wanted {
+    /// Those that are chosen, with their certificates.
+    Chosen,
+    /// All, without certificates.
+    All,
+}
+
+/// The rows of a file on their way to `take`, which refuses a row by the cause that it returns.
+struct Rows<'a> {
     path: &'a Path,
-    records: BTreeMap<String, DeviationRecord>,
-    /// Index of the next record.
+    wanted: Wanted,
+    take: &'a mut dyn FnMut(&str, DeviationRecord) -> Result<(), Cause>,
+    /// Index of the next row.
     next: u64,
 }
 
-impl RecordCollector<'_> {
+/// Texts and certificate of a row.
+struct Texts<'a> {
+    scenario: &'a str,
+    category: Option<&'a str>,
+    maneuver: Option<&'a str>,
+    scenario_digest: Option<&'a str>,
+    certificate: Option<Certificate>,
+}
+
+impl Rows<'_> {
+    fn read(mut self) -> Result<(), FormatError> {
+        if is_parquet(self.path).map_err(|e| FormatError::file(self.path, Cause::read(e)))? {
+            self.read_parquet()
+        } else {
+            self.read_json()
+        }
+    }
+
     fn add(
         &mut self,
-        scenario: &str,
-        category: Option<&str>,
-        scenario_digest: Option<&str>,
+        texts: Texts<'_>,
         origin: Option<Vec2>,
         frames: Result<Vec<Frame>, Cause>,
-        certificate: Option<Certificate>,
     ) -> Result<(), FormatError> {
-        let record = self.next;
+        let index = self.next;
         self.next += 1;
-        let refuse = |cause| FormatError::record(self.path, record, Some(scenario.to_owned()), cause);
-        let category = match category {
-            None | Some("") => None,
-            Some(name) => Some(Deviation::from_name(name).ok_or_else(|| {
-                refuse(Cause::value("category", format!("`{name}`"), "longitudinal, lateral or directional"))
-            })?),
-        };
-        let frames = frames.map_err(refuse)?;
-        if let Some(gap) = frames.iter().position(Option::is_none) {
-            let field = format!("the state at step {}", gap + 1);
-            return Err(refuse(Cause::value(field, "missing", "80 states without gaps")));
-        }
-        let track = frames.into_iter().flatten().collect();
-        let digest = scenario_digest.filter(|d| !d.is_empty()).map(str::to_owned);
-        match self.records.entry(scenario.to_owned()) {
-            Entry::Occupied(_) => Err(refuse(Cause::value(
-                "scenario_id",
-                format!("`{scenario}` again"),
-                "one trajectory per scenario",
-            ))),
-            Entry::Vacant(place) => {
-                place.insert(DeviationRecord {
-                    category,
-                    scenario_digest: digest,
-                    origin,
-                    track,
-                    certificate,
-                });
-                Ok(())
-            }
-        }
+        let scenario = texts.scenario;
+        let refuse = |cause| FormatError::record(self.path, index, Some(scenario.to_owned()), cause);
+        let record = texts.record(origin, frames).map_err(refuse)?;
+        (self.take)(scenario, record).map_err(refuse)
     }
 
     fn read_parquet(&mut self) -> Result<(), FormatError> {
         let mut table = TableReader::open(self.path)?;
         table.expect(KIND, VERSION)?;
-        table.only(COLUMNS);
+        table.only(match self.wanted {
+            Wanted::Chosen => COLUMNS,
+            Wanted::All => &COLUMNS[..COLUMNS.len() - READ_COLUMNS.len()],
+        });
         let file = |cause| FormatError::file(self.path, cause);
         let origin = states::table_origin(&table).map_err(file)?;
         let mut skipped = 0;
         while let Some(batch) = table.next_batch() {
             skipped += self.read_batch(&batch?, origin)?;
         }
-        if self.records.is_empty() && skipped > 0 {
+        if skipped > 0 && skipped == self.next {
             let expected =
                 "at least one chosen; loosen the filters of the curation or pick some in its review";
-            return Err(file(Cause::value("`chosen`", format!("false in all {skipped} rows"), expected)));
+            let cause = Cause::value("`chosen`", format!("false in all {skipped} rows"), expected);
+            return Err(FormatError::file(self.path, cause));
         }
         Ok(())
     }
 
-    /// Reads a batch of rows and returns the number of rows that are not chosen.
+    /// Reads a batch of rows and returns the number of rows that are not wanted.
     fn read_batch(&mut self, batch: &RecordBatch, origin: Option<Vec2>) -> Result<u64, FormatError> {
         let file = |cause| FormatError::file(self.path, cause);
         let ids = View::need(batch, "scenario_id", Leaf::Text, 0).map_err(file)?;
-        let categories = View::find(batch, "category", Leaf::Text, 0).map_err(file)?;
-        let digests = View::find(batch, "scenario_digest", Leaf::Text, 0).map_err(file)?;
-        let chosen = View::find(batch, "chosen", Leaf::Flag, 0).map_err(file)?;
+        let text = |name| View::find(batch, name, Leaf::Text, 0).map_err(file);
+        let [categories, maneuvers, digests] =
+            [text("category")?, text("maneuver")?, text("scenario_digest")?];
+        let chosen = match self.wanted {
+            Wanted::Chosen => View::find(batch, "chosen", Leaf::Flag, 0).map_err(file)?,
+            Wanted::All => None,
+        };
         let columns = StateColumns::find(batch, 1).map_err(file)?;
         let x = View::find(batch, "origin_x", Leaf::Number, 0).map_err(file)?;
         let y = View::find(batch, "origin_y", Leaf::Number, 0).map_err(file)?;
@@ -190,9 +227,7 @@ impl RecordCollector<'_> {
                 continue;
             }
             let frames = columns.frames("", &future(columns.ranges(|v| v.range(0, row))), FUTURE);
-            let category = categories.as_ref().and_then(|c| c.text(row));
-            let digest = digests.as_ref().and_then(|c| c.text(row));
-            let Some(id) = ids.text(row) else {
+            let Some(scenario) = ids.text(row) else {
                 let cause = Cause::value("scenario_id", "null", "the id of a scenario");
                 return Err(FormatError::record(self.path, self.next, None, cause));
             };
@@ -200,7 +235,14 @@ impl RecordCollector<'_> {
             // programs lose when they rewrite the file.
             let own = |c: &Option<View>| c.as_ref().and_then(|c| c.number(row));
             let origin = own(&x).zip(own(&y)).map(|(x, y)| Vec2::new(x, y)).or(origin);
-            self.add(id, category, digest, origin, frames, certificate)?;
+            let texts = Texts {
+                scenario,
+                category: categories.as_ref().and_then(|c| c.text(row)),
+                maneuver: maneuvers.as_ref().and_then(|c| c.text(row)),
+                scenario_digest: digests.as_ref().and_then(|c| c.text(row)),
+                certificate,
+            };
+            self.add(texts, origin, frames)?;
         }
         Ok(skipped)
     }
@@ -216,17 +258,44 @@ impl RecordCollector<'_> {
         }
         let origin = states::origin("`frame`", raw.frame.as_deref()).map_err(file)?;
         for one in raw.deviations {
-            let frames = one.frames();
-            self.add(
-                &one.scenario_id,
-                one.category.as_deref(),
-                one.scenario_digest.as_deref(),
-                origin,
-                frames,
-                None,
-            )?;
+            let texts = Texts {
+                scenario: &one.scenario_id,
+                category: one.category.as_deref(),
+                maneuver: one.maneuver.as_deref(),
+                scenario_digest: one.scenario_digest.as_deref(),
+                certificate: None,
+            };
+            self.add(texts, origin, one.frames())?;
         }
         Ok(())
+    }
+}
+
+impl Texts<'_> {
+    fn record(
+        self,
+        origin: Option<Vec2>,
+        frames: Result<Vec<Frame>, Cause>,
+    ) -> Result<DeviationRecord, Cause> {
+        let category = match self.category {
+            None | Some("") => None,
+            Some(name) => Some(Deviation::from_name(name).ok_or_else(|| {
+                Cause::value("category", format!("`{name}`"), "longitudinal, lateral or directional")
+            })?),
+        };
+        let frames = frames?;
+        if let Some(gap) = frames.iter().position(Option::is_none) {
+            let field = format!("the state at step {}", gap + 1);
+            return Err(Cause::value(field, "missing", "80 states without gaps"));
+        }
+        Ok(DeviationRecord {
+            category,
+            maneuver: self.maneuver.unwrap_or_default().to_owned(),
+            scenario_digest: self.scenario_digest.filter(|d| !d.is_empty()).map(str::to_owned),
+            origin,
+            track: frames.into_iter().flatten().collect(),
+            certificate: self.certificate,
+        })
     }
 }
 
@@ -255,6 +324,8 @@ struct RawTrajectory {
     scenario_id: String,
     #[serde(default)]
     category: Option<String>,
+    #[serde(default)]
+    maneuver: Option<String>,
     #[serde(default)]
     scenario_digest: Option<String>,
     x: Vec<Option<f64>>,

@@ -5,6 +5,7 @@ mod apply;
 mod avoidance;
 mod benchmark;
 mod browser;
+mod candidate_file;
 mod choice;
 mod cli;
 mod filters;

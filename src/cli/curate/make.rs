@@ -1,22 +1,23 @@
 //! `reactsim curate SCENARIOS`: runs the four steps of curation on files.
 
+use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 
+use super::source::SourceChoice;
 use crate::cli::is_same;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
-use crate::curation::driver::{Curation, Input};
+use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;
 use crate::curation::{
-    CurationProvenance, CurationSettings, FilterSettings, InputFile, Preselection, SOURCES,
+    CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
-use crate::evaluation::{Registrar, program_commit, program_version};
+use crate::evaluation::{FileRecord, Registrar, program_commit, program_version};
 use crate::formats::{FormatError, PendingScenarios};
 use crate::report::curation_tables;
 use crate::work::available_threads;
@@ -30,13 +31,12 @@ pub(super) struct MakeArgs {
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Source of the candidates
-    #[arg(long, default_value = "rules", value_parser = sources())]
-    source: String,
-    /// Maximum number of candidates per scenario
-    #[arg(long, default_value_t = 16, value_name = "N",
-          value_parser = clap::value_parser!(u32).range(1..=1000))]
-    candidates: u32,
+    /// Source of the candidates: `rules`, or file:PATH with trajectories of any planner (Parquet or JSON)
+    #[arg(long, default_value = "rules", value_name = "SOURCE")]
+    source: SourceChoice,
+    /// Maximum number of candidates per scenario [default: 16; of a file, all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
+    candidates: Option<u32>,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -74,10 +74,6 @@ pub(super) struct MakeArgs {
     comfort: bool,
 }
 
-fn sources() -> PossibleValuesParser {
-    PossibleValuesParser::new(SOURCES.iter().map(|s| s.id()))
-}
-
 fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or("expected a number above 0".into())
 }
@@ -93,7 +89,7 @@ impl MakeArgs {
     fn settings(&self) -> CurationSettings {
         CurationSettings {
             seed: self.seed,
-            candidates: self.candidates,
+            candidates: self.candidates.unwrap_or_else(|| self.source.candidates()),
             scenes: !self.without_scenes,
             preselection: Preselection {
                 min_vehicles: self.min_vehicles,
@@ -113,7 +109,7 @@ impl MakeArgs {
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     let out = args.out.as_deref().context("give the file to write with --out")?;
-    let source = SOURCES.iter().find(|s| s.id() == args.source).context("no such source")?;
+    let source = args.source.open()?;
     let found = find_inputs(&args.scenarios)?;
     if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
@@ -136,19 +132,22 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     let base = CurationProvenance {
         version: program_version().to_owned(),
         commit: program_commit().to_owned(),
-        settings: named(args, &settings),
+        settings: named(args, &settings)?,
         inputs: inputs.iter().map(|i| i.file.clone()).collect(),
         ..CurationProvenance::default()
     };
     let jobs = args.jobs.map_or_else(available_threads, usize::from);
     let progress = Progress::new();
     progress.set_total(total);
-    let curation = Curation { inputs: &inputs, source: *source, settings: &settings, jobs };
+    let curation = Curation { inputs: &inputs, source: source.source(), settings: &settings, jobs };
     let done = curation.run(base, &mut writer, &progress, &stop);
     progress.end();
-    let (provenance, statistics) = done?;
+    let Curated { provenance, statistics, scenarios } = done?;
     if statistics.funnel.scenarios == 0 && !provenance.interrupted {
         bail!("no scenario could be read: see the warnings above");
+    }
+    if args.limit.is_none() && !provenance.interrupted {
+        source.compare(&scenarios)?;
     }
     writer.finish(&provenance)?;
     write_result(None, |out| curation_tables::write_overview(out, &statistics))?;
@@ -156,14 +155,21 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
 }
 
 /// Returns all settings by name, those of the command line included.
-fn named(args: &MakeArgs, settings: &CurationSettings) -> std::collections::BTreeMap<String, String> {
+fn named(args: &MakeArgs, settings: &CurationSettings) -> anyhow::Result<BTreeMap<String, String>> {
     let mut named = settings.named();
-    named.insert("source".into(), args.source.clone());
+    match &args.source {
+        SourceChoice::Known(id) => named.insert("source".into(), (*id).to_owned()),
+        SourceChoice::File(path) => {
+            let file = FileRecord::of(path, "deviations")?;
+            named.insert("source.blake3".into(), file.blake3);
+            named.insert("source".into(), format!("file:{}", file.name))
+        }
+    };
     named.insert("scenes".into(), settings.scenes.to_string());
     if let Some(limit) = args.limit {
         named.insert("limit".into(), limit.to_string());
     }
-    named
+    Ok(named)
 }
 
 /// Prints warnings about the finished curation and returns its exit status.

@@ -39,7 +39,8 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     let make = |more: &[&str]| error(&[&[text(&scenarios), "--out", text(&out)], more].concat());
     assert!(error(&[]).contains("--out <FILE>"));
     assert!(error(&[text(&scenarios)]).contains("--out <FILE>"));
-    assert!(make(&["--source", "dice"]).contains("[possible values: rules"));
+    assert!(make(&["--source", "dice"]).contains("`dice` is not a source: choose rules or file:PATH"));
+    assert!(make(&["--source", "file:"]).contains("write file:PATH"));
     assert!(make(&["--candidates", "0"]).contains("1..=1000"));
     assert!(make(&["--radius", "-3"]).contains("--radius"));
     assert!(make(&["--radius=0"]).contains("expected a number above 0"));
@@ -63,7 +64,7 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
 }
 
 /// Returns a scenario in which the AV comes closer to the vehicle ahead.
-fn closing(i: usize) -> Scenario {
+pub(super) fn closing(i: usize) -> Scenario {
     let mut parts = parts(i, false);
     for (f, frame) in parts.agents[2].track.iter_mut().enumerate() {
         let state = frame.as_mut().unwrap();

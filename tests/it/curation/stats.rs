@@ -254,7 +254,8 @@ fn what_is_counted_is_what_the_file_holds() {
     let path = folder.path().join("c.parquet");
     let mut writer = store::Writer::create(&path).unwrap();
     let stop = AtomicBool::new(false);
-    let (provenance, told) = curation.run(CurationProvenance::default(), &mut writer, &Quiet, &stop).unwrap();
+    let run = curation.run(CurationProvenance::default(), &mut writer, &Quiet, &stop).unwrap();
+    let (provenance, told) = (run.provenance, run.statistics);
     writer.finish(&provenance).unwrap();
     assert_eq!((provenance.funnel.preselected, told.scenarios), (6, 3), "{:?}", provenance.funnel);
     assert_eq!(provenance.funnel.unproposed["shy"], 6);
