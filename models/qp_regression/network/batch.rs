@@ -170,27 +170,41 @@ fn polylines<'a>(
     }
 }
 
-/// Returns the attention mask of the nearest tokens. An absent token attends to itself, so that no row
-/// is empty, and no other token attends to it.
+/// Returns the attention mask of the nearest tokens of each scene.
 fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Tensor<4> {
-    let (agents, tokens) = (config.agents, config.tokens());
+    // Scenarios record no heights.
+    let place = |row: usize, p: &[f32; 2]| (row, [p[0], p[1], 0.0]);
+    let of = |scene: &&Surroundings| {
+        let agents = scene.agents.places.iter().enumerate().map(|(i, p)| place(i, p));
+        let lines = scene.lines.places.iter().enumerate().map(|(i, p)| place(config.agents + i, p));
+        agents.chain(lines).collect::<Vec<_>>()
+    };
+    nearest_tokens(&scenes.iter().map(of).collect::<Vec<_>>(), config, device)
+}
+
+/// Returns the attention mask of the nearest tokens, `[scenes, 1, tokens, tokens]`, for the rows and the
+/// positions (metres) of the present tokens of each scene. An absent token attends to itself, so that no row
+/// is empty, and no other token attends to it.
+pub(super) fn nearest_tokens(
+    scenes: &[Vec<(usize, [f32; 3])>],
+    config: &Config,
+    device: &Device,
+) -> Tensor<4> {
+    let tokens = config.tokens();
     let mut closed = vec![CLOSED; scenes.len() * tokens * tokens];
     let mut nearest = Nearest::new(config.neighbours);
-    for (scene, block) in scenes.iter().zip(closed.chunks_exact_mut(tokens * tokens)) {
-        let lines = scene.lines.places.iter().enumerate().map(|(i, p)| (agents + i, *p));
-        let all: Vec<(usize, [f32; 2])> =
-            scene.agents.places.iter().copied().enumerate().chain(lines).collect();
+    for (all, block) in scenes.iter().zip(closed.chunks_exact_mut(tokens * tokens)) {
         for i in 0..tokens {
             block[i * tokens + i] = 0.0;
         }
-        for &(i, a) in &all {
+        for &(i, a) in all {
             nearest.clear();
             // An agent at the position of another one counts itself first.
             nearest.offer(-1.0, i);
-            for &(j, b) in &all {
+            for &(j, b) in all {
                 if i != j {
-                    let (x, y) = (f64::from(a[0] - b[0]), f64::from(a[1] - b[1]));
-                    nearest.offer(x * x + y * y, j);
+                    let away = |k: usize| f64::from(a[k] - b[k]);
+                    nearest.offer(away(0) * away(0) + away(1) * away(1) + away(2) * away(2), j);
                 }
             }
             nearest.found().for_each(|j| block[i * tokens + j] = 0.0);

@@ -14,6 +14,8 @@ mod decoder;
 mod decoder_layer;
 mod dense;
 mod encoder;
+#[cfg(test)]
+mod golden;
 mod guide;
 mod layers;
 mod motion_transformer;

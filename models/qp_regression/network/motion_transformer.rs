@@ -12,7 +12,7 @@ use crate::models::nn::Initializer;
 /// Encoder and decoder.
 #[derive(Module, Debug)]
 pub struct Network {
-    context_encoder: Encoder,
+    pub(super) context_encoder: Encoder,
     motion_decoder: MotionDecoder,
 }
 
