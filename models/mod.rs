@@ -3,6 +3,7 @@
 mod card;
 mod error;
 pub mod constant_velocity;
+pub mod diffusion;
 pub mod idm;
 pub mod learning;
 pub mod log_replay;

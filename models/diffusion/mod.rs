@@ -1,0 +1,21 @@
+//! Diffusion: noise schedules, samplers with hooks for guidance, and motion that a network can be trained
+//! through.
+//!
+//! A diffusion network is asked for the clean value x0 of a noisy one. What the value is (actions, states) is
+//! the affair of the models that use this.
+
+mod guide;
+mod inverse;
+mod sampler;
+mod schedule;
+mod solver;
+#[cfg(test)]
+mod tests;
+mod unicycle;
+
+pub use guide::{Guide, Moment};
+pub use inverse::{Actions, actions};
+pub use sampler::{Sampler, Sampling};
+pub use schedule::{Schedule, ScheduleError};
+pub use solver::{VariancePreserving, solve};
+pub use unicycle::{MotionNoise, roll_out};
