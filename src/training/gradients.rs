@@ -240,6 +240,11 @@ where
         if !sum.loss.is_finite() {
             return Err(not_finite("loss", sum.loss, step + 1, prepared));
         }
+        // Nothing was judged, so there is nothing to learn from, and the loss has no gradient.
+        if output.items == 0.0 {
+            sum.gradient = vec![0.0; self.layout.len];
+            return Ok(sum);
+        }
         sum.gradient = parameters::gradients(model, output.loss.backward(), self.layout.len);
         let norm = norm(&sum.gradient);
         if norm.is_finite() {

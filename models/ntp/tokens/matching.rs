@@ -177,15 +177,19 @@ impl TokenNoise {
     /// Chooses one of the tokens near a motion.
     fn choose(self, vocabulary: &Vocabulary, class: Class, motion: Pose, stream: &mut Stream) -> usize {
         let (Self::Uniform { k } | Self::Weighted { k, .. }) = self;
-        let near = vocabulary.nearest_k(class, motion, k.max(1));
+        self.choose_among(&vocabulary.nearest_k(class, motion, k.max(1)), stream)
+    }
+
+    /// Chooses one of these tokens, given with their distances (sums over four corners, metres), the nearest
+    /// first; 0 if there are none.
+    pub(crate) fn choose_among(self, near: &[(usize, f64)], stream: &mut Stream) -> usize {
         let least = near.first().map_or(0.0, |t| t.1);
         let weight = |t: &(usize, f64)| match self {
             Self::Uniform { .. } => 1.0,
-            // The distances are sums over four corners.
             Self::Weighted { temperature, .. } => math::exp((least - t.1) / (4.0 * temperature)),
         };
         let mut left = stream.random::<f64>() * near.iter().map(weight).sum::<f64>();
-        for token in &near {
+        for token in near {
             left -= weight(token);
             if left < 0.0 {
                 return token.0;

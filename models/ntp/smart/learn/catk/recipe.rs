@@ -16,6 +16,9 @@ pub struct CatkRecipe {
     pub height: f64,
     /// Number of likeliest tokens of which the nearest to the record is executed.
     pub top_k: usize,
+    /// Mean corner distance, metres, by which a token loses preference to the nearest one by the factor e; 0:
+    /// the nearest one is executed.
+    pub temperature: f64,
     /// Number of steps that the network drives.
     pub steps: usize,
     /// Whether the AV follows its record instead of the network.
@@ -36,6 +39,7 @@ impl Default for CatkRecipe {
             map_radius: 100.0,
             height: 1.8,
             top_k: 32,
+            temperature: 0.0,
             steps: 16,
             external_av: false,
             mirror: 0.5,

@@ -1,18 +1,22 @@
 //! The rollout: the network drives, kept near the record.
 
 use reactsim::dynamics::Pose;
+use reactsim::training::Stream;
 
 use super::super::super::super::token_loss::Target;
-use super::super::super::super::tokens::{ORIGIN, Vocabulary, motion_between, moved, token_of_motion};
+use super::super::super::super::tokens::{
+    ORIGIN, TokenNoise, Vocabulary, motion_between, moved, token_of_motion,
+};
 use super::super::super::{InputError, Smart, Step, TokenTables};
 use super::super::Sample;
 use super::CatkRecipe;
 use super::sample::{CatkSample, HISTORY, RecordedAgent};
 
 /// Number of the AV among the agents of a sample.
-const AV: usize = 0;
+pub(super) const AV: usize = 0;
 
 /// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels.
+/// Without a stream, choices are without noise.
 ///
 /// # Errors
 /// [`InputError`] if the network cannot read the sample.
@@ -22,6 +26,7 @@ pub(super) fn roll_out(
     sample: &CatkSample,
     recipe: &CatkRecipe,
     vocabulary: &Vocabulary,
+    mut stream: Option<&mut Stream>,
 ) -> Result<Sample, InputError> {
     let map = network.encode_map(tables, &sample.scene.map)?;
     let mut episode = network.begin(tables, map, sample.scene.agents.clone())?;
@@ -50,7 +55,19 @@ pub(super) fn roll_out(
                         targets.push(Target { row, class: agent.class, token, weight: agent.weight });
                     }
                     let own = &scores[number * width..][..vocabulary.tokens(agent.class)];
-                    let token = choose(own, goal, agent, recipe.top_k, vocabulary);
+                    let token = match goal {
+                        Some(goal) => {
+                            let near = nearest_of_likeliest(own, goal, agent, recipe.top_k, vocabulary);
+                            match (&mut stream, recipe.temperature) {
+                                (Some(stream), temperature) if temperature > 0.0 => {
+                                    let noise = TokenNoise::Weighted { k: recipe.top_k, temperature };
+                                    noise.choose_among(&near, stream)
+                                }
+                                _ => near.first().map_or(0, |near| near.0),
+                            }
+                        }
+                        None => likeliest(own, 1).first().copied().unwrap_or(0),
+                    };
                     (Some(moved(pose, vocabulary.end(agent.class, token))), token)
                 }
             };
@@ -70,23 +87,29 @@ fn follow(agent: &RecordedAgent, pose: Pose, step: usize, vocabulary: &Vocabular
     }
 }
 
-/// Returns the token to execute: of the likeliest ones that which ends nearest to the record, or the
-/// likeliest one without a record. Of equal scores and distances, the lower index counts.
-fn choose(
-    scores: &[f32],
-    goal: Option<Pose>,
-    agent: &RecordedAgent,
-    top_k: usize,
-    vocabulary: &Vocabulary,
-) -> usize {
+/// Returns the likeliest tokens in ascending order. Of equal scores, the lower index counts.
+fn likeliest(scores: &[f32], most: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scores.len()).collect();
     let likelier = |a: &usize, b: &usize| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b));
-    let most = if goal.is_some() { top_k.min(order.len()) } else { 1 };
     if most < order.len() {
         order.select_nth_unstable_by(most - 1, likelier);
         order.truncate(most);
     }
     order.sort_unstable();
-    let distance = |token: &usize| goal.map_or(0.0, |goal| vocabulary.distance(agent.class, *token, goal));
-    order.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+    order
+}
+
+/// Returns the likeliest tokens with the distances of their ends to the record (sums over four corners, metres),
+/// the nearest first. Of equal distances, the lower index comes first.
+fn nearest_of_likeliest(
+    scores: &[f32],
+    goal: Pose,
+    agent: &RecordedAgent,
+    top_k: usize,
+    vocabulary: &Vocabulary,
+) -> Vec<(usize, f64)> {
+    let distance = |token| (token, vocabulary.distance(agent.class, token, goal));
+    let mut near: Vec<(usize, f64)> = likeliest(scores, top_k).into_iter().map(distance).collect();
+    near.sort_by(|a, b| a.1.total_cmp(&b.1));
+    near
 }

@@ -12,6 +12,7 @@ use super::super::super::super::tokens::{
 use super::super::super::Scene;
 use super::super::tracked::{LoggedScene, scene_without_agents, tracked_agents};
 use super::CatkRecipe;
+use super::rollout::AV;
 use crate::models::perception::Class;
 
 /// Number of steps of the history that a rollout begins with.
@@ -38,8 +39,8 @@ pub(super) struct RecordedAgent {
     pub(super) weight: f32,
 }
 
-/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if no agent has
-/// both a history and a record.
+/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if no agent that
+/// the network drives has both a history and a record.
 pub(super) fn sample(
     scenario: &Scenario,
     recipe: &CatkRecipe,
@@ -70,6 +71,7 @@ pub(super) fn sample(
             weight: loss_weight(&logged, agent.slot),
         });
     }
+    let driven = if recipe.external_av { &agents[(AV + 1).min(agents.len())..] } else { &agents[..] };
     let learns = |agent: &RecordedAgent| agent.pose.is_some() && agent.record[0].is_some();
-    agents.iter().any(learns).then_some(CatkSample { scene, agents })
+    driven.iter().any(learns).then_some(CatkSample { scene, agents })
 }

@@ -68,20 +68,27 @@ impl ClosestAmongTopK {
         Self { recipe, tokens, parent: network, digest }
     }
 
-    /// Rolls a sample out with a network without gradients: the history, then the steps that it drives.
+    /// Rolls a sample out with a network without gradients, and without noise: the history, then the steps
+    /// that it drives.
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the sample.
     pub fn roll_out(&self, network: &Smart, sample: &CatkSample) -> Result<Scene, InputError> {
         let tables = self.tokens.tables(network);
-        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary)?.scene)
+        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary, None)?.scene)
     }
 
     /// Returns samples as a network without gradients drives in them.
-    fn driven(&self, network: &Smart, samples: &[CatkSample]) -> Vec<Sample> {
-        let tables = self.tokens.tables(network);
+    fn driven(
+        &self,
+        network: &Smart,
+        samples: &[CatkSample],
+        mut stream: Option<&mut Stream>,
+    ) -> Vec<Sample> {
+        let (tables, vocabulary) = (self.tokens.tables(network), &self.tokens.vocabulary);
         let drive = |sample| {
-            let mut driven = roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary)
+            let stream = stream.as_deref_mut();
+            let mut driven = roll_out(network, &tables, sample, &self.recipe, vocabulary, stream)
                 .expect("samples are made for networks of this configuration");
             forget_unseen_pieces(&mut driven.scene, network.config());
             driven
@@ -109,12 +116,12 @@ impl Task for ClosestAmongTopK {
 
     fn loss(&self, model: &Smart, samples: &[CatkSample], stream: Option<&mut Stream>) -> Output {
         match stream {
-            Some(_) => {
-                let driven = self.driven(&model.valid(), samples);
+            Some(stream) => {
+                let driven = self.driven(&model.valid(), samples, Some(stream));
                 self.tokens.loss(model, &driven, &mut Noise::none())
             }
             // Validation has no stream and no autodiff.
-            None => self.tokens.plain_loss(model, &self.driven(model, samples)),
+            None => self.tokens.plain_loss(model, &self.driven(model, samples, None)),
         }
     }
 
