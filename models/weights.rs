@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use reactsim_weights::{MANIFEST, SHIPPED};
+use reactsim_weights::MANIFEST;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
@@ -125,13 +125,20 @@ fn rows_for(id: &str) -> Result<impl Iterator<Item = WeightsRow>, ModelError> {
     Ok(manifest()?.into_iter().filter(move |row| row.is_for(id)))
 }
 
+/// Returns the weights that ship, by file name.
+fn embedded() -> impl Iterator<Item = &'static (&'static str, &'static [u8])> {
+    [reactsim_weights::SHIPPED, reactsim_weights_smart::SHIPPED]
+        .into_iter()
+        .flatten()
+}
+
 /// Returns the weights that ship for a baseline.
 ///
 /// # Errors
 /// [`ModelError`] if manifest and files do not agree; a test rules it out.
 pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
     let Some(row) = rows_for(id)?.find(|row| row.shipped) else { return Ok(None) };
-    let Some((_, bytes)) = SHIPPED.iter().find(|(name, _)| *name == row.file) else {
+    let Some((_, bytes)) = embedded().find(|(name, _)| *name == row.file) else {
         return Err(ModelError::NotEmbedded { id, file: row.file });
     };
     let file = WeightsFile::new(row.file, *bytes);
@@ -159,7 +166,7 @@ mod tests {
                 assert_eq!(shipped(baseline.id).unwrap().unwrap().bytes.len() as u64, row.bytes);
             }
         }
-        for (name, _) in SHIPPED {
+        for (name, _) in embedded() {
             assert!(rows.iter().any(|r| r.file == *name && r.shipped), "{name} has no row");
         }
     }

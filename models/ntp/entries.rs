@@ -29,6 +29,10 @@ pub(in crate::models) const SMART: Baseline =
 pub(in crate::models) const SMART_PROJECTED: Baseline =
     entry("smart-projected", include_str!("cards/smart_projected.toml"), SMART_RANGES, smart);
 
+/// Its body at a size for processor cores, trained here.
+pub(in crate::models) const SMART_SMALL: Baseline =
+    trained("smart-small", include_str!("cards/smart_small.toml"));
+
 /// The log by tokens.
 pub(in crate::models) const TOKEN_REPLAY: Baseline = Baseline {
     id: token_replay::ID,
@@ -58,6 +62,11 @@ const fn entry(
         needs_weights: true,
         make,
     }
+}
+
+/// Returns the baseline of a network of the body of SMART that was trained here; run by its id.
+const fn trained(id: &'static str, card: &'static str) -> Baseline {
+    Baseline { by_default: false, ..entry(id, card, SMART_RANGES, smart) }
 }
 
 /// Returns the parameters on the card of our network.

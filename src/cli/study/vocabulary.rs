@@ -22,7 +22,7 @@ Examples:
   reactsim study vocabulary logs/ --av log --vocabulary fine=fine.safetensors --out studies/mine";
 
 /// Networks that ship, by the name of the vocabulary that they contain.
-const SHIPPED: [(&str, &str); 1] = [("kinematic", "ntp-reactive")];
+const SHIPPED: [(&str, &str); 2] = [("k-disks", "smart-small"), ("kinematic", "ntp-reactive")];
 
 /// Arguments of `study vocabulary`.
 #[derive(Debug, Args)]
