@@ -68,14 +68,19 @@ impl ClosestAmongTopK {
         Self { recipe, tokens, parent: network, digest }
     }
 
-    /// Rolls a sample out with a network without gradients, and without noise: the history, then the steps
-    /// that it drives.
+    /// Rolls a sample out with a network without gradients: the history, then the steps that it drives.
+    /// Without a stream, choices are without noise.
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the sample.
-    pub fn roll_out(&self, network: &Smart, sample: &CatkSample) -> Result<Scene, InputError> {
+    pub fn roll_out(
+        &self,
+        network: &Smart,
+        sample: &CatkSample,
+        stream: Option<&mut Stream>,
+    ) -> Result<Scene, InputError> {
         let tables = self.tokens.tables(network);
-        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary, None)?.scene)
+        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary, stream)?.scene)
     }
 
     /// Returns samples as a network without gradients drives in them.
