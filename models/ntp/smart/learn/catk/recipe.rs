@@ -23,6 +23,10 @@ pub struct CatkRecipe {
     pub steps: usize,
     /// Whether the AV follows its record instead of the network.
     pub external_av: bool,
+    /// Distance to the AV, metres, within which labels have another weight.
+    pub near_av: f64,
+    /// Factor on the weight of these labels.
+    pub near_av_weight: f64,
     /// Probability that a scene is mirrored.
     pub mirror: f64,
     /// Largest relative change of scale, up or down.
@@ -42,6 +46,8 @@ impl Default for CatkRecipe {
             temperature: 0.0,
             steps: 16,
             external_av: false,
+            near_av: 0.0,
+            near_av_weight: 1.0,
             mirror: 0.5,
             stretch: 0.0,
             smoothing: Smoothing { uniform: 0.0, spatial: 0.0 },

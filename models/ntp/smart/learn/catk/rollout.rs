@@ -42,6 +42,7 @@ pub(super) fn roll_out(
         let width = scores.dims()[1];
         let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
         let mut next = Step::default();
+        let av = poses.get(AV).copied().flatten();
         for (number, agent) in sample.agents.iter().enumerate() {
             let (pose, token) = match poses[number] {
                 None => (None, 0),
@@ -52,7 +53,10 @@ pub(super) fn roll_out(
                     if let Some(goal) = goal {
                         let token = vocabulary.nearest(agent.class, goal);
                         let row = number * steps + now;
-                        targets.push(Target { row, class: agent.class, token, weight: agent.weight });
+                        let is_near = |av: Pose| (av.position - pose.position).norm() < recipe.near_av;
+                        let factor = if av.is_some_and(is_near) { recipe.near_av_weight } else { 1.0 };
+                        let weight = agent.weight * factor as f32;
+                        targets.push(Target { row, class: agent.class, token, weight });
                     }
                     let own = &scores[number * width..][..vocabulary.tokens(agent.class)];
                     let token = match goal {
