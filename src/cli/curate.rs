@@ -18,6 +18,8 @@ most one candidate per scenario.
 
 Examples:
   reactsim curate LOGS --out a.parquet             propose, filter and choose candidates
+  reactsim curate LOGS --source file:c.parquet --out a.parquet
+                                                   the same with the candidates of your planner
   reactsim curate stats a.parquet                  print statistics of the result
   reactsim curate review a.parquet                 verify candidates in a browser
   reactsim curate apply a.parquet --out b.parquet  apply the decisions

@@ -26,7 +26,7 @@ const MODEL_LEVELS: &[&[&str]] = &[
     &["ranges", "weights"],
     &["parameters"],
     &["setup"],
-    &["perception"],
+    &["diffusion", "perception"],
     &["learning", "qp"],
 ];
 

@@ -10,10 +10,7 @@ use super::super::super::super::tokens::{
 use super::super::super::{InputError, Smart, Step, TokenTables};
 use super::super::Sample;
 use super::CatkRecipe;
-use super::sample::{CatkSample, HISTORY, RecordedAgent};
-
-/// Number of the AV among the agents of a sample.
-pub(super) const AV: usize = 0;
+use super::sample::{AV, CatkSample, HISTORY, RecordedAgent};
 
 /// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels.
 /// Without a stream, choices are without noise.

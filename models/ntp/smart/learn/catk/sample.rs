@@ -12,8 +12,10 @@ use super::super::super::super::tokens::{
 use super::super::super::Scene;
 use super::super::tracked::{LoggedScene, scene_without_agents, tracked_agents};
 use super::CatkRecipe;
-use super::rollout::AV;
 use crate::models::perception::Class;
+
+/// Number of the AV among the agents of a sample.
+pub(super) const AV: usize = 0;
 
 /// Number of steps of the history that a rollout begins with.
 pub(super) const HISTORY: usize = 2;
