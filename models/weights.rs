@@ -127,7 +127,9 @@ fn rows_for(id: &str) -> Result<impl Iterator<Item = WeightsRow>, ModelError> {
 
 /// Returns the weights that ship, by file name.
 fn embedded() -> impl Iterator<Item = &'static (&'static str, &'static [u8])> {
-    [reactsim_weights::SHIPPED, reactsim_weights_smart::SHIPPED].into_iter().flatten()
+    [reactsim_weights::SHIPPED, reactsim_weights_smart::SHIPPED, reactsim_weights_catk::SHIPPED]
+        .into_iter()
+        .flatten()
 }
 
 /// Returns the weights that ship for a baseline.

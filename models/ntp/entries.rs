@@ -33,6 +33,10 @@ pub(in crate::models) const SMART_PROJECTED: Baseline =
 pub(in crate::models) const SMART_SMALL: Baseline =
     trained("smart-small", include_str!("cards/smart_small.toml"));
 
+/// The same after closed-loop fine-tuning.
+pub(in crate::models) const CATK_SMALL: Baseline =
+    trained("catk-small", include_str!("cards/catk_small.toml"));
+
 /// The log by tokens.
 pub(in crate::models) const TOKEN_REPLAY: Baseline = Baseline {
     id: token_replay::ID,

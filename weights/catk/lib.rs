@@ -1,0 +1,7 @@
+//! The weights of CATK-small, as data. `manifest.toml` of `reactsim-weights` describes them.
+
+#![no_std]
+
+/// Shipped weights by file name.
+pub static SHIPPED: &[(&str, &[u8])] =
+    &[("catk-small.safetensors", include_bytes!("catk-small.safetensors"))];
