@@ -1,4 +1,4 @@
-//! The two small perceptrons of the SMART family (SMART, CATK, TrajTok).
+//! Small perceptrons: the two of the SMART family (SMART, CATK, TrajTok), and one without norms.
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
@@ -59,5 +59,36 @@ impl MlpEmbedding {
         let x = Rows::linear(&self.first, x).norm(&self.first_norm).relu().done();
         let x = Rows::linear(&self.second, x).norm(&self.second_norm).relu().done();
         linear(&self.third, x)
+    }
+}
+
+/// Two or three linear layers with biases, with ReLU between them.
+#[derive(Module, Debug)]
+pub struct PlainMlp {
+    first: Linear,
+    second: Linear,
+    third: Option<Linear>,
+}
+
+impl PlainMlp {
+    /// Creates two layers.
+    pub fn two(inputs: usize, widths: [usize; 2], init: &mut Initializer) -> Self {
+        let first = init.linear(inputs, widths[0], true);
+        Self { first, second: init.linear(widths[0], widths[1], true), third: None }
+    }
+
+    /// Creates three layers.
+    pub fn three(inputs: usize, widths: [usize; 3], init: &mut Initializer) -> Self {
+        let two = Self::two(inputs, [widths[0], widths[1]], init);
+        Self { third: Some(init.linear(widths[1], widths[2], true)), ..two }
+    }
+
+    /// Maps `[n, inputs]` to `[n, last width]`.
+    pub fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        let x = Rows::linear(&self.second, Rows::linear(&self.first, x).relu().done());
+        match &self.third {
+            Some(third) => Rows::linear(third, x.relu().done()).done(),
+            None => x.done(),
+        }
     }
 }

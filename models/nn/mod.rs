@@ -5,6 +5,7 @@
 //! random numbers.
 
 mod attention;
+mod dense_attention;
 mod device;
 mod feed_forward;
 mod fourier;
@@ -22,12 +23,13 @@ mod turns;
 pub mod weights;
 
 pub use attention::{AttentionConfig, RelationalAttention};
+pub(crate) use dense_attention::{CLOSED, dense_attention};
 pub use device::{Backend, BackendError, device};
 pub use feed_forward::{FeedForward, FeedForwardConfig, ReluLayers, SwiGluLayers};
 pub use fourier::{FourierEmbedding, ScalarLayers};
-pub(crate) use host::{Attention, attend, is_host};
+pub(crate) use host::is_host;
 pub use initializer::Initializer;
-pub use mlp::{MlpEmbedding, MlpLayer};
+pub use mlp::{MlpEmbedding, MlpLayer, PlainMlp};
 pub use neighbors::Neighbors;
 pub use noise::Noise;
 pub use processor::cpu_class;

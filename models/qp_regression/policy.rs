@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::{Ground, SceneContext, Surroundings, Survey};
 use super::intentions::PREFIX;
-use super::network::{Batch, Config, Network, SizeError};
+use super::network::{Batch, Config, Network, Observed, SizeError};
 use super::predict::{Prediction, prediction};
 use super::{Intentions, IntentionsError};
 use crate::models::perception::{KnownMotion, SceneView};
@@ -169,7 +169,7 @@ impl Policy {
         }
         let all: Vec<&Surroundings> = scenes.iter().collect();
         let batch = Batch::of(&all, &self.intentions, &self.config, device);
-        let predicted = self.network.forward(&batch, &self.config);
+        let predicted = self.network.forward(&batch, &self.config, &Observed::none());
         let Some(last) = predicted.layers.into_iter().next_back() else { return Vec::new() };
         let scores: Vec<f32> = last.scores.into_data().iter::<f32>().collect();
         let states: Vec<f32> = last.modes.into_data().iter::<f32>().collect();

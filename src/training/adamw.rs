@@ -19,7 +19,7 @@ impl AdamW {
         Self { first: vec![0.0; len], second: vec![0.0; len], updates: 0 }
     }
 
-    /// Updates the values with a gradient at learning rate `rate`.
+    /// Updates the values with a gradient at learning rate `rate`. Averages stay as they are.
     pub(super) fn update(
         &mut self,
         settings: &Settings,
@@ -35,7 +35,7 @@ impl AdamW {
         let root = (1.0 / unbiased(beta2).sqrt()) as f32;
         let (b1, b2, epsilon) = (beta1 as f32, beta2 as f32, settings.epsilon as f32);
         let (n1, n2) = ((1.0 - beta1) as f32, (1.0 - beta2) as f32);
-        for parameter in &layout.parameters {
+        for parameter in layout.parameters.iter().filter(|parameter| !parameter.is_average()) {
             let keep = if parameter.decays() { (1.0 - rate * settings.weight_decay) as f32 } else { 1.0 };
             let range = parameter.range.clone();
             let moments = self.first[range.clone()].iter_mut().zip(&mut self.second[range.clone()]);

@@ -16,6 +16,7 @@
 //!   previous one by itself.
 
 mod adamw;
+mod averages;
 mod checkpoint;
 mod error;
 mod folder;

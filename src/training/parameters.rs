@@ -29,6 +29,12 @@ impl Parameter {
     pub(super) fn decays(&self) -> bool {
         self.shape.len() >= 2 && self.owner != "Struct:Embedding"
     }
+
+    /// Returns whether the tensor is a running average ([`Task::Model`](super::Task::Model)).
+    pub(super) fn is_average(&self) -> bool {
+        let name = self.path.rsplit('.').next();
+        matches!(name, Some("running_mean" | "running_var"))
+    }
 }
 
 /// Returns the layout of a network and the values of its parameters.

@@ -81,7 +81,9 @@ pub trait Task: Sync {
     type Example: Send;
     /// Example prepared as input of the network.
     type Sample: Send + Sync;
-    /// The network. Parameters that require gradients are trained, all as `f32`.
+    /// The network. Parameters that require gradients are trained, all as `f32`. Those named `running_mean` or
+    /// `running_var` are averages: the optimiser leaves them alone, and each step moves them by a tenth towards their
+    /// gradient, to which the loss must give the value that they are to follow.
     type Model: Module;
 
     /// Returns the untrained network, on a device with autodiff. The same seed must give the same

@@ -10,14 +10,15 @@ use serde::{Deserialize, Serialize};
 
 use super::super::entries::regression_driving;
 use super::super::inputs::Survey;
-use super::super::network::{Config, Network};
+use super::super::network::{Config, Network, Observed};
 use super::super::{Intentions, Policy, RegressionSimulator};
 use super::Disturbance;
 use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::{
-    LearningScene, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask, recipe_values,
+    LearningScene, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
+    recipe_values,
 };
 use crate::models::nn::Initializer;
 use crate::models::perception::Class;
@@ -30,7 +31,11 @@ pub const TASK: TrainingTask = TrainingTask {
     simulators: &[ID, "regression"],
     defaults: || recipe_values(&Recipe::default(), &Settings::default()),
     ranges: include_str!("ranges.toml"),
-    recipes: &[],
+    recipes: &[ShippedRecipe {
+        name: "mtr",
+        about: "the published structure, without the lane outlook",
+        text: include_str!("recipes/mtr.toml"),
+    }],
     inputs: &[TaskInput {
         name: INTENTIONS,
         about: "intention points, from `train intentions` [default: a fan of sixteen]",
@@ -118,8 +123,14 @@ impl Regression {
         Policy { config: self.recipe.network, intentions: self.intentions.clone(), network: network.clone() }
     }
 
-    fn run(&self, model: &Network, samples: &[Sample], device: &Device) -> (Losses, Sums) {
-        let losses = losses(model, samples, &self.intentions, &self.recipe.network, device);
+    fn run(
+        &self,
+        model: &Network,
+        samples: &[Sample],
+        device: &Device,
+        observed: Observed,
+    ) -> (Losses, Sums) {
+        let losses = losses(model, samples, &self.intentions, &self.recipe.network, device, observed);
         let mut metrics = Sums::new();
         metrics.add("surprise", losses.surprise.0, losses.surprise.1);
         metrics.add("score", losses.score, losses.targets);
@@ -154,16 +165,16 @@ impl Task for Regression {
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
         // Validation has no stream and no autodiff.
-        let device = match stream {
-            Some(_) => self.device.clone().autodiff(),
-            None => self.device.clone(),
+        let (device, observed) = match stream {
+            Some(_) => (self.device.clone().autodiff(), Observed::training()),
+            None => (self.device.clone(), Observed::none()),
         };
-        let (losses, metrics) = self.run(model, samples, &device);
+        let (losses, metrics) = self.run(model, samples, &device, observed);
         Output { loss: losses.loss, items: losses.targets, metrics }
     }
 
     fn validate(&self, model: &Network, samples: &[Sample]) -> Output {
-        let (losses, mut metrics) = self.run(model, samples, &self.device);
+        let (losses, mut metrics) = self.run(model, samples, &self.device, Observed::none());
         if let Some(last) = losses.predicted.layers.into_iter().next_back() {
             measure(samples, last, &self.recipe.network, &mut metrics);
         }

@@ -5,9 +5,10 @@ use reactsim::geometry::Vec2;
 use reactsim::scene::HISTORY;
 
 use super::STATE;
-use super::attention::CLOSED;
+
 use super::config::Config;
 use super::guide::reference_states;
+use crate::models::nn::CLOSED;
 use crate::models::perception::{Class, Nearest};
 use crate::models::qp_regression::Intentions;
 use crate::models::qp_regression::inputs::{

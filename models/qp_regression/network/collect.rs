@@ -2,9 +2,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::attention::CLOSED;
 use super::batch::Batch;
 use super::config::Config;
+use crate::models::nn::CLOSED;
 
 /// Returns the attention mask of queries to lines, `[scenes, 1, queries, lines]`, which is added to
 /// scores. Open are the lines around the base point and those nearest to any of the query's trajectory

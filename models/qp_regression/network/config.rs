@@ -17,7 +17,7 @@ pub enum Attributes {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Norms {
-    /// Batch norm with fixed means and variances as loaded; they are never trained here.
+    /// Batch norm, in training over the rows of a forward pass. Its running means and variances follow those.
     Batch,
     /// Layer norm.
     Layer,

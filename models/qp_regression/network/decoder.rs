@@ -13,10 +13,11 @@ use super::decoder_layer::{AttentionInput, DecoderLayer, Queries};
 use super::dense::Dense;
 use super::encoder::Tokens;
 use super::guide;
-use super::layers::{NormedMlp, PlainMlp};
+use super::layers::NormedMlp;
+use super::observed::Observed;
 use super::output::{LayerOutput, NetworkOutput};
 use super::sine::sine;
-use crate::models::nn::Initializer;
+use crate::models::nn::{Initializer, PlainMlp};
 use crate::models::qp_regression::inputs::OUTLOOK;
 
 /// Scale of reference positions in the input, 1/m, for numbers near 1.
@@ -74,7 +75,13 @@ impl MotionDecoder {
         }
     }
 
-    pub(crate) fn forward(&self, tokens: Tokens, batch: &Batch, config: &Config) -> NetworkOutput {
+    pub(crate) fn forward(
+        &self,
+        tokens: Tokens,
+        batch: &Batch,
+        config: &Config,
+        observed: &Observed,
+    ) -> NetworkOutput {
         let (scenes, queries, d, m) = (batch.scenes, batch.queries, config.decoder_width, config.map_width);
         let rows = scenes * queries;
         let device = tokens.agents.device();
@@ -88,10 +95,11 @@ impl MotionDecoder {
         }
         let own = own.repeat_dim(1, queries);
         let own = own.reshape([rows, d]);
-        let (agents, dense) = self.dense.forward(self.in_proj_obj.forward(tokens.agents), batch, config);
+        let (agents, dense) =
+            self.dense.forward(self.in_proj_obj.forward(tokens.agents), batch, config, observed);
         let lines = self.in_proj_map.forward(tokens.lines);
 
-        let intention = self.intentions(batch, d);
+        let intention = self.intentions(batch, d, observed);
         let narrow_intention = match &self.map_query_embed_mlps {
             Some(narrow) => narrow.forward(intention.clone()),
             None => intention.clone(),
@@ -139,10 +147,11 @@ impl MotionDecoder {
             let about = queries_of(narrow, narrow_intention.clone(), m);
             let of_lines = self.map_decoder_layers[i].forward(about, &to_lines, i == 0, scenes);
             let all = Tensor::cat(vec![own.clone(), of_agents, of_lines], 1);
-            content = self.query_feature_fusion_layers[i].forward(all);
+            content = self.query_feature_fusion_layers[i].forward(all, None, observed);
 
-            let scores = self.motion_cls_heads[i].forward(content.clone()).reshape([scenes, queries]);
-            let raw = self.motion_reg_heads[i].forward(content.clone());
+            let scores = self.motion_cls_heads[i].forward(content.clone(), None, observed);
+            let scores = scores.reshape([scenes, queries]);
+            let raw = self.motion_reg_heads[i].forward(content.clone(), None, observed);
             let raw = raw.reshape([rows, config.states(), STATE]);
             let modes = match &batch.mode_guide {
                 Some(reference) => guide::add_to_reference(raw, reference.clone(), config),
@@ -164,10 +173,16 @@ impl MotionDecoder {
 
     /// Returns the static intention queries, `[scenes * queries, width]`, of the class of each
     /// predicted agent.
-    fn intentions(&self, batch: &Batch, width: usize) -> Tensor<2> {
+    fn intentions(&self, batch: &Batch, width: usize, observed: &Observed) -> Tensor<2> {
         let device = batch.table.device();
-        let all = self.intention_query_mlps.forward(sine(batch.table.clone(), width));
         let q = batch.queries;
+        // The points of a class count as often as there are predicted agents of it.
+        let agents = |row: usize| batch.classes.iter().filter(|class| **class == row / q).count() as f32;
+        let points = batch.table.dims()[0];
+        let weights: Vec<f32> = (0..points).map(agents).collect();
+        let weights = Tensor::from_data(TensorData::new(weights, [points, 1]), &device);
+        let all =
+            self.intention_query_mlps.forward(sine(batch.table.clone(), width), Some(&weights), observed);
         let rows: Vec<i32> =
             batch.classes.iter().flat_map(|&c| (c * q..(c + 1) * q).map(|row| row as i32)).collect();
         let count = rows.len();

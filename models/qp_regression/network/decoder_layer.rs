@@ -4,8 +4,7 @@ use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 
-use super::attention::attend;
-use crate::models::nn::{Initializer, Rows, linear};
+use crate::models::nn::{Initializer, Rows, dense_attention, linear};
 
 /// Output projection of an attention whose input projections are separate fields.
 #[derive(Module, Debug)]
@@ -111,7 +110,7 @@ impl DecoderLayer {
             linear(&self.sa_kcontent_proj, content.clone()) + linear(&self.sa_kpos_proj, intention.clone());
         let v = linear(&self.sa_v_proj, content.clone());
         let all_open = Tensor::zeros([1, 1, 1, 1], &content.device());
-        let taken = attend(scenes, self.heads, vec![(q, k)], v, all_open);
+        let taken = dense_attention(scenes, self.heads, vec![(q, k)], v, all_open);
         let x = Rows::linear(&self.self_attn.out_proj, taken).plus(content).norm(&self.norm1).done();
 
         let mut q = linear(&self.ca_qcontent_proj, x.clone());
@@ -124,7 +123,8 @@ impl DecoderLayer {
         }
         let sought = linear(&self.ca_qpos_sine_proj, searching);
         let products = vec![(q, k), (sought, k_position)];
-        let taken = attend(scenes, self.heads, products, v, attended.closed.clone()) * attended.any.clone();
+        let taken =
+            dense_attention(scenes, self.heads, products, v, attended.closed.clone()) * attended.any.clone();
         let x = Rows::linear(&self.cross_attn.out_proj, taken).plus(x).norm(&self.norm2).done();
         let wide = Rows::linear(&self.linear1, x.clone()).relu().done();
         Rows::linear(&self.linear2, wide).plus(x).norm(&self.norm3).done()

@@ -7,8 +7,9 @@ use super::STATE;
 use super::batch::Batch;
 use super::config::{Attributes, Config};
 use super::guide;
-use super::layers::{NormedMlp, PlainMlp};
-use crate::models::nn::Initializer;
+use super::layers::NormedMlp;
+use super::observed::Observed;
+use crate::models::nn::{Initializer, PlainMlp};
 
 /// Layers of the dense prediction. Their tensors belong to the decoder.
 #[derive(Module, Debug)]
@@ -37,6 +38,7 @@ impl Dense {
         agents: Tensor<2>,
         batch: &Batch,
         config: &Config,
+        observed: &Observed,
     ) -> (Tensor<2>, Tensor<3>) {
         let (rows, states) = (agents.dims()[0], config.states());
         // Own attributes are scaled to about 1; published ones are in metres.
@@ -46,7 +48,8 @@ impl Dense {
         };
         let positions = batch.agents.positions.clone();
         let at = self.obj_pos_encoding_layer.forward(positions.clone() * scale);
-        let raw = self.dense_future_head.forward(Tensor::cat(vec![at, agents.clone()], 1));
+        let both = Tensor::cat(vec![at, agents.clone()], 1);
+        let raw = self.dense_future_head.forward(both, Some(&batch.agents.there), observed);
         let raw = raw.reshape([rows, states, STATE]);
         let away = match &batch.dense_guide {
             Some(reference) => guide::add_to_reference(raw, reference.clone(), config),

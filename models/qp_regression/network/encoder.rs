@@ -4,12 +4,12 @@ use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 
-use super::attention::attend;
 use super::batch::Batch;
 use super::config::Config;
+use super::observed::Observed;
 use super::polyline_encoder::PolylineEncoder;
 use super::sine::sine;
-use crate::models::nn::{Initializer, Rows};
+use crate::models::nn::{Initializer, Rows, dense_attention};
 use crate::models::qp_regression::inputs::{agent_numbers, point_numbers};
 
 /// Attention with one matrix for queries, keys and values, as in PyTorch: `[3 width, width]`.
@@ -48,7 +48,7 @@ impl SelfAttention {
         let both = part(0, 2, x.clone() + positions);
         let (queries, keys) = (both.clone().narrow(1, 0, width), both.narrow(1, width, width));
         let values = part(2, 1, x);
-        attend(scenes, self.heads, vec![(queries, keys)], values, closed)
+        dense_attention(scenes, self.heads, vec![(queries, keys)], values, closed)
     }
 }
 
@@ -118,7 +118,7 @@ impl Encoder {
         }
     }
 
-    pub(crate) fn forward(&self, batch: &Batch, config: &Config) -> Tokens {
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &Observed) -> Tokens {
         let (scenes, width) = (batch.scenes, config.width);
         let (a, l) = (config.agents, config.lines);
         let agents = self.agent_polyline_encoder.forward(
@@ -126,12 +126,14 @@ impl Encoder {
             batch.agents.points_there.clone(),
             batch.agents.there.clone(),
             batch.agents.count,
+            observed,
         );
         let lines = self.map_polyline_encoder.forward(
             batch.lines.points.clone(),
             batch.lines.points_there.clone(),
             batch.lines.there.clone(),
             batch.lines.count,
+            observed,
         );
         let join = |agents: Tensor<2>, lines: Tensor<2>, width: usize| {
             let both = vec![agents.reshape([scenes, a, width]), lines.reshape([scenes, l, width])];

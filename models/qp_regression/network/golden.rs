@@ -8,10 +8,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 
-use super::attention::CLOSED;
 use super::batch::{Polylines, nearest_tokens};
-use super::{Batch, Config, Network, STATE};
-use crate::models::nn::{Initializer, Tensors, device};
+use super::{Batch, Config, Network, Observed, STATE};
+use crate::models::nn::{CLOSED, Initializer, Tensors, device};
 use crate::models::perception::Class;
 use crate::models::qp_regression::Intentions;
 use crate::models::qp_regression::predict::kept_modes;
@@ -219,8 +218,8 @@ fn neighbours_encoding_and_modes_equal_those_of_the_public_code() {
 }
 
 fn check(network: &Network, batch: &Batch, order: &[usize], file: &File, limit: f32, scene: &str) {
-    let tokens = network.context_encoder.forward(batch, &CONFIG);
-    let output = network.forward(batch, &CONFIG);
+    let tokens = network.context_encoder.forward(batch, &CONFIG, &Observed::none());
+    let output = network.forward(batch, &CONFIG, &Observed::none());
     // Rows that are absent are not looked at: there ours are arbitrary.
     let (agents, lines) = (file.flags("output.obj_mask"), file.flags("output.map_mask"));
     let all_lines: Vec<usize> = (0..lines.len()).collect();

@@ -5,6 +5,7 @@ use burn::nn::Linear;
 use burn::tensor::{Tensor, TensorData};
 
 use super::config::Norms;
+use super::observed::Observed;
 use crate::models::nn::{Initializer, Rows};
 
 /// Constant added to the variances of batch norms.
@@ -13,7 +14,7 @@ const EPSILON: f64 = 1e-5;
 /// reference motion is better than an untrained output.
 const HEAD_INIT_SCALE: f64 = 0.1;
 
-/// Batch norm with fixed statistics, or layer norm.
+/// Batch norm or layer norm.
 #[derive(Module, Debug)]
 pub(crate) struct Norm {
     weight: Param<Tensor<1>>,
@@ -27,23 +28,47 @@ impl Norm {
         let filled = |value: f32| -> Param<Tensor<1>> {
             Param::from_data(TensorData::new(vec![value; width], [width]), init.device())
         };
-        let fixed = |value: f32| (norms == Norms::Batch).then(|| filled(value).set_require_grad(false));
-        Self { weight: filled(1.0), bias: filled(0.0), running_mean: fixed(0.0), running_var: fixed(1.0) }
+        let running = |value: f32| (norms == Norms::Batch).then(|| filled(value));
+        Self { weight: filled(1.0), bias: filled(0.0), running_mean: running(0.0), running_var: running(1.0) }
     }
 
-    /// Normalises rows, then applies ReLU.
-    fn forward(&self, x: Rows) -> Rows {
-        let (weight, bias) = (self.weight.val(), self.bias.val());
-        match (&self.running_mean, &self.running_var) {
-            (Some(mean), Some(variance)) => {
-                let gain = weight / (variance.val() + EPSILON).sqrt();
-                let shift = bias - mean.val() * gain.clone();
-                let x = x.done() * gain.unsqueeze_dim::<2>(0) + shift.unsqueeze_dim::<2>(0);
-                Rows::of(x).relu()
-            }
-            _ => x.normalize(weight, Some(bias)).relu(),
-        }
+    /// Normalises rows, then applies ReLU. Batch norms in training observe rows by their weights, `[n, 1]`, all alike
+    /// without these.
+    fn forward(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
+        let (gain, bias) = (self.weight.val(), self.bias.val());
+        let (Some(running_mean), Some(running_variance)) = (&self.running_mean, &self.running_var) else {
+            return x.normalize(gain, Some(bias)).relu();
+        };
+        let x = x.done();
+        let (mean, variance) = if observed.is_training() {
+            let (mean, variance, unbiased) = moments(&x, weights);
+            observed.note(running_mean.val(), mean.clone());
+            observed.note(running_variance.val(), variance.clone() * unbiased);
+            (mean, variance)
+        } else {
+            (running_mean.val(), running_variance.val())
+        };
+        let gain = gain / (variance + EPSILON).sqrt();
+        let shift = bias - mean * gain.clone();
+        Rows::of(x * gain.unsqueeze_dim::<2>(0) + shift.unsqueeze_dim::<2>(0)).relu()
     }
+}
+
+/// Returns the mean and the variance of each column over rows with weights, `[n, 1]`, and the factor that makes the
+/// variance an unbiased estimate.
+fn moments(x: &Tensor<2>, weights: Option<&Tensor<2>>) -> (Tensor<1>, Tensor<1>, f64) {
+    let (count, sum): (f64, Box<dyn Fn(Tensor<2>) -> Tensor<1>>) = match weights {
+        None => (x.dims()[0] as f64, Box::new(|x: Tensor<2>| x.sum_dim(0).squeeze_dim(0))),
+        Some(weights) => {
+            let count: f32 = weights.clone().sum().into_scalar();
+            (f64::from(count), Box::new(|x: Tensor<2>| (x * weights.clone()).sum_dim(0).squeeze_dim(0)))
+        }
+    };
+    let count = count.max(1.0);
+    let mean = sum(x.clone()) / count;
+    let away = x.clone() - mean.clone().unsqueeze_dim::<2>(0);
+    let variance = sum(away.clone() * away) / count;
+    (mean, variance, count / (count - 1.0).max(1.0))
 }
 
 /// One to three linear layers. Hidden layers have a norm instead of a bias, then ReLU.
@@ -85,18 +110,27 @@ impl NormedMlp {
         Self { first, first_norm, second, second_norm, third, third_norm }
     }
 
-    /// Maps `[n, inputs]` to `[n, last width]`.
-    pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        self.rows(x).done()
+    /// Maps `[n, inputs]` to `[n, last width]`. Batch norms in training observe rows by their weights, `[n, 1]`.
+    pub(crate) fn forward(
+        &self,
+        x: Tensor<2>,
+        weights: Option<&Tensor<2>>,
+        observed: &Observed,
+    ) -> Tensor<2> {
+        self.rows(x, weights, observed).done()
     }
 
     /// Like [`NormedMlp::forward`], for callers that go on with the rows.
-    pub(crate) fn rows(&self, x: Tensor<2>) -> Rows {
-        self.after_first(Rows::linear(&self.first, x))
+    pub(crate) fn rows(&self, x: Tensor<2>, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
+        self.after_first(Rows::linear(&self.first, x), weights, observed)
     }
 
     /// Applies everything after the first linear layer, for callers that compute that layer themselves.
-    pub(crate) fn after_first(&self, x: Rows) -> Rows {
+    pub(crate) fn after_first(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
+        let normed = |norm: &Option<Norm>, x| match norm {
+            Some(norm) => norm.forward(x, weights, observed),
+            None => x,
+        };
         let mut x = normed(&self.first_norm, x);
         for (linear, norm) in [(&self.second, &self.second_norm), (&self.third, &self.third_norm)] {
             if let Some(linear) = linear {
@@ -112,40 +146,42 @@ impl NormedMlp {
     }
 }
 
-fn normed(norm: &Option<Norm>, x: Rows) -> Rows {
-    match norm {
-        Some(norm) => norm.forward(x),
-        None => x,
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::nn::device;
 
-/// Two or three linear layers with biases, with ReLU between them.
-#[derive(Module, Debug)]
-pub(crate) struct PlainMlp {
-    first: Linear,
-    second: Linear,
-    third: Option<Linear>,
-}
-
-impl PlainMlp {
-    /// Creates two layers.
-    pub(crate) fn two(inputs: usize, widths: [usize; 2], init: &mut Initializer) -> Self {
-        let first = init.linear(inputs, widths[0], true);
-        Self { first, second: init.linear(widths[0], widths[1], true), third: None }
+    fn matrix(values: &[f32], columns: usize) -> Tensor<2> {
+        let data = TensorData::new(values.to_vec(), [values.len() / columns, columns]);
+        Tensor::from_data(data, &device())
     }
 
-    /// Creates three layers.
-    pub(crate) fn three(inputs: usize, widths: [usize; 3], init: &mut Initializer) -> Self {
-        let two = Self::two(inputs, [widths[0], widths[1]], init);
-        Self { third: Some(init.linear(widths[1], widths[2], true)), ..two }
+    fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+        tensor.into_data().iter::<f32>().collect()
     }
 
-    /// Maps `[n, inputs]` to `[n, last width]`.
-    pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        let x = Rows::linear(&self.second, Rows::linear(&self.first, x).relu().done());
-        match &self.third {
-            Some(third) => Rows::linear(third, x.relu().done()).done(),
-            None => x.done(),
-        }
+    #[test]
+    fn moments_are_those_of_the_rows_that_count() {
+        let x = matrix(&[1.0, 10.0, 99.0, 99.0, 3.0, 10.0, 5.0, 40.0], 2);
+        let (mean, variance, unbiased) = moments(&x, Some(&matrix(&[1.0, 0.0, 1.0, 1.0], 1)));
+        assert_eq!(numbers(mean), [3.0, 20.0]);
+        assert_eq!(numbers(variance), [8.0 / 3.0, 200.0]);
+        assert_eq!(unbiased, 1.5);
+        let rows = matrix(&[1.0, 10.0, 3.0, 10.0, 5.0, 40.0], 2);
+        assert_eq!(numbers(moments(&rows, None).1), [8.0 / 3.0, 200.0]);
+        // Nothing counts: zeros, not NaN.
+        let (mean, variance, unbiased) = moments(&x, Some(&matrix(&[0.0; 4], 1)));
+        assert_eq!((numbers(mean), numbers(variance), unbiased), (vec![0.0; 2], vec![0.0; 2], 1.0));
+    }
+
+    #[test]
+    fn batch_norm_normalises_by_the_batch_in_training_and_by_running_values_otherwise() {
+        let norm = Norm::init(Norms::Batch, 1, &Initializer::new(0, &device()));
+        let x = || Rows::of(matrix(&[2.0, 4.0, 6.0], 1));
+        let trained = numbers(norm.forward(x(), None, &Observed::training()).done());
+        let wanted = 2.0 / (8.0f32 / 3.0 + 1e-5).sqrt();
+        assert!((trained[2] - wanted).abs() < 1e-6 && trained[..2] == [0.0, 0.0], "{trained:?}");
+        let run = numbers(norm.forward(x(), None, &Observed::none()).done());
+        assert!((run[2] - 6.0).abs() < 1e-4, "{run:?}");
     }
 }

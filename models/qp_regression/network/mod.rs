@@ -6,7 +6,6 @@
 //! exported from it loads. [`Config::default`] is small and is trained here. All coordinates are in the
 //! frame of the predicted agent: x along its heading, y to its left.
 
-mod attention;
 mod batch;
 mod collect;
 mod config;
@@ -19,6 +18,7 @@ mod golden;
 mod guide;
 mod layers;
 mod motion_transformer;
+mod observed;
 mod output;
 mod polyline_encoder;
 mod sine;
@@ -29,6 +29,7 @@ pub use motion_transformer::Network;
 pub use suppress::suppress;
 
 pub(crate) use batch::Batch;
+pub(crate) use observed::Observed;
 pub(crate) use output::{LayerOutput, NetworkOutput};
 
 /// Number of values per predicted state: x, y (metres), the logarithms of two deviations, correlation,

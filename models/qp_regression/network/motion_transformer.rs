@@ -6,6 +6,7 @@ use super::batch::Batch;
 use super::config::Config;
 use super::decoder::MotionDecoder;
 use super::encoder::Encoder;
+use super::observed::Observed;
 use super::output::NetworkOutput;
 use crate::models::nn::Initializer;
 
@@ -26,8 +27,8 @@ impl Network {
     }
 
     /// Predicts one agent per scene of the batch.
-    pub(crate) fn forward(&self, batch: &Batch, config: &Config) -> NetworkOutput {
-        let tokens = self.context_encoder.forward(batch, config);
-        self.motion_decoder.forward(tokens, batch, config)
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &Observed) -> NetworkOutput {
+        let tokens = self.context_encoder.forward(batch, config, observed);
+        self.motion_decoder.forward(tokens, batch, config, observed)
     }
 }

@@ -4,8 +4,9 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 
 use super::config::Norms;
-use super::layers::{NormedMlp, PlainMlp};
-use crate::models::nn::{Initializer, Rows, pool};
+use super::layers::NormedMlp;
+use super::observed::Observed;
+use crate::models::nn::{Initializer, PlainMlp, Rows, pool};
 
 /// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
 /// the pooled values, and are pooled again.
@@ -45,8 +46,9 @@ impl PolylineEncoder {
         there: Tensor<2>,
         lines_there: Tensor<2>,
         count: usize,
+        observed: &Observed,
     ) -> Tensor<2> {
-        let x = self.pre_mlps.rows(points).times(there.clone()).done();
+        let x = self.pre_mlps.rows(points, Some(&there), observed).times(there.clone()).done();
         let pooled = pool(x.clone(), count);
         // The first layer of the second perceptron takes points and pooled values side by side. Its
         // halves are applied separately, to pooled values once per line.
@@ -54,7 +56,7 @@ impl PolylineEncoder {
         let of_points = weight.clone().narrow(0, 0, self.hidden);
         let of_pooled = Rows::product(pooled, weight.narrow(0, self.hidden, self.hidden)).done();
         let both = Rows::product(x, of_points).plus(of_pooled);
-        let x = self.mlps.after_first(both).times(there).done();
+        let x = self.mlps.after_first(both, Some(&there), observed).times(there).done();
         self.out_mlps.forward(pool(x, count)) * lines_there
     }
 }

@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
 
-use crate::models::nn::{self, Attention};
+use super::host::{self, Attention};
 
 /// Added to the score of a closed pair.
 pub(crate) const CLOSED: f32 = -1e9;
@@ -15,7 +15,7 @@ const LEAST: f32 = -80.0;
 /// products of queries `[scenes * m, heads * d]` and keys `[scenes * n, heads * d]`, scaled; `closed`,
 /// `[scenes or 1, 1, m or 1, n or 1]`, is added to them. Values are `[scenes * n, heads * v]`. Returns
 /// `[scenes * m, heads * v]`.
-pub(crate) fn attend(
+pub(crate) fn dense_attention(
     scenes: usize,
     heads: usize,
     products: Vec<(Tensor<2>, Tensor<2>)>,
@@ -24,8 +24,8 @@ pub(crate) fn attend(
 ) -> Tensor<2> {
     let depth: usize = products.iter().map(|(queries, _)| queries.dims()[1] / heads).sum();
     let scale = 1.0 / (depth as f32).sqrt();
-    if nn::is_host(&values.device()) {
-        return nn::attend(Attention { scenes, heads, products, scale, closed, values });
+    if host::is_host(&values.device()) {
+        return host::attend(Attention { scenes, heads, products, scale, closed, values });
     }
     let split = |x: Tensor<2>| {
         let [rows, width] = x.dims();
@@ -78,7 +78,7 @@ mod tests {
                     .collect();
                 let closed = Tensor::from_data(TensorData::new(closed, mask), device);
                 let values = made([scenes * n, heads * v], 3, device);
-                let out = attend(scenes, heads, products, values, closed);
+                let out = dense_attention(scenes, heads, products, values, closed);
                 out.into_data().iter::<f32>().collect::<Vec<_>>()
             };
             let (host, backend) = (run(&device()), run(&device().autodiff()));
