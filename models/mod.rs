@@ -102,8 +102,13 @@ pub fn find(id: &str) -> Option<&'static Baseline> {
 }
 
 /// All training tasks.
-pub const TASKS: &[TrainingTask] =
-    &[ntp::learn::TASK, ntp::smart::learn::TASK, ntp::smart::learn::catk::TASK, qp_regression::learn::TASK];
+pub const TASKS: &[TrainingTask] = &[
+    ntp::learn::TASK,
+    ntp::smart::learn::TASK,
+    ntp::smart::learn::catk::TASK,
+    ntp::smart::learn::grpo::TASK,
+    qp_regression::learn::TASK,
+];
 
 /// Returns the training task with this id or earlier name.
 pub fn find_task(id: &str) -> Option<&'static TrainingTask> {

@@ -7,6 +7,7 @@ pub(crate) mod drive;
 mod execute;
 pub mod learn;
 pub mod reactive;
+mod policy_loss;
 mod sampling;
 pub mod smart;
 mod smoothing;

@@ -52,6 +52,7 @@ mod training;
 mod variants;
 mod wosac;
 mod smart_golden;
+mod smart_rewards;
 mod smart_simulator;
 mod smart_training;
 

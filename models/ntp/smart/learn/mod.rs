@@ -1,12 +1,15 @@
 //! Training of the network on scenarios: recipe, samples, loss.
 
 pub mod catk;
+mod closed_loop;
+pub mod grpo;
 mod recipe;
 mod sample;
 mod task;
 mod token_learning;
 mod tracked;
 
+pub use closed_loop::ClosedLoopSample;
 pub use recipe::{Augmentation, NetworkSizes, Recipe};
 pub use sample::Sample;
 pub use task::{NextSmartToken, TASK};

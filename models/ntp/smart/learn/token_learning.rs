@@ -2,17 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use reactsim::models::nn::Noise;
 use reactsim::rollout::Controller;
 use reactsim::training::Output;
 
 use super::super::super::entries::smart_parameters;
+use super::super::super::policy_loss::{Choice, policy_loss};
 use super::super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::super::token_loss::{Target, token_loss};
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
 use super::super::{
-    Batch, Smart, SmartPolicy, SmartSimulator, TokenTables, Vocabulary as Shapes, token_shapes,
+    Batch, Scene, Smart, SmartPolicy, SmartSimulator, TokenTables, Vocabulary as Shapes, token_shapes,
 };
 use super::Sample;
 
@@ -75,18 +76,55 @@ impl TokenLearning {
         device: &Device,
         noise: &mut Noise,
     ) -> Output {
-        let scenes = samples.iter().map(|sample| &sample.scene);
-        let batch = Batch::new(network.config(), scenes, noise).expect(READ);
-        let tables = network.tables(&self.shapes, device).expect(READ);
+        let scores = self.scores(network, samples.iter().map(|s| &s.scene), device, noise);
         let (mut targets, mut nodes) = (Vec::new(), 0);
         for Sample { scene, targets: own } in samples {
             targets.extend(own.iter().map(|t| Target { row: t.row + nodes, ..*t }));
             nodes += scene.agents.len() * scene.steps.len();
         }
-        let scores = network.forward(&tables, &batch, noise);
         token_loss(&targets, distributions, device, |class, rows| {
             scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
         })
+    }
+
+    /// Returns the loss of a network with autodiff by a policy gradient, held near a reference network without
+    /// autodiff: the tokens that were drawn in each scene, and how agents fared.
+    pub(super) fn policy_loss(
+        &self,
+        network: &Smart,
+        reference: &Smart,
+        scenes: &[Scene],
+        choices: &[Vec<Choice>],
+        anchor: f64,
+    ) -> Output {
+        let device = self.device.clone().autodiff();
+        let noise = &mut Noise::none();
+        let scores = self.scores(network, scenes.iter(), &device, noise);
+        let fixed = self.scores(reference, scenes.iter(), &self.device, noise);
+        let (mut all, mut nodes) = (Vec::new(), 0);
+        for (scene, own) in scenes.iter().zip(choices) {
+            let moved = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + nodes, ..c.drawn }, ..*c };
+            all.extend(own.iter().map(moved));
+            nodes += scene.agents.len() * scene.steps.len();
+        }
+        let rows_of = |scores: &Tensor<2>, class, rows| {
+            scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
+        };
+        let current = |class, rows| rows_of(&scores, class, rows);
+        policy_loss(&all, anchor, &device, current, |class, rows| rows_of(&fixed, class, rows))
+    }
+
+    /// Returns the scores of all nodes of scenes, [nodes, tokens].
+    fn scores<'s>(
+        &self,
+        network: &Smart,
+        scenes: impl Iterator<Item = &'s Scene>,
+        device: &Device,
+        noise: &mut Noise,
+    ) -> Tensor<2> {
+        let batch = Batch::new(network.config(), scenes, noise).expect(READ);
+        let tables = network.tables(&self.shapes, device).expect(READ);
+        network.forward(&tables, &batch, noise)
     }
 
     /// Returns a network with its vocabularies. The error is a message.

@@ -10,9 +10,7 @@
 
 mod recipe;
 mod rollout;
-mod sample;
 mod task;
 
 pub use recipe::CatkRecipe;
-pub use sample::CatkSample;
 pub use task::{ClosestAmongTopK, TASK};

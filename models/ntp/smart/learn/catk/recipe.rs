@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::super::super::smoothing::Smoothing;
+use super::super::closed_loop::Excerpt;
 
 /// Settings of fine-tuning, in addition to the data and the learner's own settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +52,21 @@ impl Default for CatkRecipe {
             mirror: 0.5,
             stretch: 0.0,
             smoothing: Smoothing { uniform: 0.0, spatial: 0.0 },
+        }
+    }
+}
+
+impl CatkRecipe {
+    /// Returns what becomes a sample.
+    pub(super) fn excerpt(&self) -> Excerpt {
+        Excerpt {
+            agents: self.agents,
+            map_radius: self.map_radius,
+            height: self.height,
+            steps: self.steps,
+            external_av: self.external_av,
+            mirror: self.mirror,
+            stretch: self.stretch,
         }
     }
 }

@@ -4,13 +4,11 @@ use reactsim::dynamics::Pose;
 use reactsim::training::Stream;
 
 use super::super::super::super::token_loss::Target;
-use super::super::super::super::tokens::{
-    ORIGIN, TokenNoise, Vocabulary, motion_between, moved, token_of_motion,
-};
+use super::super::super::super::tokens::{ORIGIN, TokenNoise, Vocabulary, motion_between, moved};
 use super::super::super::{InputError, Smart, Step, TokenTables};
 use super::super::Sample;
+use super::super::closed_loop::{AV, ClosedLoopSample, HISTORY, RecordedAgent};
 use super::CatkRecipe;
-use super::sample::{AV, CatkSample, HISTORY, RecordedAgent};
 
 /// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels.
 /// Without a stream, choices are without noise.
@@ -20,7 +18,7 @@ use super::sample::{AV, CatkSample, HISTORY, RecordedAgent};
 pub(super) fn roll_out(
     network: &Smart,
     tables: &TokenTables,
-    sample: &CatkSample,
+    sample: &ClosedLoopSample,
     recipe: &CatkRecipe,
     vocabulary: &Vocabulary,
     mut stream: Option<&mut Stream>,
@@ -44,7 +42,7 @@ pub(super) fn roll_out(
             let (pose, token) = match poses[number] {
                 None => (None, 0),
                 // An external AV executes none of the network's tokens and has no labels.
-                Some(pose) if number == AV && recipe.external_av => follow(agent, pose, step, vocabulary),
+                Some(pose) if number == AV && recipe.external_av => agent.follow(pose, step, vocabulary),
                 Some(pose) => {
                     let goal = agent.record[step].map(|goal| motion_between(pose, goal));
                     if let Some(goal) = goal {
@@ -78,14 +76,6 @@ pub(super) fn roll_out(
         scene.steps.push(next);
     }
     Ok(Sample { scene, targets })
-}
-
-/// Returns the recorded pose at the end of a step, and the token that describes the motion to it.
-fn follow(agent: &RecordedAgent, pose: Pose, step: usize, vocabulary: &Vocabulary) -> (Option<Pose>, usize) {
-    match agent.record[step] {
-        Some(goal) => (Some(goal), token_of_motion(vocabulary, agent.class, pose, goal).0),
-        None => (None, 0),
-    }
 }
 
 /// Returns the likeliest tokens in ascending order. Of equal scores, the lower index counts.

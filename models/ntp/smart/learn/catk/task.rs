@@ -9,11 +9,11 @@ use reactsim::training::{Output, Settings, Stream, Task, View};
 
 use super::super::super::{InputError, Scene, Smart, SmartPolicy};
 use super::super::Sample;
+use super::super::closed_loop::{ClosedLoopSample, sample};
 use super::super::sample::forget_unseen_pieces;
 use super::super::token_learning::TokenLearning;
+use super::CatkRecipe;
 use super::rollout::roll_out;
-use super::sample::sample;
-use super::{CatkRecipe, CatkSample};
 use crate::models::learning::{
     ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
 };
@@ -76,7 +76,7 @@ impl ClosestAmongTopK {
     pub fn roll_out(
         &self,
         network: &Smart,
-        sample: &CatkSample,
+        sample: &ClosedLoopSample,
         stream: Option<&mut Stream>,
     ) -> Result<Scene, InputError> {
         let tables = self.tokens.tables(network);
@@ -87,7 +87,7 @@ impl ClosestAmongTopK {
     fn driven(
         &self,
         network: &Smart,
-        samples: &[CatkSample],
+        samples: &[ClosedLoopSample],
         mut stream: Option<&mut Stream>,
     ) -> Vec<Sample> {
         let (tables, vocabulary) = (self.tokens.tables(network), &self.tokens.vocabulary);
@@ -104,22 +104,22 @@ impl ClosestAmongTopK {
 
 impl Task for ClosestAmongTopK {
     type Example = Scenario;
-    type Sample = CatkSample;
+    type Sample = ClosedLoopSample;
     type Model = Smart;
 
     fn init(&self, _seed: u64) -> Smart {
         self.parent.clone().with_frozen_embeddings()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<CatkSample> {
+    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<ClosedLoopSample> {
         let varied = match view {
             View::Varied(stream) => Some(stream),
             View::Plain => None,
         };
-        sample(scenario, &self.recipe, &self.tokens.vocabulary, &self.tokens.map_vocabulary, varied)
+        sample(scenario, &self.recipe.excerpt(), &self.tokens.vocabulary, &self.tokens.map_vocabulary, varied)
     }
 
-    fn loss(&self, model: &Smart, samples: &[CatkSample], stream: Option<&mut Stream>) -> Output {
+    fn loss(&self, model: &Smart, samples: &[ClosedLoopSample], stream: Option<&mut Stream>) -> Output {
         match stream {
             Some(stream) => {
                 let driven = self.driven(&model.valid(), samples, Some(stream));

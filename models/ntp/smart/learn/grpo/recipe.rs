@@ -1,0 +1,89 @@
+//! Recipe of a fine-tuning.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::super::super::Sampling;
+use super::super::closed_loop::Excerpt;
+
+/// Settings of fine-tuning, in addition to the data and the learner's own settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GrpoRecipe {
+    /// Number of agents per scenario, nearest to the AV first.
+    pub agents: usize,
+    /// Radius of the known map around the AV's position at the current frame, metres.
+    pub map_radius: f64,
+    /// Height of all boxes, metres.
+    pub height: f64,
+    /// Number of rollouts of a scenario that are compared with each other.
+    pub rollouts: usize,
+    /// Number of steps that the network drives.
+    pub steps: usize,
+    /// Whether the AV follows its record instead of the network.
+    pub external_av: bool,
+    /// Weight of the divergence from the network that the training begins with.
+    pub anchor: f64,
+    /// Probability that a scene is mirrored.
+    pub mirror: f64,
+    /// Largest relative change of scale, up or down.
+    pub stretch: f64,
+    /// Settings for drawing tokens.
+    pub sampling: Sampling,
+    /// What is rewarded.
+    pub rewards: Rewards,
+}
+
+/// What agents are fined for, and how far they look ahead.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rewards {
+    /// Fine for the first contact with the AV that an agent brings about.
+    pub av_contact: f64,
+    /// Fine for the first contact with another agent that an agent brings about.
+    pub contact: f64,
+    /// Fine per step and metre of distance from the record.
+    pub distance: f64,
+    /// Distance from the record, metres, above which the fine grows no more.
+    pub most_distance: f64,
+    /// Factor by which a fine counts less for every step that it is later.
+    pub discount: f64,
+}
+
+impl Default for GrpoRecipe {
+    fn default() -> Self {
+        Self {
+            agents: 24,
+            map_radius: 100.0,
+            height: 1.8,
+            rollouts: 4,
+            steps: 16,
+            external_av: true,
+            anchor: 0.05,
+            mirror: 0.5,
+            stretch: 0.1,
+            sampling: Sampling { top_k: 5, temperature: 1.0 },
+            rewards: Rewards {
+                av_contact: 1.0,
+                contact: 1.0,
+                distance: 0.02,
+                most_distance: 10.0,
+                discount: 0.9,
+            },
+        }
+    }
+}
+
+impl GrpoRecipe {
+    /// Returns what becomes a sample.
+    pub(super) fn excerpt(&self) -> Excerpt {
+        Excerpt {
+            agents: self.agents,
+            map_radius: self.map_radius,
+            height: self.height,
+            steps: self.steps,
+            external_av: self.external_av,
+            mirror: self.mirror,
+            stretch: self.stretch,
+        }
+    }
+}
