@@ -4,6 +4,7 @@ mod card;
 mod error;
 pub mod constant_velocity;
 pub mod diffusion;
+pub mod diffusion_planner;
 pub mod idm;
 pub mod learning;
 pub mod log_replay;
@@ -17,6 +18,7 @@ pub mod qp;
 mod ranges;
 mod setup;
 pub mod stop;
+pub mod vbd;
 pub mod weights;
 
 pub use card::{Card, CardError};

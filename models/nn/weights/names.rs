@@ -37,6 +37,17 @@ const STORED_NAMES: &[(&str, &str, &str)] = &[
     ("Struct:PlainMlp", "second", "2"),
     ("Struct:PlainMlp", "third", "4"),
     ("Struct:MotionDecoder", "dense", ""),
+    ("Struct:DiffusionPlanner", "encoder", "encoder.encoder"),
+    ("Struct:DiffusionPlanner", "transformer", "decoder.decoder.dit"),
+    ("Struct:RouteEncoder", "mixer", "Mixer"),
+    ("Struct:TimeEmbedder", "first", "mlp.0"),
+    ("Struct:TimeEmbedder", "second", "mlp.2"),
+    ("Struct:TransformerBlock", "modulation", "adaLN_modulation.1"),
+    ("Struct:FinalLayer", "modulation", "adaLN_modulation.1"),
+    ("Struct:FinalProjection", "first_norm", "0"),
+    ("Struct:FinalProjection", "wide", "1"),
+    ("Struct:FinalProjection", "second_norm", "3"),
+    ("Struct:FinalProjection", "narrow", "4"),
 ];
 
 /// Path to the current parameter in a walk over a module.

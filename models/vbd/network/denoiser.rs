@@ -1,0 +1,98 @@
+//! The denoiser: from noisy actions of all agents to clean ones.
+
+use burn::module::Module;
+use burn::nn::Embedding;
+use burn::tensor::{Tensor, TensorData};
+
+use super::config::VbdConfig;
+use super::cross_block::{CrossBlock, Sources};
+use super::elu_head::EluHead;
+use super::encoded::Encoded;
+use super::scene_encoder::rows_of;
+use crate::models::nn::{CLOSED, Initializer, PlainMlp};
+
+/// Denoises actions.
+#[derive(Module, Debug)]
+pub(super) struct Denoiser {
+    decoder: Decoder,
+    noise_level_embedding: Embedding,
+}
+
+/// Everything but the noise level.
+#[derive(Module, Debug)]
+pub(super) struct Decoder {
+    encoder: PlainMlp,
+    time_embedding: Embedding,
+    attention_layers: Vec<CrossBlock>,
+    decoder: EluHead,
+}
+
+impl Denoiser {
+    pub(super) fn init(config: &VbdConfig, init: &mut Initializer) -> Self {
+        let (d, h) = (config.width, config.hidden);
+        Self {
+            decoder: Decoder {
+                encoder: PlainMlp::two(5, [h, d], init),
+                time_embedding: init.embedding(config.actions, d),
+                attention_layers: (0..2 * config.pairs)
+                    .map(|_| CrossBlock::init(d, config.heads, init))
+                    .collect(),
+                decoder: EluHead::init(d, h, 2, init),
+            },
+            noise_level_embedding: init.embedding(config.noise_levels, d),
+        }
+    }
+
+    /// Returns the clean actions, `[agents, actions, 2]`, normalised. `states`, `[agents, states, 5]`, are those to which
+    /// the noisy actions lead, in each agent's own frame.
+    pub(super) fn forward(
+        &self,
+        scene: &Encoded,
+        states: Tensor<3>,
+        level: usize,
+        config: &VbdConfig,
+    ) -> Tensor<3> {
+        let Decoder { encoder, time_embedding, attention_layers, decoder } = &self.decoder;
+        let (d, actions) = (config.width, config.actions);
+        let [agents, count, _] = states.dims();
+        let device = states.device();
+        let held = encoder.forward(states.reshape([agents * count, 5]));
+        let held = held.reshape([agents * actions, config.hold, d]).max_dim(1).squeeze_dim::<2>(1);
+        let level = rows_of(&self.noise_level_embedding, std::iter::once(level), &device);
+        let when = time_embedding.weight.val() + level;
+        let first =
+            (held.reshape([agents, actions, d]) + when.unsqueeze_dim::<3>(0)).reshape([agents * actions, d]);
+        let relations = scene.relations(agents, agents);
+        let closed = later_actions_of_others(agents, actions, &first);
+        let scenery = Sources {
+            features: scene.elements.clone(),
+            relations: scene.relations(agents, scene.elements.dims()[0]),
+            closed: scene.closed.clone(),
+        };
+        let mut x = first.clone();
+        for (i, pair) in attention_layers.chunks(2).enumerate() {
+            if i > 0 {
+                x = x + first.clone();
+            }
+            let [among, around] = pair else { break };
+            let features = x.clone();
+            let plans = Sources { features, relations: relations.clone(), closed: closed.clone() };
+            x = around.forward(among.forward(x, &plans), &scenery);
+        }
+        decoder.forward(x).reshape([agents, actions, 2])
+    }
+}
+
+/// Closes the later actions of others, `[agents, 1, actions, agents * actions]`.
+fn later_actions_of_others(agents: usize, actions: usize, like: &Tensor<2>) -> Tensor<4> {
+    let mut closed = Vec::with_capacity(agents * actions * agents * actions);
+    for own in 0..agents {
+        for now in 0..actions {
+            for other in 0..agents {
+                closed.extend((0..actions).map(|then| if other != own && then > now { CLOSED } else { 0.0 }));
+            }
+        }
+    }
+    let closed = TensorData::new(closed, [agents, 1, actions, agents * actions]);
+    Tensor::from_data(closed, &like.device())
+}

@@ -1,0 +1,63 @@
+//! A layer of the scene encoder: attention among all elements with their relations.
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::Tensor;
+
+use super::gelu::GeluLayers;
+use crate::models::nn::{Initializer, Rows, dense_attention, linear};
+
+/// Attention whose keys and values are those of elements plus their relation to the query's element.
+#[derive(Module, Debug)]
+pub(super) struct RelatedAttention {
+    in_proj: Linear,
+    out_proj: Linear,
+    heads: usize,
+}
+
+impl RelatedAttention {
+    fn forward(&self, x: Tensor<2>, relations: &Tensor<3>, closed: Tensor<4>) -> Tensor<2> {
+        let [count, width] = x.dims();
+        let depth = width / self.heads;
+        // Queries, keys and values lie side by side within each head.
+        let all = linear(&self.in_proj, x).reshape([count, self.heads, 3, depth]);
+        let part = |k: usize| all.clone().narrow(2, k, 1).reshape([count, width]);
+        let with_relations =
+            |x: Tensor<2>| (relations.clone() + x.unsqueeze_dim::<3>(0)).reshape([count * count, width]);
+        // Every element has keys and values of its own.
+        let products = vec![(part(0), with_relations(part(1)))];
+        let taken = dense_attention(count, self.heads, products, with_relations(part(2)), closed);
+        linear(&self.out_proj, taken)
+    }
+}
+
+/// Attention and a feed-forward network, each followed by a norm.
+#[derive(Module, Debug)]
+pub(super) struct EncoderLayer {
+    qc_attention: RelatedAttention,
+    ffn: GeluLayers,
+    norm_1: LayerNorm,
+    norm_2: LayerNorm,
+}
+
+impl EncoderLayer {
+    pub(super) fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
+        Self {
+            qc_attention: RelatedAttention {
+                in_proj: init.linear(width, 3 * width, true),
+                out_proj: init.linear(width, width, true),
+                heads,
+            },
+            ffn: GeluLayers::init(width, init),
+            norm_1: init.norm(width),
+            norm_2: init.norm(width),
+        }
+    }
+
+    /// Maps elements `[n, width]` with relations `[n, n, width]`; `closed`, `[n or 1, 1, 1, n or 1]`, is added to scores.
+    pub(super) fn forward(&self, x: Tensor<2>, relations: &Tensor<3>, closed: Tensor<4>) -> Tensor<2> {
+        let taken = self.qc_attention.forward(x.clone(), relations, closed);
+        let x = Rows::of(x + taken).norm(&self.norm_1).done();
+        Rows::of(x.clone() + self.ffn.forward(x)).norm(&self.norm_2).done()
+    }
+}

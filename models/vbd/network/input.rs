@@ -1,0 +1,105 @@
+//! Input: the elements of a scene, and how they lie to each other.
+
+use reactsim::geometry::Vec2;
+use reactsim::geometry::{direction, into_frame, wrap};
+
+/// Relation of an element to itself.
+const OWN: [f32; 3] = [0.01; 3];
+
+/// A piece of a map line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// x, y (m) and heading (rad) of its points; as many for all lines of a scene.
+    pub points: Vec<[f64; 3]>,
+    /// State of the light at its first point, 0 to 7.
+    pub light: usize,
+    /// Type, 0 (none) to 20.
+    pub kind: usize,
+}
+
+/// A scene at the current frame. Absent elements are zeros: as in the public code, an element whose x is exactly 0 is
+/// taken for absent, and a coordinate that is exactly 0 stays 0 in the element's own frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneInput {
+    /// x, y (m), heading (rad), velocity x, y (m/s), length, width, height (m).
+    pub agents: Vec<[f64; 8]>,
+    /// Types: 0 absent, 1 vehicle, 2 pedestrian, 3 cyclist.
+    pub kinds: Vec<usize>,
+    /// Pieces of map lines.
+    pub lines: Vec<Line>,
+    /// x, y (m) of lights and their states, 0 to 7.
+    pub lights: Vec<([f64; 2], usize)>,
+}
+
+impl SceneInput {
+    /// Returns the number of elements.
+    pub fn len(&self) -> usize {
+        self.agents.len() + self.lines.len() + self.lights.len()
+    }
+
+    /// Returns whether there are no elements.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns, by agent, velocity in its own frame and size: `[agents, 5]`, m/s and m.
+    pub(super) fn agent_features(&self) -> Vec<f32> {
+        let features = |agent: &[f64; 8]| {
+            let [_, _, yaw, vx, vy, length, width, height] = *agent;
+            let own = into_frame(direction(yaw), Vec2::new(vx, vy));
+            let local = |global: f64, own: f64| if global == 0.0 { 0.0 } else { own };
+            [local(vx, own.x), local(vy, own.y), length, width, height].map(|v| v as f32)
+        };
+        self.agents.iter().flat_map(features).collect()
+    }
+
+    /// Returns, by line, then point, the pose in the frame of the line's first point: `[lines * points, 3]`.
+    pub(super) fn line_features(&self) -> Vec<f32> {
+        let features = |line: &Line| {
+            let [x0, y0, yaw0] = line.points.first().copied().unwrap_or_default();
+            let local = move |[x, y, yaw]: [f64; 3]| {
+                let own = into_frame(direction(yaw0), Vec2::new(x - x0, y - y0));
+                let there = |global: f64, own: f64| if global == 0.0 { 0.0 } else { own as f32 };
+                [there(x, own.x), there(y, own.y), there(yaw, wrap(yaw - yaw0))]
+            };
+            line.points.clone().into_iter().flat_map(local)
+        };
+        self.lines.iter().flat_map(features).collect()
+    }
+
+    /// Returns the relations of all pairs, `[elements * elements, 3]`: position of the first less that of the second in
+    /// the frame of the first (m), and the difference of headings (rad), 0 with a light.
+    pub(super) fn relations(&self) -> Vec<f32> {
+        let agents = self.agents.iter().map(|a| ([a[0], a[1]], Some(a[2])));
+        let lines = self.lines.iter().map(|line| {
+            let [x, y, yaw] = line.points.first().copied().unwrap_or_default();
+            ([x, y], Some(yaw))
+        });
+        let lights = self.lights.iter().map(|(at, _)| (*at, None));
+        let elements: Vec<([f64; 2], Option<f64>)> = agents.chain(lines).chain(lights).collect();
+        let mut relations = Vec::with_capacity(3 * elements.len() * elements.len());
+        for (i, (from, yaw)) in elements.iter().enumerate() {
+            let axis = direction(yaw.unwrap_or(0.0));
+            for (j, (to, other)) in elements.iter().enumerate() {
+                if from[0] == 0.0 || to[0] == 0.0 {
+                    relations.extend([0.0; 3]);
+                } else if i == j {
+                    relations.extend(OWN);
+                } else {
+                    let apart = into_frame(axis, Vec2::new(from[0] - to[0], from[1] - to[1]));
+                    let turn = yaw.zip(*other).map_or(0.0, |(yaw, other)| wrap(yaw - other));
+                    relations.extend([apart.x, apart.y, turn].map(|v| v as f32));
+                }
+            }
+        }
+        relations
+    }
+
+    /// Returns by element whether it is there.
+    pub(super) fn present(&self) -> Vec<bool> {
+        let agents = self.kinds.iter().map(|kind| *kind != 0);
+        let lines = self.lines.iter().map(|line| line.points.first().is_some_and(|p| p[0] != 0.0));
+        let lights = self.lights.iter().map(|(at, _)| at[0] != 0.0);
+        agents.chain(lines).chain(lights).collect()
+    }
+}

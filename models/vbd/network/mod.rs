@@ -1,0 +1,25 @@
+//! The network.
+//!
+//! Tensors have the names and shapes of the public code, so that its state dict loads. A scene is computed at a time:
+//! its elements are the agents, then the map lines, then the lights. [`SceneInput`] describes them in the frame of
+//! the map; the network sees each in its own frame, and the relations of all pairs.
+
+mod config;
+mod cross_block;
+mod denoiser;
+mod elu_head;
+mod encoded;
+mod encoder_layer;
+mod gelu;
+#[cfg(test)]
+mod golden;
+mod input;
+mod predictor;
+mod scene_encoder;
+mod vbd;
+
+pub use config::VbdConfig;
+pub use encoded::Encoded;
+pub use input::{Line, SceneInput};
+pub use predictor::Behaviours;
+pub use vbd::Vbd;

@@ -1,0 +1,119 @@
+//! The scene encoder.
+
+use burn::module::Module;
+use burn::nn::Embedding;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use super::config::VbdConfig;
+use super::encoded::Encoded;
+use super::encoder_layer::EncoderLayer;
+use super::input::SceneInput;
+use crate::models::nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
+
+/// Number of types of agents, of states of lights, and of types of lines.
+const KINDS: usize = 4;
+const LIGHTS: usize = 8;
+const LINES: usize = 21;
+
+/// Reads agents: velocity and size at the current frame, and type.
+#[derive(Module, Debug)]
+pub(super) struct AgentEncoder {
+    motion: PlainMlp,
+    type_embed: Embedding,
+}
+
+/// Reads map lines: points, pooled, the state of the light at the first one, and type.
+#[derive(Module, Debug)]
+pub(super) struct LineEncoder {
+    point: PlainMlp,
+    traffic_light_embed: Embedding,
+    type_embed: Embedding,
+}
+
+/// Reads lights: their states.
+#[derive(Module, Debug)]
+pub(super) struct LightEncoder {
+    type_embed: Embedding,
+}
+
+/// Layers of attention.
+#[derive(Module, Debug)]
+pub(super) struct EncoderLayers {
+    layers: Vec<EncoderLayer>,
+}
+
+/// Reads a scene.
+#[derive(Module, Debug)]
+pub(super) struct SceneEncoder {
+    agent_encoder: AgentEncoder,
+    map_encoder: LineEncoder,
+    traffic_light_encoder: LightEncoder,
+    relation_encoder: FourierEmbedding,
+    transformer_encoder: EncoderLayers,
+}
+
+impl SceneEncoder {
+    pub(super) fn init(config: &VbdConfig, init: &mut Initializer) -> Self {
+        let (d, h) = (config.width, config.hidden);
+        let layer = |_| EncoderLayer::init(d, config.heads, init);
+        let layers = (0..config.encoder_layers).map(layer).collect();
+        Self {
+            transformer_encoder: EncoderLayers { layers },
+            agent_encoder: AgentEncoder {
+                motion: PlainMlp::three(5, [h, d, d], init),
+                type_embed: init.embedding(KINDS, d),
+            },
+            map_encoder: LineEncoder {
+                point: PlainMlp::two(3, [h, d], init),
+                traffic_light_embed: init.embedding(LIGHTS, d),
+                type_embed: init.embedding(LINES, d),
+            },
+            traffic_light_encoder: LightEncoder { type_embed: init.embedding(LIGHTS, d) },
+            relation_encoder: FourierEmbedding::init(3, config.frequencies, d, init),
+        }
+    }
+
+    pub(super) fn forward(&self, scene: &SceneInput, config: &VbdConfig, device: &Device) -> Encoded {
+        let (n, d) = (scene.len(), config.width);
+        let matrix = |values: Vec<f32>, columns: usize| {
+            let rows = values.len() / columns;
+            Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device)
+        };
+        let kinds = rows_of(&self.agent_encoder.type_embed, scene.kinds.iter().copied(), device);
+        let agents = self.agent_encoder.motion.forward(matrix(scene.agent_features(), 5)) + kinds;
+        let mut parts = vec![agents];
+        if let Some(line) = scene.lines.first() {
+            let points = self.map_encoder.point.forward(matrix(scene.line_features(), 3));
+            let points =
+                points.reshape([scene.lines.len(), line.points.len(), d]).max_dim(1).squeeze_dim::<2>(1);
+            let lights = scene.lines.iter().map(|line| line.light);
+            let lights = rows_of(&self.map_encoder.traffic_light_embed, lights, device);
+            let kinds = rows_of(&self.map_encoder.type_embed, scene.lines.iter().map(|l| l.kind), device);
+            parts.push(points + lights + kinds);
+        }
+        if !scene.lights.is_empty() {
+            let states = scene.lights.iter().map(|(_, state)| *state);
+            parts.push(rows_of(&self.traffic_light_encoder.type_embed, states, device));
+        }
+        let relations = self.relation_encoder.forward(matrix(scene.relations(), 3), None).reshape([n, n, d]);
+        let absent: Vec<f32> = scene.present().iter().map(|p| if *p { 0.0 } else { CLOSED }).collect();
+        let absent = TensorData::new(absent, [n]);
+        let absent = Tensor::<1>::from_data(absent, device);
+        let closed: Tensor<4> = absent.clone().reshape([1, 1, 1, n]);
+        // Without keys that are open, an element attends to all alike.
+        let in_layers = if config.masked { closed.clone() } else { absent.reshape([n, 1, 1, 1]) };
+        let mut x = Tensor::cat(parts, 0);
+        for layer in &self.transformer_encoder.layers {
+            x = layer.forward(x, &relations, in_layers.clone());
+        }
+        Encoded { elements: x, relations, closed }
+    }
+}
+
+/// Returns the vectors of these numbers, `[count, width]`.
+pub(super) fn rows_of(table: &Embedding, numbers: impl Iterator<Item = usize>, device: &Device) -> Tensor<2> {
+    let numbers: Vec<i32> = numbers.map(|n| n as i32).collect();
+    let count = numbers.len();
+    let numbers = Tensor::<1, Int>::from_data(TensorData::new(numbers, [count]), device);
+    table.weight.val().select(0, numbers)
+}
