@@ -50,7 +50,7 @@ impl MultiHeadAttention {
         let bias = self.in_proj_bias.val();
         let width = bias.dims()[0] / 3;
         let from = part as usize * width;
-        bias.slice([from..from + width]).unsqueeze_dim(0)
+        bias.narrow(0, from, width).unsqueeze_dim(0)
     }
 
     /// Projects rows `[n, width]` to a part.

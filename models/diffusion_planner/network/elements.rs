@@ -3,6 +3,7 @@
 use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim::geometry::math;
 
 use super::PlannerConfig;
 use super::input::{AGENT, POINT, PlannerInput, STATIC};
@@ -160,8 +161,11 @@ impl LaneEncoder {
         let x = x + speeds + linear(&self.traffic_emb, matrix(lights, POINT - MIXED, device));
         let x = self.emb_project.forward(Rows::of(x).norm(&self.norm).done());
         let place = |p: &[f32]| {
-            let heading = p[3].atan2(p[2]);
-            [p[0], p[1], heading.cos(), heading.sin(), 0.0, 0.0, 1.0]
+            // A point without a way to the next has heading 0.
+            let way = math::hypot(f64::from(p[2]), f64::from(p[3]));
+            let towards = |d: f32| (f64::from(d) / way) as f32;
+            let (cos, sin) = if way > 0.0 { (towards(p[2]), towards(p[3])) } else { (1.0, 0.0) };
+            [p[0], p[1], cos, sin, 0.0, 0.0, 1.0]
         };
         let places = lane(config.points / 2).flat_map(place).collect();
         Elements { tokens: x * column(&present, device), present, places }

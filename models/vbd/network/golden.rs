@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim::geometry::math;
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 
@@ -120,7 +121,8 @@ fn check(device: &Device) {
         compare("actions", &values(&behaviours.actions), &file.floats("pred_actions_normalized"));
         compare("scores", &values(&behaviours.scores), &file.floats("pred_scores"));
 
-        let speeds: Vec<f32> = input.agents[..DENOISED].iter().map(|a| a[3].hypot(a[4]) as f32).collect();
+        let speeds: Vec<f32> =
+            input.agents[..DENOISED].iter().map(|a| math::hypot(a[3], a[4]) as f32).collect();
         let speeds = Tensor::<2>::from_data(TensorData::new(speeds, [DENOISED, 1]), device);
         for level in [2, 25, 49] {
             let noisy = matrix(file.floats(&format!("den{level}_input_normalized")), [DENOISED, 40, 2]);
