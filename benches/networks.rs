@@ -15,6 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::formats;
 use reactsim::metrics::{Case, Options, score_case};
+use reactsim::models::learning::Intentions;
 use reactsim::models::nn::{Initializer, Noise, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
 use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
@@ -24,8 +25,8 @@ use reactsim::models::ntp::smart::{
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
 use reactsim::models::perception::KnownMotion;
+use reactsim::models::qp_regression::Policy as Predictor;
 use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
-use reactsim::models::qp_regression::{Intentions, Policy as Predictor};
 use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, roll_out};
 use reactsim::scene::CURRENT;
 use reactsim::training::Task;

@@ -96,6 +96,8 @@ pub const MODELS: &[Baseline] = &[
     pufferdrive::ENTRY,
     qp_regression::entries::QP_REGRESSION,
     qp_regression::entries::REGRESSION,
+    vbd::entries::VBD,
+    vbd::entries::VBD_INPAINTING,
 ];
 
 /// Returns the baseline with this id.
@@ -110,6 +112,7 @@ pub const TASKS: &[TrainingTask] = &[
     ntp::smart::learn::catk::TASK,
     ntp::smart::learn::grpo::TASK,
     qp_regression::learn::TASK,
+    vbd::learn::TASK,
 ];
 
 /// Returns the training task with this id or earlier name.

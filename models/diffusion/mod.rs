@@ -6,6 +6,7 @@
 
 mod guide;
 mod inverse;
+mod normal;
 mod sampler;
 mod schedule;
 mod solver;
@@ -15,6 +16,7 @@ mod unicycle;
 
 pub use guide::{Guide, Moment};
 pub use inverse::{Actions, actions};
+pub use normal::standard_normal;
 pub use sampler::{Sampler, Sampling};
 pub use schedule::{Schedule, ScheduleError};
 pub use solver::{VariancePreserving, solve};

@@ -5,9 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use reactsim::geometry::math;
 use reactsim::scene::{AgentState, Frame};
 use safetensors::SafeTensors;
 
@@ -21,14 +20,8 @@ const WANTED: (f64, f64) = (0.7, 0.4);
 /// A limit that limits nothing.
 const FAR: f64 = 1e9;
 
-/// Standard normal numbers.
 fn normal(rng: &mut ChaCha8Rng, shape: [usize; 2]) -> Tensor<2> {
-    let one = |rng: &mut ChaCha8Rng| {
-        let (u, v): (f64, f64) = (1.0 - rng.random::<f64>(), rng.random());
-        ((-2.0 * math::ln(u)).sqrt() * math::cos(std::f64::consts::TAU * v)) as f32
-    };
-    let values: Vec<f32> = (0..shape[0] * shape[1]).map(|_| one(rng)).collect();
-    Tensor::from_data(TensorData::new(values, shape), &device())
+    standard_normal(rng, shape, &device())
 }
 
 /// Returns the expected clean value of a noisy one if clean values are normally distributed: what a perfect network

@@ -2,11 +2,14 @@
 //!
 //! A `LearningScene` is a logged scenario with map data of a network, which can be mirrored and
 //! stretched (`LearningMap`) and viewed from any frame. A `Reservoir` is a random sample of bounded
-//! size. [`Provenance`] describes what was computed from scenarios.
+//! size. [`Provenance`] describes what was computed from scenarios, such as [`Intentions`], the points that agents may
+//! head for.
 //!
 //! A [`TrainingTask`] is an entry of the list of tasks: its recipe, and the function that builds a
 //! [`Trainable`] of it.
 
+mod intentions;
+mod k_means;
 mod map;
 mod provenance;
 mod recipe;
@@ -15,6 +18,9 @@ mod scene;
 mod trainable;
 mod training_task;
 
+pub(crate) use intentions::PREFIX as INTENTIONS_PREFIX;
+pub use intentions::{Intentions, IntentionsError};
+pub use k_means::EndPoints;
 pub(crate) use map::LearningMap;
 pub use provenance::Provenance;
 pub(crate) use recipe::recipe_values;

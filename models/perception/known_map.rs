@@ -3,7 +3,7 @@
 use reactsim::geometry::{Vec2, direction};
 use reactsim::scene::{RoadMap, Start, StopKind};
 
-use super::map_pieces::{MapPiece, PieceKind, map_pieces};
+use super::map_pieces::{MapPiece, PIECE_LENGTH, PieceKind, map_pieces_of_length};
 
 /// The known part of a map, from which places are built.
 #[derive(Clone, Debug)]
@@ -21,7 +21,12 @@ pub(crate) struct KnownMap {
 impl KnownMap {
     /// Returns the map of a scenario within `radius` metres of the AV's position at the current frame.
     pub(crate) fn of(start: &Start, radius: f64) -> Self {
-        let mut pieces = map_pieces(&start.map, start.now(0).position(), radius);
+        Self::with_pieces(start, radius, PIECE_LENGTH)
+    }
+
+    /// The same in pieces of this length, metres.
+    pub(crate) fn with_pieces(start: &Start, radius: f64, length: f64) -> Self {
+        let mut pieces = map_pieces_of_length(&start.map, start.now(0).position(), radius, length);
         let is_stop = |k| matches!(k, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine);
         pieces.retain(|p| !is_stop(p.kind));
         Self {

@@ -7,15 +7,15 @@ use super::rings::{closed, edge_rings};
 
 /// Number of points of a piece.
 pub const PIECE_POINTS: usize = 11;
-/// Length of a piece, metres; the last piece of a line is the remainder.
-const PIECE_LENGTH: f64 = 5.0;
+/// Length of a piece, metres, where nothing else is asked; the last piece of a line is the remainder.
+pub(crate) const PIECE_LENGTH: f64 = 5.0;
 /// Length below which the remainder of a line is joined to the previous piece, metres.
 const MIN_REMAINDER: f64 = 0.5;
 
 /// Length above which a line counts as a fault of the map, metres.
 pub(crate) const MAX_LINE_LENGTH: f64 = 1e5;
 
-/// A piece of a line of the map, at most 5.5 m long.
+/// A piece of a line of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapPiece {
     /// Equidistant points including both ends, scenario frame. Lanes run in driving direction, edges
@@ -71,13 +71,18 @@ impl PieceKind {
     }
 }
 
-/// Returns the pieces of a map with a point within `radius` metres of `about`, in the order of the map:
+/// Returns the pieces, 5 m long, of a map with a point within `radius` metres of `about`, in the order of the map:
 /// lanes, road edges (in maps without any, the edge of the drivable area), stop lines, crosswalks.
 /// Painted lines are left out.
 ///
 /// The positions of cuts do not depend on `about` and `radius`.
 pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
-    let mut cutter = Cutter { about, radius, pieces: Vec::new() };
+    map_pieces_of_length(map, about, radius, PIECE_LENGTH)
+}
+
+/// As [`map_pieces`], with pieces of this length, metres.
+pub(crate) fn map_pieces_of_length(map: &RoadMap, about: Vec2, radius: f64, length: f64) -> Vec<MapPiece> {
+    let mut cutter = Cutter { about, radius, piece: length, pieces: Vec::new() };
     let distinguishes_connectors = map.lanes.iter().any(|l| l.kind == LaneKind::Lane);
     for (i, lane) in map.lanes.iter().enumerate() {
         let kind = match (lane.kind, lane.class) {
@@ -117,6 +122,8 @@ pub fn map_pieces(map: &RoadMap, about: Vec2, radius: f64) -> Vec<MapPiece> {
 struct Cutter {
     about: Vec2,
     radius: f64,
+    /// Length of a piece.
+    piece: f64,
     pieces: Vec<MapPiece>,
 }
 
@@ -136,7 +143,7 @@ impl Cutter {
         let length = line.length();
         let (mut from, mut segment) = (0.0, 0);
         while from < length {
-            let to = if length - from < PIECE_LENGTH + MIN_REMAINDER { length } else { from + PIECE_LENGTH };
+            let to = if length - from < self.piece + MIN_REMAINDER { length } else { from + self.piece };
             let points = std::array::from_fn(|i| {
                 let s = from + (to - from) * i as f64 / (PIECE_POINTS - 1) as f64;
                 segment = line.segment_from(s, segment);

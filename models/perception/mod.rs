@@ -26,7 +26,7 @@ mod widths;
 pub(crate) use body::Body;
 pub use class::Class;
 pub(crate) use features::put;
-pub(crate) use known_map::KnownMap;
+pub(crate) use known_map::{KnownMap, Stop};
 pub use known_motion::KnownMotion;
 pub(crate) use map_pieces::MAX_LINE_LENGTH;
 pub use map_pieces::{MapPiece, PIECE_POINTS, PieceKind, map_pieces};

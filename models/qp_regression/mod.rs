@@ -3,8 +3,6 @@
 pub(super) mod entries;
 mod follow;
 mod inputs;
-mod intentions;
-mod k_means;
 pub mod learn;
 pub mod network;
 mod policy;
@@ -14,8 +12,6 @@ mod smoothed;
 mod spline;
 
 pub use inputs::Ground;
-pub use intentions::{Intentions, IntentionsError};
-pub use k_means::EndPoints;
 pub use policy::{Policy, PolicyError};
 pub use predict::{Mode, ModePoint, Prediction};
 pub use simulator::{Driving, RegressionSimulator, predicted_slots};

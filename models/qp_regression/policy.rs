@@ -10,10 +10,9 @@ use reactsim::scene::Start;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::{Ground, SceneContext, Surroundings, Survey};
-use super::intentions::PREFIX;
 use super::network::{Batch, Config, Network, Observed, SizeError};
 use super::predict::{Prediction, prediction};
-use super::{Intentions, IntentionsError};
+use crate::models::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 use crate::models::perception::{KnownMotion, SceneView};
 
 /// Kind of this network in the configuration of the file.
@@ -92,7 +91,7 @@ impl Policy {
         };
         config.check()?;
         let mut tensors = tensors.without(|name| name.ends_with(COUNTER));
-        let intentions = Intentions::from_tables(&tensors.split_off(PREFIX))?;
+        let intentions = Intentions::from_tables(&tensors.split_off(INTENTIONS_PREFIX))?;
         let empty = Network::init(&config, &mut Initializer::new(0, device));
         let network = tensors.load(empty)?;
         Ok(Self { config, intentions, network })

@@ -50,6 +50,7 @@ mod tokens;
 mod trained;
 mod training;
 mod variants;
+mod vbd;
 mod wosac;
 mod smart_golden;
 mod smart_rewards;

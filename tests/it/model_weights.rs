@@ -38,6 +38,7 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
         "regression" | "qp-regression" => crate::regression::untrained(),
         "smart" | "smart-projected" => crate::smart_simulator::untrained(),
         "token-replay" => Kinematic::default().build().unwrap().write().unwrap(),
+        "vbd" | "vbd-inpainting" => crate::vbd::untrained(),
         "pufferdrive" => save(&Network::init(&mut init, &device), &BTreeMap::new()),
         _ => return None,
     };

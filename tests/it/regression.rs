@@ -7,13 +7,14 @@ use burn::module::Module;
 use burn::tensor::Device;
 use reactsim::geometry::{Vec2, direction};
 use reactsim::models;
+use reactsim::models::learning::Intentions;
 use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, device};
 use reactsim::models::qp::{self, Ending};
 use reactsim::models::qp_regression::learn::{Recipe, Regression};
 use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppress};
 use reactsim::models::qp_regression::{
-    Driving, Intentions, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
+    Driving, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
 use reactsim::rollout::{Controller, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
@@ -540,17 +541,15 @@ fn check_learning(config: Config) {
     let output = task.loss(&model, &samples, Some(&mut stream));
     let loss = f64::from(output.loss.clone().into_scalar::<f32>()) / output.items;
     assert!(loss.is_finite() && output.items >= 2.0, "{loss}");
-    let mut gradients = output.loss.backward();
-    let mut visitor = Still { gradients: &mut gradients, path: Vec::new(), still: Vec::new() };
-    model.visit(&mut visitor);
+    let mut still = without_gradient(&model, output.loss);
     // After the first layer, intentions are not added to the features that are compared with tokens; in the
     // first layer, queries have no information to exchange yet.
-    visitor.still.retain(|name| !name.contains("layers.1.ca_qpos_proj") && !name.contains("layers.0.sa_"));
+    still.retain(|name| !name.contains("layers.1.ca_qpos_proj") && !name.contains("layers.0.sa_"));
     // The content of queries is zero before the first layer.
-    visitor.still.retain(|name| !name.contains("map_query_content_mlps.0.weight"));
+    still.retain(|name| !name.contains("map_query_content_mlps.0.weight"));
     // A constant that is added to all scores changes nothing.
-    visitor.still.retain(|name| !(name.contains("motion_cls_heads") && name.ends_with("third.bias")));
-    assert!(visitor.still.is_empty(), "{:?}", visitor.still);
+    still.retain(|name| !(name.contains("motion_cls_heads") && name.ends_with("third.bias")));
+    assert!(still.is_empty(), "{still:?}");
     // Validation without autodiff gives the same loss, unless norms use running statistics in it.
     if config.norms == Norms::Batch {
         return;
@@ -558,6 +557,14 @@ fn check_learning(config: Config) {
     let plain = task.validate(&model.valid(), &samples);
     let same = f64::from(plain.loss.into_scalar::<f32>()) / plain.items;
     assert!((same - loss).abs() < 1e-3 * loss.abs(), "{same} {loss}");
+}
+
+/// Returns the parameters of a network to which a loss has no gradient.
+pub(crate) fn without_gradient<M: Module>(model: &M, loss: burn::tensor::Tensor<1>) -> Vec<String> {
+    let mut gradients = loss.backward();
+    let mut visitor = Still { gradients: &mut gradients, path: Vec::new(), still: Vec::new() };
+    model.visit(&mut visitor);
+    visitor.still
 }
 
 /// Finds the parameters without a gradient.

@@ -5,11 +5,11 @@
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-use super::super::Intentions;
 use super::super::inputs::Surroundings;
 use super::super::network::{Batch, Config, Network, NetworkOutput, Observed, STATE};
 use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};
 use super::sample::{Sample, TRUTH_SIZE, Target, Truth};
+use crate::models::learning::Intentions;
 
 /// Weight of a velocity error of 1 m/s in modes; in the dense prediction the weight is 1 (MTR).
 const VELOCITY_WEIGHT: f64 = 0.5;

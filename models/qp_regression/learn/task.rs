@@ -11,14 +11,14 @@ use serde::{Deserialize, Serialize};
 use super::super::entries::regression_driving;
 use super::super::inputs::Survey;
 use super::super::network::{Config, Network, Observed};
-use super::super::{Intentions, Policy, RegressionSimulator};
+use super::super::{Policy, RegressionSimulator};
 use super::Disturbance;
 use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::{
-    LearningScene, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
-    recipe_values,
+    Intentions, LearningScene, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
+    TrainingTask, recipe_values,
 };
 use crate::models::nn::Initializer;
 use crate::models::perception::Class;

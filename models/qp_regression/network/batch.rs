@@ -8,9 +8,9 @@ use super::STATE;
 
 use super::config::Config;
 use super::guide::reference_states;
+use crate::models::learning::Intentions;
 use crate::models::nn::CLOSED;
 use crate::models::perception::{Class, Nearest};
-use crate::models::qp_regression::Intentions;
 use crate::models::qp_regression::inputs::{
     OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers,
 };

@@ -10,9 +10,9 @@ use safetensors::tensor::Dtype;
 
 use super::batch::{Polylines, nearest_tokens};
 use super::{Batch, Config, Network, Observed, STATE};
+use crate::models::learning::Intentions;
 use crate::models::nn::{CLOSED, Initializer, Tensors, device};
 use crate::models::perception::Class;
-use crate::models::qp_regression::Intentions;
 use crate::models::qp_regression::predict::kept_modes;
 
 /// The configuration of the golden data.

@@ -1,5 +1,6 @@
 //! Configuration of the network.
 
+use reactsim::scene::FUTURE;
 use serde::{Deserialize, Serialize};
 
 /// Sizes, stored with the weights.
@@ -27,6 +28,39 @@ pub struct VbdConfig {
     /// Whether the encoder attends to present elements alone. The public code attends to all of them, and from absent
     /// ones to all alike.
     pub masked: bool,
+    /// Whether a coordinate of exactly 0 says that something is absent, as in the public code; otherwise types alone do.
+    pub zeros_are_absent: bool,
+}
+
+/// Error of a size that is out of range.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the configuration of the network has {field} = {value}, expected {expected}")]
+pub struct SizeError {
+    /// Field.
+    pub field: &'static str,
+    /// Value.
+    pub value: usize,
+    /// Accepted values.
+    pub expected: &'static str,
+}
+
+impl Default for VbdConfig {
+    /// Returns a configuration for training on two processor cores.
+    fn default() -> Self {
+        Self {
+            width: 64,
+            hidden: 64,
+            heads: 4,
+            frequencies: 24,
+            encoder_layers: 2,
+            pairs: 2,
+            actions: 16,
+            hold: 5,
+            noise_levels: 50,
+            masked: true,
+            zeros_are_absent: false,
+        }
+    }
 }
 
 impl VbdConfig {
@@ -43,7 +77,40 @@ impl VbdConfig {
             hold: 2,
             noise_levels: 50,
             masked: false,
+            zeros_are_absent: true,
         }
+    }
+
+    /// Checks the sizes.
+    ///
+    /// # Errors
+    /// [`SizeError`], which names the field.
+    pub fn check(&self) -> Result<(), SizeError> {
+        let refuse = |field, value, expected| Err(SizeError { field, value, expected });
+        let sizes = [
+            ("width", self.width),
+            ("hidden", self.hidden),
+            ("heads", self.heads),
+            ("frequencies", self.frequencies),
+            ("encoder_layers", self.encoder_layers),
+            ("pairs", self.pairs),
+            ("noise_levels", self.noise_levels),
+        ];
+        for (field, value) in sizes {
+            if !(1..=4096).contains(&value) {
+                return refuse(field, value, "1 to 4096");
+            }
+        }
+        if !self.width.is_multiple_of(self.heads) {
+            return refuse("width", self.width, "a multiple of the number of heads");
+        }
+        if self.hold == 0 || self.actions == 0 || self.states() != FUTURE {
+            return refuse("actions", self.actions, "80 divided by `hold`");
+        }
+        if self.noise_levels < 2 {
+            return refuse("noise_levels", self.noise_levels, "2 or more");
+        }
+        Ok(())
     }
 
     /// Returns the number of predicted states of an agent.

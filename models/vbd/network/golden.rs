@@ -103,7 +103,7 @@ fn check(device: &Device) {
     for number in 0..2 {
         let file = File(fs::read(folder.join(format!("scene_{number}.safetensors"))).unwrap());
         let input = scene(&file);
-        compare("relations", &input.relations(), &file.floats("in_relations"));
+        compare("relations", &input.relations(true), &file.floats("in_relations"));
         let encoded = network.encode(&input, &CONFIG, device);
         compare("relation encodings", &values(&encoded.relations), &file.floats("enc_relation_encodings"));
         compare("encodings", &values(&encoded.elements), &file.floats("enc_encodings"));

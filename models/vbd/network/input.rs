@@ -17,8 +17,8 @@ pub struct Line {
     pub kind: usize,
 }
 
-/// A scene at the current frame. Absent elements are zeros: as in the public code, an element whose x is exactly 0 is
-/// taken for absent, and a coordinate that is exactly 0 stays 0 in the element's own frame.
+/// A scene at the current frame. Absent elements are zeros. With `zeros_are_absent`, as in the public code, an element whose x
+/// is exactly 0 is taken for absent, and a coordinate that is exactly 0 stays 0 in the element's own frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneInput {
     /// x, y (m), heading (rad), velocity x, y (m/s), length, width, height (m).
@@ -43,23 +43,24 @@ impl SceneInput {
     }
 
     /// Returns, by agent, velocity in its own frame and size: `[agents, 5]`, m/s and m.
-    pub(super) fn agent_features(&self) -> Vec<f32> {
+    pub(super) fn agent_features(&self, zeros_are_absent: bool) -> Vec<f32> {
         let features = |agent: &[f64; 8]| {
             let [_, _, yaw, vx, vy, length, width, height] = *agent;
             let own = into_frame(direction(yaw), Vec2::new(vx, vy));
-            let local = |global: f64, own: f64| if global == 0.0 { 0.0 } else { own };
+            let local = |global: f64, own: f64| if zeros_are_absent && global == 0.0 { 0.0 } else { own };
             [local(vx, own.x), local(vy, own.y), length, width, height].map(|v| v as f32)
         };
         self.agents.iter().flat_map(features).collect()
     }
 
     /// Returns, by line, then point, the pose in the frame of the line's first point: `[lines * points, 3]`.
-    pub(super) fn line_features(&self) -> Vec<f32> {
+    pub(super) fn line_features(&self, zeros_are_absent: bool) -> Vec<f32> {
         let features = |line: &Line| {
             let [x0, y0, yaw0] = line.points.first().copied().unwrap_or_default();
             let local = move |[x, y, yaw]: [f64; 3]| {
                 let own = into_frame(direction(yaw0), Vec2::new(x - x0, y - y0));
-                let there = |global: f64, own: f64| if global == 0.0 { 0.0 } else { own as f32 };
+                let absent = |global: f64| zeros_are_absent && global == 0.0;
+                let there = |global: f64, own: f64| if absent(global) { 0.0 } else { own as f32 };
                 [there(x, own.x), there(y, own.y), there(yaw, wrap(yaw - yaw0))]
             };
             line.points.clone().into_iter().flat_map(local)
@@ -69,7 +70,7 @@ impl SceneInput {
 
     /// Returns the relations of all pairs, `[elements * elements, 3]`: position of the first less that of the second in
     /// the frame of the first (m), and the difference of headings (rad), 0 with a light.
-    pub(super) fn relations(&self) -> Vec<f32> {
+    pub(super) fn relations(&self, zeros_are_absent: bool) -> Vec<f32> {
         let agents = self.agents.iter().map(|a| ([a[0], a[1]], Some(a[2])));
         let lines = self.lines.iter().map(|line| {
             let [x, y, yaw] = line.points.first().copied().unwrap_or_default();
@@ -77,11 +78,13 @@ impl SceneInput {
         });
         let lights = self.lights.iter().map(|(at, _)| (*at, None));
         let elements: Vec<([f64; 2], Option<f64>)> = agents.chain(lines).chain(lights).collect();
+        let present = self.present(zeros_are_absent);
         let mut relations = Vec::with_capacity(3 * elements.len() * elements.len());
         for (i, (from, yaw)) in elements.iter().enumerate() {
             let axis = direction(yaw.unwrap_or(0.0));
             for (j, (to, other)) in elements.iter().enumerate() {
-                if from[0] == 0.0 || to[0] == 0.0 {
+                let zero = zeros_are_absent && (from[0] == 0.0 || to[0] == 0.0);
+                if zero || !(zeros_are_absent || present[i] && present[j]) {
                     relations.extend([0.0; 3]);
                 } else if i == j {
                     relations.extend(OWN);
@@ -96,10 +99,11 @@ impl SceneInput {
     }
 
     /// Returns by element whether it is there.
-    pub(super) fn present(&self) -> Vec<bool> {
+    pub(super) fn present(&self, zeros_are_absent: bool) -> Vec<bool> {
         let agents = self.kinds.iter().map(|kind| *kind != 0);
-        let lines = self.lines.iter().map(|line| line.points.first().is_some_and(|p| p[0] != 0.0));
-        let lights = self.lights.iter().map(|(at, _)| at[0] != 0.0);
+        let first = |line: &Line| line.points.first().is_some_and(|p| p[0] != 0.0);
+        let lines = self.lines.iter().map(|line| if zeros_are_absent { first(line) } else { line.kind != 0 });
+        let lights = self.lights.iter().map(|(at, _)| !zeros_are_absent || at[0] != 0.0);
         agents.chain(lines).chain(lights).collect()
     }
 }

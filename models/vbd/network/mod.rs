@@ -18,8 +18,9 @@ mod predictor;
 mod scene_encoder;
 mod vbd;
 
-pub use config::VbdConfig;
+pub use config::{SizeError, VbdConfig};
 pub use encoded::Encoded;
 pub use input::{Line, SceneInput};
 pub use predictor::Behaviours;
 pub use vbd::Vbd;
+pub(super) use vbd::{DEVIATIONS, unnormalized};

@@ -80,10 +80,13 @@ impl SceneEncoder {
             Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device)
         };
         let kinds = rows_of(&self.agent_encoder.type_embed, scene.kinds.iter().copied(), device);
-        let agents = self.agent_encoder.motion.forward(matrix(scene.agent_features(), 5)) + kinds;
+        let agents =
+            self.agent_encoder.motion.forward(matrix(scene.agent_features(config.zeros_are_absent), 5))
+                + kinds;
         let mut parts = vec![agents];
         if let Some(line) = scene.lines.first() {
-            let points = self.map_encoder.point.forward(matrix(scene.line_features(), 3));
+            let points =
+                self.map_encoder.point.forward(matrix(scene.line_features(config.zeros_are_absent), 3));
             let points =
                 points.reshape([scene.lines.len(), line.points.len(), d]).max_dim(1).squeeze_dim::<2>(1);
             let lights = scene.lines.iter().map(|line| line.light);
@@ -95,8 +98,12 @@ impl SceneEncoder {
             let states = scene.lights.iter().map(|(_, state)| *state);
             parts.push(rows_of(&self.traffic_light_encoder.type_embed, states, device));
         }
-        let relations = self.relation_encoder.forward(matrix(scene.relations(), 3), None).reshape([n, n, d]);
-        let absent: Vec<f32> = scene.present().iter().map(|p| if *p { 0.0 } else { CLOSED }).collect();
+        let relations = self
+            .relation_encoder
+            .forward(matrix(scene.relations(config.zeros_are_absent), 3), None)
+            .reshape([n, n, d]);
+        let absent: Vec<f32> =
+            scene.present(config.zeros_are_absent).iter().map(|p| if *p { 0.0 } else { CLOSED }).collect();
         let absent = TensorData::new(absent, [n]);
         let absent = Tensor::<1>::from_data(absent, device);
         let closed: Tensor<4> = absent.clone().reshape([1, 1, 1, n]);

@@ -13,7 +13,7 @@ use crate::models::diffusion::{MotionNoise, roll_out};
 use crate::models::nn::Initializer;
 
 /// Deviation of accelerations, m/s², and yaw rates, rad/s: normalised actions have deviation 1.
-const DEVIATIONS: [f32; 2] = [1.0, 0.15];
+pub(in crate::models::vbd) const DEVIATIONS: [f32; 2] = [1.0, 0.15];
 
 /// Scene encoder, predictor of behaviours, denoiser.
 #[derive(Module, Debug)]
@@ -65,7 +65,7 @@ impl Vbd {
 }
 
 /// Returns actions, `[n, actions, 2]`, in m/s² and rad/s.
-pub(super) fn unnormalized(actions: Tensor<3>) -> Tensor<3> {
+pub(in crate::models::vbd) fn unnormalized(actions: Tensor<3>) -> Tensor<3> {
     let deviations = Tensor::<1>::from_data(TensorData::from(DEVIATIONS), &actions.device());
     actions * deviations.reshape([1, 1, 2])
 }

@@ -12,8 +12,8 @@ use super::reader::Reader;
 use super::tensor_file::TensorFile;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::models::learning::EndPoints;
 use crate::models::perception::Class;
-use crate::models::qp_regression::EndPoints;
 
 const AFTER: &str = "\
 Points are k-means centres of recorded positions in the frame of an agent; left mirrors right.

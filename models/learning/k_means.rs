@@ -6,9 +6,7 @@ use reactsim::rollout::{Purpose, stream};
 use reactsim::scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
-use super::{Intentions, IntentionsError};
-use crate::models::learning::Provenance;
-use crate::models::learning::Reservoir;
+use super::{Intentions, IntentionsError, Provenance, Reservoir};
 use crate::models::perception::Class;
 
 /// Displacement in metres below which an agent counts as standing, which has a point of its own.

@@ -4,7 +4,7 @@ use reactsim::geometry::Vec2;
 use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, WeightsError};
 
-use crate::models::learning::Provenance;
+use super::Provenance;
 use crate::models::perception::Class;
 
 /// Prefix of the tensor names.

@@ -1,0 +1,102 @@
+//! The loss of VBD: the motion that denoised actions lead to, and that of the behaviour towards the right anchor.
+
+use burn::tensor::activation::log_softmax;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use rand::RngExt;
+use reactsim::scene::FUTURE;
+use reactsim::training::{Output, Stream, Sums};
+
+use super::super::network::{Vbd, VbdConfig, unnormalized};
+use super::super::policy::{anchors_of, speeds_of};
+use super::sample::{Sample, TRUTH};
+use crate::models::diffusion::{Schedule, roll_out, standard_normal};
+use crate::models::learning::Intentions;
+
+/// Weight of the scores of anchors (published).
+const SCORES: f64 = 0.05;
+
+/// What stays the same in a training.
+pub(super) struct LossSettings<'a> {
+    pub(super) config: &'a VbdConfig,
+    pub(super) schedule: &'a Schedule,
+    pub(super) anchors: &'a Intentions,
+    /// Weight of the predictor.
+    pub(super) predictor: f64,
+}
+
+/// Returns the loss of samples. Noise and its level are drawn from the stream.
+pub(super) fn loss(
+    network: &Vbd,
+    samples: &[Sample],
+    settings: &LossSettings<'_>,
+    stream: &mut Stream,
+    device: &Device,
+) -> Output {
+    let mut total = Tensor::<1>::zeros([1], device);
+    let mut items = 0.0;
+    let mut metrics = Sums::new();
+    for sample in samples {
+        let config = settings.config;
+        let agents = sample.agents.len();
+        let level = stream.random_range(0..settings.schedule.steps());
+        let speeds = speeds_of(&sample.seen, device);
+        let shape = [agents, config.actions, 2];
+        let clean = Tensor::<3>::from_data(TensorData::new(sample.actions.clone(), shape), device);
+        let noisy = settings.schedule.add_noise(clean, standard_normal(stream, shape, device), level);
+        let scene = network.encode(&sample.seen.input, config, device);
+        let found = network.denoise(&scene, noisy, &speeds, level, config, None);
+        let denoised = motion_loss(found, &speeds, sample, config);
+
+        let anchors = anchors_of(settings.anchors, &sample.seen.classes, device);
+        let behaviours = network.behaviours(&scene, anchors, config);
+        let labels: Vec<i32> = sample.headings.iter().map(|h| *h as i32).collect();
+        let labels = Tensor::<1, Int>::from_data(TensorData::new(labels, [agents]), device);
+        let rows: Vec<i32> = sample
+            .headings
+            .iter()
+            .enumerate()
+            .map(|(agent, h)| (agent * settings.anchors.count() + h) as i32)
+            .collect();
+        let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [agents]), device);
+        let chosen = behaviours.actions.reshape([agents * settings.anchors.count(), config.actions, 2]);
+        let predicted = motion_loss(chosen.select(0, rows), &speeds, sample, config);
+        let weights = TensorData::new(sample.agents.clone(), [agents, 1]);
+        let weights = Tensor::<2>::from_data(weights, device);
+        let log_p = log_softmax(behaviours.scores, 1).gather(1, labels.unsqueeze_dim::<2>(1));
+        let scores = -(log_p * weights).sum();
+
+        let weight: f64 = sample.agents.iter().map(|w| f64::from(*w)).sum();
+        for (name, value) in [("denoised", &denoised), ("predicted", &predicted), ("score", &scores)] {
+            let value = value.clone().into_data().iter::<f32>().next().unwrap_or(f32::NAN);
+            metrics.add(name, f64::from(value), weight);
+        }
+        total = total + denoised + (predicted + scores * SCORES) * settings.predictor;
+        items += weight;
+    }
+    Output { loss: total, items, metrics }
+}
+
+/// Returns the weighted sum of the errors of the motion that normalised actions, `[agents, actions, 2]`, lead to: smooth
+/// absolute differences of positions (m), and absolute ones of yaws (rad).
+fn motion_loss(actions: Tensor<3>, speeds: &Tensor<2>, sample: &Sample, config: &VbdConfig) -> Tensor<1> {
+    let device = actions.device();
+    let agents = sample.agents.len();
+    let nothing = |columns| Tensor::<2>::zeros([agents, columns], &device);
+    let start = Tensor::cat(vec![nothing(3), speeds.clone(), nothing(1)], 1);
+    let states = roll_out(&start, unnormalized(actions), config.hold, None);
+    let truth = TensorData::new(sample.truth.clone(), [agents, FUTURE, TRUTH]);
+    let apart = states.narrow(2, 0, TRUTH) - Tensor::<3>::from_data(truth, &device);
+    let places = smooth(apart.clone().narrow(2, 0, 2)).sum_dim(2);
+    let turns = apart.narrow(2, 2, 1);
+    let circles = (turns.clone().detach() / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+    let turns = (turns - circles).abs();
+    let weights = TensorData::new(sample.weights.clone(), [agents, FUTURE, 1]);
+    ((places + turns) * Tensor::<3>::from_data(weights, &device)).sum()
+}
+
+/// Half the square up to 1, the absolute value less a half beyond.
+fn smooth(x: Tensor<3>) -> Tensor<3> {
+    let size = x.abs();
+    let near = size.clone().clamp_max(1.0);
+    near.clone() * near.clone() * 0.5 + (size - near)
+}

@@ -1,0 +1,107 @@
+//! Training samples: scenes, and what agents did in them.
+
+use reactsim::geometry::{direction, into_frame, wrap};
+use reactsim::scene::{CURRENT, FUTURE, Frame, Scenario};
+use reactsim::training::Stream;
+
+use super::super::inputs::Seen;
+use super::super::network::DEVIATIONS;
+use super::Recipe;
+use crate::models::diffusion::actions;
+use crate::models::learning::{Intentions, LearningScene, shifted};
+use crate::models::perception::KnownMap;
+
+/// Numbers of a true state: x, y, yaw.
+pub(super) const TRUTH: usize = 3;
+
+/// Training sample of one scene.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    pub(super) seen: Seen,
+    /// Normalised actions, `[agents, actions, 2]`; 0 where unknown.
+    pub(super) actions: Vec<f32>,
+    /// True states in the frames of the agents, `[agents, 80, 3]`: x, y (m), yaw (rad); 0 where unknown.
+    pub(super) truth: Vec<f32>,
+    /// Weights of these states, `[agents, 80]`: those of an agent add up to the agent's weight.
+    pub(super) weights: Vec<f32>,
+    /// Weight of each agent; 0 if nothing is known of what it did.
+    pub(super) agents: Vec<f32>,
+    /// Anchor that each agent headed for.
+    pub(super) headings: Vec<usize>,
+}
+
+/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is nothing to
+/// learn.
+pub(super) fn sample(
+    scenario: &Scenario,
+    recipe: &Recipe,
+    anchors: &Intentions,
+    varied: Option<&mut Stream>,
+) -> Option<Sample> {
+    let mut scene = LearningScene::<KnownMap>::of(scenario, recipe.sight.map(&scenario.start));
+    let mut now = CURRENT;
+    if let Some(stream) = varied {
+        scene = scene.varied(recipe.mirror, recipe.stretch, stream);
+        now = shifted(CURRENT, recipe.shift, stream);
+    }
+    let (scene, map) = scene.split_map();
+    let lights = scene.lights_at(now);
+    let view = scene.view(&scene.tracks, now, false, &lights);
+    let seen = Seen::of(&view, &map, &recipe.sight)?;
+    let mut sample = Sample {
+        actions: Vec::new(),
+        truth: Vec::new(),
+        weights: Vec::new(),
+        agents: Vec::new(),
+        headings: Vec::new(),
+        seen,
+    };
+    for i in 0..sample.seen.slots.len() {
+        let slot = sample.seen.slots[i];
+        let weight = if scene.is_parked(slot) { recipe.parked } else { 1.0 };
+        sample.add(i, &scene.tracks[slot], now, weight, recipe, anchors);
+    }
+    sample.agents.iter().any(|weight| *weight > 0.0).then_some(sample)
+}
+
+impl Sample {
+    /// Adds what an agent did.
+    fn add(
+        &mut self,
+        agent: usize,
+        track: &[Frame],
+        now: usize,
+        weight: f64,
+        recipe: &Recipe,
+        anchors: &Intentions,
+    ) {
+        let from = self.seen.states[agent];
+        // The current state has a velocity, even if the recorded one has none.
+        let mut future: Vec<Frame> = track.iter().skip(now).take(FUTURE + 1).copied().collect();
+        future.resize(FUTURE + 1, None);
+        future[0] = Some(from);
+        for value in actions(&future, recipe.network.hold).values {
+            self.actions.extend([value[0] as f32 / DEVIATIONS[0], value[1] as f32 / DEVIATIONS[1]]);
+        }
+        let axis = direction(from.heading);
+        let (mut known, mut last) = (0, None);
+        let first = self.truth.len();
+        for state in &future[1..] {
+            let local = state.map(|s| {
+                let at = into_frame(axis, s.position() - from.position());
+                (at, wrap(s.heading - from.heading))
+            });
+            known += usize::from(local.is_some());
+            last = local.map(|l| l.0).or(last);
+            let (at, yaw) = local.unwrap_or_default();
+            self.truth.extend([at.x, at.y, yaw].map(|v| v as f32));
+            self.weights.push(f32::from(u8::from(local.is_some())));
+        }
+        debug_assert_eq!(self.truth.len() - first, TRUTH * FUTURE);
+        let weight = if known > 0 { weight as f32 } else { 0.0 };
+        let states = self.weights.len() - FUTURE;
+        self.weights[states..].iter_mut().for_each(|w| *w *= weight / known.max(1) as f32);
+        self.agents.push(weight);
+        self.headings.push(anchors.nearest(self.seen.classes[agent], last.unwrap_or_default()));
+    }
+}

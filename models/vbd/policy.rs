@@ -1,0 +1,114 @@
+//! A trained network with its anchors, in one file.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::{Initializer, Tensors, WeightsError};
+use serde::{Deserialize, Serialize};
+
+use super::inputs::{Seen, Sight};
+use super::network::{SizeError, Vbd, VbdConfig};
+use crate::models::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use crate::models::perception::Class;
+
+/// Kind of this network in the configuration of the file.
+const KIND: &str = "vbd";
+
+/// A network ready to plan.
+#[derive(Clone, Debug)]
+pub struct VbdPolicy {
+    /// Sizes.
+    pub config: VbdConfig,
+    /// How much the network sees.
+    pub sight: Sight,
+    /// Anchors: points that agents may head for.
+    pub anchors: Intentions,
+    /// The network.
+    pub network: Vbd,
+}
+
+/// Configuration in a file's metadata.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredConfig {
+    kind: String,
+    network: VbdConfig,
+    sight: Sight,
+}
+
+/// Kind of the network alone, since the configurations of other kinds differ.
+#[derive(Deserialize)]
+struct ConfigKind {
+    #[serde(default)]
+    kind: String,
+}
+
+/// Error of a file that holds no valid policy.
+#[derive(Debug, thiserror::Error)]
+pub enum VbdPolicyError {
+    /// The tensors or the configuration are invalid.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The anchors are invalid.
+    #[error(transparent)]
+    Anchors(#[from] IntentionsError),
+    /// The network is of another kind.
+    #[error(
+        "the file holds a network of kind `{0}`, expected `{KIND}`: \
+         use it with the simulator that it was trained for"
+    )]
+    Kind(String),
+    /// A size is out of range.
+    #[error(transparent)]
+    Size(#[from] SizeError),
+}
+
+impl VbdPolicy {
+    /// Reads the bytes of a file.
+    ///
+    /// # Errors
+    /// [`VbdPolicyError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, VbdPolicyError> {
+        let tensors = Tensors::read(bytes)?;
+        let ConfigKind { kind } = tensors.config()?;
+        if kind != KIND {
+            return Err(VbdPolicyError::Kind(kind));
+        }
+        let StoredConfig { network: config, sight, .. } = tensors.config()?;
+        config.check()?;
+        sight.check()?;
+        let mut tensors = tensors;
+        let anchors = Intentions::from_tables(&tensors.split_off(INTENTIONS_PREFIX))?;
+        let network = tensors.load(Vbd::init(&config, &mut Initializer::new(0, device)))?;
+        Ok(Self { config, sight, anchors, network })
+    }
+
+    /// Returns the bytes of a file; `made` is further metadata.
+    ///
+    /// # Errors
+    /// [`VbdPolicyError`] if the provenance or the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, VbdPolicyError> {
+        let (tables, entry) = self.anchors.tables()?;
+        let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
+        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
+        let mut metadata = made.clone();
+        metadata.extend([entry, (CONFIG.to_owned(), config)]);
+        Ok(save_with(&self.network, tables, &metadata))
+    }
+}
+
+/// Returns the anchors of agents by their classes, `[agents, anchors, 2]`, in their frames, metres.
+pub(super) fn anchors_of(anchors: &Intentions, classes: &[Class], device: &Device) -> Tensor<3> {
+    let points = |class: &Class| anchors.of(*class).iter().flat_map(|p| [p.x as f32, p.y as f32]);
+    let values: Vec<f32> = classes.iter().flat_map(points).collect();
+    Tensor::from_data(TensorData::new(values, [classes.len(), anchors.count(), 2]), device)
+}
+
+/// Returns the speeds of agents, `[agents, 1]`, m/s.
+pub(super) fn speeds_of(seen: &Seen, device: &Device) -> Tensor<2> {
+    let speed = |agent: &[f64; 8]| reactsim::geometry::math::hypot(agent[3], agent[4]) as f32;
+    let values: Vec<f32> = seen.input.agents.iter().map(speed).collect();
+    let count = values.len();
+    Tensor::from_data(TensorData::new(values, [count, 1]), device)
+}

@@ -1,0 +1,123 @@
+//! Agents that execute joint plans.
+
+use burn::tensor::Device;
+use reactsim::dynamics::STANDSTILL_SPEED;
+use reactsim::rollout::{Observation, PlanError, Planning, SingleEpisode, Stream};
+use reactsim::scene::{AgentState, DT, Frame, Start};
+
+use super::inputs::Seen;
+use super::policy::VbdPolicy;
+use super::sampling::{VbdParameters, sample};
+use crate::models::perception::{KnownMap, SceneView};
+
+/// Distance in metres: a standing agent stays if its plan for the next second is shorter.
+const SET_OFF_DISTANCE: f64 = 0.2;
+/// Number of frames of that second.
+const SOON: usize = 10;
+
+/// Simulator that samples a joint plan of all agents from the network and executes its first steps.
+#[derive(Debug)]
+pub struct VbdSimulator {
+    id: &'static str,
+    policy: VbdPolicy,
+    parameters: VbdParameters,
+    device: Device,
+}
+
+/// What is kept of an episode between plans: the known map.
+#[derive(Debug)]
+pub struct VbdMemory(KnownMap);
+
+impl VbdSimulator {
+    /// Builds a simulator of this policy, whose weights are on this device, under the id of its baseline.
+    pub fn new(id: &'static str, policy: VbdPolicy, parameters: VbdParameters, device: Device) -> Self {
+        Self { id, policy, parameters, device }
+    }
+}
+
+impl SingleEpisode for VbdSimulator {
+    type Memory = VbdMemory;
+
+    fn id(&self) -> &'static str {
+        self.id
+    }
+
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> VbdMemory {
+        VbdMemory(self.policy.sight.map(start))
+    }
+
+    fn plan_one(&self, memory: &mut VbdMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        let observed = episode.seen;
+        let (tracks, lights) = known(&observed);
+        let view = SceneView {
+            agents: &observed.start().agents,
+            tracks: &tracks,
+            now: observed.frame(),
+            av_next: observed.av_next(),
+            lights: &lights,
+        };
+        let mut plans = Vec::new();
+        if let Some(seen) = Seen::of(&view, &memory.0, &self.policy.sight) {
+            let mut av = tracks[0].clone();
+            av.extend(observed.av_next().map(Some));
+            // An AV that the simulator moves has no motion of its own that would go on.
+            let inpainting = self.parameters.inpainting && !episode.moves_av;
+            let parameters = VbdParameters { inpainting, ..self.parameters };
+            let states = sample(&self.policy, &seen, &av, &parameters, episode.stream, &self.device);
+            // The policy was checked when it was read.
+            plans = seen.slots.into_iter().zip(states.unwrap_or_default()).collect();
+        }
+        let steps = episode.plan.steps();
+        for slot in 0..episode.plan.agents() {
+            let Some(now) = observed.state(slot) else { continue };
+            let plan = plans.iter().find(|(planned, _)| *planned == slot).map(|(_, states)| &states[..]);
+            let states = match plan.filter(|plan| plan.iter().all(is_finite)) {
+                Some(plan) => execute(plan, now, steps),
+                None => {
+                    if plan.is_some() {
+                        let what = "plans that are no numbers: went on as before";
+                        *episode.outcomes.entry(what).or_default() += 1;
+                    }
+                    go_on(now, steps)
+                }
+            };
+            for (k, state) in states.into_iter().enumerate() {
+                episode.plan.set(slot, k, Some(state));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns the realised tracks, and the states of the lights.
+fn known(seen: &Observation<'_>) -> (Vec<Vec<Frame>>, Vec<Option<reactsim::scene::LightState>>) {
+    let start = seen.start();
+    let tracks = (0..start.agents.len()).map(|a| seen.track(a).to_vec()).collect();
+    let lights = (0..start.lights.len()).map(|l| seen.light(l).last().copied().flatten()).collect();
+    (tracks, lights)
+}
+
+fn is_finite(state: &AgentState) -> bool {
+    [state.x, state.y, state.heading, state.vx, state.vy].iter().all(|v| v.is_finite())
+}
+
+/// Returns the first states of a plan; agents that stand and hardly move within a second stay.
+fn execute(plan: &[AgentState], now: AgentState, steps: usize) -> Vec<AgentState> {
+    let stands = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
+    let soon = plan.get(SOON - 1).or(plan.last());
+    if stands && soon.is_none_or(|s| (s.position() - now.position()).norm() < SET_OFF_DISTANCE) {
+        return vec![AgentState { vx: 0.0, vy: 0.0, ..now }; steps];
+    }
+    let last = plan.last().copied().unwrap_or(now);
+    (0..steps).map(|k| plan.get(k).copied().unwrap_or(last)).collect()
+}
+
+/// Returns the states of an agent that the network does not see: it keeps its velocity.
+fn go_on(now: AgentState, steps: usize) -> Vec<AgentState> {
+    let v = now.velocity().unwrap_or_default();
+    let after = |k: usize| {
+        let p = now.position() + v * (k as f64 * DT);
+        AgentState { x: p.x, y: p.y, heading: now.heading, vx: v.x, vy: v.y }
+    };
+    (1..=steps).map(after).collect()
+}

@@ -1,0 +1,129 @@
+//! VBD: its training, its plans, and refusals.
+
+use std::collections::BTreeMap;
+
+use rand_chacha::rand_core::SeedableRng;
+use reactsim::models::learning::Intentions;
+use reactsim::models::nn::device;
+use reactsim::models::vbd::learn::{Denoising, Recipe};
+use reactsim::models::vbd::network::VbdConfig;
+use reactsim::models::vbd::{Sight, VbdParameters, VbdPolicy, VbdSimulator};
+use reactsim::rollout::{Controller, Settings, roll_out};
+use reactsim::training::{Output, Stream, Task, View};
+
+use crate::ntp_reactive::scenarios;
+use crate::regression::without_gradient;
+use crate::scenes::{bits, coasting, request};
+
+/// Returns small sizes that differ wherever they can.
+fn small() -> Recipe {
+    Recipe {
+        network: VbdConfig {
+            width: 16,
+            hidden: 8,
+            heads: 2,
+            frequencies: 4,
+            encoder_layers: 1,
+            pairs: 2,
+            noise_levels: 10,
+            ..VbdConfig::default()
+        },
+        sight: Sight { agents: 6, lines: 12, lights: 2, ..Sight::default() },
+        ..Recipe::default()
+    }
+}
+
+fn task() -> Denoising {
+    Denoising::new(small(), Intentions::fan(), &device()).unwrap()
+}
+
+fn policy() -> VbdPolicy {
+    let task = task();
+    task.policy(&burn::module::Module::valid(&task.init(1)))
+}
+
+/// Returns a file of untrained weights.
+pub(crate) fn untrained() -> Vec<u8> {
+    policy().write(&BTreeMap::new()).unwrap()
+}
+
+fn controller(parameters: VbdParameters) -> Controller {
+    Controller::Fair(Box::new(VbdSimulator::new("vbd", policy(), parameters, device())))
+}
+
+const PARAMETERS: VbdParameters = VbdParameters { steps: 3, draws: false, inpainting: false };
+
+fn value(output: &Output) -> f64 {
+    f64::from(output.loss.clone().into_scalar::<f32>()) / output.items
+}
+
+#[test]
+fn every_part_that_is_used_learns() {
+    let task = task();
+    let model = task.init(3);
+    let samples: Vec<_> = scenarios(3).iter().filter_map(|s| task.prepare(s, View::Plain)).collect();
+    assert!(samples.len() >= 2);
+    let output = task.loss(&model, &samples, Some(&mut Stream::seed_from_u64(0)));
+    let learning = value(&output);
+    assert!(learning.is_finite() && output.items > 2.0, "{learning}");
+    let still = without_gradient(&model, output.loss);
+    // A constant added to the scores of all anchors, or to those of all keys, changes nothing.
+    let wanted = |name: &String| !name.ends_with("score_decoder.second.bias");
+    assert!(!still.iter().any(wanted), "{still:?}");
+    // The same noise without autodiff gives the same loss.
+    let plain = task.validate(&burn::module::Module::valid(&model), &samples);
+    assert!((value(&plain) - learning).abs() < 1e-3 * learning.abs(), "{} {learning}", value(&plain));
+}
+
+#[test]
+fn rollouts_are_the_same_every_time_and_differ_with_the_settings() {
+    let scenarios = scenarios(2);
+    let run = |parameters| {
+        let controller = controller(parameters);
+        let requests = scenarios.iter().map(|s| request(s, coasting(s), 0)).collect();
+        roll_out(requests, &controller, &Settings::default())
+            .into_iter()
+            .map(|r| bits(&r.unwrap().tracks))
+            .collect::<Vec<_>>()
+    };
+    let as_is = run(PARAMETERS);
+    assert!(as_is == run(PARAMETERS));
+    assert!(as_is != run(VbdParameters { draws: true, ..PARAMETERS }));
+    assert!(as_is != run(VbdParameters { inpainting: true, ..PARAMETERS }));
+    assert!(as_is != run(VbdParameters { steps: 10, ..PARAMETERS }));
+}
+
+#[test]
+fn a_file_gives_the_same_policy_and_foreign_and_damaged_ones_are_refused() {
+    let good = untrained();
+    let read = VbdPolicy::read(&good, &device()).unwrap();
+    assert_eq!((read.config, read.sight), (small().network, small().sight));
+    assert_eq!(read.write(&BTreeMap::new()).unwrap(), good);
+    let refusal = |bytes: &[u8]| VbdPolicy::read(bytes, &device()).unwrap_err().to_string();
+    assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
+    assert!(refusal(b"").contains("cut short"));
+    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
+    let with = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let mut text = good.clone();
+        let at = text.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        text[at..at + to.len()].copy_from_slice(to.as_bytes());
+        text
+    };
+    let none = refusal(&with("\\\"heads\\\":2", "\\\"heads\\\":0"));
+    assert!(none.contains("heads = 0"), "{none}");
+    let other = refusal(&with("\\\"width\\\":16", "\\\"width\\\":32"));
+    assert!(other.contains("expected ["), "{other}");
+    let mut nan = good.clone();
+    let end = nan.len();
+    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(refusal(&nan).contains("NaN"), "{}", refusal(&nan));
+    for (config, field) in [
+        (VbdConfig { hold: 3, ..small().network }, "actions"),
+        (VbdConfig { width: 15, ..small().network }, "width"),
+        (VbdConfig { noise_levels: 1, ..small().network }, "noise_levels"),
+    ] {
+        assert_eq!(config.check().unwrap_err().field, field);
+    }
+    assert_eq!(VbdConfig::published().check(), Ok(()));
+}
