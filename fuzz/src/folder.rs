@@ -40,7 +40,8 @@ pub fn file(name: &str, content: &[u8]) -> PathBuf {
     path
 }
 
-/// Writes a map of nuPlan under a name that no map had before, since maps that were read are kept by name, and the list that tells it.
+/// Writes a map of nuPlan under a name that no map had before, since maps that were read are kept by name,
+/// and the list that tells it.
 pub fn map_of(content: &[u8]) -> PathBuf {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let next = NEXT.fetch_add(1, Ordering::Relaxed);

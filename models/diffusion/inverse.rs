@@ -12,8 +12,8 @@ pub struct Actions {
     pub known: Vec<bool>,
 }
 
-/// Returns the actions that explain a track, averaged over bins of `hold` steps: a step is known if the frames at
-/// both of its ends are. A remainder shorter than a bin is left out.
+/// Returns the actions that explain a track, averaged over bins of `hold` steps: a step is known if the
+/// frames at both of its ends are. A remainder shorter than a bin is left out.
 ///
 /// Speeds are those of the states; where a state has no velocity, the step is unknown.
 pub fn actions(track: &[Frame], hold: usize) -> Actions {

@@ -51,9 +51,9 @@ impl Posterior {
 impl Sampling {
     /// Samples clean values.
     ///
-    /// `start` is standard normal noise. `denoise` returns the clean values that the network finds in noisy ones
-    /// at a step; its last answer is the result. `noise` returns standard normal noise of the same shape and is
-    /// not called by [`Sampler::Ddim`].
+    /// `start` is standard normal noise. `denoise` returns the clean values that the network finds in noisy
+    /// ones at a step; its last answer is the result. `noise` returns standard normal noise of the same shape
+    /// and is not called by [`Sampler::Ddim`].
     pub fn sample<const D: usize>(
         &self,
         schedule: &Schedule,

@@ -54,11 +54,12 @@ impl VariancePreserving {
     }
 }
 
-/// Samples by DPM-Solver++ of second order (Lu et al., <https://arxiv.org/abs/2211.01095>): `steps` steps at equal
-/// distances of the logarithm of the ratio of signal to noise, from t = 1 to `end`, and one last answer there.
+/// Samples by DPM-Solver++ of second order (Lu et al., <https://arxiv.org/abs/2211.01095>): `steps` steps at
+/// equal distances of the logarithm of the ratio of signal to noise, from t = 1 to `end`, and one last answer
+/// there.
 ///
-/// `start` is noise of the wanted deviation. `denoise` returns the clean values found in noisy ones at a time.
-/// `guide` sees every sample; [`Moment::step`] counts them from 0.
+/// `start` is noise of the wanted deviation. `denoise` returns the clean values found in noisy ones at a
+/// time. `guide` sees every sample; [`Moment::step`] counts them from 0.
 pub fn solve<const D: usize>(
     process: &VariancePreserving,
     steps: usize,

@@ -1,17 +1,13 @@
 //! Samplers against distributions that are known in closed form, and against values of the public code.
-#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
-
-use std::fs;
-use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use reactsim::scene::{AgentState, Frame};
-use safetensors::SafeTensors;
 
 use super::*;
 use crate::models::nn::device;
+use crate::models::nn::golden::{Golden, GoldenFile, assert_close};
 
 /// Number of samples of a distribution.
 const SAMPLES: usize = 20_000;
@@ -24,8 +20,8 @@ fn normal(rng: &mut ChaCha8Rng, shape: [usize; 2]) -> Tensor<2> {
     standard_normal(rng, shape, &device())
 }
 
-/// Returns the expected clean value of a noisy one if clean values are normally distributed: what a perfect network
-/// answers. `signal` and `noise` are the factors of both.
+/// Returns the expected clean value of a noisy one if clean values are normally distributed: what a perfect
+/// network answers. `signal` and `noise` are the factors of both.
 fn perfect(x: Tensor<2>, signal: f64, noise: f64) -> Tensor<2> {
     let (mean, deviation) = WANTED;
     let variance = deviation * deviation;
@@ -44,7 +40,8 @@ fn mean_and_deviation(x: &Tensor<2>) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// Returns the standard deviation that samples have: every step is linear, so that a normal distribution stays one.
+/// Returns the standard deviation that samples have: every step is linear, so that a normal distribution
+/// stays one.
 fn expected_deviation(schedule: &Schedule, sampling: &Sampling) -> f64 {
     let answer = |share: f64| {
         let variance = WANTED.1 * WANTED.1;
@@ -114,8 +111,8 @@ fn the_solver_is_of_second_order_and_carries_quantiles() {
     let process = VariancePreserving::default();
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     let start = normal(&mut rng, [100, 1]);
-    // Without noise on the way, a normal distribution is scaled: sample k is at the quantile of its start. The
-    // last answer is the expected clean value there.
+    // Without noise on the way, a normal distribution is scaled: sample k is at the quantile of its start.
+    // The last answer is the expected clean value there.
     let end: f64 = 1e-3;
     let exact = |x: f64| {
         let total = |t: f64| {
@@ -206,42 +203,24 @@ fn actions_of_a_motion_drive_it_again() {
     assert_eq!(found.values[1], [0.0, 0.0]);
 }
 
-/// Numbers of a golden tensor by name; `None` where the file is missing.
-fn golden(file: &str) -> Option<impl Fn(&str) -> Vec<f32>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/vbd_golden").join(file);
-    let Ok(bytes) = fs::read(&path) else {
-        eprintln!("skipped: {} is missing", path.display());
-        return None;
-    };
-    Some(move |name: &str| {
-        let tensors = SafeTensors::deserialize(&bytes).unwrap();
-        let data = tensors.tensor(name).unwrap().data().to_vec();
-        data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
-    })
-}
-
-fn close(found: &[f64], wanted: &[f32], limit: f64, what: &str) {
-    assert_eq!(found.len(), wanted.len(), "{what}");
-    let worst = found.iter().zip(wanted).map(|(a, b)| (a - f64::from(*b)).abs()).fold(0.0, f64::max);
-    assert!(worst <= limit, "{what}: {worst} apart");
-}
-
 fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
     Tensor::from_data(TensorData::new(values, shape), device)
 }
 
 #[test]
 fn schedule_and_steps_equal_those_of_vbd() {
-    let Some(numbers) = golden("schedule.safetensors") else { return };
+    let Some(golden) = Golden::open("vbd_golden") else { return };
+    let file = golden.file("schedule");
+    let numbers = |name: &str| file.floats(name);
     let schedule = Schedule::cosine(50).unwrap();
     let shares: Vec<f64> = (0..50).map(|t| schedule.share(t)).collect();
-    close(&shares, &numbers("alphas_cumprod"), 1e-7, "shares of the signal");
+    assert_close(&shares, &numbers("alphas_cumprod"), 1e-7, "shares of the signal");
     let posteriors: Vec<_> =
         (1..50).map(|t| sampler::Posterior::between(schedule.share(t), schedule.share(t - 1))).collect();
     let of = |part: fn(&sampler::Posterior) -> f64| posteriors.iter().map(part).collect::<Vec<f64>>();
-    close(&of(|p| p.clean), &numbers("ddpm_coef_x0")[1..], 5e-6, "weights of the clean value");
-    close(&of(|p| p.noisy), &numbers("ddpm_coef_xt")[1..], 5e-6, "weights of the noisy value");
-    close(&of(|p| p.variance), &numbers("ddpm_variance")[1..], 2e-6, "variances");
+    assert_close(&of(|p| p.clean), &numbers("ddpm_coef_x0")[1..], 5e-6, "weights of the clean value");
+    assert_close(&of(|p| p.noisy), &numbers("ddpm_coef_xt")[1..], 5e-6, "weights of the noisy value");
+    assert_close(&of(|p| p.variance), &numbers("ddpm_variance")[1..], 2e-6, "variances");
     // One step, with clean values beyond the limit.
     let device = device();
     let of = |name: &str| tensor::<2>(numbers(name), [40, 2], &device);
@@ -249,15 +228,17 @@ fn schedule_and_steps_equal_those_of_vbd() {
         let sampling = Sampling { sampler, steps: 50, limit: 5.0 };
         let (mean, _) =
             sampling.mean(of("clamp_xt"), &of("clamp_x0"), schedule.share(25), schedule.share(24));
-        close(&values(&mean), &numbers(&format!("clamp_t25_{name}")), 1e-5, name);
+        assert_close(&values(&mean), &numbers(&format!("clamp_t25_{name}")), 1e-5, name);
     }
 }
 
 #[test]
 fn samples_and_motion_equal_those_of_vbd() {
     let device = device();
-    for scene in ["scene_0.safetensors", "scene_1.safetensors"] {
-        let Some(numbers) = golden(scene) else { return };
+    let Some(golden) = Golden::open("vbd_golden") else { return };
+    for scene in ["scene_0", "scene_1"] {
+        let file = golden.file(scene);
+        let numbers = |name: &str| file.floats(name);
         let of = |name: &str, shape: [usize; 3]| tensor::<3>(numbers(name), shape, &device);
         let (width, shape) = (5 * 40 * 2, [5, 40, 2]);
         let row = |name: &str, k: usize| {
@@ -272,7 +253,7 @@ fn samples_and_motion_equal_those_of_vbd() {
                 if asked > 0 {
                     let before = values(&row(&format!("{name}_x_history"), asked - 1));
                     let before: Vec<f32> = before.iter().map(|v| *v as f32).collect();
-                    close(&values(&x), &before, 1e-4, &format!("{scene}, {name}, sample {asked}"));
+                    assert_close(&values(&x), &before, 1e-4, &format!("{scene}, {name}, sample {asked}"));
                 }
                 asked += 1;
                 row(&format!("{name}_x0_history"), asked - 1)
@@ -285,7 +266,7 @@ fn samples_and_motion_equal_those_of_vbd() {
             let sampling = Sampling { sampler, steps: 50, limit: 5.0 };
             let last = sampling.sample(&schedule, of("nz_x_T", shape), denoise, noise, &mut ());
             let scale = tensor::<3>(vec![1.0, 0.15], [1, 1, 2], &device);
-            close(&values(&(last * scale)), &numbers(&format!("{name}_final_actions")), 1e-5, name);
+            assert_close(&values(&(last * scale)), &numbers(&format!("{name}_final_actions")), 1e-5, name);
         }
         let start: Vec<f32> = (0..5)
             .flat_map(|agent| numbers("in_agents_history")[(agent * 11 + 10) * 8..][..5].to_vec())
@@ -297,16 +278,16 @@ fn samples_and_motion_equal_those_of_vbd() {
         };
         for (noise, name) in [(None, "roll_global"), (Some(&noise), "roll_global_noisy")] {
             let states = roll_out(&start, of("nz_act", shape), 2, noise);
-            close(&values(&states), &numbers(name), 1e-4, &format!("{scene}, {name}"));
+            assert_close(&values(&states), &numbers(name), 1e-4, &format!("{scene}, {name}"));
         }
-        inverse_equals_the_variant(&numbers, scene);
+        inverse_equals_the_variant(&file, scene);
     }
 }
 
 /// Compares actions of recorded motion with those of the golden data that test consecutive frames.
-fn inverse_equals_the_variant(numbers: &impl Fn(&str) -> Vec<f32>, scene: &str) {
-    let future = numbers("in_agents_future");
-    let wanted = numbers("variant_ik_actions");
+fn inverse_equals_the_variant(file: &GoldenFile, scene: &str) {
+    let future = file.floats("in_agents_future");
+    let wanted = file.floats("variant_ik_actions");
     for agent in 0..5 {
         let frame = |k: usize| {
             let s = &future[(agent * 81 + k) * 5..][..5];
@@ -315,7 +296,7 @@ fn inverse_equals_the_variant(numbers: &impl Fn(&str) -> Vec<f32>, scene: &str) 
         };
         let track: Vec<Frame> = (0..81).map(frame).collect();
         let found: Vec<f64> = actions(&track, 2).values.into_iter().flatten().collect();
-        close(
+        assert_close(
             &found,
             &wanted[agent * 80..(agent + 1) * 80],
             1e-4,

@@ -15,11 +15,12 @@ pub struct MotionNoise {
 /// Drives agents by actions (a unicycle; Versatile Behavior Diffusion, <https://arxiv.org/abs/2404.02524>).
 ///
 /// - `start`, `[n, 5]`: x, y (m), yaw (rad), vx, vy (m/s).
-/// - `actions`, `[n, count, 2]`: acceleration (m/s²) and yaw rate (rad/s), each held for `hold` steps of 0.1 s.
+/// - `actions`, `[n, count, 2]`: acceleration (m/s²) and yaw rate (rad/s), each held for `hold` steps of 0.1
+///   s.
 ///
-/// Returns the states after each step, `[n, count * hold, 5]`, in the frame of the start. Yaws are not wrapped.
-/// Speeds are limited to 0 and more after accelerations were added up, as published: an agent that stands first pays
-/// back what it braked beyond its halt.
+/// Returns the states after each step, `[n, count * hold, 5]`, in the frame of the start. Yaws are not
+/// wrapped. Speeds are limited to 0 and more after accelerations were added up, as published: an agent that
+/// stands first pays back what it braked beyond its halt.
 pub fn roll_out(
     start: &Tensor<2>,
     actions: Tensor<3>,

@@ -3,6 +3,7 @@
 use reactsim::geometry::Vec2;
 use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, WeightsError};
+use serde_json::json;
 
 use super::Provenance;
 use crate::models::perception::Class;
@@ -164,6 +165,12 @@ impl Intentions {
             (format!("{PREFIX}{class}"), (vec![self.count(), 2], values))
         };
         Ok((Class::ALL.into_iter().map(table).collect(), (PROVENANCE_KEY.to_owned(), made)))
+    }
+
+    /// Describes the points and how they were made, for the provenance of a training.
+    pub(crate) fn describe(&self) -> serde_json::Value {
+        let points: Vec<[f64; 2]> = self.points.iter().flatten().map(|p| [p.x, p.y]).collect();
+        json!({ "made": self.provenance, "points": points })
     }
 
     /// Returns the bytes of a file.

@@ -6,7 +6,7 @@ use reactsim::rollout::{Purpose, stream};
 use reactsim::scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
-use super::{Intentions, IntentionsError, Provenance, Reservoir};
+use super::{Intentions, IntentionsError, Provenance, Reservoir, for_each_track};
 use crate::models::perception::Class;
 
 /// Displacement in metres below which an agent counts as standing, which has a point of its own.
@@ -41,12 +41,7 @@ impl EndPoints {
     pub fn add(&mut self, scenario: &Scenario) {
         self.scenarios += 1;
         self.digest.update(scenario.digest().as_bytes());
-        for (i, agent) in scenario.start.agents.iter().enumerate() {
-            self.add_track(agent.kind, &scenario.logged(i));
-        }
-        for other in &scenario.unselected {
-            self.add_track(other.agent.kind, &other.track);
-        }
+        for_each_track(scenario, |kind, track| self.add_track(kind, track));
     }
 
     fn add_track(&mut self, kind: AgentKind, track: &[Frame]) {

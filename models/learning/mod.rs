@@ -2,8 +2,8 @@
 //!
 //! A `LearningScene` is a logged scenario with map data of a network, which can be mirrored and
 //! stretched (`LearningMap`) and viewed from any frame. A `Reservoir` is a random sample of bounded
-//! size. [`Provenance`] describes what was computed from scenarios, such as [`Intentions`], the points that agents may
-//! head for.
+//! size. [`Provenance`] describes what was computed from scenarios, such as [`Intentions`], the points that
+//! agents may head for, which [`EndPoints`] makes by k-means.
 //!
 //! A [`TrainingTask`] is an entry of the list of tasks: its recipe, and the function that builds a
 //! [`Trainable`] of it.
@@ -15,6 +15,7 @@ mod provenance;
 mod recipe;
 mod reservoir;
 mod scene;
+mod tracks;
 mod trainable;
 mod training_task;
 
@@ -27,5 +28,6 @@ pub(crate) use recipe::recipe_values;
 pub use recipe::{LEARNING_RANGES, recipe_document};
 pub(crate) use reservoir::Reservoir;
 pub(crate) use scene::{LearningScene, shifted};
+pub(crate) use tracks::for_each_track;
 pub use trainable::{Measure, SimulatorTask, Trainable, Training};
 pub use training_task::{ShippedRecipe, TaskError, TaskInput, TaskSetup, TrainingTask, learning_settings};

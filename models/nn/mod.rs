@@ -11,6 +11,8 @@ mod feed_forward;
 mod fourier;
 #[cfg(feature = "flex")]
 mod fused;
+#[cfg(test)]
+pub(crate) mod golden;
 mod host;
 mod initializer;
 mod mlp;
@@ -20,6 +22,7 @@ mod noise;
 mod processor;
 mod relations;
 mod rows;
+mod size_error;
 mod turns;
 pub mod weights;
 
@@ -38,5 +41,6 @@ pub use processor::cpu_class;
 pub use relations::Relations;
 pub use rows::normalize;
 pub(crate) use rows::{Rows, linear, pool};
+pub use size_error::SizeError;
 pub(crate) use turns::cos_sin_rows;
 pub use weights::{Tensors, WeightsError, save};

@@ -1,10 +1,12 @@
 //! Multi-head attention with one matrix for queries, keys and values, as in PyTorch.
 
+use std::ops::{Range, RangeInclusive};
+
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::Tensor;
 
-use super::{Initializer, Rows, dense_attention, linear};
+use super::{Initializer, Rows, dense_attention};
 
 /// Multi-head attention.
 #[derive(Module, Debug)]
@@ -16,12 +18,17 @@ pub(crate) struct MultiHeadAttention {
     heads: usize,
 }
 
-/// What an input of an attention becomes.
+/// Queries, keys or values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
     Query,
     Key,
     Value,
+}
+
+/// Returns the columns of consecutive parts.
+const fn columns(parts: &RangeInclusive<Part>, width: usize) -> Range<usize> {
+    *parts.start() as usize * width..(*parts.end() as usize + 1) * width
 }
 
 impl MultiHeadAttention {
@@ -37,29 +44,34 @@ impl MultiHeadAttention {
         }
     }
 
-    /// Multiplies rows `[n, width]` with a part of the matrix, without the bias.
-    pub(crate) fn product(&self, part: Part, x: Tensor<2>) -> Rows {
+    /// Multiplies rows `[n, width]` with the matrices of consecutive parts, without their biases.
+    fn product(&self, parts: RangeInclusive<Part>, x: Tensor<2>) -> Rows {
         let width = x.dims()[1];
         let weight = self.in_proj_weight.val().transpose();
-        let from = part as usize * width;
-        Rows::product(x, weight.slice([0..width, from..from + width]))
+        Rows::product(x, weight.slice([0..width, columns(&parts, width)]))
     }
 
-    /// Returns the bias of a part, `[1, width]`.
-    pub(crate) fn bias(&self, part: Part) -> Tensor<2> {
-        let bias = self.in_proj_bias.val();
-        let width = bias.dims()[0] / 3;
-        let from = part as usize * width;
-        bias.narrow(0, from, width).unsqueeze_dim(0)
+    /// Projects rows `[n, width]` to consecutive parts at once, `[n, parts * width]`.
+    pub(crate) fn parts(&self, parts: RangeInclusive<Part>, x: Tensor<2>) -> Tensor<2> {
+        let columns = columns(&parts, x.dims()[1]);
+        let bias = self.in_proj_bias.val().unsqueeze_dim::<2>(0).slice([0..1, columns]);
+        self.product(parts, x).plus(bias).done()
     }
 
     /// Projects rows `[n, width]` to a part.
     pub(crate) fn part(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
-        self.product(part, x).plus(self.bias(part)).done()
+        self.parts(part..=part, x)
     }
 
-    /// Attends with parts that are projected already: as [`dense_attention`], then the output layer.
-    pub(crate) fn attend(
+    /// Projects rows `[n, width]` to a part, without its bias: what a summand contributes to the part of a
+    /// sum.
+    pub(crate) fn summand(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
+        self.product(part..=part, x).done()
+    }
+
+    /// Attends with parts that are projected already, as [`dense_attention`]: what queries take, before the
+    /// output layer.
+    pub(crate) fn take(
         &self,
         scenes: usize,
         queries: Tensor<2>,
@@ -67,7 +79,11 @@ impl MultiHeadAttention {
         values: Tensor<2>,
         closed: Tensor<4>,
     ) -> Tensor<2> {
-        let taken = dense_attention(scenes, self.heads, vec![(queries, keys)], values, closed);
-        linear(&self.out_proj, taken)
+        dense_attention(scenes, self.heads, vec![(queries, keys)], values, closed)
+    }
+
+    /// Applies the output layer to what queries took.
+    pub(crate) fn output(&self, taken: Tensor<2>) -> Rows {
+        Rows::linear(&self.out_proj, taken)
     }
 }

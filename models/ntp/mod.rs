@@ -1,13 +1,13 @@
 //! Next-token prediction: agents move by tokens of half a second, drawn from the distribution that a
 //! network predicts.
 
-pub(super) mod entries;
 mod clearance;
 pub(crate) mod drive;
+pub(super) mod entries;
 mod execute;
 pub mod learn;
-pub mod reactive;
 mod policy_loss;
+pub mod reactive;
 mod sampling;
 pub mod smart;
 mod smoothing;

@@ -17,11 +17,11 @@ pub(crate) struct Choice {
 }
 
 /// Returns the negative log-likelihood of drawn tokens, weighted by their advantages, plus `anchor` times the
-/// divergence of the scores from those of a reference network (Kullback and Leibler, nats, reference first), which
-/// is a metric too. Items are the weights of the agents.
+/// divergence of the scores from those of a reference network (Kullback and Leibler, nats, reference first),
+/// which is a metric too. Items are the weights of the agents.
 ///
-/// `scores` returns the scores of the given rows of nodes of a class, [rows, tokens of the class], with gradients;
-/// `reference` those of the reference, without.
+/// `scores` returns the scores of the given rows of nodes of a class, [rows, tokens of the class], with
+/// gradients; `reference` those of the reference, without.
 pub(crate) fn policy_loss(
     choices: &[Choice],
     anchor: f64,

@@ -71,8 +71,8 @@ impl PieceKind {
     }
 }
 
-/// Returns the pieces, 5 m long, of a map with a point within `radius` metres of `about`, in the order of the map:
-/// lanes, road edges (in maps without any, the edge of the drivable area), stop lines, crosswalks.
+/// Returns the pieces, 5 m long, of a map with a point within `radius` metres of `about`, in the order of the
+/// map: lanes, road edges (in maps without any, the edge of the drivable area), stop lines, crosswalks.
 /// Painted lines are left out.
 ///
 /// The positions of cuts do not depend on `about` and `radius`.

@@ -20,6 +20,7 @@ mod observe;
 mod place;
 mod places;
 mod rings;
+mod velocity;
 mod view;
 mod widths;
 
@@ -34,5 +35,6 @@ pub(crate) use nearest::Nearest;
 pub(crate) use place::{PLACE_FEATURES, Place, Role};
 pub(crate) use places::Places;
 pub(crate) use rings::{closed, edge_rings};
+pub(crate) use velocity::velocity_at;
 pub(crate) use view::SceneView;
 pub(crate) use widths::BODY_FEATURES;

@@ -1,10 +1,13 @@
 //! A scene up to a frame, as visible to a simulator.
 
+use reactsim::geometry::Vec2;
+use reactsim::rollout::Observation;
 use reactsim::scene::{Agent, AgentState, Frame, LightState};
 
 use super::body::Body;
 use super::lane::CandidatePath;
 use super::places::Places;
+use super::velocity::velocity_at;
 
 /// A scene up to a frame, as visible to a simulator.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +24,28 @@ pub(crate) struct SceneView<'a> {
     pub lights: &'a [Option<LightState>],
 }
 
-impl SceneView<'_> {
+impl<'a> SceneView<'a> {
+    /// Returns the view of an observation with the current states of its lights.
+    pub(crate) fn of(seen: &Observation<'a>, lights: &'a [Option<LightState>]) -> Self {
+        Self {
+            agents: &seen.start().agents,
+            tracks: seen.tracks(),
+            now: seen.frame(),
+            av_next: seen.av_next(),
+            lights,
+        }
+    }
+
+    /// Returns the state of an agent; `None` if it is absent.
+    pub(crate) fn state(&self, slot: usize) -> Frame {
+        self.tracks[slot].get(self.now).copied().flatten()
+    }
+
+    /// Returns the velocity of an agent, as [`velocity_at`].
+    pub(crate) fn velocity(&self, slot: usize) -> Vec2 {
+        velocity_at(&self.tracks[slot], self.now)
+    }
+
     /// Describes an agent among these places, with its candidate paths, its own course first. `None` if
     /// it is absent or has no class.
     pub(crate) fn body(&self, slot: usize, places: &Places) -> Option<(Body, Vec<CandidatePath>)> {

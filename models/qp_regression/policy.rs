@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim::models::nn::weights::{CONFIG, save_with};
-use reactsim::models::nn::{Initializer, Tensors, WeightsError};
+use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
 use reactsim::rollout::Observation;
 use reactsim::scene::Start;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::{Ground, SceneContext, Surroundings, Survey};
-use super::network::{Batch, Config, Network, Observed, SizeError};
+use super::network::{Batch, Config, Network, Observed};
 use super::predict::{Prediction, prediction};
 use crate::models::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 use crate::models::perception::{KnownMotion, SceneView};
@@ -80,9 +80,9 @@ impl Policy {
     /// [`PolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
         let tensors = Tensors::read(bytes)?;
-        let kind: ConfigKind = tensors.config()?;
-        if kind.kind != KIND {
-            return Err(PolicyError::Kind(kind.kind));
+        let kind = tensors.kind()?;
+        if kind != KIND {
+            return Err(PolicyError::Kind(kind));
         }
         let stored: StoredConfig = tensors.config()?;
         let config = match stored.network {
@@ -125,18 +125,8 @@ impl Policy {
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
-        let agents = &seen.start().agents;
-        let tracks: Vec<_> = (0..agents.len()).map(|a| seen.track(a).to_vec()).collect();
-        let lights: Vec<_> =
-            (0..seen.start().lights.len()).map(|l| seen.light(l).last().copied().flatten()).collect();
-        let view = SceneView {
-            agents,
-            tracks: &tracks,
-            now: seen.frame(),
-            av_next: seen.av_next(),
-            lights: &lights,
-        };
-        self.predict_view(&view, ground, slots, device)
+        let lights = seen.lights_now();
+        self.predict_view(&SceneView::of(seen, &lights), ground, slots, device)
     }
 
     /// Predicts as [`Self::predict`] does, from frame `now` of known motion. Later frames are ignored,
@@ -180,11 +170,4 @@ impl Policy {
             .map(|(s, (scores, states))| prediction(s, scores, states, &self.config))
             .collect()
     }
-}
-
-/// Kind of the network alone, since the configurations of other kinds differ.
-#[derive(Deserialize)]
-struct ConfigKind {
-    #[serde(default)]
-    kind: String,
 }

@@ -1,10 +1,13 @@
-//! What the network sees of a scene.
+//! Scenes as inputs of the network.
 
-use reactsim::geometry::{Vec2, heading_of};
-use reactsim::scene::{AgentState, DT, Start};
+use burn::tensor::{Device, Tensor, TensorData};
+use reactsim::geometry::{Vec2, heading_of, math};
+use reactsim::scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
-use super::network::{Line, SceneInput, SizeError};
+use super::network::{Line, SceneInput};
+use crate::models::learning::Intentions;
+use crate::models::nn::SizeError;
 use crate::models::perception::{Class, KnownMap, Nearest, PieceKind, SceneView, Stop};
 
 /// Height of boxes, metres: scenarios have none, and the network wants one.
@@ -12,7 +15,7 @@ const HEIGHT: f64 = 1.6;
 /// Number of states of lights that the network knows.
 const LIGHT_STATES: usize = 8;
 
-/// How much of a scene the network sees; stored with the weights.
+/// Limits of the network's input; stored with the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sight {
@@ -44,12 +47,12 @@ impl Sight {
         let refuse = |field, value, expected| Err(SizeError { field, value, expected });
         for (field, value) in [("agents", self.agents), ("lines", self.lines), ("lights", self.lights)] {
             if !(1..=4096).contains(&value) {
-                return refuse(field, value, "1 to 4096");
+                return refuse(field, value as f64, "1 to 4096");
             }
         }
         for (field, value) in [("radius", self.radius), ("piece", self.piece)] {
             if !(1.0..1e4).contains(&value) {
-                return refuse(field, value as usize, "metres, from 1 to below 10000");
+                return refuse(field, value, "metres, from 1 to below 10000");
             }
         }
         Ok(())
@@ -76,11 +79,10 @@ pub(crate) struct Seen {
 impl Seen {
     /// Describes a scene; `None` if the AV is absent.
     pub(crate) fn of(view: &SceneView<'_>, map: &KnownMap, sight: &Sight) -> Option<Self> {
-        let state = |slot: usize| view.tracks[slot].get(view.now).copied().flatten();
-        let center = state(0)?.position();
+        let center = view.state(0)?.position();
         let mut nearest = Nearest::new(sight.agents);
         for (slot, agent) in view.agents.iter().enumerate() {
-            if let (Some(state), Some(_)) = (state(slot), Class::of(agent.kind)) {
+            if let (Some(state), Some(_)) = (view.state(slot), Class::of(agent.kind)) {
                 let away = if slot == 0 { -1.0 } else { (state.position() - center).norm() };
                 nearest.offer(away, slot);
             }
@@ -89,13 +91,13 @@ impl Seen {
             Self { input: SceneInput::default(), slots: Vec::new(), states: Vec::new(), classes: Vec::new() };
         for slot in nearest.found() {
             let agent = &view.agents[slot];
-            let (Some(state), Some(class)) = (state(slot), Class::of(agent.kind)) else { continue };
-            let state = with_velocity(view, slot, state);
-            let AgentState { x, y, heading, vx, vy } = state;
-            seen.input.agents.push([x, y, heading, vx, vy, agent.length, agent.width, HEIGHT]);
+            let (Some(state), Some(class)) = (view.state(slot), Class::of(agent.kind)) else { continue };
+            let v = view.velocity(slot);
+            let AgentState { x, y, heading, .. } = state;
+            seen.input.agents.push([x, y, heading, v.x, v.y, agent.length, agent.width, HEIGHT]);
             seen.input.kinds.push(class.index() + 1);
             seen.slots.push(slot);
-            seen.states.push(state);
+            seen.states.push(AgentState { vx: v.x, vy: v.y, ..state });
             seen.classes.push(class);
         }
         let mut nearest = Nearest::new(sight.lines);
@@ -129,14 +131,21 @@ impl Seen {
         seen.input.lights = lights.map(light).collect();
         Some(seen)
     }
-}
 
-/// Returns a state with a velocity: that of the state, else the difference from the frame before, else 0.
-fn with_velocity(view: &SceneView<'_>, slot: usize, state: AgentState) -> AgentState {
-    let before = || view.now.checked_sub(1).and_then(|f| view.tracks[slot][f]);
-    let difference = || before().map(|b| (state.position() - b.position()) / DT);
-    let v = state.velocity().or_else(difference).unwrap_or_default();
-    AgentState { vx: v.x, vy: v.y, ..state }
+    /// Returns the speeds of the agents, `[agents, 1]`, m/s.
+    pub(super) fn speeds(&self, device: &Device) -> Tensor<2> {
+        let speed = |agent: &[f64; 8]| math::hypot(agent[3], agent[4]) as f32;
+        let values: Vec<f32> = self.input.agents.iter().map(speed).collect();
+        let count = values.len();
+        Tensor::from_data(TensorData::new(values, [count, 1]), device)
+    }
+
+    /// Returns the anchors of the agents by their classes, `[agents, anchors, 2]`, in their frames, metres.
+    pub(super) fn anchors(&self, anchors: &Intentions, device: &Device) -> Tensor<3> {
+        let points = |class: &Class| anchors.of(*class).iter().flat_map(|p| [p.x as f32, p.y as f32]);
+        let values: Vec<f32> = self.classes.iter().flat_map(points).collect();
+        Tensor::from_data(TensorData::new(values, [self.classes.len(), anchors.count(), 2]), device)
+    }
 }
 
 /// Returns the type of a line in the public code, which are those of the Waymo Open Motion Dataset.

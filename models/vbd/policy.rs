@@ -2,15 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use reactsim::models::nn::weights::{CONFIG, save_with};
-use reactsim::models::nn::{Initializer, Tensors, WeightsError};
+use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
-use super::inputs::{Seen, Sight};
-use super::network::{SizeError, Vbd, VbdConfig};
+use super::inputs::Sight;
+use super::network::{Vbd, VbdConfig};
 use crate::models::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
-use crate::models::perception::Class;
 
 /// Kind of this network in the configuration of the file.
 const KIND: &str = "vbd";
@@ -20,7 +19,7 @@ const KIND: &str = "vbd";
 pub struct VbdPolicy {
     /// Sizes.
     pub config: VbdConfig,
-    /// How much the network sees.
+    /// Limits of its input.
     pub sight: Sight,
     /// Anchors: points that agents may head for.
     pub anchors: Intentions,
@@ -35,13 +34,6 @@ struct StoredConfig {
     kind: String,
     network: VbdConfig,
     sight: Sight,
-}
-
-/// Kind of the network alone, since the configurations of other kinds differ.
-#[derive(Deserialize)]
-struct ConfigKind {
-    #[serde(default)]
-    kind: String,
 }
 
 /// Error of a file that holds no valid policy.
@@ -71,7 +63,7 @@ impl VbdPolicy {
     /// [`VbdPolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, VbdPolicyError> {
         let tensors = Tensors::read(bytes)?;
-        let ConfigKind { kind } = tensors.config()?;
+        let kind = tensors.kind()?;
         if kind != KIND {
             return Err(VbdPolicyError::Kind(kind));
         }
@@ -96,19 +88,4 @@ impl VbdPolicy {
         metadata.extend([entry, (CONFIG.to_owned(), config)]);
         Ok(save_with(&self.network, tables, &metadata))
     }
-}
-
-/// Returns the anchors of agents by their classes, `[agents, anchors, 2]`, in their frames, metres.
-pub(super) fn anchors_of(anchors: &Intentions, classes: &[Class], device: &Device) -> Tensor<3> {
-    let points = |class: &Class| anchors.of(*class).iter().flat_map(|p| [p.x as f32, p.y as f32]);
-    let values: Vec<f32> = classes.iter().flat_map(points).collect();
-    Tensor::from_data(TensorData::new(values, [classes.len(), anchors.count(), 2]), device)
-}
-
-/// Returns the speeds of agents, `[agents, 1]`, m/s.
-pub(super) fn speeds_of(seen: &Seen, device: &Device) -> Tensor<2> {
-    let speed = |agent: &[f64; 8]| reactsim::geometry::math::hypot(agent[3], agent[4]) as f32;
-    let values: Vec<f32> = seen.input.agents.iter().map(speed).collect();
-    let count = values.len();
-    Tensor::from_data(TensorData::new(values, [count, 1]), device)
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::Seen;
 use super::network::{DEVIATIONS, unnormalized};
-use super::policy::{VbdPolicy, speeds_of};
+use super::policy::VbdPolicy;
 use crate::models::diffusion::{
     Sampler, Sampling, Schedule, ScheduleError, actions, roll_out, standard_normal,
 };
@@ -49,7 +49,8 @@ pub(super) fn sample(
     let agents = seen.slots.len();
     let schedule = Schedule::cosine(config.noise_levels)?;
     let scene = policy.network.encode(&seen.input, config, device);
-    let speeds = speeds_of(seen, device);
+    let scene = policy.network.prepare(&scene, agents, config);
+    let speeds = seen.speeds(device);
     let shape = [agents, config.actions, 2];
     let start: Tensor<3> = standard_normal(stream, shape, device);
     let fixed = parameters.inpainting.then(|| {
@@ -65,18 +66,17 @@ pub(super) fn sample(
             }
             _ => noisy,
         };
-        policy.network.denoise(&scene, noisy, &speeds, level, config, None)
+        policy.network.denoise(&scene, noisy, &speeds, level, config)
     };
     let sampler = if parameters.draws { Sampler::Ddpm } else { Sampler::Ddim };
     let sampling = Sampling { sampler, steps: parameters.steps, limit: LIMIT };
     let clean =
         sampling.sample(&schedule, start, denoise, || standard_normal(stream, shape, device), &mut ());
-    let now = seen.states.iter().flat_map(|s| [s.x, s.y, s.heading, s.vx, s.vy].map(|v| v as f32)).collect();
-    let now = Tensor::<2>::from_data(TensorData::new::<f32, _>(now, [agents, 5]), device);
     // From the origin, where single precision is finest.
-    let origin = now.clone().narrow(1, 0, 2) * 0.0;
-    let turned = Tensor::cat(vec![origin, now.narrow(1, 2, 3)], 1);
-    let states = roll_out(&turned, unnormalized(clean), config.hold, None);
+    let from_origin = |s: &AgentState| [0.0, 0.0, s.heading as f32, s.vx as f32, s.vy as f32];
+    let starts: Vec<f32> = seen.states.iter().flat_map(from_origin).collect();
+    let starts = Tensor::<2>::from_data(TensorData::new(starts, [agents, 5]), device);
+    let states = roll_out(&starts, unnormalized(clean), config.hold, None);
     let states: Vec<f32> = states.into_data().iter::<f32>().collect();
     let of_agent = |(own, now): (&[f32], &AgentState)| {
         let state = |s: &[f32]| {

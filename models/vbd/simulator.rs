@@ -2,8 +2,8 @@
 
 use burn::tensor::Device;
 use reactsim::dynamics::STANDSTILL_SPEED;
-use reactsim::rollout::{Observation, PlanError, Planning, SingleEpisode, Stream};
-use reactsim::scene::{AgentState, DT, Frame, Start};
+use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
+use reactsim::scene::{AgentState, DT, Start};
 
 use super::inputs::Seen;
 use super::policy::VbdPolicy;
@@ -24,7 +24,7 @@ pub struct VbdSimulator {
     device: Device,
 }
 
-/// What is kept of an episode between plans: the known map.
+/// Memory of an episode between plans: the known map.
 #[derive(Debug)]
 pub struct VbdMemory(KnownMap);
 
@@ -48,17 +48,11 @@ impl SingleEpisode for VbdSimulator {
 
     fn plan_one(&self, memory: &mut VbdMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let observed = episode.seen;
-        let (tracks, lights) = known(&observed);
-        let view = SceneView {
-            agents: &observed.start().agents,
-            tracks: &tracks,
-            now: observed.frame(),
-            av_next: observed.av_next(),
-            lights: &lights,
-        };
+        let lights = observed.lights_now();
+        let view = SceneView::of(&observed, &lights);
         let mut plans = Vec::new();
         if let Some(seen) = Seen::of(&view, &memory.0, &self.policy.sight) {
-            let mut av = tracks[0].clone();
+            let mut av = observed.track(0).to_vec();
             av.extend(observed.av_next().map(Some));
             // An AV that the simulator moves has no motion of its own that would go on.
             let inpainting = self.parameters.inpainting && !episode.moves_av;
@@ -87,14 +81,6 @@ impl SingleEpisode for VbdSimulator {
         }
         Ok(())
     }
-}
-
-/// Returns the realised tracks, and the states of the lights.
-fn known(seen: &Observation<'_>) -> (Vec<Vec<Frame>>, Vec<Option<reactsim::scene::LightState>>) {
-    let start = seen.start();
-    let tracks = (0..start.agents.len()).map(|a| seen.track(a).to_vec()).collect();
-    let lights = (0..start.lights.len()).map(|l| seen.light(l).last().copied().flatten()).collect();
-    (tracks, lights)
 }
 
 fn is_finite(state: &AgentState) -> bool {

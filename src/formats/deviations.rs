@@ -109,8 +109,8 @@ pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>,
     Ok(records)
 }
 
-/// Reads all trajectories of a file, chosen or not: any number per scenario, in the order of the file, without
-/// certificates.
+/// Reads all trajectories of a file, chosen or not: any number per scenario, in the order of the file,
+/// without certificates.
 ///
 /// # Errors
 /// As [`read`], but scenarios may occur often; a file without trajectories is an error.

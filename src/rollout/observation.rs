@@ -43,6 +43,11 @@ impl<'a> Observation<'a> {
         &self.tracks[agent]
     }
 
+    /// Returns the realised frames of all agents, from frame 0 to now.
+    pub fn tracks(&self) -> &'a [Vec<Frame>] {
+        self.tracks
+    }
+
     /// Returns the current state of an agent; `None` if it is absent.
     pub fn state(&self, agent: usize) -> Frame {
         self.tracks[agent].last().copied().flatten()
@@ -56,5 +61,10 @@ impl<'a> Observation<'a> {
     /// Returns the states of a traffic light from frame 0 to now; `None` where it was not observed.
     pub fn light(&self, light: usize) -> &'a [Option<LightState>] {
         &self.lights[light]
+    }
+
+    /// Returns the current state of each traffic light; `None` where it was not observed.
+    pub fn lights_now(&self) -> Vec<Option<LightState>> {
+        self.lights.iter().map(|states| states.last().copied().flatten()).collect()
     }
 }

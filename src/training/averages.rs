@@ -15,8 +15,8 @@ fn ranges(layout: &Layout) -> impl Iterator<Item = Range<usize>> {
         .map(|parameter| parameter.range.clone())
 }
 
-/// Moves averages towards the values that the loss gave as their gradient, summed over `items`, and clears that
-/// gradient, so that it has no influence on anything else.
+/// Moves averages towards the values that the loss gave as their gradient, summed over `items`, and clears
+/// that gradient, so that it has no influence on anything else.
 pub(super) fn follow(layout: &Layout, values: &mut [f32], gradient: &mut [f32], items: f64) {
     for range in ranges(layout) {
         for (value, sum) in values[range.clone()].iter_mut().zip(&mut gradient[range]) {

@@ -73,6 +73,16 @@ pub enum View<'a> {
     Plain,
 }
 
+impl<'a> View<'a> {
+    /// Returns the stream to augment by; `None` in validation.
+    pub fn stream(self) -> Option<&'a mut Stream> {
+        match self {
+            Self::Varied(stream) => Some(stream),
+            Self::Plain => None,
+        }
+    }
+}
+
 /// A network and its loss.
 ///
 /// All results must be functions of the arguments only, independent of the thread.
@@ -81,9 +91,9 @@ pub trait Task: Sync {
     type Example: Send;
     /// Example prepared as input of the network.
     type Sample: Send + Sync;
-    /// The network. Parameters that require gradients are trained, all as `f32`. Those named `running_mean` or
-    /// `running_var` are averages: the optimiser leaves them alone, and each step moves them by a tenth towards their
-    /// gradient, to which the loss must give the value that they are to follow.
+    /// The network. Parameters that require gradients are trained, all as `f32`. Those named `running_mean`
+    /// or `running_var` are averages: the optimiser leaves them alone, and each step moves them by a tenth
+    /// towards their gradient, to which the loss must give the value that they are to follow.
     type Model: Module;
 
     /// Returns the untrained network, on a device with autodiff. The same seed must give the same

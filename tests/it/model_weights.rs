@@ -45,6 +45,31 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     Some(WeightsFile::new("untrained.safetensors", bytes))
 }
 
+/// Replaces the first occurrence of a text in a file by another one of the same length.
+pub(crate) fn replaced(file: &[u8], from: &str, to: &str) -> Vec<u8> {
+    assert_eq!(from.len(), to.len());
+    let mut file = file.to_vec();
+    let at = file.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+    file[at..at + to.len()].copy_from_slice(to.as_bytes());
+    file
+}
+
+/// Checks what `refusal` says of files that are cut, of another kind, or damaged. `good` is a file of a network with
+/// two heads and width 16.
+pub(crate) fn check_refusals(good: &[u8], refusal: impl Fn(&[u8]) -> String) {
+    assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
+    assert!(refusal(b"").contains("cut short"));
+    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
+    let none = refusal(&replaced(good, "\\\"heads\\\":2", "\\\"heads\\\":0"));
+    assert!(none.contains("heads = 0"), "{none}");
+    let other = refusal(&replaced(good, "\\\"width\\\":16", "\\\"width\\\":32"));
+    assert!(other.contains("expected ["), "{other}");
+    let mut nan = good.to_vec();
+    let end = nan.len();
+    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(refusal(&nan).contains("NaN"), "{}", refusal(&nan));
+}
+
 /// Writes a file of such weights and returns its bytes.
 fn write_untrained(path: &Path) -> Vec<u8> {
     let bytes = untrained("pufferdrive").unwrap().bytes.into_owned();

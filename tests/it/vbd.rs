@@ -11,6 +11,7 @@ use reactsim::models::vbd::{Sight, VbdParameters, VbdPolicy, VbdSimulator};
 use reactsim::rollout::{Controller, Settings, roll_out};
 use reactsim::training::{Output, Stream, Task, View};
 
+use crate::model_weights::check_refusals;
 use crate::ntp_reactive::scenarios;
 use crate::regression::without_gradient;
 use crate::scenes::{bits, coasting, request};
@@ -100,24 +101,7 @@ fn a_file_gives_the_same_policy_and_foreign_and_damaged_ones_are_refused() {
     assert_eq!((read.config, read.sight), (small().network, small().sight));
     assert_eq!(read.write(&BTreeMap::new()).unwrap(), good);
     let refusal = |bytes: &[u8]| VbdPolicy::read(bytes, &device()).unwrap_err().to_string();
-    assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
-    assert!(refusal(b"").contains("cut short"));
-    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
-    let with = |from: &str, to: &str| {
-        assert_eq!(from.len(), to.len());
-        let mut text = good.clone();
-        let at = text.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
-        text[at..at + to.len()].copy_from_slice(to.as_bytes());
-        text
-    };
-    let none = refusal(&with("\\\"heads\\\":2", "\\\"heads\\\":0"));
-    assert!(none.contains("heads = 0"), "{none}");
-    let other = refusal(&with("\\\"width\\\":16", "\\\"width\\\":32"));
-    assert!(other.contains("expected ["), "{other}");
-    let mut nan = good.clone();
-    let end = nan.len();
-    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(refusal(&nan).contains("NaN"), "{}", refusal(&nan));
+    check_refusals(&good, refusal);
     for (config, field) in [
         (VbdConfig { hold: 3, ..small().network }, "actions"),
         (VbdConfig { width: 15, ..small().network }, "width"),

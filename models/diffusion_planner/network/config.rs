@@ -56,8 +56,8 @@ impl PlannerConfig {
         self.agents + self.statics + self.lanes
     }
 
-    /// Returns the number of numbers of a trajectory: the current state and the predicted ones, x, y, cosine and sine of
-    /// the heading each.
+    /// Returns the number of numbers of a trajectory: the current state and the predicted ones, x, y, cosine
+    /// and sine of the heading each.
     pub const fn trajectory(&self) -> usize {
         4 * (1 + self.states)
     }

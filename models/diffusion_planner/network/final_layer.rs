@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
+use burn::tensor::activation::{gelu_approximate, silu};
 
 use super::PlannerConfig;
-use super::activation::{gelu_tanh, silu};
 use crate::models::nn::{Initializer, Rows, linear};
 
 /// Norm, linear, approximate GELU, norm, linear.
@@ -46,12 +46,13 @@ impl FinalLayer {
         let changes = linear(&self.modulation, silu(condition.clone()));
         let x = modulated(Rows::of(x).norm(&self.norm_final).done(), &changes, 0, width);
         let FinalProjection { first_norm, wide, second_norm, narrow } = &self.proj;
-        let x = gelu_tanh(linear(wide, Rows::of(x).norm(first_norm).done()));
+        let x = gelu_approximate(linear(wide, Rows::of(x).norm(first_norm).done()));
         linear(narrow, Rows::of(x).norm(second_norm).done())
     }
 }
 
-/// Scales and shifts rows by parts of `changes`, `[1, parts * width]`: the shift is part `from`, the scale the next.
+/// Scales and shifts rows by parts of `changes`, `[1, parts * width]`: the shift is part `from`, the scale
+/// the next.
 pub(super) fn modulated(x: Tensor<2>, changes: &Tensor<2>, from: usize, width: usize) -> Tensor<2> {
     let part = |k: usize| changes.clone().narrow(1, k * width, width);
     x * (part(from + 1) + 1.0) + part(from)

@@ -42,7 +42,7 @@ impl Fusion {
         for FusionBlock { norm1, attn, norm2, mlp } in &self.blocks {
             let queries = attn.part(Part::Query, Rows::of(x.clone()).norm(norm1).done());
             let (keys, values) = (attn.part(Part::Key, x.clone()), attn.part(Part::Value, x.clone()));
-            x = x + attn.attend(1, queries, keys, values, closed.clone());
+            x = x + attn.output(attn.take(1, queries, keys, values, closed.clone())).done();
             x = x.clone() + mlp.forward(Rows::of(x).norm(norm2).done());
         }
         Rows::of(x).norm(&self.norm).done()

@@ -1,9 +1,8 @@
 //! The network.
 //!
-//! Tensors have the names and shapes of the public code, so that its state dict loads. [`PlannerInput`] has its inputs,
-//! normalised, in the frame of the AV's rear axle.
+//! Tensors have the names and shapes of the public code, so that its state dict loads. [`PlannerInput`] has
+//! its inputs, normalised, in the frame of the AV's rear axle.
 
-mod activation;
 mod config;
 mod elements;
 mod encoder;

@@ -3,8 +3,8 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
+use burn::tensor::activation::{gelu, gelu_approximate};
 
-use super::activation::{gelu, gelu_tanh};
 use crate::models::nn::{Initializer, linear};
 
 /// Linear, GELU, linear.
@@ -26,7 +26,7 @@ impl Perceptron {
 
     /// The same with the approximate GELU.
     pub(super) fn forward_tanh(&self, x: Tensor<2>) -> Tensor<2> {
-        linear(&self.fc2, gelu_tanh(linear(&self.fc1, x)))
+        linear(&self.fc2, gelu_approximate(linear(&self.fc1, x)))
     }
 
     /// Maps the middle axis of `[n, inputs, width]`: `[n, outputs, width]`.

@@ -59,9 +59,9 @@ impl DiffusionPlanner {
         self.transformer.forward(noisy, time, &given)
     }
 
-    /// Samples trajectories by the published solver from noise, `[samples, 1 + predicted, 4 states]`, whose deviation is the
-    /// temperature (published: 0.5). Returns them without the current state, `[samples, 1 + predicted, states, 4]`, in metres
-    /// in the frame of the AV. Those of absent neighbours mean nothing.
+    /// Samples trajectories by the published solver from noise, `[samples, 1 + predicted, 4 states]`, whose
+    /// deviation is the temperature (published: 0.5). Returns them without the current state, `[samples, 1 +
+    /// predicted, states, 4]`, in metres in the frame of the AV. Those of absent neighbours mean nothing.
     pub fn sample(&self, scene: &EncodedPlan, noise: Tensor<3>) -> Tensor<4> {
         let [samples, count, numbers] = noise.dims();
         let current = scene.current.clone().unsqueeze_dim::<3>(0).repeat_dim(0, samples);

@@ -2,10 +2,10 @@
 
 use burn::module::Module;
 use burn::nn::Linear;
+use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
 use reactsim::geometry::math;
 
-use super::activation::silu;
 use super::elements::matrix;
 use crate::models::nn::{Initializer, linear};
 

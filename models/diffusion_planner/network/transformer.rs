@@ -2,10 +2,10 @@
 
 use burn::module::Module;
 use burn::nn::{Embedding, LayerNorm, Linear};
+use burn::tensor::activation::silu;
 use burn::tensor::{Int, Tensor, TensorData};
 
 use super::PlannerConfig;
-use super::activation::silu;
 use super::final_layer::{FinalLayer, modulated};
 use super::perceptron::Perceptron;
 use super::route::RouteEncoder;
@@ -15,8 +15,8 @@ use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows, linear};
 /// Hidden width of the perceptron that reads trajectories.
 const READING: usize = 512;
 
-/// Attention among trajectories and a perceptron, both modulated, then attention to the scene and a perceptron without
-/// residuals, as in the public code.
+/// Attention among trajectories and a perceptron, both modulated, then attention to the scene and a
+/// perceptron without residuals, as in the public code.
 #[derive(Module, Debug)]
 struct TransformerBlock {
     norm1: LayerNorm,
@@ -41,13 +41,14 @@ pub(super) struct Transformer {
     final_layer: FinalLayer,
 }
 
-/// What trajectories are denoised on.
+/// The condition under which trajectories are denoised.
 pub(super) struct Condition<'a> {
     /// Features of the scene, `[elements, width]`.
     pub(super) scene: &'a Tensor<2>,
     /// Encoded route, `[1, width]`.
     pub(super) route: &'a Tensor<2>,
-    /// Added to the scores of trajectories as keys, `[1, 1, 1, trajectories]`: closed if their agent is absent.
+    /// Added to the scores of trajectories as keys, `[1, 1, 1, trajectories]`: closed if their agent is
+    /// absent.
     pub(super) closed: &'a Tensor<4>,
 }
 
@@ -72,14 +73,9 @@ impl TransformerBlock {
         let gate = |k: usize| changes.clone().narrow(1, k * width, width);
         let inner = modulated(Rows::of(x.clone()).norm(&self.norm1).done(), changes, 0, width);
         let part = |part: Part| self.attn.part(part, inner.clone());
-        let taken = self.attn.attend(
-            samples,
-            part(Part::Query),
-            part(Part::Key),
-            part(Part::Value),
-            given.closed.clone(),
-        );
-        let x = x + taken * gate(2);
+        let (queries, keys, values) = (part(Part::Query), part(Part::Key), part(Part::Value));
+        let taken = self.attn.take(samples, queries, keys, values, given.closed.clone());
+        let x = x + self.attn.output(taken).done() * gate(2);
         let inner = modulated(Rows::of(x.clone()).norm(&self.norm2).done(), changes, 3, width);
         let x = x + self.mlp1.forward_tanh(inner) * gate(5);
 
@@ -87,7 +83,8 @@ impl TransformerBlock {
         let queries = self.cross_attn.part(Part::Query, Rows::of(x).norm(&self.norm3).done());
         let part = |part: Part| self.cross_attn.part(part, given.scene.clone());
         let open = Tensor::zeros([1, 1, 1, 1], &queries.device());
-        let taken = self.cross_attn.attend(1, queries, part(Part::Key), part(Part::Value), open);
+        let taken = self.cross_attn.take(1, queries, part(Part::Key), part(Part::Value), open);
+        let taken = self.cross_attn.output(taken).done();
         debug_assert_eq!(taken.dims(), [rows, width]);
         self.mlp2.forward_tanh(Rows::of(taken).norm(&self.norm4).done())
     }

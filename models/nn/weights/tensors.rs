@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::{CONFIG, WeightsError};
@@ -39,6 +40,20 @@ impl<'a> Tensors<'a> {
     pub fn config<T: DeserializeOwned>(&self) -> Result<T, WeightsError> {
         let text = self.metadata.get(CONFIG).ok_or_else(|| WeightsError::Config("it is missing".into()))?;
         serde_json::from_str(text).map_err(|e| WeightsError::Config(e.to_string()))
+    }
+
+    /// Returns the kind of the network, since the configurations of other kinds differ; empty if the
+    /// configuration states none.
+    ///
+    /// # Errors
+    /// [`WeightsError::Config`] if the configuration is missing or no object.
+    pub fn kind(&self) -> Result<String, WeightsError> {
+        #[derive(Deserialize)]
+        struct Kind {
+            #[serde(default)]
+            kind: String,
+        }
+        self.config().map(|Kind { kind }| kind)
     }
 
     /// Returns names and shapes, ordered by name.

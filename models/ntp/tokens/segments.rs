@@ -5,7 +5,7 @@ use reactsim::geometry::wrap;
 use reactsim::scene::{AgentKind, Frame, Scenario};
 
 use super::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};
-use crate::models::learning::Reservoir;
+use crate::models::learning::{Reservoir, for_each_track};
 use crate::models::perception::Class;
 
 /// Minimum number of recorded frames of an agent (CATK).
@@ -41,12 +41,7 @@ impl Segments {
     pub fn add(&mut self, scenario: &Scenario) {
         self.scenarios += 1;
         self.digest.update(scenario.digest().as_bytes());
-        for (i, agent) in scenario.start.agents.iter().enumerate() {
-            self.add_track(agent.kind, &scenario.logged(i));
-        }
-        for other in &scenario.unselected {
-            self.add_track(other.agent.kind, &other.track);
-        }
+        for_each_track(scenario, |kind, track| self.add_track(kind, track));
     }
 
     /// Adds the motions of one track.

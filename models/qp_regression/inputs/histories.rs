@@ -1,9 +1,9 @@
 //! Histories of agents as input features.
 
-use reactsim::geometry::Vec2;
 use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
 use super::frame::AgentFrame;
+use crate::models::perception::velocity_at;
 use crate::models::qp_regression::network::Attributes;
 
 /// Returns the number of features of an agent at a frame.
@@ -32,15 +32,6 @@ pub(super) struct AgentHistory<'a> {
     pub now: usize,
     pub is_target: bool,
     pub is_av: bool,
-}
-
-/// Returns the velocity at a frame, m/s: the recorded one, else the difference from the frame before,
-/// else 0.
-pub(super) fn velocity_at(track: &[Frame], frame: usize) -> Vec2 {
-    let Some(state) = track.get(frame).copied().flatten() else { return Vec2::zeros() };
-    let before = || frame.checked_sub(1).and_then(|f| track[f]);
-    let difference = || before().map(|b| (state.position() - b.position()) / DT);
-    state.velocity().or_else(difference).unwrap_or_default()
 }
 
 impl AgentHistory<'_> {

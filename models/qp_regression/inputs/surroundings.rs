@@ -5,7 +5,7 @@ use reactsim::geometry::Vec2;
 use reactsim::scene::{DT, HISTORY};
 
 use super::frame::{AgentFrame, PolylineFeatures};
-use super::histories::{AgentHistory, agent_numbers, velocity_at};
+use super::histories::{AgentHistory, agent_numbers};
 use super::lines::point_numbers;
 use super::{Outlook, SceneContext};
 use crate::models::perception::{Class, Nearest, SceneView};
@@ -96,7 +96,7 @@ fn velocity_now(view: &SceneView<'_>, slot: usize) -> Vec2 {
     let here = view.tracks[slot].get(view.now).copied().flatten();
     match (here, view.av_next) {
         (Some(here), Some(next)) if slot == 0 => (next.position() - here.position()) / DT,
-        _ => velocity_at(&view.tracks[slot], view.now),
+        _ => view.velocity(slot),
     }
 }
 

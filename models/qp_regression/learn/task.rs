@@ -21,7 +21,6 @@ use crate::models::learning::{
     TrainingTask, recipe_values,
 };
 use crate::models::nn::Initializer;
-use crate::models::perception::Class;
 
 /// Training of the regression network.
 pub const TASK: TrainingTask = TrainingTask {
@@ -188,14 +187,7 @@ impl Task for Regression {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let points: Vec<[f64; 2]> = Class::ALL
-            .into_iter()
-            .flat_map(|class| self.intentions.of(class).iter().map(|p| [p.x, p.y]))
-            .collect();
-        let mut all = serde_json::json!({
-            "recipe": self.recipe,
-            "intentions": { "made": self.intentions.provenance(), "points": points },
-        });
+        let mut all = serde_json::json!({ "recipe": self.recipe, "intentions": self.intentions.describe() });
         if let Some((_, digest)) = &self.from {
             all["from"] = digest.as_str().into();
         }

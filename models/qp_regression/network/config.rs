@@ -3,6 +3,8 @@
 use reactsim::scene::FUTURE;
 use serde::{Deserialize, Serialize};
 
+use crate::models::nn::SizeError;
+
 /// Input features of agents and lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -82,18 +84,6 @@ pub struct Config {
     pub modes: usize,
     /// Distance in metres between end points below which the less probable mode is suppressed.
     pub apart: f64,
-}
-
-/// Error of a size that is out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("the configuration of the network has {field} = {value}, expected {expected}")]
-pub struct SizeError {
-    /// Field.
-    pub field: &'static str,
-    /// Value.
-    pub value: f64,
-    /// Accepted values.
-    pub expected: &'static str,
 }
 
 impl Config {

@@ -1,6 +1,6 @@
 //! The encoder: the surroundings of an agent as tokens that attend to their neighbours.
 
-use burn::module::{Module, Param};
+use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 
@@ -9,53 +9,13 @@ use super::config::Config;
 use super::observed::Observed;
 use super::polyline_encoder::PolylineEncoder;
 use super::sine::sine;
-use crate::models::nn::{Initializer, Rows, dense_attention};
+use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows};
 use crate::models::qp_regression::inputs::{agent_numbers, point_numbers};
-
-/// Attention with one matrix for queries, keys and values, as in PyTorch: `[3 width, width]`.
-#[derive(Module, Debug)]
-pub(crate) struct SelfAttention {
-    in_proj_weight: Param<Tensor<2>>,
-    in_proj_bias: Param<Tensor<1>>,
-    out_proj: Linear,
-    heads: usize,
-}
-
-impl SelfAttention {
-    fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
-        // Glorot bound of the whole matrix, as in PyTorch.
-        let bound = (6.0 / (4 * width) as f64).sqrt();
-        Self {
-            in_proj_weight: init.uniform([3 * width, width], bound),
-            in_proj_bias: init.uniform([3 * width], 0.0),
-            out_proj: init.linear(width, width, true),
-            heads,
-        }
-    }
-
-    /// Returns what tokens take from their neighbours, before the output projection.
-    fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
-        let scenes = closed.dims()[0];
-        let width = x.dims()[1];
-        let (weight, bias) = (self.in_proj_weight.val().transpose(), self.in_proj_bias.val());
-        let bias = bias.unsqueeze_dim::<2>(0);
-        let part = |from: usize, count: usize, x: Tensor<2>| {
-            let columns = from * width..(from + count) * width;
-            Rows::product(x, weight.clone().slice([0..width, columns.clone()]))
-                .plus(bias.clone().slice([0..1, columns]))
-                .done()
-        };
-        let both = part(0, 2, x.clone() + positions);
-        let (queries, keys) = (both.clone().narrow(1, 0, width), both.narrow(1, width, width));
-        let values = part(2, 1, x);
-        dense_attention(scenes, self.heads, vec![(queries, keys)], values, closed)
-    }
-}
 
 /// Self-attention and a feed-forward network, each followed by a norm.
 #[derive(Module, Debug)]
 pub(crate) struct EncoderLayer {
-    self_attn: SelfAttention,
+    self_attn: MultiHeadAttention,
     linear1: Linear,
     linear2: Linear,
     norm1: LayerNorm,
@@ -66,7 +26,7 @@ impl EncoderLayer {
     fn init(config: &Config, init: &mut Initializer) -> Self {
         let width = config.width;
         Self {
-            self_attn: SelfAttention::init(width, config.heads, init),
+            self_attn: MultiHeadAttention::init(width, config.heads, init),
             linear1: init.linear(width, config.widening * width, true),
             linear2: init.linear(config.widening * width, width, true),
             norm1: init.norm(width),
@@ -75,8 +35,14 @@ impl EncoderLayer {
     }
 
     fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
-        let taken = self.self_attn.forward(x.clone(), positions, closed);
-        let x = Rows::linear(&self.self_attn.out_proj, taken).plus(x).norm(&self.norm1).done();
+        let attention = &self.self_attn;
+        let (scenes, width) = (closed.dims()[0], x.dims()[1]);
+        // Values do not know where tokens are.
+        let both = attention.parts(Part::Query..=Part::Key, x.clone() + positions);
+        let (queries, keys) = (both.clone().narrow(1, 0, width), both.narrow(1, width, width));
+        let values = attention.part(Part::Value, x.clone());
+        let taken = attention.take(scenes, queries, keys, values, closed);
+        let x = attention.output(taken).plus(x).norm(&self.norm1).done();
         let wide = Rows::linear(&self.linear1, x.clone()).relu().done();
         Rows::linear(&self.linear2, wide).plus(x).norm(&self.norm2).done()
     }

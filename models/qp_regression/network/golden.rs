@@ -1,17 +1,12 @@
 //! The network against values of the public code, with random weights at a small size.
-#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
-
-use std::fs;
-use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use safetensors::SafeTensors;
-use safetensors::tensor::Dtype;
 
 use super::batch::{Polylines, nearest_tokens};
 use super::{Batch, Config, Network, Observed, STATE};
 use crate::models::learning::Intentions;
-use crate::models::nn::{CLOSED, Initializer, Tensors, device};
+use crate::models::nn::golden::{Golden, GoldenFile, assert_close, values};
+use crate::models::nn::{CLOSED, Initializer, device};
 use crate::models::perception::Class;
 use crate::models::qp_regression::predict::kept_modes;
 
@@ -34,51 +29,15 @@ const CONFIG: Config = Config {
 /// Point around which the base lines lie, metres.
 const BASE: [f32; 2] = [30.0, 0.0];
 
-/// A file of tensors.
-struct File(Vec<u8>);
-
-impl File {
-    fn data(&self, name: &str, dtype: Dtype) -> Vec<u8> {
-        let file = SafeTensors::deserialize(&self.0).unwrap();
-        let tensor = file.tensor(name).unwrap_or_else(|_| panic!("no {name}"));
-        assert_eq!(tensor.dtype(), dtype, "{name}");
-        tensor.data().to_vec()
-    }
-
-    fn floats(&self, name: &str) -> Vec<f32> {
-        self.data(name, Dtype::F32).as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
-    }
-
-    fn integers(&self, name: &str) -> Vec<usize> {
-        let integer = |b: &[u8; 4]| i32::from_le_bytes(*b) as usize;
-        self.data(name, Dtype::I32).as_chunks::<4>().0.iter().map(integer).collect()
-    }
-
-    fn flags(&self, name: &str) -> Vec<bool> {
-        self.data(name, Dtype::U8).iter().map(|b| *b == 1).collect()
-    }
-}
-
-/// Returns the folder of the golden data; `None` if it is missing.
-fn folder() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/mtr_golden");
-    if !folder.is_dir() {
-        eprintln!("skipped: {} is missing", folder.display());
-        return None;
-    }
-    Some(folder)
-}
-
-fn load(folder: &Path, device: &Device) -> (Network, Intentions) {
-    let bytes = fs::read(folder.join("weights.safetensors")).unwrap();
-    let tensors = Tensors::read(&bytes).unwrap();
-    let mut tensors = tensors.without(|name| name.ends_with(".num_batches_tracked"));
+fn load(golden: &Golden, device: &Device) -> (Network, Intentions) {
+    let weights = golden.file("weights");
+    let mut tensors = weights.tensors().without(|name| name.ends_with(".num_batches_tracked"));
     let intentions = Intentions::from_tables(&tensors.split_off("intention_points.")).unwrap();
     (tensors.load(Network::init(&CONFIG, &mut Initializer::new(0, device))).unwrap(), intentions)
 }
 
-/// Features of points, whether points are there, and positions, of the rows of all scenes; the rows of a scene
-/// in the order `order`.
+/// Features of points, whether points are there, and positions, of the rows of all scenes; the rows of a
+/// scene in the order `order`.
 fn polylines(
     features: &[f32],
     there: &[bool],
@@ -117,7 +76,7 @@ fn polylines(
 }
 
 /// Input of a scene, and the order of the golden agents in it: the predicted one is first.
-fn batch(file: &File, intentions: &Intentions, device: &Device) -> (Batch, Vec<usize>) {
+fn batch(file: &GoldenFile, intentions: &Intentions, device: &Device) -> (Batch, Vec<usize>) {
     let targets = file.integers("input.track_index_to_predict");
     let (scenes, agents, lines) = (targets.len(), CONFIG.agents, CONFIG.lines);
     let first = |(scene, target): (usize, &usize)| {
@@ -192,32 +151,21 @@ fn batch(file: &File, intentions: &Intentions, device: &Device) -> (Batch, Vec<u
     (batch, order)
 }
 
-fn values<const D: usize>(tensor: &Tensor<D>) -> Vec<f32> {
-    tensor.clone().into_data().iter::<f32>().collect()
-}
-
-/// Compares numbers; both lists are as long.
-fn close(found: &[f32], wanted: &[f32], limit: f32, what: &str) {
-    assert_eq!(found.len(), wanted.len(), "{what}");
-    let worst = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(worst <= limit, "{what}: {worst} apart");
-}
-
 #[test]
 fn neighbours_encoding_and_modes_equal_those_of_the_public_code() {
-    let Some(folder) = folder() else { return };
+    let Some(golden) = Golden::open("mtr_golden") else { return };
     for device in [device(), device().autodiff()] {
-        let (network, intentions) = load(&folder, &device);
+        let (network, intentions) = load(&golden, &device);
         // Sines of positions in metres: in scene 2 these are 173 m.
         for (scene, limit) in [("scene_0", 1e-4), ("scene_1", 1e-4), ("scene_2", 2e-4)] {
-            let file = File(fs::read(folder.join(format!("{scene}.safetensors"))).unwrap());
+            let file = golden.file(scene);
             let (batch, order) = batch(&file, &intentions, &device);
             check(&network, &batch, &order, &file, limit, scene);
         }
     }
 }
 
-fn check(network: &Network, batch: &Batch, order: &[usize], file: &File, limit: f32, scene: &str) {
+fn check(network: &Network, batch: &Batch, order: &[usize], file: &GoldenFile, limit: f64, scene: &str) {
     let tokens = network.context_encoder.forward(batch, &CONFIG, &Observed::none());
     let output = network.forward(batch, &CONFIG, &Observed::none());
     // Rows that are absent are not looked at: there ours are arbitrary.
@@ -230,7 +178,7 @@ fn check(network: &Network, batch: &Batch, order: &[usize], file: &File, limit: 
     ] {
         let (golden, width) = (file.floats(name), found.len() / order.len());
         for (found, &row) in found.chunks_exact(width).zip(order).filter(|(_, row)| there[**row]) {
-            close(
+            assert_close(
                 found,
                 &golden[row * width..(row + 1) * width],
                 limit,
@@ -240,8 +188,13 @@ fn check(network: &Network, batch: &Batch, order: &[usize], file: &File, limit: 
     }
     for (i, layer) in output.layers.iter().enumerate() {
         let golden = |part: &str| file.floats(&format!("output.layer_{i}_pred_{part}"));
-        close(&values(&layer.scores), &golden("scores"), limit, &format!("{scene}, scores of layer {i}"));
-        close(&values(&layer.modes), &golden("trajs"), limit, &format!("{scene}, modes of layer {i}"));
+        assert_close(
+            &values(&layer.scores),
+            &golden("scores"),
+            limit,
+            &format!("{scene}, scores of layer {i}"),
+        );
+        assert_close(&values(&layer.modes), &golden("trajs"), limit, &format!("{scene}, modes of layer {i}"));
     }
 
     let width = CONFIG.states() * STATE;
@@ -255,6 +208,6 @@ fn check(network: &Network, batch: &Batch, order: &[usize], file: &File, limit: 
         let (found, all) = kept_modes(&scores[i * queries..(i + 1) * queries], modes, &CONFIG);
         assert_eq!(found, kept[i * 6..(i + 1) * 6], "{scene}, modes that remain");
         let found: Vec<f32> = found.iter().map(|&mode| all[mode] as f32).collect();
-        close(&found, &probabilities[i * 6..(i + 1) * 6], limit, &format!("{scene}, probabilities"));
+        assert_close(&found, &probabilities[i * 6..(i + 1) * 6], limit, &format!("{scene}, probabilities"));
     }
 }

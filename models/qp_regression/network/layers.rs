@@ -32,8 +32,8 @@ impl Norm {
         Self { weight: filled(1.0), bias: filled(0.0), running_mean: running(0.0), running_var: running(1.0) }
     }
 
-    /// Normalises rows, then applies ReLU. Batch norms in training observe rows by their weights, `[n, 1]`, all alike
-    /// without these.
+    /// Normalises rows, then applies ReLU. Batch norms in training observe rows by their weights, `[n, 1]`,
+    /// all alike without these.
     fn forward(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
         let (gain, bias) = (self.weight.val(), self.bias.val());
         let (Some(running_mean), Some(running_variance)) = (&self.running_mean, &self.running_var) else {
@@ -54,16 +54,18 @@ impl Norm {
     }
 }
 
-/// Returns the mean and the variance of each column over rows with weights, `[n, 1]`, and the factor that makes the
-/// variance an unbiased estimate.
+/// Returns the mean and the variance of each column over rows with weights, `[n, 1]`, and the factor that
+/// makes the variance an unbiased estimate.
 fn moments(x: &Tensor<2>, weights: Option<&Tensor<2>>) -> (Tensor<1>, Tensor<1>, f64) {
-    let (count, sum): (f64, Box<dyn Fn(Tensor<2>) -> Tensor<1>>) = match weights {
-        None => (x.dims()[0] as f64, Box::new(|x: Tensor<2>| x.sum_dim(0).squeeze_dim(0))),
-        Some(weights) => {
-            let count: f32 = weights.clone().sum().into_scalar();
-            (f64::from(count), Box::new(|x: Tensor<2>| (x * weights.clone()).sum_dim(0).squeeze_dim(0)))
-        }
+    let count = match weights {
+        None => x.dims()[0] as f64,
+        Some(weights) => f64::from(weights.clone().sum().into_scalar::<f32>()),
     };
+    let weighted = |x: Tensor<2>| match weights {
+        None => x,
+        Some(weights) => x * weights.clone(),
+    };
+    let sum = |x: Tensor<2>| weighted(x).sum_dim(0).squeeze_dim::<1>(0);
     let count = count.max(1.0);
     let mean = sum(x.clone()) / count;
     let away = x.clone() - mean.clone().unsqueeze_dim::<2>(0);
@@ -110,7 +112,8 @@ impl NormedMlp {
         Self { first, first_norm, second, second_norm, third, third_norm }
     }
 
-    /// Maps `[n, inputs]` to `[n, last width]`. Batch norms in training observe rows by their weights, `[n, 1]`.
+    /// Maps `[n, inputs]` to `[n, last width]`. Batch norms in training observe rows by their weights, `[n,
+    /// 1]`.
     pub(crate) fn forward(
         &self,
         x: Tensor<2>,

@@ -1,14 +1,14 @@
-//! What batch norms observe in the forward passes of a training.
+//! Statistics of batch norms, collected in the forward passes of a training.
 
 use std::cell::RefCell;
 
 use burn::tensor::Tensor;
 
-/// Means and variances of a forward pass, by which batch norms normalise, and from which they follow the running
-/// ones.
+/// Means and variances of a forward pass, by which batch norms normalise, and from which they follow the
+/// running ones.
 ///
-/// The learner moves parameters named `running_mean` and `running_var` towards their gradient. So for each of them
-/// a term whose gradient is the observed value, and whose own value is 0, is added to the loss.
+/// The learner moves parameters named `running_mean` and `running_var` towards their gradient. So for each of
+/// them a term whose gradient is the observed value, and whose own value is 0, is added to the loss.
 pub(crate) struct Observed(Option<RefCell<Vec<Tensor<1>>>>);
 
 impl Observed {

@@ -1,4 +1,5 @@
-//! The loss of VBD: the motion that denoised actions lead to, and that of the behaviour towards the right anchor.
+//! The loss of VBD: the motion that denoised actions lead to, and that of the behaviour towards the right
+//! anchor.
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -6,16 +7,15 @@ use rand::RngExt;
 use reactsim::scene::FUTURE;
 use reactsim::training::{Output, Stream, Sums};
 
-use super::super::network::{Vbd, VbdConfig, unnormalized};
-use super::super::policy::{anchors_of, speeds_of};
+use super::super::network::{Vbd, VbdConfig, own_motion};
 use super::sample::{Sample, TRUTH};
-use crate::models::diffusion::{Schedule, roll_out, standard_normal};
+use crate::models::diffusion::{Schedule, standard_normal};
 use crate::models::learning::Intentions;
 
 /// Weight of the scores of anchors (published).
 const SCORES: f64 = 0.05;
 
-/// What stays the same in a training.
+/// Parts of the loss that stay the same in a training.
 pub(super) struct LossSettings<'a> {
     pub(super) config: &'a VbdConfig,
     pub(super) schedule: &'a Schedule,
@@ -39,15 +39,16 @@ pub(super) fn loss(
         let config = settings.config;
         let agents = sample.agents.len();
         let level = stream.random_range(0..settings.schedule.steps());
-        let speeds = speeds_of(&sample.seen, device);
+        let speeds = sample.seen.speeds(device);
         let shape = [agents, config.actions, 2];
         let clean = Tensor::<3>::from_data(TensorData::new(sample.actions.clone(), shape), device);
         let noisy = settings.schedule.add_noise(clean, standard_normal(stream, shape, device), level);
         let scene = network.encode(&sample.seen.input, config, device);
-        let found = network.denoise(&scene, noisy, &speeds, level, config, None);
+        let prepared = network.prepare(&scene, agents, config);
+        let found = network.denoise(&prepared, noisy, &speeds, level, config);
         let denoised = motion_loss(found, &speeds, sample, config);
 
-        let anchors = anchors_of(settings.anchors, &sample.seen.classes, device);
+        let anchors = sample.seen.anchors(settings.anchors, device);
         let behaviours = network.behaviours(&scene, anchors, config);
         let labels: Vec<i32> = sample.headings.iter().map(|h| *h as i32).collect();
         let labels = Tensor::<1, Int>::from_data(TensorData::new(labels, [agents]), device);
@@ -76,14 +77,12 @@ pub(super) fn loss(
     Output { loss: total, items, metrics }
 }
 
-/// Returns the weighted sum of the errors of the motion that normalised actions, `[agents, actions, 2]`, lead to: smooth
-/// absolute differences of positions (m), and absolute ones of yaws (rad).
+/// Returns the weighted sum of the errors of the motion that normalised actions, `[agents, actions, 2]`, lead
+/// to: smooth absolute differences of positions (m), and absolute ones of yaws (rad).
 fn motion_loss(actions: Tensor<3>, speeds: &Tensor<2>, sample: &Sample, config: &VbdConfig) -> Tensor<1> {
     let device = actions.device();
     let agents = sample.agents.len();
-    let nothing = |columns| Tensor::<2>::zeros([agents, columns], &device);
-    let start = Tensor::cat(vec![nothing(3), speeds.clone(), nothing(1)], 1);
-    let states = roll_out(&start, unnormalized(actions), config.hold, None);
+    let states = own_motion(actions, speeds, config);
     let truth = TensorData::new(sample.truth.clone(), [agents, FUTURE, TRUTH]);
     let apart = states.narrow(2, 0, TRUTH) - Tensor::<3>::from_data(truth, &device);
     let places = smooth(apart.clone().narrow(2, 0, 2)).sum_dim(2);

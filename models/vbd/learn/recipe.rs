@@ -11,7 +11,7 @@ use super::super::network::VbdConfig;
 pub struct Recipe {
     /// Sizes of the network.
     pub network: VbdConfig,
-    /// How much of a scene it sees.
+    /// Limits of its input.
     pub sight: Sight,
     /// Weight of the behaviour predictor in the loss.
     pub predictor: f64,

@@ -30,8 +30,8 @@ pub struct Sample {
     pub(super) headings: Vec<usize>,
 }
 
-/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is nothing to
-/// learn.
+/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is
+/// nothing to learn.
 pub(super) fn sample(
     scenario: &Scenario,
     recipe: &Recipe,

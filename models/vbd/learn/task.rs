@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use burn::module::Module;
 use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
 use reactsim::rollout::Controller;
@@ -107,11 +106,7 @@ impl Task for Denoising {
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let varied = match view {
-            View::Varied(stream) => Some(stream),
-            View::Plain => None,
-        };
-        sample(scenario, &self.recipe, &self.anchors, varied)
+        sample(scenario, &self.recipe, &self.anchors, view.stream())
     }
 
     fn loss(&self, model: &Vbd, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
@@ -134,14 +129,7 @@ impl Task for Denoising {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let points: Vec<[f64; 2]> = crate::models::perception::Class::ALL
-            .into_iter()
-            .flat_map(|class| self.anchors.of(class).iter().map(|p| [p.x, p.y]))
-            .collect();
-        let mut all = serde_json::json!({
-            "recipe": self.recipe,
-            "anchors": { "made": self.anchors.provenance(), "points": points },
-        });
+        let mut all = serde_json::json!({ "recipe": self.recipe, "anchors": self.anchors.describe() });
         if let Some((_, digest)) = &self.from {
             all["from"] = digest.as_str().into();
         }
@@ -152,7 +140,7 @@ impl Task for Denoising {
 impl SimulatorTask for Denoising {
     fn controller(&self, network: &Vbd) -> Result<Controller, String> {
         let parameters = parameters().map_err(|e| e.to_string())?;
-        let policy = self.policy(&network.clone().valid());
+        let policy = self.policy(network);
         Ok(Controller::Fair(Box::new(VbdSimulator::new("vbd", policy, parameters, self.device.clone()))))
     }
 }

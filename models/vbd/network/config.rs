@@ -3,6 +3,8 @@
 use reactsim::scene::FUTURE;
 use serde::{Deserialize, Serialize};
 
+use crate::models::nn::SizeError;
+
 /// Sizes, stored with the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,23 +27,12 @@ pub struct VbdConfig {
     pub hold: usize,
     /// Number of noise levels.
     pub noise_levels: usize,
-    /// Whether the encoder attends to present elements alone. The public code attends to all of them, and from absent
-    /// ones to all alike.
+    /// Whether the encoder attends to present elements alone. The public code attends to all of them, and
+    /// from absent ones to all alike.
     pub masked: bool,
-    /// Whether a coordinate of exactly 0 says that something is absent, as in the public code; otherwise types alone do.
+    /// Whether a coordinate of exactly 0 says that something is absent, as in the public code; otherwise
+    /// types alone do.
     pub zeros_are_absent: bool,
-}
-
-/// Error of a size that is out of range.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the configuration of the network has {field} = {value}, expected {expected}")]
-pub struct SizeError {
-    /// Field.
-    pub field: &'static str,
-    /// Value.
-    pub value: usize,
-    /// Accepted values.
-    pub expected: &'static str,
 }
 
 impl Default for VbdConfig {
@@ -86,7 +77,7 @@ impl VbdConfig {
     /// # Errors
     /// [`SizeError`], which names the field.
     pub fn check(&self) -> Result<(), SizeError> {
-        let refuse = |field, value, expected| Err(SizeError { field, value, expected });
+        let refuse = |field, value: usize, expected| Err(SizeError { field, value: value as f64, expected });
         let sizes = [
             ("width", self.width),
             ("hidden", self.hidden),

@@ -7,17 +7,16 @@ use burn::tensor::Tensor;
 use super::gelu::GeluLayers;
 use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows};
 
-/// Sources of agents: features, the same for all, plus the relation to each.
-pub(super) struct Sources {
-    /// `[others * each, width]`.
-    pub(super) features: Tensor<2>,
-    /// `[agents, others, width]`; the `each` sources of another share a relation.
-    pub(super) relations: Tensor<3>,
-    /// Added to scores, `[agents or 1, 1, queries or 1, others * each]`.
-    pub(super) closed: Tensor<4>,
+/// Keys and values of one block.
+#[derive(Clone, Debug)]
+pub(super) struct KeysValues<const D: usize> {
+    keys: Tensor<D>,
+    values: Tensor<D>,
 }
 
 /// Attention without a residual, as published, and a feed-forward network, each followed by a norm.
+///
+/// An agent sees a source as the features of it, the same for all agents, plus its relation to it.
 #[derive(Module, Debug)]
 pub(super) struct CrossBlock {
     cross_attention: MultiHeadAttention,
@@ -36,25 +35,45 @@ impl CrossBlock {
         }
     }
 
-    fn attend(&self, queries: Tensor<2>, sources: &Sources) -> Tensor<2> {
-        let [agents, others, width] = sources.relations.dims();
-        let each = sources.features.dims()[0] / others;
-        let attention = &self.cross_attention;
-        // The product of a sum is the sum of the products: relations are multiplied once for all sources of another.
-        let related = |part: Part| {
-            let features = attention.part(part, sources.features.clone()).reshape([1, others, each, width]);
-            let relations = sources.relations.clone().reshape([agents * others, width]);
-            let relations = attention.product(part, relations).done().reshape([agents, others, 1, width]);
-            (relations + features).reshape([agents * others * each, width])
-        };
-        let queries = attention.part(Part::Query, queries);
-        attention.attend(agents, queries, related(Part::Key), related(Part::Value), sources.closed.clone())
+    /// Projects the relations of agents to others, `[agents, others, width]`. The product of a sum is the sum
+    /// of the products, so that relations, which stay, are multiplied once for all features that come with
+    /// them.
+    pub(super) fn relate(&self, relations: &Tensor<3>) -> KeysValues<3> {
+        let [agents, others, width] = relations.dims();
+        let rows = relations.clone().reshape([agents * others, width]);
+        let project =
+            |part| self.cross_attention.summand(part, rows.clone()).reshape([agents, others, width]);
+        KeysValues { keys: project(Part::Key), values: project(Part::Value) }
     }
 
-    /// Maps queries `[agents * queries, width]`.
-    pub(super) fn forward(&self, queries: Tensor<2>, sources: &Sources) -> Tensor<2> {
-        let taken = self.attend(queries, sources);
-        let y = Rows::of(taken).norm(&self.norm_1).done();
+    /// Adds the features of sources, `[others * each, width]`, to relations; the `each` sources of another
+    /// share one.
+    pub(super) fn sources(&self, related: &KeysValues<3>, features: &Tensor<2>) -> KeysValues<2> {
+        let [agents, others, width] = related.keys.dims();
+        let each = features.dims()[0] / others;
+        let add = |part, relations: &Tensor<3>| {
+            let features =
+                self.cross_attention.part(part, features.clone()).reshape([1, others, each, width]);
+            let relations = relations.clone().reshape([agents, others, 1, width]);
+            (relations + features).reshape([agents * others * each, width])
+        };
+        KeysValues { keys: add(Part::Key, &related.keys), values: add(Part::Value, &related.values) }
+    }
+
+    /// Maps queries `[agents * queries, width]`; `closed`, `[agents or 1, 1, queries or 1, sources]`, is
+    /// added to scores.
+    pub(super) fn forward(
+        &self,
+        agents: usize,
+        queries: Tensor<2>,
+        sources: &KeysValues<2>,
+        closed: &Tensor<4>,
+    ) -> Tensor<2> {
+        let attention = &self.cross_attention;
+        let queries = attention.part(Part::Query, queries);
+        let KeysValues { keys, values } = sources.clone();
+        let taken = attention.output(attention.take(agents, queries, keys, values, closed.clone()));
+        let y = taken.norm(&self.norm_1).done();
         Rows::of(y.clone() + self.ffn.forward(y)).norm(&self.norm_2).done()
     }
 }

@@ -2,10 +2,10 @@
 
 use burn::module::Module;
 use burn::nn::Embedding;
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 
 use super::config::VbdConfig;
-use super::cross_block::{CrossBlock, Sources};
+use super::cross_block::{CrossBlock, KeysValues};
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
 use super::scene_encoder::rows_of;
@@ -27,6 +27,18 @@ pub(super) struct Decoder {
     decoder: EluHead,
 }
 
+/// A scene with all that stays the same while the plans of its first agents are denoised.
+#[derive(Clone, Debug)]
+pub struct DenoisingScene {
+    pub(super) agents: usize,
+    /// Added to scores among plans, `[agents, 1, actions, agents * actions]`.
+    plans_closed: Tensor<4>,
+    /// Added to scores of elements, `[1, 1, 1, elements]`.
+    scenery_closed: Tensor<4>,
+    /// By pair of blocks: relations among agents, and elements as agents see them.
+    sources: Vec<(KeysValues<3>, KeysValues<2>)>,
+}
+
 impl Denoiser {
     pub(super) fn init(config: &VbdConfig, init: &mut Initializer) -> Self {
         let (d, h) = (config.width, config.hidden);
@@ -43,11 +55,29 @@ impl Denoiser {
         }
     }
 
-    /// Returns the clean actions, `[agents, actions, 2]`, normalised. `states`, `[agents, states, 5]`, are those to which
-    /// the noisy actions lead, in each agent's own frame.
+    /// Prepares the denoising of the plans of the first agents of a scene: what stays the same at all noise
+    /// levels.
+    pub(super) fn prepare(&self, scene: &Encoded, agents: usize, config: &VbdConfig) -> DenoisingScene {
+        let among_agents = scene.relations(agents, agents);
+        let to_all = scene.relations(agents, scene.elements.dims()[0]);
+        let of_pair = |pair: &[CrossBlock; 2]| {
+            let [among, around] = pair;
+            (among.relate(&among_agents), around.sources(&around.relate(&to_all), &scene.elements))
+        };
+        let pairs = self.decoder.attention_layers.as_chunks::<2>().0;
+        DenoisingScene {
+            agents,
+            plans_closed: later_actions_of_others(agents, config.actions, &scene.elements.device()),
+            scenery_closed: scene.closed.clone(),
+            sources: pairs.iter().map(of_pair).collect(),
+        }
+    }
+
+    /// Returns the clean actions, `[agents, actions, 2]`, normalised. `states`, `[agents, states, 5]`, are
+    /// those to which the noisy actions lead, in each agent's own frame.
     pub(super) fn forward(
         &self,
-        scene: &Encoded,
+        scene: &DenoisingScene,
         states: Tensor<3>,
         level: usize,
         config: &VbdConfig,
@@ -62,29 +92,22 @@ impl Denoiser {
         let when = time_embedding.weight.val() + level;
         let first =
             (held.reshape([agents, actions, d]) + when.unsqueeze_dim::<3>(0)).reshape([agents * actions, d]);
-        let relations = scene.relations(agents, agents);
-        let closed = later_actions_of_others(agents, actions, &first);
-        let scenery = Sources {
-            features: scene.elements.clone(),
-            relations: scene.relations(agents, scene.elements.dims()[0]),
-            closed: scene.closed.clone(),
-        };
         let mut x = first.clone();
-        for (i, pair) in attention_layers.chunks(2).enumerate() {
+        let pairs = attention_layers.as_chunks::<2>().0.iter();
+        for (i, ([among, around], (related, scenery))) in pairs.zip(&scene.sources).enumerate() {
             if i > 0 {
                 x = x + first.clone();
             }
-            let [among, around] = pair else { break };
-            let features = x.clone();
-            let plans = Sources { features, relations: relations.clone(), closed: closed.clone() };
-            x = around.forward(among.forward(x, &plans), &scenery);
+            let plans = among.sources(related, &x);
+            x = among.forward(agents, x, &plans, &scene.plans_closed);
+            x = around.forward(agents, x, scenery, &scene.scenery_closed);
         }
         decoder.forward(x).reshape([agents, actions, 2])
     }
 }
 
 /// Closes the later actions of others, `[agents, 1, actions, agents * actions]`.
-fn later_actions_of_others(agents: usize, actions: usize, like: &Tensor<2>) -> Tensor<4> {
+fn later_actions_of_others(agents: usize, actions: usize, device: &Device) -> Tensor<4> {
     let mut closed = Vec::with_capacity(agents * actions * agents * actions);
     for own in 0..agents {
         for now in 0..actions {
@@ -94,5 +117,5 @@ fn later_actions_of_others(agents: usize, actions: usize, like: &Tensor<2>) -> T
         }
     }
     let closed = TensorData::new(closed, [agents, 1, actions, agents * actions]);
-    Tensor::from_data(closed, &like.device())
+    Tensor::from_data(closed, device)
 }

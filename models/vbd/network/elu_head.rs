@@ -3,6 +3,7 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
+use burn::tensor::activation::elu;
 
 use crate::models::nn::{Initializer, linear};
 
@@ -20,8 +21,6 @@ impl EluHead {
 
     /// Maps `[n, inputs]` to `[n, outputs]`.
     pub(super) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        let x = linear(&self.first, x);
-        let elu = x.clone().clamp_min(0.0) + (x.clamp_max(0.0).exp() - 1.0);
-        linear(&self.second, elu)
+        linear(&self.second, elu(linear(&self.first, x), 1.0))
     }
 }

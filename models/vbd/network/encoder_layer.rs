@@ -54,7 +54,8 @@ impl EncoderLayer {
         }
     }
 
-    /// Maps elements `[n, width]` with relations `[n, n, width]`; `closed`, `[n or 1, 1, 1, n or 1]`, is added to scores.
+    /// Maps elements `[n, width]` with relations `[n, n, width]`; `closed`, `[n or 1, 1, 1, n or 1]`, is
+    /// added to scores.
     pub(super) fn forward(&self, x: Tensor<2>, relations: &Tensor<3>, closed: Tensor<4>) -> Tensor<2> {
         let taken = self.qc_attention.forward(x.clone(), relations, closed);
         let x = Rows::of(x + taken).norm(&self.norm_1).done();

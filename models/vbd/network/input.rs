@@ -17,8 +17,9 @@ pub struct Line {
     pub kind: usize,
 }
 
-/// A scene at the current frame. Absent elements are zeros. With `zeros_are_absent`, as in the public code, an element whose x
-/// is exactly 0 is taken for absent, and a coordinate that is exactly 0 stays 0 in the element's own frame.
+/// A scene at the current frame. Absent elements are zeros. With `zeros_are_absent`, as in the public code,
+/// an element whose x is exactly 0 is taken for absent, and a coordinate that is exactly 0 stays 0 in the
+/// element's own frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneInput {
     /// x, y (m), heading (rad), velocity x, y (m/s), length, width, height (m).
@@ -68,8 +69,8 @@ impl SceneInput {
         self.lines.iter().flat_map(features).collect()
     }
 
-    /// Returns the relations of all pairs, `[elements * elements, 3]`: position of the first less that of the second in
-    /// the frame of the first (m), and the difference of headings (rad), 0 with a light.
+    /// Returns the relations of all pairs, `[elements * elements, 3]`: position of the first less that of the
+    /// second in the frame of the first (m), and the difference of headings (rad), 0 with a light.
     pub(super) fn relations(&self, zeros_are_absent: bool) -> Vec<f32> {
         let agents = self.agents.iter().map(|a| ([a[0], a[1]], Some(a[2])));
         let lines = self.lines.iter().map(|line| {

@@ -1,8 +1,8 @@
 //! The network.
 //!
-//! Tensors have the names and shapes of the public code, so that its state dict loads. A scene is computed at a time:
-//! its elements are the agents, then the map lines, then the lights. [`SceneInput`] describes them in the frame of
-//! the map; the network sees each in its own frame, and the relations of all pairs.
+//! Tensors have the names and shapes of the public code, so that its state dict loads. A scene is computed at
+//! a time: its elements are the agents, then the map lines, then the lights. [`SceneInput`] describes them in
+//! the frame of the map; the network sees each in its own frame, and the relations of all pairs.
 
 mod config;
 mod cross_block;
@@ -18,9 +18,10 @@ mod predictor;
 mod scene_encoder;
 mod vbd;
 
-pub use config::{SizeError, VbdConfig};
+pub use config::VbdConfig;
+pub use denoiser::DenoisingScene;
 pub use encoded::Encoded;
 pub use input::{Line, SceneInput};
 pub use predictor::Behaviours;
 pub use vbd::Vbd;
-pub(super) use vbd::{DEVIATIONS, unnormalized};
+pub(super) use vbd::{DEVIATIONS, own_motion, unnormalized};

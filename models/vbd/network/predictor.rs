@@ -4,7 +4,7 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 
 use super::config::VbdConfig;
-use super::cross_block::{CrossBlock, Sources};
+use super::cross_block::CrossBlock;
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
 use crate::models::nn::{Initializer, PlainMlp};
@@ -47,17 +47,16 @@ impl Predictor {
         let anchors = self.anchor_encoder.forward(anchors.reshape([agents * count, 2]));
         let own = scene.agents(agents).unsqueeze_dim::<3>(1);
         let first = (anchors.reshape([agents, count, d]) + own).reshape([agents * count, d]);
-        let sources = Sources {
-            features: scene.elements.clone(),
-            relations: scene.relations(agents, elements),
-            closed: scene.closed.clone(),
-        };
+        let relations = scene.relations(agents, elements);
         let mut x = first.clone();
         for (i, pair) in self.attention_layers.chunks(2).enumerate() {
             if i > 0 {
                 x = x + first.clone();
             }
-            x = pair.iter().fold(x, |x, block| block.forward(x, &sources));
+            x = pair.iter().fold(x, |x, block| {
+                let sources = block.sources(&block.relate(&relations), &scene.elements);
+                block.forward(agents, x, &sources, &scene.closed)
+            });
         }
         let actions = self.act_decoder.forward(x.clone());
         Behaviours {

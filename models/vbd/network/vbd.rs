@@ -4,12 +4,12 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::config::VbdConfig;
-use super::denoiser::Denoiser;
+use super::denoiser::{Denoiser, DenoisingScene};
 use super::encoded::Encoded;
 use super::input::SceneInput;
 use super::predictor::{Behaviours, Predictor};
 use super::scene_encoder::SceneEncoder;
-use crate::models::diffusion::{MotionNoise, roll_out};
+use crate::models::diffusion::roll_out;
 use crate::models::nn::Initializer;
 
 /// Deviation of accelerations, m/s², and yaw rates, rad/s: normalised actions have deviation 1.
@@ -38,30 +38,43 @@ impl Vbd {
         self.encoder.forward(scene, config, device)
     }
 
-    /// Predicts the behaviours of the first agents of a scene towards anchors, `[agents, anchors, 2]`, which are in their
-    /// frames, metres.
+    /// Predicts the behaviours of the first agents of a scene towards anchors, `[agents, anchors, 2]`, which
+    /// are in their frames, metres.
     pub fn behaviours(&self, scene: &Encoded, anchors: Tensor<3>, config: &VbdConfig) -> Behaviours {
         self.predictor.forward(scene, anchors, config)
     }
 
-    /// Returns the clean actions, `[agents, actions, 2]`, that the network takes noisy ones for; both normalised.
-    /// `speeds` are those of the first agents of the scene, `[agents, 1]`, m/s; `level` is the noise level, from 0.
+    /// Prepares the denoising of the plans of the first agents of a scene.
+    pub fn prepare(&self, scene: &Encoded, agents: usize, config: &VbdConfig) -> DenoisingScene {
+        self.denoiser.prepare(scene, agents, config)
+    }
+
+    /// Returns the clean actions, `[agents, actions, 2]`, that the network takes noisy ones for; both
+    /// normalised. `speeds` are those of the agents, `[agents, 1]`, m/s; `level` is the noise level, from 0.
     pub fn denoise(
         &self,
-        scene: &Encoded,
+        scene: &DenoisingScene,
         noisy: Tensor<3>,
         speeds: &Tensor<2>,
         level: usize,
         config: &VbdConfig,
-        noise: Option<&MotionNoise>,
     ) -> Tensor<3> {
-        // Every agent starts at the origin of its frame.
-        let [agents, _] = speeds.dims();
-        let nothing = |columns| Tensor::<2>::zeros([agents, columns], &speeds.device());
-        let start = Tensor::cat(vec![nothing(3), speeds.clone(), nothing(1)], 1);
-        let states = roll_out(&start, unnormalized(noisy), config.hold, noise);
-        self.denoiser.forward(scene, states, level, config)
+        debug_assert_eq!([scene.agents, 1], speeds.dims());
+        self.denoiser.forward(scene, own_motion(noisy, speeds, config), level, config)
     }
+}
+
+/// Returns the states to which normalised actions, `[agents, actions, 2]`, lead from speeds, `[agents, 1]`,
+/// m/s, each agent starting at the origin of its frame: `[agents, states, 5]`.
+pub(in crate::models::vbd) fn own_motion(
+    actions: Tensor<3>,
+    speeds: &Tensor<2>,
+    config: &VbdConfig,
+) -> Tensor<3> {
+    let agents = speeds.dims()[0];
+    let nothing = |columns| Tensor::<2>::zeros([agents, columns], &speeds.device());
+    let start = Tensor::cat(vec![nothing(3), speeds.clone(), nothing(1)], 1);
+    roll_out(&start, unnormalized(actions), config.hold, None)
 }
 
 /// Returns actions, `[n, actions, 2]`, in m/s² and rad/s.

@@ -92,7 +92,8 @@ fn what_can_not_be_meant_is_refused_and_named() {
     let speeds = |i: usize| [4.0, 7.0].map(|speed| straight(&all[i], speed));
     let two = [speeds(0), speeds(1)].concat();
 
-    // All candidates of a scenario, in the order of the file; one that repeats another counts as a repetition.
+    // All candidates of a scenario, in the order of the file; one that repeats another counts as a
+    // repetition.
     let (code, said) = run(json!(two), &[]);
     assert_eq!(code, Some(0), "{said}");
     let kept = records(&out);

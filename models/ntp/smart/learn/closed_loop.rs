@@ -1,5 +1,5 @@
-//! Samples of trainings in closed loop: the tokenised history of a scene, from which the network drives, and the
-//! record.
+//! Samples of trainings in closed loop: the tokenised history of a scene, from which the network drives, and
+//! the record.
 
 use rand::RngExt;
 use reactsim::dynamics::Pose;
@@ -10,7 +10,7 @@ use super::super::super::token_loss::loss_weight;
 use super::super::super::tokens::{
     MapVocabulary, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, curve_pieces, token_of_motion,
 };
-use super::super::Scene;
+use super::super::{Episode, InputError, Scene, Smart, TokenTables};
 use super::tracked::{LoggedScene, scene_without_agents, tracked_agents};
 use crate::models::perception::Class;
 
@@ -100,9 +100,24 @@ pub(super) fn sample(
     driven.iter().any(learns).then_some(ClosedLoopSample { scene, agents })
 }
 
+impl ClosedLoopSample {
+    /// Begins a rollout: the episode has seen all of the history but its last step.
+    ///
+    /// # Errors
+    /// [`InputError`] if the network cannot read the sample.
+    pub(super) fn begin(&self, network: &Smart, tables: &TokenTables) -> Result<Episode, InputError> {
+        let map = network.encode_map(tables, &self.scene.map)?;
+        let mut episode = network.begin(tables, map, self.scene.agents.clone())?;
+        for earlier in &self.scene.steps[..HISTORY - 1] {
+            network.advance(tables, &mut episode, earlier.clone())?;
+        }
+        Ok(episode)
+    }
+}
+
 impl RecordedAgent {
-    /// Follows the record from a pose for a step: the recorded pose at its end, `None` if there is none, and the
-    /// token that describes the motion best.
+    /// Follows the record from a pose for a step: the recorded pose at its end, `None` if there is none, and
+    /// the token that describes the motion best.
     pub(super) fn follow(&self, pose: Pose, step: usize, vocabulary: &Vocabulary) -> (Option<Pose>, usize) {
         match self.record[step] {
             Some(goal) => (Some(goal), token_of_motion(vocabulary, self.class, pose, goal).0),

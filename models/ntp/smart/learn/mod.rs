@@ -2,6 +2,7 @@
 
 pub mod catk;
 mod closed_loop;
+mod fine_tuning;
 pub mod grpo;
 mod recipe;
 mod sample;

@@ -134,12 +134,8 @@ impl Task for NextSmartToken {
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let varied = match view {
-            View::Varied(stream) => Some(stream),
-            View::Plain => None,
-        };
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, varied)
+        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream())
     }
 
     fn loss(&self, model: &Smart, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

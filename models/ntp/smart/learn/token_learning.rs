@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Int, Tensor};
 use reactsim::models::nn::Noise;
 use reactsim::rollout::Controller;
 use reactsim::training::Output;
@@ -16,6 +16,7 @@ use super::super::{
     Batch, Scene, Smart, SmartPolicy, SmartSimulator, TokenTables, Vocabulary as Shapes, token_shapes,
 };
 use super::Sample;
+use crate::models::perception::Class;
 
 /// Reason why the network reads every sample.
 const READ: &str = "samples and networks are made for these vocabularies and this configuration";
@@ -77,18 +78,16 @@ impl TokenLearning {
         noise: &mut Noise,
     ) -> Output {
         let scores = self.scores(network, samples.iter().map(|s| &s.scene), device, noise);
-        let (mut targets, mut nodes) = (Vec::new(), 0);
-        for Sample { scene, targets: own } in samples {
-            targets.extend(own.iter().map(|t| Target { row: t.row + nodes, ..*t }));
-            nodes += scene.agents.len() * scene.steps.len();
-        }
-        token_loss(&targets, distributions, device, |class, rows| {
-            scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
-        })
+        let firsts = first_rows(samples.iter().map(|s| &s.scene));
+        let shifted = |(sample, first): (&Sample, usize)| {
+            sample.targets.iter().map(|t| Target { row: t.row + first, ..*t }).collect::<Vec<_>>()
+        };
+        let targets: Vec<Target> = samples.iter().zip(firsts).flat_map(shifted).collect();
+        token_loss(&targets, distributions, device, |class, rows| self.of_class(&scores, class, rows))
     }
 
-    /// Returns the loss of a network with autodiff by a policy gradient, held near a reference network without
-    /// autodiff: the tokens that were drawn in each scene, and how agents fared.
+    /// Returns the loss of a network with autodiff by a policy gradient, held near a reference network
+    /// without autodiff: the tokens that were drawn in each scene, and how agents fared.
     pub(super) fn policy_loss(
         &self,
         network: &Smart,
@@ -101,17 +100,18 @@ impl TokenLearning {
         let noise = &mut Noise::none();
         let scores = self.scores(network, scenes.iter(), &device, noise);
         let fixed = self.scores(reference, scenes.iter(), &self.device, noise);
-        let (mut all, mut nodes) = (Vec::new(), 0);
-        for (scene, own) in scenes.iter().zip(choices) {
-            let moved = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + nodes, ..c.drawn }, ..*c };
-            all.extend(own.iter().map(moved));
-            nodes += scene.agents.len() * scene.steps.len();
-        }
-        let rows_of = |scores: &Tensor<2>, class, rows| {
-            scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
+        let shifted = |(own, first): (&Vec<Choice>, usize)| {
+            let shifted = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + first, ..c.drawn }, ..*c };
+            own.iter().map(shifted).collect::<Vec<_>>()
         };
-        let current = |class, rows| rows_of(&scores, class, rows);
-        policy_loss(&all, anchor, &device, current, |class, rows| rows_of(&fixed, class, rows))
+        let all: Vec<Choice> = choices.iter().zip(first_rows(scenes.iter())).flat_map(shifted).collect();
+        let current = |class, rows| self.of_class(&scores, class, rows);
+        policy_loss(&all, anchor, &device, current, |class, rows| self.of_class(&fixed, class, rows))
+    }
+
+    /// Returns the scores of rows of nodes for the tokens of a class, [rows, tokens of the class].
+    fn of_class(&self, scores: &Tensor<2>, class: Class, rows: Tensor<1, Int>) -> Tensor<2> {
+        scores.clone().select(0, rows).narrow(1, 0, self.vocabulary.tokens(class))
     }
 
     /// Returns the scores of all nodes of scenes, [nodes, tokens].
@@ -144,4 +144,13 @@ impl TokenLearning {
         let parameters = smart_parameters().map_err(|e| e.to_string())?;
         Ok(Controller::Fair(Box::new(SmartSimulator::new("smart", self.policy(network)?, parameters))))
     }
+}
+
+/// Returns the row of the first node of each scene in a batch.
+fn first_rows<'s>(scenes: impl Iterator<Item = &'s Scene>) -> impl Iterator<Item = usize> {
+    scenes.scan(0, |next, scene| {
+        let first = *next;
+        *next += scene.agents.len() * scene.steps.len();
+        Some(first)
+    })
 }

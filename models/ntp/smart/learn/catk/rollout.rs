@@ -23,14 +23,10 @@ pub(super) fn roll_out(
     vocabulary: &Vocabulary,
     mut stream: Option<&mut Stream>,
 ) -> Result<Sample, InputError> {
-    let map = network.encode_map(tables, &sample.scene.map)?;
-    let mut episode = network.begin(tables, map, sample.scene.agents.clone())?;
+    let mut episode = sample.begin(network, tables)?;
     let mut scene = sample.scene.clone();
     let (mut targets, steps) = (Vec::new(), HISTORY + recipe.steps);
     let mut poses: Vec<Option<Pose>> = sample.agents.iter().map(|agent| agent.pose).collect();
-    for earlier in &scene.steps[..HISTORY - 1] {
-        network.advance(tables, &mut episode, earlier.clone())?;
-    }
     for step in 0..recipe.steps {
         let now = HISTORY - 1 + step;
         let scores = network.step(tables, &mut episode, scene.steps[now].clone())?;
@@ -90,8 +86,8 @@ fn likeliest(scores: &[f32], most: usize) -> Vec<usize> {
     order
 }
 
-/// Returns the likeliest tokens with the distances of their ends to the record (sums over four corners, metres),
-/// the nearest first. Of equal distances, the lower index comes first.
+/// Returns the likeliest tokens with the distances of their ends to the record (sums over four corners,
+/// metres), the nearest first. Of equal distances, the lower index comes first.
 fn nearest_of_likeliest(
     scores: &[f32],
     goal: Pose,

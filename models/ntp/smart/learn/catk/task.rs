@@ -10,6 +10,7 @@ use reactsim::training::{Output, Settings, Stream, Task, View};
 use super::super::super::{InputError, Scene, Smart, SmartPolicy};
 use super::super::Sample;
 use super::super::closed_loop::{ClosedLoopSample, sample};
+use super::super::fine_tuning::FineTuning;
 use super::super::sample::forget_unseen_pieces;
 use super::super::token_learning::TokenLearning;
 use super::CatkRecipe;
@@ -52,20 +53,15 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
 /// The fine-tuning task.
 pub struct ClosestAmongTopK {
     recipe: CatkRecipe,
-    tokens: TokenLearning,
-    /// The network to start from, on a device with autodiff.
-    parent: Smart,
-    /// Digest of its file.
-    digest: String,
+    tuning: FineTuning,
 }
 
 impl ClosestAmongTopK {
     /// Builds a task on this device, which must be one without autodiff. The parent must be on the same with
     /// autodiff; `digest` names it.
     pub fn new(recipe: CatkRecipe, parent: SmartPolicy, digest: String, device: &Device) -> Self {
-        let SmartPolicy { vocabulary, map_vocabulary, network, .. } = parent;
-        let tokens = TokenLearning::new(vocabulary, map_vocabulary, &recipe.smoothing, device);
-        Self { recipe, tokens, parent: network, digest }
+        let tuning = FineTuning::new(parent, digest, &recipe.smoothing, device);
+        Self { recipe, tuning }
     }
 
     /// Rolls a sample out with a network without gradients: the history, then the steps that it drives.
@@ -79,8 +75,8 @@ impl ClosestAmongTopK {
         sample: &ClosedLoopSample,
         stream: Option<&mut Stream>,
     ) -> Result<Scene, InputError> {
-        let tables = self.tokens.tables(network);
-        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary, stream)?.scene)
+        let tables = self.tuning.tokens.tables(network);
+        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tuning.tokens.vocabulary, stream)?.scene)
     }
 
     /// Returns samples as a network without gradients drives in them.
@@ -90,7 +86,7 @@ impl ClosestAmongTopK {
         samples: &[ClosedLoopSample],
         mut stream: Option<&mut Stream>,
     ) -> Vec<Sample> {
-        let (tables, vocabulary) = (self.tokens.tables(network), &self.tokens.vocabulary);
+        let (tables, vocabulary) = (self.tuning.tokens.tables(network), &self.tuning.tokens.vocabulary);
         let drive = |sample| {
             let stream = stream.as_deref_mut();
             let mut driven = roll_out(network, &tables, sample, &self.recipe, vocabulary, stream)
@@ -108,43 +104,36 @@ impl Task for ClosestAmongTopK {
     type Model = Smart;
 
     fn init(&self, _seed: u64) -> Smart {
-        self.parent.clone().with_frozen_embeddings()
+        self.tuning.initial()
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<ClosedLoopSample> {
-        let varied = match view {
-            View::Varied(stream) => Some(stream),
-            View::Plain => None,
-        };
-        sample(scenario, &self.recipe.excerpt(), &self.tokens.vocabulary, &self.tokens.map_vocabulary, varied)
+        let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tuning.tokens;
+        sample(scenario, &self.recipe.excerpt(), vocabulary, map_vocabulary, view.stream())
     }
 
     fn loss(&self, model: &Smart, samples: &[ClosedLoopSample], stream: Option<&mut Stream>) -> Output {
         match stream {
             Some(stream) => {
                 let driven = self.driven(&model.valid(), samples, Some(stream));
-                self.tokens.loss(model, &driven, &mut Noise::none())
+                self.tuning.tokens.loss(model, &driven, &mut Noise::none())
             }
             // Validation has no stream and no autodiff.
-            None => self.tokens.plain_loss(model, &self.driven(model, samples, None)),
+            None => self.tuning.tokens.plain_loss(model, &self.driven(model, samples, None)),
         }
     }
 
     fn file(&self, model: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
-        self.tokens.file(model, about)
+        self.tuning.tokens.file(model, about)
     }
 
     fn describe(&self) -> serde_json::Value {
-        serde_json::json!({
-            "recipe": self.recipe,
-            "from": self.digest,
-            "parameters": self.parent.num_params(),
-        })
+        self.tuning.describe(&self.recipe)
     }
 }
 
 impl SimulatorTask for ClosestAmongTopK {
     fn controller(&self, network: &Smart) -> Result<Controller, String> {
-        self.tokens.controller(network)
+        self.tuning.tokens.controller(network)
     }
 }

@@ -29,11 +29,11 @@ pub struct GrpoRecipe {
     pub stretch: f64,
     /// Settings for drawing tokens.
     pub sampling: Sampling,
-    /// What is rewarded.
+    /// Rewards and fines.
     pub rewards: Rewards,
 }
 
-/// What agents are fined for, and how far they look ahead.
+/// Fines of agents, and how far they look ahead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rewards {

@@ -15,10 +15,11 @@ const BEHIND: f64 = 150.0;
 /// Poses between steps and at their ends, by agent, then frame. Frame 0 is the end of the history.
 pub(super) type Paths = Vec<Vec<Option<Pose>>>;
 
-/// What a rollout brought about.
+/// Result of a rollout.
 #[derive(Debug, Default)]
 pub(super) struct Outcome {
-    /// Discounted reward from every step on, by agent, then step. The token of step 0 leads away from the history.
+    /// Discounted reward from every step on, by agent, then step. The token of step 0 leads away from the
+    /// history.
     pub(super) returns: Vec<Vec<f64>>,
     /// Number of agents that brought about a contact with the AV.
     pub(super) av_contacts: usize,
@@ -75,8 +76,8 @@ fn returns(fines: &[f64], discount: f64) -> Vec<f64> {
     sums
 }
 
-/// Returns the frames of the first contacts of an agent, with the AV and with others, if it brings them about:
-/// it moves, and the other is not behind it. Contacts that exist at frame 0 do not count.
+/// Returns the frames of the first contacts of an agent, with the AV and with others, if it brings them
+/// about: it moves, and the other is not behind it. Contacts that exist at frame 0 do not count.
 fn first_contacts(agents: &[RecordedAgent], paths: &Paths, a: usize, dt: f64) -> [Option<usize>; 2] {
     let mut first = [None; 2];
     if a == AV {

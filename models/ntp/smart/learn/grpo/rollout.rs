@@ -40,11 +40,7 @@ pub(super) fn group(
     vocabulary: &Vocabulary,
     stream: &mut Stream,
 ) -> Result<Vec<Rollout>, InputError> {
-    let map = network.encode_map(tables, &sample.scene.map)?;
-    let mut episode = network.begin(tables, map, sample.scene.agents.clone())?;
-    for earlier in &sample.scene.steps[..HISTORY - 1] {
-        network.advance(tables, &mut episode, earlier.clone())?;
-    }
+    let episode = sample.begin(network, tables)?;
     (0..recipe.rollouts)
         .map(|_| drive(network, tables, episode.clone(), sample, recipe, vocabulary, stream))
         .collect()
@@ -99,8 +95,8 @@ fn drive(
     Ok(Rollout { scene, drawn, outcome })
 }
 
-/// Returns the tokens drawn in each rollout of a group, with how much better the agent fared from there on than in
-/// the other rollouts. The mean of these is the baseline, so that the gradient is unbiased.
+/// Returns the tokens drawn in each rollout of a group, with how much better the agent fared from there on
+/// than in the other rollouts. The mean of these is the baseline, so that the gradient is unbiased.
 pub(super) fn choices(group: &[Rollout]) -> Vec<Vec<Choice>> {
     let others = (group.len() - 1) as f64;
     let compared = |rollout: &Rollout| {

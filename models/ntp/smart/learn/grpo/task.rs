@@ -10,6 +10,7 @@ use reactsim::training::{Output, Settings, Stream, Sums, Task, View};
 use super::super::super::super::smoothing::Smoothing;
 use super::super::super::{Smart, SmartPolicy};
 use super::super::closed_loop::{AV, ClosedLoopSample, sample};
+use super::super::fine_tuning::FineTuning;
 use super::super::sample::forget_unseen_pieces;
 use super::super::token_learning::TokenLearning;
 use super::GrpoRecipe;
@@ -45,23 +46,17 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
 /// The fine-tuning task.
 pub struct GroupRelative {
     recipe: GrpoRecipe,
-    tokens: TokenLearning,
-    /// The network to start from, on a device with autodiff.
-    parent: Smart,
-    /// The same without autodiff.
+    tuning: FineTuning,
+    /// The network to start from, without autodiff.
     reference: Smart,
-    /// Digest of its file.
-    digest: String,
 }
 
 impl GroupRelative {
     /// Builds a task on this device, which must be one without autodiff. The parent must be on the same with
     /// autodiff; `digest` names it.
     pub fn new(recipe: GrpoRecipe, parent: SmartPolicy, digest: String, device: &Device) -> Self {
-        let SmartPolicy { vocabulary, map_vocabulary, network, .. } = parent;
-        let smoothing = Smoothing { uniform: 0.0, spatial: 0.0 };
-        let tokens = TokenLearning::new(vocabulary, map_vocabulary, &smoothing, device);
-        Self { recipe, tokens, reference: network.valid(), parent: network, digest }
+        let tuning = FineTuning::new(parent, digest, &Smoothing { uniform: 0.0, spatial: 0.0 }, device);
+        Self { recipe, reference: tuning.reference(), tuning }
     }
 
     /// Drives every sample several times with a network without gradients.
@@ -71,10 +66,11 @@ impl GroupRelative {
         samples: &[ClosedLoopSample],
         stream: &mut Stream,
     ) -> Vec<Vec<Rollout>> {
-        let tables = self.tokens.tables(network);
+        let tables = self.tuning.tokens.tables(network);
         let drive = |sample| {
-            let mut rollouts = group(network, &tables, sample, &self.recipe, &self.tokens.vocabulary, stream)
-                .expect("samples are made for networks of this configuration");
+            let mut rollouts =
+                group(network, &tables, sample, &self.recipe, &self.tuning.tokens.vocabulary, stream)
+                    .expect("samples are made for networks of this configuration");
             for rollout in &mut rollouts {
                 forget_unseen_pieces(&mut rollout.scene, network.config());
             }
@@ -83,8 +79,8 @@ impl GroupRelative {
         samples.iter().map(drive).collect()
     }
 
-    /// Returns the mean reward of driven agents from the first step on and the number of agents with contacts, per
-    /// rollout, with the number of rollouts.
+    /// Returns the mean reward of driven agents from the first step on and the number of agents with
+    /// contacts, per rollout, with the number of rollouts.
     fn summary(&self, groups: &[Vec<Rollout>]) -> Sums {
         let mut sums = Sums::new();
         let driven = if self.recipe.external_av { AV + 1 } else { AV };
@@ -104,16 +100,12 @@ impl Task for GroupRelative {
     type Model = Smart;
 
     fn init(&self, _seed: u64) -> Smart {
-        self.parent.clone().with_frozen_embeddings()
+        self.tuning.initial()
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<ClosedLoopSample> {
-        let varied = match view {
-            View::Varied(stream) => Some(stream),
-            View::Plain => None,
-        };
-        let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        sample(scenario, &self.recipe.excerpt(), vocabulary, map_vocabulary, varied)
+        let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tuning.tokens;
+        sample(scenario, &self.recipe.excerpt(), vocabulary, map_vocabulary, view.stream())
     }
 
     /// In validation, the loss is the negative reward, by draws that are always the same.
@@ -123,33 +115,33 @@ impl Task for GroupRelative {
             let metrics = self.summary(&groups);
             let items = metrics.weight("reward");
             let loss = -metrics.mean("reward").unwrap_or(0.0) * items;
-            return Output { loss: Tensor::from_floats([loss as f32], &self.tokens.device), items, metrics };
+            return Output {
+                loss: Tensor::from_floats([loss as f32], &self.tuning.tokens.device),
+                items,
+                metrics,
+            };
         };
         let groups = self.groups(&model.valid(), samples, stream);
         let choices: Vec<_> = groups.iter().flat_map(|group| choices(group)).collect();
         let metrics = self.summary(&groups);
         let scenes: Vec<_> = groups.into_iter().flatten().map(|rollout| rollout.scene).collect();
         let mut output =
-            self.tokens.policy_loss(model, &self.reference, &scenes, &choices, self.recipe.anchor);
+            self.tuning.tokens.policy_loss(model, &self.reference, &scenes, &choices, self.recipe.anchor);
         output.metrics.extend(&metrics);
         output
     }
 
     fn file(&self, model: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
-        self.tokens.file(model, about)
+        self.tuning.tokens.file(model, about)
     }
 
     fn describe(&self) -> serde_json::Value {
-        serde_json::json!({
-            "recipe": self.recipe,
-            "from": self.digest,
-            "parameters": self.parent.num_params(),
-        })
+        self.tuning.describe(&self.recipe)
     }
 }
 
 impl SimulatorTask for GroupRelative {
     fn controller(&self, network: &Smart) -> Result<Controller, String> {
-        self.tokens.controller(network)
+        self.tuning.tokens.controller(network)
     }
 }
