@@ -91,6 +91,7 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::SMART,
     ntp::entries::SMART_PROJECTED,
     ntp::entries::SMART_SMALL,
+    ntp::entries::TRAJTOK_SMALL,
     ntp::entries::CATK_SMALL,
     ntp::entries::TOKEN_REPLAY,
     pufferdrive::ENTRY,

@@ -33,7 +33,11 @@ pub(in crate::models) const SMART_PROJECTED: Baseline =
 pub(in crate::models) const SMART_SMALL: Baseline =
     trained("smart-small", include_str!("cards/smart_small.toml"));
 
-/// The same after closed-loop fine-tuning.
+/// The variant of TrajTok, trained likewise.
+pub(in crate::models) const TRAJTOK_SMALL: Baseline =
+    trained("trajtok-small", include_str!("cards/trajtok_small.toml"));
+
+/// SMART-small after closed-loop fine-tuning.
 pub(in crate::models) const CATK_SMALL: Baseline =
     trained("catk-small", include_str!("cards/catk_small.toml"));
 

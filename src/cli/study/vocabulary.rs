@@ -22,7 +22,8 @@ Examples:
   reactsim study vocabulary logs/ --av log --vocabulary fine=fine.safetensors --out studies/mine";
 
 /// Networks that ship, by the name of the vocabulary that they contain.
-const SHIPPED: [(&str, &str); 2] = [("k-disks", "smart-small"), ("kinematic", "ntp-reactive")];
+const SHIPPED: [(&str, &str); 3] =
+    [("k-disks", "smart-small"), ("trajtok", "trajtok-small"), ("kinematic", "ntp-reactive")];
 
 /// Arguments of `study vocabulary`.
 #[derive(Debug, Args)]
