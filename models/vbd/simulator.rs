@@ -87,18 +87,19 @@ fn is_finite(state: &AgentState) -> bool {
     [state.x, state.y, state.heading, state.vx, state.vy].iter().all(|v| v.is_finite())
 }
 
-/// Returns the first states of a plan; agents that stand and hardly move within a second stay.
+/// Returns the states of the next steps by a plan; agents that stand and hardly move within a second stay.
 fn execute(plan: &[AgentState], now: AgentState, steps: usize) -> Vec<AgentState> {
     let stands = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
     let soon = plan.get(SOON - 1).or(plan.last());
     if stands && soon.is_none_or(|s| (s.position() - now.position()).norm() < SET_OFF_DISTANCE) {
         return vec![AgentState { vx: 0.0, vy: 0.0, ..now }; steps];
     }
-    let last = plan.last().copied().unwrap_or(now);
-    (0..steps).map(|k| plan.get(k).copied().unwrap_or(last)).collect()
+    let mut states: Vec<AgentState> = plan.iter().take(steps).copied().collect();
+    states.extend(go_on(plan.last().copied().unwrap_or(now), steps - states.len()));
+    states
 }
 
-/// Returns the states of an agent that the network does not see: it keeps its velocity.
+/// Returns the states of an agent beyond its plan, or one that the network does not see: it keeps its velocity.
 fn go_on(now: AgentState, steps: usize) -> Vec<AgentState> {
     let v = now.velocity().unwrap_or_default();
     let after = |k: usize| {
@@ -106,4 +107,29 @@ fn go_on(now: AgentState, steps: usize) -> Vec<AgentState> {
         AgentState { x: p.x, y: p.y, heading: now.heading, vx: v.x, vy: v.y }
     };
     (1..=steps).map(after).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64, vx: f64) -> AgentState {
+        AgentState { x, y: 2.0, heading: 0.0, vx, vy: 0.0 }
+    }
+
+    #[test]
+    fn agents_go_on_beyond_their_plans() {
+        let states = execute(&[at(1.0, 10.0), at(2.0, 12.0)], at(0.0, 10.0), 4);
+        let x: Vec<f64> = states.iter().map(|s| s.x).collect();
+        assert!(x.iter().zip([1.0, 2.0, 3.2, 4.4]).all(|(x, wanted)| (x - wanted).abs() < 1e-12), "{x:?}");
+        assert_eq!(execute(&[at(1.0, 10.0), at(2.0, 12.0)], at(0.0, 10.0), 1), [at(1.0, 10.0)]);
+    }
+
+    #[test]
+    fn agents_that_stand_set_off_by_more_than_a_twitch() {
+        let creeping: Vec<AgentState> = (1..=10).map(|k| at(0.01 * f64::from(k), 0.1)).collect();
+        assert_eq!(execute(&creeping, at(0.0, 0.0), 5), [at(0.0, 0.0); 5]);
+        let leaving: Vec<AgentState> = (1..=10).map(|k| at(0.03 * f64::from(k), 0.3)).collect();
+        assert_eq!(execute(&leaving, at(0.0, 0.0), 5), leaving[..5]);
+    }
 }

@@ -103,7 +103,7 @@ fn a_file_gives_the_same_policy_and_foreign_and_damaged_ones_are_refused() {
     let refusal = |bytes: &[u8]| VbdPolicy::read(bytes, &device()).unwrap_err().to_string();
     check_refusals(&good, refusal);
     for (config, field) in [
-        (VbdConfig { hold: 3, ..small().network }, "actions"),
+        (VbdConfig { hold: 9, ..small().network }, "actions"),
         (VbdConfig { width: 15, ..small().network }, "width"),
         (VbdConfig { noise_levels: 1, ..small().network }, "noise_levels"),
     ] {

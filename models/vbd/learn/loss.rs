@@ -4,7 +4,6 @@
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::RngExt;
-use reactsim::scene::FUTURE;
 use reactsim::training::{Output, Stream, Sums};
 
 use super::super::network::{Vbd, VbdConfig, own_motion};
@@ -83,13 +82,13 @@ fn motion_loss(actions: Tensor<3>, speeds: &Tensor<2>, sample: &Sample, config: 
     let device = actions.device();
     let agents = sample.agents.len();
     let states = own_motion(actions, speeds, config);
-    let truth = TensorData::new(sample.truth.clone(), [agents, FUTURE, TRUTH]);
+    let truth = TensorData::new(sample.truth.clone(), [agents, config.states(), TRUTH]);
     let apart = states.narrow(2, 0, TRUTH) - Tensor::<3>::from_data(truth, &device);
     let places = smooth(apart.clone().narrow(2, 0, 2)).sum_dim(2);
     let turns = apart.narrow(2, 2, 1);
     let circles = (turns.clone().detach() / std::f64::consts::TAU).round() * std::f64::consts::TAU;
     let turns = (turns - circles).abs();
-    let weights = TensorData::new(sample.weights.clone(), [agents, FUTURE, 1]);
+    let weights = TensorData::new(sample.weights.clone(), [agents, config.states(), 1]);
     ((places + turns) * Tensor::<3>::from_data(weights, &device)).sum()
 }
 

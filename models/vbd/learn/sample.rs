@@ -1,7 +1,7 @@
 //! Training samples: scenes, and what agents did in them.
 
 use reactsim::geometry::{direction, into_frame, wrap};
-use reactsim::scene::{CURRENT, FUTURE, Frame, Scenario};
+use reactsim::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
 use reactsim::training::Stream;
 
 use super::super::inputs::Seen;
@@ -20,9 +20,9 @@ pub struct Sample {
     pub(super) seen: Seen,
     /// Normalised actions, `[agents, actions, 2]`; 0 where unknown.
     pub(super) actions: Vec<f32>,
-    /// True states in the frames of the agents, `[agents, 80, 3]`: x, y (m), yaw (rad); 0 where unknown.
+    /// True states in the frames of the agents, `[agents, states, 3]`: x, y (m), yaw (rad); 0 where unknown.
     pub(super) truth: Vec<f32>,
-    /// Weights of these states, `[agents, 80]`: those of an agent add up to the agent's weight.
+    /// Weights of these states, `[agents, states]`: those of an agent add up to the agent's weight.
     pub(super) weights: Vec<f32>,
     /// Weight of each agent; 0 if nothing is known of what it did.
     pub(super) agents: Vec<f32>,
@@ -76,31 +76,28 @@ impl Sample {
         anchors: &Intentions,
     ) {
         let from = self.seen.states[agent];
+        let states = recipe.network.states();
         // The current state has a velocity, even if the recorded one has none.
         let mut future: Vec<Frame> = track.iter().skip(now).take(FUTURE + 1).copied().collect();
         future.resize(FUTURE + 1, None);
         future[0] = Some(from);
-        for value in actions(&future, recipe.network.hold).values {
+        for value in actions(&future[..=states], recipe.network.hold).values {
             self.actions.extend([value[0] as f32 / DEVIATIONS[0], value[1] as f32 / DEVIATIONS[1]]);
         }
         let axis = direction(from.heading);
-        let (mut known, mut last) = (0, None);
-        let first = self.truth.len();
-        for state in &future[1..] {
-            let local = state.map(|s| {
-                let at = into_frame(axis, s.position() - from.position());
-                (at, wrap(s.heading - from.heading))
-            });
-            known += usize::from(local.is_some());
-            last = local.map(|l| l.0).or(last);
-            let (at, yaw) = local.unwrap_or_default();
+        let local = |s: &AgentState| {
+            (into_frame(axis, s.position() - from.position()), wrap(s.heading - from.heading))
+        };
+        let first = self.weights.len();
+        for state in &future[1..=states] {
+            let (at, yaw) = state.as_ref().map(local).unwrap_or_default();
             self.truth.extend([at.x, at.y, yaw].map(|v| v as f32));
-            self.weights.push(f32::from(u8::from(local.is_some())));
+            self.weights.push(f32::from(u8::from(state.is_some())));
         }
-        debug_assert_eq!(self.truth.len() - first, TRUTH * FUTURE);
-        let weight = if known > 0 { weight as f32 } else { 0.0 };
-        let states = self.weights.len() - FUTURE;
-        self.weights[states..].iter_mut().for_each(|w| *w *= weight / known.max(1) as f32);
+        let known: f32 = self.weights[first..].iter().sum();
+        let weight = if known > 0.0 { weight as f32 } else { 0.0 };
+        self.weights[first..].iter_mut().for_each(|w| *w *= weight / known.max(1.0));
+        let last = future[1..].iter().flatten().next_back().map(|s| local(s).0);
         self.agents.push(weight);
         self.headings.push(anchors.nearest(self.seen.classes[agent], last.unwrap_or_default()));
     }

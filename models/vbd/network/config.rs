@@ -45,7 +45,7 @@ impl Default for VbdConfig {
             frequencies: 24,
             encoder_layers: 2,
             pairs: 2,
-            actions: 16,
+            actions: 10,
             hold: 5,
             noise_levels: 50,
             masked: true,
@@ -95,8 +95,8 @@ impl VbdConfig {
         if !self.width.is_multiple_of(self.heads) {
             return refuse("width", self.width, "a multiple of the number of heads");
         }
-        if self.hold == 0 || self.actions == 0 || self.states() != FUTURE {
-            return refuse("actions", self.actions, "80 divided by `hold`");
+        if self.hold == 0 || self.actions == 0 || self.actions > FUTURE / self.hold {
+            return refuse("actions", self.actions, "1 to 80 divided by `hold`");
         }
         if self.noise_levels < 2 {
             return refuse("noise_levels", self.noise_levels, "2 or more");
