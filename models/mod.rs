@@ -114,6 +114,7 @@ pub const TASKS: &[TrainingTask] = &[
     ntp::smart::learn::grpo::TASK,
     qp_regression::learn::TASK,
     vbd::learn::TASK,
+    diffusion_planner::learn::TASK,
 ];
 
 /// Returns the training task with this id or earlier name.

@@ -9,7 +9,6 @@ mod policy;
 mod predict;
 mod simulator;
 mod smoothed;
-mod spline;
 
 pub use inputs::Ground;
 pub use policy::{Policy, PolicyError};

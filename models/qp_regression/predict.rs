@@ -1,12 +1,11 @@
 //! Predictions of an agent, as other modules use them.
 
-use reactsim::dynamics::Pose;
+use reactsim::dynamics::{Pose, motion_through};
 use reactsim::geometry::{Vec2, math};
 use reactsim::scene::DT;
 
 use super::inputs::{AgentFrame, Surroundings};
 use super::network::{Config, STATE, suppress};
-use super::spline::through;
 
 /// Smallest natural logarithm of a standard deviation, in metres, as in training: 0.2 m.
 pub(super) const MIN_LOG_DEVIATION: f64 = -1.609;
@@ -105,7 +104,7 @@ fn points(output: &[f32], velocity: Vec2, frame: &AgentFrame, config: &Config) -
     };
     let spread: Vec<[f64; 3]> = states.iter().map(deviations).collect();
     let (x, y) = (frame.vector_out(Vec2::x()), frame.vector_out(Vec2::y()));
-    let smooth = through(&positions, velocity * DT, config.step);
+    let smooth = motion_through(&positions, velocity * DT, config.step);
     let of = |(k, p): (usize, Vec2)| {
         // Deviations are interpolated linearly; that of the present is small.
         let (next, part) = (k / config.step, ((k % config.step) + 1) as f64 / config.step as f64);

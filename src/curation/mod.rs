@@ -12,6 +12,7 @@ mod filter;
 mod filters;
 mod ground;
 mod pipeline;
+mod planner;
 mod preselect;
 mod quota;
 mod record;
@@ -30,6 +31,7 @@ pub use choice::{Chooser, score};
 pub use filter::{CandidateFilter, FilterContext, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;
 pub use pipeline::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
+pub use planner::PlannerSource;
 pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
 pub use quota::{DIFFICULTIES, PROPORTIONS, Quota, Strictness, in_proportion};
 pub use record::{

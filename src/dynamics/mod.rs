@@ -6,6 +6,7 @@ mod axle_path;
 mod bicycle;
 mod driven_path;
 mod limits;
+mod motion_through;
 mod tracker;
 
 pub mod speeds;
@@ -14,4 +15,5 @@ pub use axle_path::{Allowed, AxlePath, CALM_STEERING_RATE, Departure, REAR_AXLE,
 pub use bicycle::Pose;
 pub use driven_path::{DrivenPath, PathPoint, PathProjection, Pursuit};
 pub use limits::{MAX_ACCELERATION, MAX_CURVATURE, PARKED_DISPLACEMENT, STANDSTILL_SPEED};
+pub use motion_through::motion_through;
 pub use tracker::{MotionLimits, Tracker, VehicleMotion};

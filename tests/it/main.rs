@@ -13,6 +13,7 @@ mod circles;
 mod cli;
 mod compare;
 mod curation;
+mod diffusion_planner;
 mod evaluation;
 mod external;
 mod formats;

@@ -1,6 +1,9 @@
 //! Configuration of the network.
 
+use reactsim::scene::FUTURE;
 use serde::{Deserialize, Serialize};
+
+use crate::models::nn::SizeError;
 
 /// Sizes, stored with the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +35,26 @@ pub struct PlannerConfig {
     pub states: usize,
 }
 
+impl Default for PlannerConfig {
+    /// Returns sizes for training on two processor cores. There is no route, but the network has a place for one.
+    fn default() -> Self {
+        Self {
+            width: 80,
+            heads: 4,
+            encoder_depth: 2,
+            decoder_depth: 2,
+            history: 11,
+            agents: 16,
+            statics: 5,
+            lanes: 32,
+            route: 1,
+            points: 10,
+            predicted: 10,
+            states: 16,
+        }
+    }
+}
+
 impl PlannerConfig {
     /// Returns the published sizes: 6.0 million parameters.
     pub const fn published() -> Self {
@@ -49,6 +72,45 @@ impl PlannerConfig {
             predicted: 10,
             states: 80,
         }
+    }
+
+    /// Checks the sizes.
+    ///
+    /// # Errors
+    /// [`SizeError`], which names the field.
+    pub fn check(&self) -> Result<(), SizeError> {
+        let refuse = |field, value: usize, expected| Err(SizeError { field, value: value as f64, expected });
+        let sizes = [
+            ("width", self.width),
+            ("heads", self.heads),
+            ("encoder_depth", self.encoder_depth),
+            ("decoder_depth", self.decoder_depth),
+            ("history", self.history),
+            ("agents", self.agents),
+            ("statics", self.statics),
+            ("lanes", self.lanes),
+            ("route", self.route),
+            ("points", self.points),
+            ("predicted", self.predicted),
+        ];
+        for (field, value) in sizes {
+            if !(1..=4096).contains(&value) {
+                return refuse(field, value, "1 to 4096");
+            }
+        }
+        if !self.width.is_multiple_of(self.heads) {
+            return refuse("width", self.width, "a multiple of the number of heads");
+        }
+        if self.points < 2 {
+            return refuse("points", self.points, "2 or more");
+        }
+        if self.predicted >= self.agents {
+            return refuse("predicted", self.predicted, "fewer than the agents of the input");
+        }
+        if self.states == 0 || !FUTURE.is_multiple_of(self.states) {
+            return refuse("states", self.states, "a divisor of 80");
+        }
+        Ok(())
     }
 
     /// Returns the number of elements of a scene.

@@ -3,9 +3,9 @@
 use super::PlannerConfig;
 
 /// Numbers of a neighbour at a frame, of a static object, and of a point of a lane.
-pub(super) const AGENT: usize = 11;
-pub(super) const STATIC: usize = 10;
-pub(super) const POINT: usize = 12;
+pub(in crate::models::diffusion_planner) const AGENT: usize = 11;
+pub(in crate::models::diffusion_planner) const STATIC: usize = 10;
+pub(in crate::models::diffusion_planner) const POINT: usize = 12;
 
 /// A scene, normalised, in the frame of the AV's rear axle: x ahead, y to the left. Absent rows are zeros.
 ///

@@ -20,4 +20,5 @@ mod transformer;
 
 pub use config::PlannerConfig;
 pub use input::PlannerInput;
+pub(super) use input::{AGENT, POINT, STATIC};
 pub use planner::{DiffusionPlanner, EncodedPlan};

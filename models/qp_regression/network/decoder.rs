@@ -155,7 +155,7 @@ impl MotionDecoder {
             let raw = raw.reshape([rows, config.states(), STATE]);
             let modes = match &batch.mode_guide {
                 Some(reference) => guide::add_to_reference(raw, reference.clone(), config),
-                None => raw,
+                None => guide::in_metres(raw, config),
             };
             let places = modes.clone().narrow(2, 0, 2);
             if i + 1 < config.decoder_layers {

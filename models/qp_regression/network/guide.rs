@@ -1,4 +1,5 @@
-//! Reference motions (guesses): the network predicts differences from them.
+//! Reference motions (guesses): the network predicts differences from them. Without them it predicts motions in units of
+//! its configuration.
 
 use burn::tensor::{Tensor, TensorData};
 use reactsim::geometry::{Vec2, into_frame, left, math, smooth_step};
@@ -130,14 +131,25 @@ fn point(path: &LanePath, s: f64) -> (Vec2, Vec2) {
 /// Adds the network output `[n, states, 7]` to reference states `[n, states, 7]`. The output is scaled
 /// up with the time of the state.
 pub(crate) fn add_to_reference(output: Tensor<3>, references: Tensor<3>, config: &Config) -> Tensor<3> {
-    let mut scale = Vec::with_capacity(config.states() * STATE);
-    for t in config.times() {
-        let (place, speed) = (0.4 * t * t.sqrt(), 0.5 + 0.25 * t);
-        scale.extend([place, place, 1.0, 1.0, 1.0, speed, speed].map(|value| value as f32));
+    let scales = config.times().map(|t| (0.4 * t * t.sqrt(), 0.5 + 0.25 * t));
+    references + scaled(output, scales)
+}
+
+/// Returns the network output `[n, states, 7]` with positions and velocities in metres and m/s.
+pub(crate) fn in_metres(output: Tensor<3>, config: &Config) -> Tensor<3> {
+    if config.output_unit == 1.0 {
+        return output;
     }
-    let scale = TensorData::new(scale, [1, config.states(), STATE]);
-    let scale = Tensor::<3>::from_data(scale, &output.device());
-    references + output * scale
+    scaled(output, config.times().map(|_| (config.output_unit, config.output_unit)))
+}
+
+/// Multiplies the positions and the velocities of states, `[n, states, 7]`, by factors per state.
+fn scaled(output: Tensor<3>, factors: impl Iterator<Item = (f64, f64)>) -> Tensor<3> {
+    let of_state = |(place, speed)| [place, place, 1.0, 1.0, 1.0, speed, speed].map(|value| value as f32);
+    let factors: Vec<f32> = factors.flat_map(of_state).collect();
+    let states = factors.len() / STATE;
+    let factors = TensorData::new(factors, [1, states, STATE]);
+    output.clone() * Tensor::<3>::from_data(factors, &output.device())
 }
 
 #[cfg(test)]

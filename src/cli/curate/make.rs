@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::source::SourceChoice;
+use super::source::{SourceChoice, TEMPERATURE};
 use crate::cli::is_same;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
@@ -31,9 +31,13 @@ pub(super) struct MakeArgs {
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Source of the candidates: `rules`, or file:PATH with trajectories of any planner (Parquet or JSON)
+    /// Source of the candidates: `rules`; diffusion:FILE, samples of a network with these weights; or file:PATH
+    /// with trajectories of any planner (Parquet or JSON)
     #[arg(long, default_value = "rules", value_name = "SOURCE")]
     source: SourceChoice,
+    /// Standard deviation of the noise from which a network samples candidates [default: 1]
+    #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
+    temperature: Option<f64>,
     /// Maximum number of candidates per scenario [default: 16; of a file, all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
     candidates: Option<u32>,
@@ -109,7 +113,7 @@ impl MakeArgs {
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     let out = args.out.as_deref().context("give the file to write with --out")?;
-    let source = args.source.open()?;
+    let source = args.source.open(args.temperature)?;
     let found = find_inputs(&args.scenarios)?;
     if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
@@ -163,6 +167,13 @@ fn named(args: &MakeArgs, settings: &CurationSettings) -> anyhow::Result<BTreeMa
             let file = FileRecord::of(path, "deviations")?;
             named.insert("source.blake3".into(), file.blake3);
             named.insert("source".into(), format!("file:{}", file.name))
+        }
+        SourceChoice::Planner(path) => {
+            let file = FileRecord::of(path, "weights")?;
+            named.insert("source.blake3".into(), file.blake3);
+            let temperature = args.temperature.unwrap_or(TEMPERATURE);
+            named.insert("source.temperature".into(), temperature.to_string());
+            named.insert("source".into(), format!("diffusion:{}", file.name))
         }
     };
     named.insert("scenes".into(), settings.scenes.to_string());

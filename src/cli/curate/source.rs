@@ -4,10 +4,19 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 
 use crate::cli::{count, say};
-use crate::curation::{CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, SOURCES};
+use crate::curation::{
+    CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, PlannerSource, SOURCES,
+};
+use crate::files::read_regular;
+use crate::models::diffusion_planner::PlannerPolicy;
+use crate::models::nn::device;
+
+/// Standard deviation of the initial noise of samples: that of the process, which is twice what the public code plans
+/// with, for variety.
+pub(super) const TEMPERATURE: f64 = 1.0;
 
 /// A source of candidates as the command line names it.
 #[derive(Clone, Debug)]
@@ -16,6 +25,8 @@ pub(super) enum SourceChoice {
     Known(&'static str),
     /// A file.
     File(PathBuf),
+    /// A network, with a file of weights.
+    Planner(PathBuf),
 }
 
 impl FromStr for SourceChoice {
@@ -27,11 +38,19 @@ impl FromStr for SourceChoice {
             Some(path) => return Ok(Self::File(path.into())),
             None => {}
         }
+        match text.strip_prefix("diffusion:") {
+            Some("") => return Err("`diffusion:` names no weights: write diffusion:FILE".to_owned()),
+            Some(path) => return Ok(Self::Planner(path.into())),
+            None => {}
+        }
         match SOURCES.iter().find(|source| source.id() == text) {
             Some(source) => Ok(Self::Known(source.id())),
             None => {
                 let known: Vec<_> = SOURCES.iter().map(|source| source.id()).collect();
-                Err(format!("`{text}` is not a source: choose {} or file:PATH", known.join(", ")))
+                Err(format!(
+                    "`{text}` is not a source: choose {}, diffusion:FILE or file:PATH",
+                    known.join(", ")
+                ))
             }
         }
     }
@@ -41,14 +60,25 @@ impl SourceChoice {
     /// Returns the number of candidates per scenario if none is requested: all that a file has.
     pub(super) fn candidates(&self) -> u32 {
         match self {
-            Self::Known(_) => CurationSettings::default().candidates,
+            Self::Known(_) | Self::Planner(_) => CurationSettings::default().candidates,
             Self::File(_) => MAX_CANDIDATES,
         }
     }
 
-    /// Reads the file, if it is one.
-    pub(super) fn open(&self) -> anyhow::Result<OpenSource> {
+    /// Reads the file, if it is one. `temperature` is that of a network.
+    pub(super) fn open(&self, temperature: Option<f64>) -> anyhow::Result<OpenSource> {
+        if temperature.is_some() && !matches!(self, Self::Planner(_)) {
+            bail!("--temperature is that of a network: give it with --source diffusion:FILE");
+        }
         Ok(match self {
+            Self::Planner(path) => {
+                let device = device();
+                let bytes =
+                    read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
+                let policy = PlannerPolicy::read(&bytes, &device)
+                    .with_context(|| format!("{} cannot be used with --source diffusion", path.display()))?;
+                OpenSource::Planner(PlannerSource::new(policy, temperature.unwrap_or(TEMPERATURE), device))
+            }
             Self::File(path) => OpenSource::File(CandidateFile::read(path)?),
             Self::Known(id) => match SOURCES.iter().find(|source| source.id() == *id) {
                 Some(source) => OpenSource::Known(*source),
@@ -64,6 +94,8 @@ pub(super) enum OpenSource {
     Known(&'static dyn CandidateSource),
     /// A file in memory.
     File(CandidateFile),
+    /// A network in memory.
+    Planner(PlannerSource),
 }
 
 impl OpenSource {
@@ -72,6 +104,7 @@ impl OpenSource {
         match self {
             Self::Known(source) => *source,
             Self::File(file) => file,
+            Self::Planner(planner) => planner,
         }
     }
 

@@ -7,8 +7,9 @@ pub(super) fn rows() -> Vec<Vec<String>> {
     let row = |cells: [&str; 3]| cells.map(str::to_owned).to_vec();
     let mut rows = vec![row(["task", "option", "description"])];
     for task in TASKS {
-        let simulators = format!("{}. Weights for {}.", task.title, task.simulators.join(", "));
-        rows.push(row([task.id, "", &simulators]));
+        let simulators = task.simulators.join(", ");
+        let readers = if simulators.is_empty() { "`curate --source diffusion:FILE`" } else { &simulators };
+        rows.push(row([task.id, "", &format!("{}. Weights for {readers}.", task.title)]));
         for recipe in task.recipes {
             rows.push(row([task.id, &format!("--recipe {}", recipe.name), recipe.about]));
         }

@@ -55,6 +55,9 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<ExitStatus> {
     let settings = learning_settings(&recipe, args.session.seed)?;
     let training = build(task, recipe, &args.input, args.from.as_deref(), args.session.backend)?;
     let closed_loop = args.closed_loop.read()?;
+    if closed_loop.is_some() && task.simulators.is_empty() {
+        bail!("--closed-loop: no simulator runs the networks of `{id}`, which plan for the AV: omit it");
+    }
     let stop = stop_on_interrupt("writing a checkpoint after this step")?;
     let status = session::train(&args.session, training.as_ref(), settings, closed_loop.as_ref(), &stop)?;
     if status == ExitStatus::Done

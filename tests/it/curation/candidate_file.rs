@@ -59,6 +59,32 @@ fn candidates_are_judged_as_if_the_rules_had_proposed_them() {
     assert_eq!(settings["source.blake3"].len(), 64);
 }
 
+#[test]
+fn samples_of_a_network_are_judged_like_any_candidates() {
+    let home = tempfile::tempdir().unwrap();
+    let (weights, out) = (home.path().join("w.safetensors"), home.path().join("c.parquet"));
+    fs::write(&weights, crate::diffusion_planner::untrained()).unwrap();
+    let source = format!("diffusion:{}", text(&weights));
+    let judged = curate(BENCH, &out, &["--limit", "3", "--source", &source, "--candidates", "5"]);
+    assert!(judged.status.code() == Some(0), "{}", stderr(&judged));
+    let found = records(&out);
+    assert!(!found.is_empty());
+    for record in &found {
+        assert_eq!(record.candidates.len(), 5);
+        // An untrained network drives nowhere: everything is judged, and nothing is chosen.
+        for candidate in &record.candidates {
+            assert_eq!(candidate.candidate.source, "diffusion");
+            assert!(candidate.rejected_by.is_some() && !candidate.figures.is_empty());
+        }
+    }
+    let settings = store::read(&out).unwrap().provenance().settings.clone();
+    assert_eq!(
+        (&settings["source"][..], &settings["source.temperature"][..]),
+        ("diffusion:w.safetensors", "1")
+    );
+    assert_eq!(settings["source.blake3"].len(), 64);
+}
+
 /// Returns a trajectory that continues from a state at a speed, in world coordinates.
 fn straight(scenario: &Scenario, speed: f64) -> Value {
     let AgentState { x, y, heading, .. } = scenario.start.now(0);

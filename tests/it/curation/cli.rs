@@ -39,8 +39,18 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     let make = |more: &[&str]| error(&[&[text(&scenarios), "--out", text(&out)], more].concat());
     assert!(error(&[]).contains("--out <FILE>"));
     assert!(error(&[text(&scenarios)]).contains("--out <FILE>"));
-    assert!(make(&["--source", "dice"]).contains("`dice` is not a source: choose rules or file:PATH"));
+    assert!(
+        make(&["--source", "dice"])
+            .contains("`dice` is not a source: choose rules, diffusion:FILE or file:PATH")
+    );
     assert!(make(&["--source", "file:"]).contains("write file:PATH"));
+    assert!(make(&["--source", "diffusion:"]).contains("write diffusion:FILE"));
+    assert!(make(&["--source", "diffusion:none"]).contains("could not read none"));
+    assert!(make(&["--temperature", "2"]).contains("give it with --source diffusion:FILE"));
+    let weights = home.path().join("w.safetensors");
+    std::fs::write(&weights, crate::vbd::untrained()).unwrap();
+    let foreign = make(&["--source", &format!("diffusion:{}", text(&weights))]);
+    assert!(foreign.contains("w.safetensors cannot be used") && foreign.contains("kind `vbd`"), "{foreign}");
     assert!(make(&["--candidates", "0"]).contains("1..=1000"));
     assert!(make(&["--radius", "-3"]).contains("--radius"));
     assert!(make(&["--radius=0"]).contains("expected a number above 0"));

@@ -1,12 +1,12 @@
 //! Smooth motion through predicted positions.
 
-use reactsim::geometry::Vec2;
+use crate::geometry::Vec2;
 
 /// Returns the positions after 1, 2 … `points.len() * step` frames of a motion that begins at the
 /// origin with `velocity` (per frame), passes one of the points after every `step` frames, and has
 /// continuous velocity and acceleration: a cubic spline, clamped at its beginning, with zero
 /// acceleration at its end.
-pub(super) fn through(points: &[Vec2], velocity: Vec2, step: usize) -> Vec<Vec2> {
+pub fn motion_through(points: &[Vec2], velocity: Vec2, step: usize) -> Vec<Vec2> {
     if step == 1 || points.is_empty() {
         return points.to_vec();
     }
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn constant_velocity_stays_so() {
         let points: Vec<Vec2> = (1..=16).map(|k| Vec2::new(5.0 * f64::from(k), 0.5 * f64::from(k))).collect();
-        let all = through(&points, Vec2::new(1.0, 0.1), 5);
+        let all = motion_through(&points, Vec2::new(1.0, 0.1), 5);
         assert_eq!(all.len(), 80);
         for (k, p) in all.iter().enumerate() {
             assert!((p - Vec2::new(1.0, 0.1) * (k + 1) as f64).norm() < 1e-9, "{k} {p}");
@@ -63,7 +63,7 @@ mod tests {
         let points: Vec<Vec2> =
             (1..=16).map(|k| Vec2::new(f64::from(k * k) * 0.1, (f64::from(k) * 0.7).sin())).collect();
         let velocity = Vec2::new(0.3, -0.1);
-        let all = through(&points, velocity, 5);
+        let all = motion_through(&points, velocity, 5);
         assert!(points.iter().enumerate().all(|(k, p)| all[5 * k + 4] == *p));
         let whole: Vec<Vec2> = [-velocity, Vec2::zeros()].into_iter().chain(all).collect();
         let second: Vec<Vec2> = whole.windows(3).map(|w| w[2] - w[1] * 2.0 + w[0]).collect();
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn every_frame_needs_nothing() {
         let points = [Vec2::new(1.0, 2.0), Vec2::new(3.0, 1.0)];
-        assert_eq!(through(&points, Vec2::zeros(), 1), points);
-        assert!(through(&[], Vec2::zeros(), 5).is_empty());
+        assert_eq!(motion_through(&points, Vec2::zeros(), 1), points);
+        assert!(motion_through(&[], Vec2::zeros(), 5).is_empty());
     }
 }

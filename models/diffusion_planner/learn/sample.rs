@@ -1,0 +1,63 @@
+//! Training samples: scenes, and what the AV and its neighbours did in them.
+
+use reactsim::scene::{CURRENT, FUTURE, Scenario};
+use reactsim::training::Stream;
+
+use super::super::inputs::{PlannerScene, rear_axle};
+use super::super::lanes::PlannerMap;
+use super::Recipe;
+use crate::models::learning::{LearningScene, shifted};
+
+/// Training sample of one scene.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    pub(super) scene: PlannerScene,
+    /// True states, normalised, `[1 + predicted, 4 (1 + states)]`, the current one first; 0 where unknown.
+    pub(super) truth: Vec<f32>,
+    /// Weights of these numbers: those of the AV add up to 1, and those of all neighbours.
+    pub(super) weights: Vec<f32>,
+}
+
+/// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if the AV's motion is
+/// unknown.
+pub(super) fn sample(scenario: &Scenario, recipe: &Recipe, varied: Option<&mut Stream>) -> Option<Sample> {
+    let config = &recipe.network;
+    let map = recipe.sight.map(&scenario.start, config);
+    let mut learned = LearningScene::<PlannerMap>::of(scenario, map);
+    let mut now = CURRENT;
+    if let Some(stream) = varied {
+        learned = learned.varied(recipe.mirror, recipe.stretch, stream);
+        now = shifted(CURRENT, recipe.shift, stream);
+    }
+    let (learned, map) = learned.split_map();
+    let lights = learned.lights_at(now);
+    let view = learned.view(&learned.tracks, now, true, &lights);
+    let scene = PlannerScene::of(&view, &map, config, &recipe.sight)?;
+
+    let step = FUTURE / config.states;
+    let mut truth = vec![0.0; (1 + config.predicted) * config.trajectory()];
+    let mut weights = vec![0.0; truth.len()];
+    let rows = scene.slots.iter().zip(truth.chunks_mut(config.trajectory()));
+    for ((slot, own), weights) in rows.zip(weights.chunks_mut(config.trajectory())) {
+        for k in 0..=config.states {
+            let Some(state) = learned.tracks[*slot].get(now + k * step).copied().flatten() else { continue };
+            let at = match slot {
+                0 => rear_axle(&learned.agents[0], state.position(), state.heading),
+                _ => state.position(),
+            };
+            own[4 * k..4 * k + 4].copy_from_slice(&scene.frame.pose(at, state.heading));
+            // The current state is given.
+            weights[4 * k..4 * k + 4].fill(f32::from(u8::from(k > 0)));
+        }
+    }
+    let (of_av, of_others) = weights.split_at_mut(config.trajectory());
+    let total = |weights: &[f32]| weights.iter().sum::<f32>();
+    if total(of_av) == 0.0 {
+        return None;
+    }
+    for part in [of_av, of_others] {
+        let all = total(part).max(1.0);
+        part.iter_mut().for_each(|weight| *weight /= all);
+    }
+    Some(Sample { scene, truth, weights })
+}

@@ -1,0 +1,116 @@
+//! Training of the network as a task.
+
+use std::collections::BTreeMap;
+
+use burn::module::Module;
+use burn::tensor::Device;
+use rand_chacha::rand_core::SeedableRng;
+use reactsim::rollout::Controller;
+use reactsim::scene::Scenario;
+use reactsim::training::{Output, Settings, Stream, Task, View};
+
+use super::super::PlannerPolicy;
+use super::super::network::DiffusionPlanner;
+use super::loss::loss;
+use super::sample::sample;
+use super::{Recipe, Sample};
+use crate::models::learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
+use crate::models::nn::Initializer;
+
+/// Training of Diffusion-Planner.
+pub const TASK: TrainingTask = TrainingTask {
+    id: ID,
+    also: &[],
+    title: "Diffusion over the motion of the AV and its neighbours (Diffusion-Planner), a source of candidates",
+    simulators: &[],
+    defaults: || {
+        let learner = Settings { learning_rate: 5e-4, warm_up: 200, ..Settings::default() };
+        recipe_values(&Recipe::default(), &learner)
+    },
+    ranges: include_str!("ranges.toml"),
+    recipes: &[],
+    inputs: &[],
+    needs_weights: false,
+    make,
+};
+
+/// Id of the task.
+const ID: &str = "diffusion-planner";
+
+fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
+    let recipe: Recipe = setup.recipe()?;
+    recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
+    let task = Planning::new(recipe, &setup.device);
+    let Some((parent, digest)) = setup.parent(PlannerPolicy::read)? else { return Ok(Box::new(task)) };
+    if parent.config != recipe.network || parent.sight != recipe.sight {
+        return Err(setup.refuse_parent_sizes());
+    }
+    Ok(Box::new(Planning { from: Some((parent.network, digest)), ..task }))
+}
+
+/// The training task.
+pub struct Planning {
+    recipe: Recipe,
+    device: Device,
+    /// Initial network, on a device with autodiff, and the digest of its file.
+    from: Option<(DiffusionPlanner, String)>,
+}
+
+impl Planning {
+    /// Creates a task on this device, which must be one without autodiff.
+    pub fn new(recipe: Recipe, device: &Device) -> Self {
+        Self { recipe, device: device.clone(), from: None }
+    }
+
+    /// Returns a network as the policy that a source of candidates reads.
+    pub fn policy(&self, network: &DiffusionPlanner) -> PlannerPolicy {
+        let Recipe { network: config, sight, .. } = self.recipe;
+        PlannerPolicy { config, sight, network: network.clone() }
+    }
+}
+
+impl Task for Planning {
+    type Example = Scenario;
+    type Sample = Sample;
+    type Model = DiffusionPlanner;
+
+    fn init(&self, seed: u64) -> DiffusionPlanner {
+        if let Some((network, _)) = &self.from {
+            return network.clone();
+        }
+        let device = self.device.clone().autodiff();
+        DiffusionPlanner::init(&self.recipe.network, &mut Initializer::new(seed, &device))
+    }
+
+    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
+        sample(scenario, &self.recipe, view.stream())
+    }
+
+    fn loss(&self, model: &DiffusionPlanner, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
+        match stream {
+            Some(stream) => loss(model, samples, &self.recipe, stream, &self.device.clone().autodiff()),
+            // Validation has no stream and no autodiff: the same noise every time.
+            None => loss(model, samples, &self.recipe, &mut Stream::seed_from_u64(0), &self.device),
+        }
+    }
+
+    fn file(&self, model: &DiffusionPlanner, about: &serde_json::Value) -> Option<Vec<u8>> {
+        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
+        self.policy(model).write(&made).ok()
+    }
+
+    fn describe(&self) -> serde_json::Value {
+        let parameters = self.init(0).num_params();
+        let mut all = serde_json::json!({ "recipe": self.recipe, "parameters": parameters });
+        if let Some((_, digest)) = &self.from {
+            all["from"] = digest.as_str().into();
+        }
+        all
+    }
+}
+
+impl SimulatorTask for Planning {
+    fn controller(&self, _network: &DiffusionPlanner) -> Result<Controller, String> {
+        Err("this network plans for the AV: no simulator runs it".to_owned())
+    }
+}

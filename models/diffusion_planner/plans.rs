@@ -1,0 +1,79 @@
+//! Plans of the AV: samples of its motion.
+
+use burn::tensor::{Device, Tensor};
+use reactsim::dynamics::{REAR_AXLE, motion_through};
+use reactsim::geometry::{Vec2, direction, heading_of, wrap};
+use reactsim::rollout::Stream;
+use reactsim::scene::{Agent, AgentState, DT, FUTURE, Scenario};
+
+use super::inputs::{AxleFrame, PlannerScene};
+use super::policy::PlannerPolicy;
+use crate::models::diffusion::standard_normal;
+use crate::models::perception::SceneView;
+
+/// Speed below which a vehicle keeps its heading, m/s.
+const STANDS: f64 = 0.3;
+
+impl PlannerPolicy {
+    /// Samples plans of the AV from the current frame of a scenario on, one per stream: its states after 1 to 80 steps
+    /// of 0.1 s. `temperature` is the standard deviation of the initial noise (published: 0.5).
+    pub fn plans(
+        &self,
+        scenario: &Scenario,
+        temperature: f64,
+        streams: &mut [Stream],
+        device: &Device,
+    ) -> Vec<Vec<AgentState>> {
+        let start = &scenario.start;
+        let lights: Vec<_> =
+            start.light_history.iter().map(|states| states.last().copied().flatten()).collect();
+        let now = start.history[0].len() - 1;
+        let view =
+            SceneView { agents: &start.agents, tracks: &start.history, now, av_next: None, lights: &lights };
+        let map = self.sight.map(start, &self.config);
+        let Some(scene) = PlannerScene::of(&view, &map, &self.config, &self.sight) else { return Vec::new() };
+        if streams.is_empty() {
+            return Vec::new();
+        }
+        let encoded = self.network.encode(&scene.input, &self.config, device);
+        let shape = [1, 1 + self.config.predicted, 4 * self.config.states];
+        let noise = streams.iter_mut().map(|stream| standard_normal::<3>(stream, shape, device)).collect();
+        let sampled = self.network.sample(&encoded, Tensor::cat(noise, 0) * temperature);
+        let of_av = sampled.narrow(1, 0, 1).into_data().iter::<f32>().map(f64::from).collect::<Vec<_>>();
+        let step = FUTURE / self.config.states;
+        let states = |plan: &[f64]| {
+            let poses = plan.as_chunks::<4>().0;
+            av_states(poses, step, &start.agents[0], start.now(0), &scene.frame)
+        };
+        of_av.chunks(4 * self.config.states).map(states).collect()
+    }
+}
+
+/// Returns the states of the AV at every frame, if its rear axle has these poses, x, y, cosine and sine of the heading,
+/// every `step` frames. Between them it drives along a spline, in the direction of its rear axle's motion.
+fn av_states(
+    poses: &[[f64; 4]],
+    step: usize,
+    av: &Agent,
+    now: AgentState,
+    frame: &AxleFrame,
+) -> Vec<AgentState> {
+    let axles: Vec<Vec2> = poses.iter().map(|p| Vec2::new(p[0], p[1])).collect();
+    let velocity = frame.vector(now.velocity().unwrap_or_default());
+    let path = motion_through(&axles, Vec2::new(velocity.x, 0.0) * DT, step);
+    let (mut axle, mut center, mut heading) = (Vec2::zeros(), now.position(), now.heading);
+    let mut states = Vec::with_capacity(path.len());
+    for (k, at) in path.into_iter().enumerate() {
+        let moved = frame.place(at) - frame.place(axle);
+        if step == 1 {
+            heading = frame.heading(Vec2::new(poses[k][2], poses[k][3]));
+        } else if moved.norm() > STANDS * DT && moved.dot(&direction(heading)) > 0.0 {
+            heading = heading_of(moved);
+        }
+        let next = frame.place(at) + direction(heading) * (REAR_AXLE * av.length);
+        let v = (next - center) / DT;
+        states.push(AgentState { x: next.x, y: next.y, heading: wrap(heading), vx: v.x, vy: v.y });
+        (axle, center) = (at, next);
+    }
+    states
+}

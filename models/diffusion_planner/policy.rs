@@ -1,0 +1,103 @@
+//! A trained network with its sizes, in one file.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Device;
+use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
+use serde::{Deserialize, Serialize};
+
+use super::inputs::PlannerSight;
+use super::network::{DiffusionPlanner, PlannerConfig};
+
+/// Kind of this network in the configuration of the file.
+const KIND: &str = "diffusion-planner";
+
+/// A network ready to plan.
+#[derive(Clone, Debug)]
+pub struct PlannerPolicy {
+    /// Sizes.
+    pub config: PlannerConfig,
+    /// Limits of its input.
+    pub sight: PlannerSight,
+    /// The network.
+    pub network: DiffusionPlanner,
+}
+
+/// Configuration in a file's metadata.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredConfig {
+    kind: String,
+    network: Sizes,
+    #[serde(default)]
+    sight: Option<PlannerSight>,
+}
+
+/// Sizes of the network, by name or one by one.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(untagged)]
+enum Sizes {
+    Preset(Preset),
+    Explicit(PlannerConfig),
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Preset {
+    Published,
+}
+
+/// Error of a file that holds no valid policy.
+#[derive(Debug, thiserror::Error)]
+pub enum PlannerPolicyError {
+    /// The tensors or the configuration are invalid.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The network is of another kind.
+    #[error(
+        "the file holds a network of kind `{0}`, expected `{KIND}`: \
+         use it with the simulator that it was trained for"
+    )]
+    Kind(String),
+    /// A size is out of range.
+    #[error(transparent)]
+    Size(#[from] SizeError),
+}
+
+impl PlannerPolicy {
+    /// Reads the bytes of a file.
+    ///
+    /// # Errors
+    /// [`PlannerPolicyError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PlannerPolicyError> {
+        let tensors = Tensors::read(bytes)?.without_prefix("module.");
+        let kind = tensors.kind()?;
+        if kind != KIND {
+            return Err(PlannerPolicyError::Kind(kind));
+        }
+        let StoredConfig { network, sight, .. } = tensors.config()?;
+        let (config, seen) = match network {
+            Sizes::Preset(Preset::Published) => (PlannerConfig::published(), PlannerSight::published()),
+            Sizes::Explicit(config) => (config, PlannerSight::default()),
+        };
+        let sight = sight.unwrap_or(seen);
+        config.check()?;
+        sight.check()?;
+        let empty = DiffusionPlanner::init(&config, &mut Initializer::new(0, device));
+        Ok(Self { config, sight, network: tensors.load(empty)? })
+    }
+
+    /// Returns the bytes of a file; `made` is further metadata.
+    ///
+    /// # Errors
+    /// [`PlannerPolicyError`] if the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PlannerPolicyError> {
+        let network = Sizes::Explicit(self.config);
+        let stored = StoredConfig { kind: KIND.to_owned(), network, sight: Some(self.sight) };
+        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
+        let mut metadata = made.clone();
+        metadata.insert(CONFIG.to_owned(), config);
+        Ok(save_with(&self.network, BTreeMap::new(), &metadata))
+    }
+}

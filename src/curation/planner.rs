@@ -1,0 +1,42 @@
+//! Candidates of a learned planner: samples of Diffusion-Planner.
+
+use burn::tensor::Device;
+
+use super::{CandidateSource, NoProposal, Proposal};
+use crate::models::diffusion_planner::PlannerPolicy;
+use crate::rollout::Stream;
+use crate::scene::{AgentState, Scenario};
+
+/// A source that samples plans of the AV from a network, one per stream, and proposes all of them.
+#[derive(Debug)]
+pub struct PlannerSource {
+    policy: PlannerPolicy,
+    temperature: f64,
+    device: Device,
+}
+
+impl PlannerSource {
+    /// Creates a source of this network, whose weights are on this device. `temperature` is the standard deviation of
+    /// the noise that sampling starts from.
+    pub fn new(policy: PlannerPolicy, temperature: f64, device: Device) -> Self {
+        Self { policy, temperature, device }
+    }
+}
+
+impl CandidateSource for PlannerSource {
+    fn id(&self) -> &'static str {
+        "diffusion"
+    }
+
+    fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
+        let plans = self.policy.plans(scenario, self.temperature, streams, &self.device);
+        let propose = |future: Vec<AgentState>| {
+            if !future.iter().all(AgentState::is_finite) {
+                return Err(NoProposal("the plan is no number".to_owned()));
+            }
+            let maneuver = format!("sample at temperature {}", self.temperature);
+            Ok(Proposal { intent: None, maneuver, future })
+        };
+        plans.into_iter().map(propose).collect()
+    }
+}
