@@ -23,6 +23,8 @@ const MEASURED: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VbdParameters {
+    /// Number of agents that are planned, the AV first, then the nearest to it.
+    pub agents: usize,
     /// Number of denoising steps.
     pub steps: usize,
     /// Whether steps draw new noise (DDPM); otherwise the first draw decides (DDIM).

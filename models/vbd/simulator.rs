@@ -5,7 +5,7 @@ use reactsim::dynamics::STANDSTILL_SPEED;
 use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentState, DT, Start};
 
-use super::inputs::Seen;
+use super::inputs::{Seen, Sight};
 use super::policy::VbdPolicy;
 use super::sampling::{VbdParameters, sample};
 use crate::models::perception::{KnownMap, SceneView};
@@ -33,6 +33,11 @@ impl VbdSimulator {
     pub fn new(id: &'static str, policy: VbdPolicy, parameters: VbdParameters, device: Device) -> Self {
         Self { id, policy, parameters, device }
     }
+
+    /// Returns the limits of the input. The network computes any number of agents, whatever it was trained with.
+    fn sight(&self) -> Sight {
+        Sight { agents: self.parameters.agents, ..self.policy.sight }
+    }
 }
 
 impl SingleEpisode for VbdSimulator {
@@ -51,7 +56,7 @@ impl SingleEpisode for VbdSimulator {
         let lights = observed.lights_now();
         let view = SceneView::of(&observed, &lights);
         let mut plans = Vec::new();
-        if let Some(seen) = Seen::of(&view, &memory.0, &self.policy.sight) {
+        if let Some(seen) = Seen::of(&view, &memory.0, &self.sight()) {
             let mut av = observed.track(0).to_vec();
             av.extend(observed.av_next().map(Some));
             // An AV that the simulator moves has no motion of its own that would go on.

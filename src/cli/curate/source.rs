@@ -77,7 +77,8 @@ impl SourceChoice {
                     read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
                 let policy = PlannerPolicy::read(&bytes, &device)
                     .with_context(|| format!("{} cannot be used with --source diffusion", path.display()))?;
-                OpenSource::Planner(PlannerSource::new(policy, temperature.unwrap_or(TEMPERATURE), device))
+                let source = PlannerSource::new(policy, temperature.unwrap_or(TEMPERATURE), device);
+                OpenSource::Planner(Box::new(source))
             }
             Self::File(path) => OpenSource::File(CandidateFile::read(path)?),
             Self::Known(id) => match SOURCES.iter().find(|source| source.id() == *id) {
@@ -95,7 +96,7 @@ pub(super) enum OpenSource {
     /// A file in memory.
     File(CandidateFile),
     /// A network in memory.
-    Planner(PlannerSource),
+    Planner(Box<PlannerSource>),
 }
 
 impl OpenSource {
@@ -104,7 +105,7 @@ impl OpenSource {
         match self {
             Self::Known(source) => *source,
             Self::File(file) => file,
-            Self::Planner(planner) => planner,
+            Self::Planner(planner) => planner.as_ref(),
         }
     }
 

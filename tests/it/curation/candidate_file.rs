@@ -70,8 +70,8 @@ fn samples_of_a_network_are_judged_like_any_candidates() {
     let found = records(&out);
     assert!(!found.is_empty());
     for record in &found {
-        assert_eq!(record.candidates.len(), 5);
-        // An untrained network drives nowhere: everything is judged, and nothing is chosen.
+        // An untrained network drives nowhere: its samples hardly differ, those that do are judged, and none is chosen.
+        assert!((1..=5).contains(&record.candidates.len()));
         for candidate in &record.candidates {
             assert_eq!(candidate.candidate.source, "diffusion");
             assert!(candidate.rejected_by.is_some() && !candidate.figures.is_empty());
