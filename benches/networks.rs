@@ -10,11 +10,14 @@ use std::fs;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use burn::module::Module;
 use burn::tensor::{Device, Distribution, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::formats;
 use reactsim::metrics::{Case, Options, score_case};
+use reactsim::models::ctg::learn::{CtgLearning, Recipe as CtgRecipe};
+use reactsim::models::ctg::{CtgParameters, CtgSimulator, Rules};
 use reactsim::models::learning::Intentions;
 use reactsim::models::nn::{Initializer, Noise, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
@@ -27,8 +30,10 @@ use reactsim::models::ntp::{Driving, Sampling};
 use reactsim::models::perception::KnownMotion;
 use reactsim::models::qp_regression::Policy as Predictor;
 use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
-use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, roll_out};
-use reactsim::scene::CURRENT;
+use reactsim::models::vbd::learn::{Denoising, Recipe as VbdRecipe};
+use reactsim::models::vbd::{VbdParameters, VbdSimulator};
+use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
+use reactsim::scene::{CURRENT, Scenario};
 use reactsim::training::Task;
 
 /// Number of rounds of every measurement.
@@ -48,13 +53,21 @@ const SMALL: &str = r#"{"hidden_dim": 64, "num_freq_bands": 16, "num_heads": 4, 
     "mlp_embedding_first_width": 128}"#;
 
 fn main() -> Result<()> {
+    // Runs compute plans on threads, whose memory the allocator keeps; that of the first thread is returned
+    // to the system whenever much of it is free.
+    let measuring = std::thread::spawn(measure);
+    measuring.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+fn measure() -> Result<()> {
     let device = device();
     println!("| what | best | median | best by CPU time | aim |\n|---|--:|--:|--:|--:|");
     let peak = products(&device);
     published(&device, peak, "7 M", TINY, "60 ms")?;
     published(&device, peak, "1 M", SMALL, "5 ms")?;
     reactive(&device)?;
-    regression(&device)
+    regression(&device)?;
+    diffusion(&device)
 }
 
 /// Wall-clock and processor time of some work, seconds.
@@ -243,25 +256,33 @@ fn published(device: &Device, peak: f64, size: &str, config: &str, aim: &'static
     Ok(())
 }
 
+/// Returns the shipped scenario with the most agents.
+fn crowded() -> Result<Scenario> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+    let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;
+    all.into_iter().max_by_key(|s| s.start.agents.len()).context("no scenarios ship")
+}
+
+/// Rolls a scenario out several times in one batch: 16 plans and 80 steps.
+fn rolled(scenario: &Scenario, controller: &Controller, count: usize) -> Result<Vec<Rollout>> {
+    let av = || -> Result<Box<dyn AvPolicy>> { Ok(Box::new(LogAv::new(scenario)?)) };
+    let request = |i| -> Result<Request<'_>> { Ok(Request { scenario, av: av()?, rollout: i as u32 }) };
+    let batch = (0..count).map(request).collect::<Result<Vec<_>>>()?;
+    let rollouts = roll_out(batch, controller, &Settings::default());
+    Ok(rollouts.into_iter().collect::<Result<Vec<_>, _>>()?)
+}
+
 /// Measures the reactive network with random weights, on the shipped scenario with the most agents: 16 plans
 /// and 80 steps.
 fn reactive(device: &Device) -> Result<()> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
-    let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;
-    let Some(scenario) = all.iter().max_by_key(|s| s.start.agents.len()) else { return Ok(()) };
+    let scenario = crowded()?;
     let task = NextToken::new(Recipe::default(), Kinematic::default().build()?, device);
     let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
     let driving =
         Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
     let simulator = ReactiveSimulator::new(Policy::read(&file, device)?, driving, device.clone());
     let controller = Controller::Fair(Box::new(simulator));
-    let roll = |count: usize| -> Result<Vec<Rollout>> {
-        let av = || -> Result<Box<dyn AvPolicy>> { Ok(Box::new(LogAv::new(scenario)?)) };
-        let request = |i| -> Result<Request<'_>> { Ok(Request { scenario, av: av()?, rollout: i as u32 }) };
-        let batch = (0..count).map(request).collect::<Result<Vec<_>>>()?;
-        let rollouts = roll_out(batch, &controller, &Settings::default());
-        Ok(rollouts.into_iter().collect::<Result<Vec<_>, _>>()?)
-    };
+    let roll = |count| rolled(&scenario, &controller, count);
     roll(1)?;
     let agents = scenario.start.agents.len();
     for (count, aim) in [(1usize, "6 ms"), (16, "5 ms")] {
@@ -273,7 +294,7 @@ fn reactive(device: &Device) -> Result<()> {
     let times = measured(|| {
         if let Ok(rollouts) = roll(1) {
             for rollout in rollouts {
-                let case = Case::of_rollout(scenario, rollout.tracks, Options::default());
+                let case = Case::of_rollout(&scenario, rollout.tracks, Options::default());
                 std::hint::black_box(score_case(&case));
             }
         }
@@ -284,9 +305,7 @@ fn reactive(device: &Device) -> Result<()> {
 
 /// Measures the motion predictor: modes of the agents nearest to the AV.
 fn regression(device: &Device) -> Result<()> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
-    let all = formats::open(std::path::Path::new(path))?.collect::<Result<Vec<_>, _>>()?;
-    let Some(scenario) = all.iter().max_by_key(|s| s.start.agents.len()) else { return Ok(()) };
+    let scenario = crowded()?;
     let task = Regression::new(RegressionRecipe::default(), Intentions::fan(), device);
     let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
     let policy = Predictor::read(&file, device)?;
@@ -298,6 +317,31 @@ fn regression(device: &Device) -> Result<()> {
         let times =
             measured(|| drop(std::hint::black_box(policy.predict_known(&known, CURRENT, &slots, device))));
         row(&format!("regression: modes of {count} agents, map included"), &times, aim, milliseconds);
+    }
+    Ok(())
+}
+
+/// Measures networks of diffusion with random weights, on the shipped scenario with the most agents.
+fn diffusion(device: &Device) -> Result<()> {
+    let scenario = crowded()?;
+    let agents = scenario.start.agents.len();
+    let vbd = Denoising::new(VbdRecipe::default(), Intentions::fan(), device)?;
+    let parameters = VbdParameters { agents: AGENTS, steps: 5, draws: false, inpainting: false };
+    let policy = vbd.policy(&vbd.init(0).valid());
+    let vbd = VbdSimulator::new("vbd", policy, parameters, device.clone());
+    let ctg = CtgLearning::new(CtgRecipe::default(), device)?;
+    let policy = ctg.policy(&ctg.init(0).valid());
+    let rules = Rules { collision: 1.0, road: 1.0, speed: 0.1 };
+    let parameters = CtgParameters { agents: AGENTS, steps: 10, candidates: 1, rules };
+    let ctg = CtgSimulator::new("ctg-guided", policy, parameters, device.clone());
+    let all: [(&str, Box<dyn Simulator>, &str); 2] = [
+        ("`vbd`: a plan by 5 steps", Box::new(vbd), "60 ms"),
+        ("`ctg-guided`: a plan by 10 steps", Box::new(ctg), "-"),
+    ];
+    for (what, simulator, aim) in all {
+        let controller = Controller::Fair(simulator);
+        let times = measured(|| drop(std::hint::black_box(rolled(&scenario, &controller, 1))));
+        row(&format!("{what}, {agents} agents"), &times, aim, |s| milliseconds(s / 16.0));
     }
     Ok(())
 }

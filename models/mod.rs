@@ -3,9 +3,11 @@
 mod card;
 mod error;
 pub mod constant_velocity;
+pub mod ctg;
 pub mod diffusion;
 pub mod diffusion_planner;
 pub mod idm;
+mod joint_plan;
 pub mod learning;
 pub mod log_replay;
 pub mod nn;
@@ -93,12 +95,17 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::SMART_SMALL,
     ntp::entries::TRAJTOK_SMALL,
     ntp::entries::CATK_SMALL,
+    ntp::entries::SMART_REACTIVE,
     ntp::entries::TOKEN_REPLAY,
     pufferdrive::ENTRY,
     qp_regression::entries::QP_REGRESSION,
     qp_regression::entries::REGRESSION,
+    qp_regression::entries::MTR,
     vbd::entries::VBD,
     vbd::entries::VBD_INPAINTING,
+    ctg::entries::CTG_CLONING,
+    ctg::entries::CTG_DIFFUSION,
+    ctg::entries::CTG_GUIDED,
 ];
 
 /// Returns the baseline with this id.
@@ -114,6 +121,7 @@ pub const TASKS: &[TrainingTask] = &[
     ntp::smart::learn::grpo::TASK,
     qp_regression::learn::TASK,
     vbd::learn::TASK,
+    ctg::learn::TASK,
     diffusion_planner::learn::TASK,
 ];
 

@@ -127,9 +127,13 @@ fn rows_for(id: &str) -> Result<impl Iterator<Item = WeightsRow>, ModelError> {
 
 /// Returns the weights that ship, by file name.
 fn embedded() -> impl Iterator<Item = &'static (&'static str, &'static [u8])> {
-    [reactsim_weights::SHIPPED, reactsim_weights_smart::SHIPPED, reactsim_weights_catk::SHIPPED]
-        .into_iter()
-        .flatten()
+    let crates = [
+        reactsim_weights::SHIPPED,
+        reactsim_weights_smart::SHIPPED,
+        reactsim_weights_catk::SHIPPED,
+        reactsim_weights_diffusion::SHIPPED,
+    ];
+    crates.into_iter().flatten()
 }
 
 /// Returns the weights that ship for a baseline.
@@ -144,6 +148,18 @@ pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
     let file = WeightsFile::new(row.file, *bytes);
     file.check(id)?;
     Ok(Some(file))
+}
+
+/// Returns the weights with this digest if they ship, whichever baseline they are for.
+///
+/// # Errors
+/// [`ModelError::Manifest`]; a test rules it out.
+pub fn shipped_with_digest(sha256: &str) -> Result<Option<WeightsFile>, ModelError> {
+    let row = manifest()?.into_iter().find(|row| row.shipped && row.sha256 == sha256);
+    Ok(row.and_then(|row| {
+        let (_, bytes) = embedded().find(|(name, _)| *name == row.file)?;
+        Some(WeightsFile::new(row.file, *bytes))
+    }))
 }
 
 #[cfg(test)]

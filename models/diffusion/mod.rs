@@ -4,8 +4,10 @@
 //! A diffusion network is asked for the clean value x0 of a noisy one. What the value is (actions, states) is
 //! the affair of the models that use this.
 
+mod continued;
 mod guide;
 mod inverse;
+mod motion;
 mod normal;
 mod sampler;
 mod schedule;
@@ -14,8 +16,11 @@ mod solver;
 mod tests;
 mod unicycle;
 
+pub use continued::continued;
 pub use guide::{Guide, Moment};
 pub use inverse::{Actions, actions};
+pub(crate) use motion::{motion_from, states_of};
+pub use motion::{normalized, own_motion, unnormalized};
 pub use normal::standard_normal;
 pub use sampler::{Sampler, Sampling};
 pub use schedule::{Schedule, ScheduleError};

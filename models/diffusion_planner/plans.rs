@@ -1,18 +1,18 @@
-//! Plans of the AV: samples of its motion.
+//! Plans of the AV: samples of its motion, driven within the limits of a vehicle.
 
 use burn::tensor::{Device, Tensor};
-use reactsim::dynamics::{REAR_AXLE, motion_through};
+use reactsim::dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion, motion_through};
 use reactsim::geometry::{Vec2, direction, heading_of, wrap};
 use reactsim::rollout::Stream;
-use reactsim::scene::{Agent, AgentState, DT, FUTURE, Scenario};
+use reactsim::scene::{Agent, AgentState, DT, FUTURE, Frame, Scenario};
 
 use super::inputs::{AxleFrame, PlannerScene};
 use super::policy::PlannerPolicy;
 use crate::models::diffusion::standard_normal;
 use crate::models::perception::SceneView;
 
-/// Speed below which a vehicle keeps its heading, m/s.
-const STANDS: f64 = 0.3;
+/// Speed in m/s below which a vehicle keeps its heading.
+const HEADING_SPEED: f64 = 0.3;
 
 impl PlannerPolicy {
     /// Samples plans of the AV from the current frame of a scenario on, one per stream: its states after 1 to 80 steps
@@ -43,10 +43,23 @@ impl PlannerPolicy {
         let step = FUTURE / self.config.states;
         let states = |plan: &[f64]| {
             let poses = plan.as_chunks::<4>().0;
-            av_states(poses, step, &start.agents[0], start.now(0), &scene.frame)
+            let planned = av_states(poses, step, &start.agents[0], start.now(0), &scene.frame);
+            driven(&start.history[0], &start.agents[0], planned)
         };
         of_av.chunks(4 * self.config.states).map(states).collect()
     }
+}
+
+/// Returns the states of an AV that follows a plan after its history as far as a vehicle can; the plan itself
+/// if it is not finite. The published planner leaves this to a controller too.
+fn driven(history: &[Frame], av: &Agent, plan: Vec<AgentState>) -> Vec<AgentState> {
+    let now = VehicleMotion::after(history);
+    let Some(now) = now.filter(|_| plan.iter().all(AgentState::is_finite)) else { return plan };
+    let poses: Vec<Pose> = plan.into_iter().map(Pose::from).collect();
+    let mut motion = Vec::with_capacity(poses.len());
+    Tracker::new(MotionLimits::of_vehicle(REAR_AXLE * av.length)).track(now, &poses, &mut motion);
+    let from = std::iter::once(now.pose).chain(motion.iter().map(|state| state.pose));
+    motion.iter().zip(from).map(|(state, before)| state.state(before.position)).collect()
 }
 
 /// Returns the states of the AV at every frame, if its rear axle has these poses, x, y, cosine and sine of the heading,
@@ -67,7 +80,7 @@ fn av_states(
         let moved = frame.place(at) - frame.place(axle);
         if step == 1 {
             heading = frame.heading(Vec2::new(poses[k][2], poses[k][3]));
-        } else if moved.norm() > STANDS * DT && moved.dot(&direction(heading)) > 0.0 {
+        } else if moved.norm() > HEADING_SPEED * DT && moved.dot(&direction(heading)) > 0.0 {
             heading = heading_of(moved);
         }
         let next = frame.place(at) + direction(heading) * (REAR_AXLE * av.length);

@@ -54,12 +54,6 @@ pub enum PlannerPolicyError {
     /// The tensors or the configuration are invalid.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// The network is of another kind.
-    #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: \
-         use it with the simulator that it was trained for"
-    )]
-    Kind(String),
     /// A size is out of range.
     #[error(transparent)]
     Size(#[from] SizeError),
@@ -72,10 +66,7 @@ impl PlannerPolicy {
     /// [`PlannerPolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PlannerPolicyError> {
         let tensors = Tensors::read(bytes)?.without_prefix("module.");
-        let kind = tensors.kind()?;
-        if kind != KIND {
-            return Err(PlannerPolicyError::Kind(kind));
-        }
+        tensors.expect_kind(KIND)?;
         let StoredConfig { network, sight, .. } = tensors.config()?;
         let (config, seen) = match network {
             Sizes::Preset(Preset::Published) => (PlannerConfig::published(), PlannerSight::published()),
@@ -84,7 +75,7 @@ impl PlannerPolicy {
         let sight = sight.unwrap_or(seen);
         config.check()?;
         sight.check()?;
-        let empty = DiffusionPlanner::init(&config, &mut Initializer::new(0, device));
+        let empty = DiffusionPlanner::init(&config, &mut Initializer::blank(device));
         Ok(Self { config, sight, network: tensors.load(empty)? })
     }
 

@@ -41,6 +41,10 @@ pub(in crate::models) const TRAJTOK_SMALL: Baseline =
 pub(in crate::models) const CATK_SMALL: Baseline =
     trained("catk-small", include_str!("cards/catk_small.toml"));
 
+/// SMART-small after fine-tuning by rewards, with an AV that leaves its log.
+pub(in crate::models) const SMART_REACTIVE: Baseline =
+    trained("smart-reactive", include_str!("cards/smart_reactive.toml"));
+
 /// The log by tokens.
 pub(in crate::models) const TOKEN_REPLAY: Baseline = Baseline {
     id: token_replay::ID,

@@ -4,12 +4,14 @@
 //! own motion (`body`, `observe`), its lane and the paths that it may take (`lane`), and agents and stops
 //! on these paths (`corridor`). A `KnownMap` is the part of the map around the AV, cut into
 //! [`MapPiece`]s; its `Places` are what agents drive along or stop at, with the successors of lanes.
-//! `Nearest` selects neighbours. Nothing here knows a network: each chooses which features it reads.
+//! `Nearest` selects neighbours; `forecast` continues the motion of the AV. Nothing here knows a network:
+//! each chooses which features it reads.
 
 mod body;
 mod class;
 pub(crate) mod corridor;
 mod features;
+mod forecast;
 mod known_map;
 mod known_motion;
 pub(crate) mod lane;
@@ -27,6 +29,7 @@ mod widths;
 pub(crate) use body::Body;
 pub use class::Class;
 pub(crate) use features::put;
+pub(crate) use forecast::forecast;
 pub(crate) use known_map::{KnownMap, Stop};
 pub use known_motion::KnownMotion;
 pub(crate) use map_pieces::MAX_LINE_LENGTH;

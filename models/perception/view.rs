@@ -5,7 +5,9 @@ use reactsim::rollout::Observation;
 use reactsim::scene::{Agent, AgentState, Frame, LightState};
 
 use super::body::Body;
+use super::class::Class;
 use super::lane::CandidatePath;
+use super::nearest::Nearest;
 use super::places::Places;
 use super::velocity::velocity_at;
 
@@ -44,6 +46,20 @@ impl<'a> SceneView<'a> {
     /// Returns the velocity of an agent, as [`velocity_at`].
     pub(crate) fn velocity(&self, slot: usize) -> Vec2 {
         velocity_at(&self.tracks[slot], self.now)
+    }
+
+    /// Returns the slots of present agents with a class: that of the AV, then those nearest to it, `count` in
+    /// all; none if the AV is absent.
+    pub(crate) fn nearest_agents(&self, count: usize) -> Vec<usize> {
+        let Some(av) = self.state(0) else { return Vec::new() };
+        let mut nearest = Nearest::new(count);
+        for (slot, agent) in self.agents.iter().enumerate() {
+            if let (Some(state), Some(_)) = (self.state(slot), Class::of(agent.kind)) {
+                let away = if slot == 0 { -1.0 } else { (state.position() - av.position()).norm() };
+                nearest.offer(away, slot);
+            }
+        }
+        nearest.found().collect()
     }
 
     /// Describes an agent among these places, with its candidate paths, its own course first. `None` if

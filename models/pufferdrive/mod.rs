@@ -64,7 +64,7 @@ fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
     setup.require_order("goal_nearest", "goal_farthest")?;
     let device = setup.backend.device();
-    let network = Network::init(&mut Initializer::new(0, &device), &device);
+    let network = Network::init(&mut Initializer::blank(&device), &device);
     let tensors = Tensors::read(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;
     let network = tensors.load(network).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(PufferDrive { parameters, network, device })))

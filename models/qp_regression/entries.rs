@@ -31,6 +31,10 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
     make: regression,
 };
 
+/// The same with the published structure, without the lane outlook.
+pub(in crate::models) const MTR: Baseline =
+    Baseline { id: "mtr", card: include_str!("cards/mtr.toml"), by_default: false, ..REGRESSION };
+
 /// Returns the parameters on the card of the baseline that executes predictions as they are.
 ///
 /// # Errors

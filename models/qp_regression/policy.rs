@@ -62,12 +62,6 @@ pub enum PolicyError {
     /// The intention points are invalid.
     #[error(transparent)]
     Intentions(#[from] IntentionsError),
-    /// The network is of another kind.
-    #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: \
-         use it with the simulator that it was trained for"
-    )]
-    Kind(String),
     /// A size is out of range.
     #[error(transparent)]
     Size(#[from] SizeError),
@@ -80,10 +74,7 @@ impl Policy {
     /// [`PolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
         let tensors = Tensors::read(bytes)?;
-        let kind = tensors.kind()?;
-        if kind != KIND {
-            return Err(PolicyError::Kind(kind));
-        }
+        tensors.expect_kind(KIND)?;
         let stored: StoredConfig = tensors.config()?;
         let config = match stored.network {
             Sizes::Preset(Preset::Mtr) => Config::mtr(),
@@ -92,7 +83,7 @@ impl Policy {
         config.check()?;
         let mut tensors = tensors.without(|name| name.ends_with(COUNTER));
         let intentions = Intentions::from_tables(&tensors.split_off(INTENTIONS_PREFIX))?;
-        let empty = Network::init(&config, &mut Initializer::new(0, device));
+        let empty = Network::init(&config, &mut Initializer::blank(device));
         let network = tensors.load(empty)?;
         Ok(Self { config, intentions, network })
     }

@@ -80,16 +80,9 @@ impl Seen {
     /// Describes a scene; `None` if the AV is absent.
     pub(crate) fn of(view: &SceneView<'_>, map: &KnownMap, sight: &Sight) -> Option<Self> {
         let center = view.state(0)?.position();
-        let mut nearest = Nearest::new(sight.agents);
-        for (slot, agent) in view.agents.iter().enumerate() {
-            if let (Some(state), Some(_)) = (view.state(slot), Class::of(agent.kind)) {
-                let away = if slot == 0 { -1.0 } else { (state.position() - center).norm() };
-                nearest.offer(away, slot);
-            }
-        }
         let mut seen =
             Self { input: SceneInput::default(), slots: Vec::new(), states: Vec::new(), classes: Vec::new() };
-        for slot in nearest.found() {
+        for slot in view.nearest_agents(sight.agents) {
             let agent = &view.agents[slot];
             let (Some(state), Some(class)) = (view.state(slot), Class::of(agent.kind)) else { continue };
             let v = view.velocity(slot);

@@ -45,12 +45,6 @@ pub enum VbdPolicyError {
     /// The anchors are invalid.
     #[error(transparent)]
     Anchors(#[from] IntentionsError),
-    /// The network is of another kind.
-    #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: \
-         use it with the simulator that it was trained for"
-    )]
-    Kind(String),
     /// A size is out of range.
     #[error(transparent)]
     Size(#[from] SizeError),
@@ -63,16 +57,13 @@ impl VbdPolicy {
     /// [`VbdPolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, VbdPolicyError> {
         let tensors = Tensors::read(bytes)?;
-        let kind = tensors.kind()?;
-        if kind != KIND {
-            return Err(VbdPolicyError::Kind(kind));
-        }
+        tensors.expect_kind(KIND)?;
         let StoredConfig { network: config, sight, .. } = tensors.config()?;
         config.check()?;
         sight.check()?;
         let mut tensors = tensors;
         let anchors = Intentions::from_tables(&tensors.split_off(INTENTIONS_PREFIX))?;
-        let network = tensors.load(Vbd::init(&config, &mut Initializer::new(0, device)))?;
+        let network = tensors.load(Vbd::init(&config, &mut Initializer::blank(device)))?;
         Ok(Self { config, sight, anchors, network })
     }
 

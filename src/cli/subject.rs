@@ -1,7 +1,7 @@
 //! Arguments that `run` and the studies share: scenarios, simulators, the driver of the AV, threads.
 
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::Path;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
@@ -13,8 +13,10 @@ use super::scenario_args::ScenarioArgs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
     AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
+    weights_file,
 };
 use crate::external::{ExternalSimulator, RunOutline};
+use crate::models::WeightsFile;
 use crate::models::nn::Backend;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
@@ -93,7 +95,7 @@ impl ExecutionArgs {
 impl EvaluationArgs {
     /// Returns the requested weights and parameters, with this stage behind all simulators.
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
-        let weights = parse_weights(&self.model_weights)?;
+        let weights = read_weights(&self.model_weights)?;
         self.backend.check()?;
         let backend = self.backend;
         let mut adjustments = Adjustments { weights, smoothing, backend, ..Adjustments::default() };
@@ -190,13 +192,13 @@ impl EvaluationArgs {
     }
 }
 
-/// Parses the ids and files of `--model-weights`.
-pub(super) fn parse_weights(texts: &[String]) -> anyhow::Result<Vec<(String, PathBuf)>> {
+/// Reads the files of `--model-weights`, with the ids that they are for.
+pub(super) fn read_weights(texts: &[String]) -> anyhow::Result<Vec<(String, WeightsFile)>> {
     let mut weights = Vec::new();
     for text in texts {
         match text.split_once('=') {
             Some((id, file)) if !id.is_empty() && !file.is_empty() => {
-                weights.push((id.to_owned(), PathBuf::from(file)));
+                weights.push((id.to_owned(), weights_file(Path::new(file))?));
             }
             _ => bail!("--model-weights `{text}`: write ID=FILE, such as pufferdrive=puffer.safetensors"),
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::progress::Progress;
-use super::subject::{ExecutionArgs, parse_weights};
+use super::subject::{ExecutionArgs, read_weights};
 use super::{ExitStatus, find_inputs, reference, say, stop_on_interrupt, write_result};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
 use crate::evaluation::{Deviations, Source};
@@ -95,5 +95,5 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
         Source::of_inputs(inputs, most)?
     };
     let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
-    Ok(RerunInputs { sources, deviations, weights: parse_weights(&args.model_weights)? })
+    Ok(RerunInputs { sources, deviations, weights: read_weights(&args.model_weights)? })
 }

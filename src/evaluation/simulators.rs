@@ -1,7 +1,7 @@
 //! The simulators of a run, with their parameters and weights.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::EvaluationError;
 use super::provenance::{ExternalRecord, WeightsRecord};
@@ -37,8 +37,8 @@ pub struct PlannedSimulator {
 /// Requested changes to simulators, beyond their cards and the weights that ship.
 #[derive(Clone, Debug, Default)]
 pub struct Adjustments {
-    /// Weights files: id and path.
-    pub weights: Vec<(String, PathBuf)>,
+    /// Files of weights, by id.
+    pub weights: Vec<(String, WeightsFile)>,
     /// Parameters: id, dotted path, value in TOML notation.
     pub parameters: Vec<(String, String, String)>,
     /// A stage to put behind every simulator that is not an oracle.
@@ -100,10 +100,10 @@ impl PlannedSimulator {
                 Err(EvaluationError::NotRun { id: id.to_owned() })
             }
         };
-        let mut weights: BTreeMap<&str, &PathBuf> = BTreeMap::new();
-        for (id, path) in &adjustments.weights {
+        let mut weights: BTreeMap<&str, &WeightsFile> = BTreeMap::new();
+        for (id, file) in &adjustments.weights {
             runs(id)?;
-            if weights.insert(id, path).is_some() {
+            if weights.insert(id, file).is_some() {
                 return Err(EvaluationError::WeightsTwice { id: id.clone() });
             }
         }
@@ -119,8 +119,7 @@ impl PlannedSimulator {
             // own.
             let variant = selected.variant();
             let ids = [variant.as_str(), selected.id.as_str()];
-            let path = ids.iter().rev().find_map(|id| weights.get(id)).copied();
-            let file = path.map(|path| weights_file(path)).transpose()?;
+            let file = ids.iter().rev().find_map(|id| weights.get(id)).copied().cloned();
             let mut parameters: BTreeMap<&str, &str> = BTreeMap::new();
             for id in ids {
                 let own = changes.iter().filter(|((of, _), _)| *of == id);

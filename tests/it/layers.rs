@@ -26,7 +26,7 @@ const MODEL_LEVELS: &[&[&str]] = &[
     &["ranges", "weights"],
     &["parameters"],
     &["setup"],
-    &["diffusion", "perception"],
+    &["diffusion", "joint_plan", "perception"],
     &["learning", "qp"],
 ];
 

@@ -12,6 +12,7 @@ mod chromium;
 mod circles;
 mod cli;
 mod compare;
+mod ctg;
 mod curation;
 mod diffusion_planner;
 mod evaluation;

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::Output;
 
 use burn::tensor::Device;
+use reactsim::models::ctg::network::Decoding;
 use reactsim::models::nn::{Initializer, save};
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::pufferdrive::network::Network;
@@ -35,10 +36,12 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     let mut init = Initializer::new(7, &device);
     let bytes = match id {
         "ntp-reactive" | "ntp-reactive-raw" => crate::ntp_reactive::untrained(),
-        "regression" | "qp-regression" => crate::regression::untrained(),
+        "regression" | "qp-regression" | "mtr" => crate::regression::untrained(),
         "smart" | "smart-projected" => crate::smart_simulator::untrained(),
         "token-replay" => Kinematic::default().build().unwrap().write().unwrap(),
         "vbd" | "vbd-inpainting" => crate::vbd::untrained(),
+        "ctg-cloning" => crate::ctg::untrained(Decoding::Cloning),
+        "ctg-diffusion" | "ctg-guided" => crate::ctg::untrained(Decoding::Diffusion),
         "pufferdrive" => save(&Network::init(&mut init, &device), &BTreeMap::new()),
         _ => return None,
     };
@@ -54,16 +57,21 @@ pub(crate) fn replaced(file: &[u8], from: &str, to: &str) -> Vec<u8> {
     file
 }
 
-/// Checks what `refusal` says of files that are cut, of another kind, or damaged. `good` is a file of a network with
-/// two heads and width 16.
+/// Checks what `refusal` says of files that are cut, of another kind, or damaged. `good` is a file of a
+/// network with two heads and width 16.
 pub(crate) fn check_refusals(good: &[u8], refusal: impl Fn(&[u8]) -> String) {
-    assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
-    assert!(refusal(b"").contains("cut short"));
-    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
+    check_damaged(good, &refusal);
     let none = refusal(&replaced(good, "\\\"heads\\\":2", "\\\"heads\\\":0"));
     assert!(none.contains("heads = 0"), "{none}");
     let other = refusal(&replaced(good, "\\\"width\\\":16", "\\\"width\\\":32"));
     assert!(other.contains("expected ["), "{other}");
+}
+
+/// Checks what `refusal` says of files that are cut, of another kind, or hold a value that is not a number.
+pub(crate) fn check_damaged(good: &[u8], refusal: impl Fn(&[u8]) -> String) {
+    assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
+    assert!(refusal(b"").contains("cut short"));
+    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
     let mut nan = good.to_vec();
     let end = nan.len();
     nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rand_chacha::rand_core::Rng;
-use reactsim::evaluation::{Adjustments, EvaluationError, PlannedSimulator};
+use reactsim::evaluation::{Adjustments, EvaluationError, PlannedSimulator, weights_file};
 use reactsim::formats;
 use reactsim::geometry::{Vec2, direction, wrap};
 use reactsim::models::{self, ModelError, qp::Smoothing};
@@ -291,7 +291,8 @@ fn what_is_asked_of_a_simulator_is_asked_of_it_with_a_stage_too() {
     let file = folder.path().join("some.safetensors");
     let weights = crate::model_weights::untrained("pufferdrive").unwrap();
     std::fs::write(&file, &weights.bytes).unwrap();
-    let asked = Adjustments { weights: vec![("pufferdrive".to_owned(), file)], ..Adjustments::default() };
+    let weights = vec![("pufferdrive".to_owned(), weights_file(&file).unwrap())];
+    let asked = Adjustments { weights, ..Adjustments::default() };
     let all = PlannedSimulator::adjusted(&["pufferdrive+qp".to_owned()], &asked).unwrap();
     assert_eq!(all[0].weights.as_ref().map(|w| w.name.as_str()), Some("some.safetensors"));
 }

@@ -364,6 +364,20 @@ fn of_network(home: &Path) -> (Reference, PathBuf) {
 }
 
 #[test]
+fn weights_that_ship_for_another_simulator_are_found_by_their_digest() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("roads.parquet"), home.path().join("run"));
+    generated::write(&input, (0..2).map(generated::scenario));
+    let weights =
+        concat!("token-replay=", env!("CARGO_MANIFEST_DIR"), "/weights/smart/smart-small.safetensors");
+    let models = ["--models", "token-replay", "--model-weights", weights];
+    said(&[&["run", text(&input), "--out", text(&out)][..], &models].concat(), 0);
+    as_if_committed(&out);
+    let reference = made(&out, &home.path().join("reference"), &["--aggregates-only"]);
+    said(&["verify", text(&reference), "--scenarios", text(&input)], 0);
+}
+
+#[test]
 fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
     let home = tempfile::tempdir().unwrap();
     let (mut reference, input) = of_network(home.path());

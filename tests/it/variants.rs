@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::evaluation::{Adjustments, PlannedSimulator, read_summary};
+use reactsim::evaluation::{Adjustments, PlannedSimulator, read_summary, weights_file};
 
 use crate::program::reactsim;
 use crate::reference::{said, text};
@@ -96,7 +96,7 @@ fn copies_of_published_weights_that_differ_are_named() {
     let title_of = |bytes: &[u8]| {
         let file = home.path().join("copy.safetensors");
         fs::write(&file, bytes).unwrap();
-        let weights = vec![("pufferdrive".to_owned(), file)];
+        let weights = vec![("pufferdrive".to_owned(), weights_file(&file).unwrap())];
         let adjustments = Adjustments { weights, ..Adjustments::default() };
         PlannedSimulator::adjusted(&["pufferdrive".to_owned()], &adjustments).unwrap().remove(0).title
     };

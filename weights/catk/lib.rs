@@ -1,7 +1,10 @@
-//! The weights of CATK-small, as data. `manifest.toml` of `reactsim-weights` describes them.
+//! The weights of networks that were fine-tuned from SMART-small, as data. `manifest.toml` of
+//! `reactsim-weights` describes them.
 
 #![no_std]
 
 /// Shipped weights by file name.
-pub static SHIPPED: &[(&str, &[u8])] =
-    &[("catk-small.safetensors", include_bytes!("catk-small.safetensors"))];
+pub static SHIPPED: &[(&str, &[u8])] = &[
+    ("catk-small.safetensors", include_bytes!("catk-small.safetensors")),
+    ("smart-reactive.safetensors", include_bytes!("smart-reactive.safetensors")),
+];

@@ -72,6 +72,17 @@ pub enum WeightsError {
         /// Second name.
         other: String,
     },
+    /// The network is of another kind.
+    #[error(
+        "the file holds a network of kind `{found}`, expected `{expected}`: \
+         use it with the simulator that it was trained for"
+    )]
+    Kind {
+        /// Its kind; empty if the file states none.
+        found: String,
+        /// The kind that is read.
+        expected: &'static str,
+    },
     /// The configuration in the file's metadata is missing or does not fit.
     #[error("the file's metadata has no usable `config`: {0}")]
     Config(String),

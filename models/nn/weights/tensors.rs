@@ -42,18 +42,19 @@ impl<'a> Tensors<'a> {
         serde_json::from_str(text).map_err(|e| WeightsError::Config(e.to_string()))
     }
 
-    /// Returns the kind of the network, since the configurations of other kinds differ; empty if the
-    /// configuration states none.
+    /// Checks the kind of the network before its configuration is read, since those of other kinds differ.
     ///
     /// # Errors
-    /// [`WeightsError::Config`] if the configuration is missing or no object.
-    pub fn kind(&self) -> Result<String, WeightsError> {
+    /// [`WeightsError::Kind`] if it is another one, [`WeightsError::Config`] if the configuration is missing
+    /// or no object.
+    pub fn expect_kind(&self, expected: &'static str) -> Result<(), WeightsError> {
         #[derive(Deserialize)]
         struct Kind {
             #[serde(default)]
             kind: String,
         }
-        self.config().map(|Kind { kind }| kind)
+        let Kind { kind: found } = self.config()?;
+        if found == expected { Ok(()) } else { Err(WeightsError::Kind { found, expected }) }
     }
 
     /// Returns names and shapes, ordered by name.

@@ -12,12 +12,6 @@ pub enum PolicyError {
     /// Invalid vocabulary.
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
-    /// The file holds another kind of network.
-    #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: \
-         give it to the simulator that it was made for"
-    )]
-    Kind(String),
     /// A size is out of range.
     #[error("the file's configuration has {field} = {value}, expected {expected}")]
     Size {

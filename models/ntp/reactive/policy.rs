@@ -39,15 +39,13 @@ impl Policy {
     /// [`PolicyError`] naming the tensor, token or field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
         let mut tensors = Tensors::read(bytes)?;
+        tensors.expect_kind(KIND)?;
         let stored: StoredConfig = tensors.config()?;
-        if stored.kind != KIND {
-            return Err(PolicyError::Kind(stored.kind));
-        }
         let config = stored.network;
         config.check()?;
         let vocabulary = Vocabulary::from_tables(&tensors.split_off(PREFIX))?;
         let tokens = Class::ALL.map(|c| vocabulary.tokens(c));
-        let empty = Network::init(&config, tokens, &mut Initializer::new(0, device));
+        let empty = Network::init(&config, tokens, &mut Initializer::blank(device));
         let network = tensors.load(empty)?;
         Ok(Self { config, vocabulary, network })
     }

@@ -74,7 +74,7 @@ impl Smart {
         tensors: Tensors<'_>,
         device: &Device,
     ) -> Result<Self, LoadError> {
-        let network = Self::init(config, &mut Initializer::new(0, device))?;
+        let network = Self::init(config, &mut Initializer::blank(device))?;
         let found = network.num_params();
         if config.n_params != 0 && config.n_params != found {
             return Err(LoadError::Size { stated: config.n_params, found });

@@ -49,12 +49,6 @@ pub enum SmartPolicyError {
     /// The vocabularies belong to another network.
     #[error(transparent)]
     Tokens(#[from] InputError),
-    /// The file holds another kind of network.
-    #[error(
-        "the file holds a network of kind `{0}`, expected `{KIND}`: \
-         give it to the simulator that it was made for"
-    )]
-    Kind(String),
     /// Tokens have another duration.
     #[error(
         "`shift_frames` of the network's configuration is {0}, expected {TOKEN_FRAMES}: \
@@ -94,10 +88,8 @@ impl SmartPolicy {
     /// [`SmartPolicyError`] naming the tensor, token or entry.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, SmartPolicyError> {
         let mut tensors = Tensors::read(bytes)?;
+        tensors.expect_kind(KIND)?;
         let stored: StoredConfig = tensors.config()?;
-        if stored.kind != KIND {
-            return Err(SmartPolicyError::Kind(stored.kind));
-        }
         let config = SmartConfig::from_json(&stored.network.to_string()).map_err(LoadError::from)?;
         let vocabulary = Vocabulary::from_tables(&tensors.split_off(PREFIX))?;
         let map_vocabulary = MapVocabulary::from_tables(&tensors.split_off(MAP_PREFIX))?;

@@ -1,6 +1,5 @@
 //! Input features of the network: agents and map lines around an agent, in that agent's frame.
 
-mod forecast;
 mod frame;
 mod ground;
 mod histories;
@@ -9,7 +8,6 @@ mod outlook;
 mod scene;
 mod surroundings;
 
-use forecast::forecast;
 pub(crate) use frame::{AgentFrame, PolylineFeatures};
 pub use ground::Ground;
 pub(crate) use ground::Survey;

@@ -1,9 +1,9 @@
 //! Data of a scene that all its predictions share.
 
-use reactsim::geometry::Vec2;
+use reactsim::scene::AgentState;
 
-use super::{Ground, forecast};
-use crate::models::perception::{Body, Places, SceneView};
+use super::Ground;
+use crate::models::perception::{Body, Places, SceneView, forecast};
 
 /// Data of a scene that all its predictions share.
 #[derive(Debug)]
@@ -12,8 +12,8 @@ pub(crate) struct SceneContext<'a> {
     pub view: &'a SceneView<'a>,
     /// Map features.
     pub ground: &'a Ground,
-    /// Forecast of the AV: position and velocity after 0.1 s and so on.
-    pub av: Option<Vec<(Vec2, Vec2)>>,
+    /// Forecast of the AV: its states after 0.1 s and so on.
+    pub av: Option<Vec<AgentState>>,
     /// Agents as possible conflicts of others, if the configuration has an outlook.
     pub(super) bodies: Vec<Body>,
     /// Slots of these agents.

@@ -2,7 +2,7 @@
 
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
-use reactsim::scene::{DT, HISTORY};
+use reactsim::scene::{AgentState, DT, HISTORY};
 
 use super::frame::{AgentFrame, PolylineFeatures};
 use super::histories::{AgentHistory, agent_numbers};
@@ -137,10 +137,10 @@ fn histories(
 }
 
 /// Returns the forecast at the predicted instants.
-fn sampled_forecast(states: &[(Vec2, Vec2)], frame: &AgentFrame, config: &Config) -> Vec<f32> {
+fn sampled_forecast(states: &[AgentState], frame: &AgentFrame, config: &Config) -> Vec<f32> {
     let each = states.iter().skip(config.step - 1).step_by(config.step).take(config.states());
-    each.flat_map(|(p, v)| {
-        let (p, v) = (frame.point(*p), frame.vector(*v));
+    each.flat_map(|state| {
+        let (p, v) = (frame.point(state.position()), frame.vector(Vec2::new(state.vx, state.vy)));
         [p.x, p.y, v.x, v.y].map(|value| value as f32)
     })
     .collect()

@@ -25,6 +25,18 @@ pub enum Norms {
     Layer,
 }
 
+/// Units of predicted positions and velocities without a reference motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutputUnits {
+    /// Metres and metres per second, as in the public code.
+    #[default]
+    Fixed,
+    /// For positions 2.5 m per second of the prediction, for velocities 5 m/s. Motion at constant velocity
+    /// then is a constant of about 1, and the nearest states are as exact as the farthest in proportion.
+    Growing,
+}
+
 /// Sizes and ranges, stored with the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,10 +54,9 @@ pub struct Config {
     /// Whether the network gets lane and conflict features of the predicted agent, and reference
     /// motions follow the paths along its lanes.
     pub outlook: bool,
-    /// Metres, and metres per second, that an output of 1 stands for; 1 in the public code. Without a reference
-    /// motion, outputs reach 160 m, which a unit of one metre takes long to learn.
-    #[serde(default = "published_unit")]
-    pub output_unit: f64,
+    /// Units of outputs if there is no reference motion.
+    #[serde(default)]
+    pub output_units: OutputUnits,
     /// Frames from one predicted state to the next; a divisor of 80.
     pub step: usize,
     /// Number of agents in the input, the predicted one first.
@@ -90,11 +101,6 @@ pub struct Config {
     pub apart: f64,
 }
 
-/// Returns the unit of outputs in the public code, metres.
-const fn published_unit() -> f64 {
-    1.0
-}
-
 impl Config {
     /// Returns the sizes of the public code (`tools/cfgs/waymo/mtr+100_percent_data.yaml`): 66 million
     /// parameters.
@@ -105,7 +111,7 @@ impl Config {
             guided: false,
             av_forecast: false,
             outlook: false,
-            output_unit: published_unit(),
+            output_units: OutputUnits::Fixed,
             step: 1,
             agents: 64,
             lines: 768,
@@ -188,12 +194,7 @@ impl Config {
         if self.step == 0 || !FUTURE.is_multiple_of(self.step) {
             return refuse("step", self.step as f64, "a divisor of 80");
         }
-        let lengths = [
-            ("output_unit", self.output_unit),
-            ("spacing", self.spacing),
-            ("radius", self.radius),
-            ("apart", self.apart),
-        ];
+        let lengths = [("spacing", self.spacing), ("radius", self.radius), ("apart", self.apart)];
         for (field, value) in lengths {
             if !(value > 0.0 && value < 1e4) {
                 return refuse(field, value, "metres, above 0 and below 10000");
@@ -212,7 +213,7 @@ impl Default for Config {
             guided: true,
             av_forecast: true,
             outlook: true,
-            output_unit: published_unit(),
+            output_units: OutputUnits::Fixed,
             step: 5,
             agents: 16,
             lines: 64,

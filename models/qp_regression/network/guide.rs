@@ -1,12 +1,12 @@
-//! Reference motions (guesses): the network predicts differences from them. Without them it predicts motions in units of
-//! its configuration.
+//! Reference motions (guesses): the network predicts differences from them. Without them it predicts motions
+//! in the units of its configuration.
 
 use burn::tensor::{Tensor, TensorData};
 use reactsim::geometry::{Vec2, into_frame, left, math, smooth_step};
 use reactsim::scene::DT;
 
 use super::STATE;
-use super::config::Config;
+use super::config::{Config, OutputUnits};
 use crate::models::perception::lane;
 
 /// A path along lanes in the frame of an agent: points every [`lane::SPACING`] metres and the direction
@@ -137,10 +137,10 @@ pub(crate) fn add_to_reference(output: Tensor<3>, references: Tensor<3>, config:
 
 /// Returns the network output `[n, states, 7]` with positions and velocities in metres and m/s.
 pub(crate) fn in_metres(output: Tensor<3>, config: &Config) -> Tensor<3> {
-    if config.output_unit == 1.0 {
-        return output;
+    match config.output_units {
+        OutputUnits::Fixed => output,
+        OutputUnits::Growing => scaled(output, config.times().map(|t| (2.5 * t, 5.0))),
     }
-    scaled(output, config.times().map(|_| (config.output_unit, config.output_unit)))
 }
 
 /// Multiplies the positions and the velocities of states, `[n, states, 7]`, by factors per state.

@@ -24,7 +24,7 @@ mod polyline_encoder;
 mod sine;
 mod suppress;
 
-pub use config::{Attributes, Config, Norms};
+pub use config::{Attributes, Config, Norms, OutputUnits};
 pub use motion_transformer::Network;
 pub use suppress::suppress;
 

@@ -6,9 +6,9 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::RngExt;
 use reactsim::training::{Output, Stream, Sums};
 
-use super::super::network::{Vbd, VbdConfig, own_motion};
+use super::super::network::{Vbd, VbdConfig};
 use super::sample::{Sample, TRUTH};
-use crate::models::diffusion::{Schedule, standard_normal};
+use crate::models::diffusion::{Schedule, own_motion, standard_normal};
 use crate::models::learning::Intentions;
 
 /// Weight of the scores of anchors (published).
@@ -81,7 +81,7 @@ pub(super) fn loss(
 fn motion_loss(actions: Tensor<3>, speeds: &Tensor<2>, sample: &Sample, config: &VbdConfig) -> Tensor<1> {
     let device = actions.device();
     let agents = sample.agents.len();
-    let states = own_motion(actions, speeds, config);
+    let states = own_motion(actions, speeds, config.hold);
     let truth = TensorData::new(sample.truth.clone(), [agents, config.states(), TRUTH]);
     let apart = states.narrow(2, 0, TRUTH) - Tensor::<3>::from_data(truth, &device);
     let places = smooth(apart.clone().narrow(2, 0, 2)).sum_dim(2);

@@ -5,9 +5,8 @@ use reactsim::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
 use reactsim::training::Stream;
 
 use super::super::inputs::Seen;
-use super::super::network::DEVIATIONS;
 use super::Recipe;
-use crate::models::diffusion::actions;
+use crate::models::diffusion::{actions, normalized};
 use crate::models::learning::{Intentions, LearningScene, shifted};
 use crate::models::perception::KnownMap;
 
@@ -82,7 +81,7 @@ impl Sample {
         future.resize(FUTURE + 1, None);
         future[0] = Some(from);
         for value in actions(&future[..=states], recipe.network.hold).values {
-            self.actions.extend([value[0] as f32 / DEVIATIONS[0], value[1] as f32 / DEVIATIONS[1]]);
+            self.actions.extend(normalized(value));
         }
         let axis = direction(from.heading);
         let local = |s: &AgentState| {

@@ -24,4 +24,3 @@ pub use encoded::Encoded;
 pub use input::{Line, SceneInput};
 pub use predictor::Behaviours;
 pub use vbd::Vbd;
-pub(super) use vbd::{DEVIATIONS, own_motion, unnormalized};

@@ -1,7 +1,7 @@
 //! The whole network.
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 
 use super::config::VbdConfig;
 use super::denoiser::{Denoiser, DenoisingScene};
@@ -9,11 +9,8 @@ use super::encoded::Encoded;
 use super::input::SceneInput;
 use super::predictor::{Behaviours, Predictor};
 use super::scene_encoder::SceneEncoder;
-use crate::models::diffusion::roll_out;
+use crate::models::diffusion::own_motion;
 use crate::models::nn::Initializer;
-
-/// Deviation of accelerations, m/s², and yaw rates, rad/s: normalised actions have deviation 1.
-pub(in crate::models::vbd) const DEVIATIONS: [f32; 2] = [1.0, 0.15];
 
 /// Scene encoder, predictor of behaviours, denoiser.
 #[derive(Module, Debug)]
@@ -60,25 +57,6 @@ impl Vbd {
         config: &VbdConfig,
     ) -> Tensor<3> {
         debug_assert_eq!([scene.agents, 1], speeds.dims());
-        self.denoiser.forward(scene, own_motion(noisy, speeds, config), level, config)
+        self.denoiser.forward(scene, own_motion(noisy, speeds, config.hold), level, config)
     }
-}
-
-/// Returns the states to which normalised actions, `[agents, actions, 2]`, lead from speeds, `[agents, 1]`,
-/// m/s, each agent starting at the origin of its frame: `[agents, states, 5]`.
-pub(in crate::models::vbd) fn own_motion(
-    actions: Tensor<3>,
-    speeds: &Tensor<2>,
-    config: &VbdConfig,
-) -> Tensor<3> {
-    let agents = speeds.dims()[0];
-    let nothing = |columns| Tensor::<2>::zeros([agents, columns], &speeds.device());
-    let start = Tensor::cat(vec![nothing(3), speeds.clone(), nothing(1)], 1);
-    roll_out(&start, unnormalized(actions), config.hold, None)
-}
-
-/// Returns actions, `[n, actions, 2]`, in m/s² and rad/s.
-pub(in crate::models::vbd) fn unnormalized(actions: Tensor<3>) -> Tensor<3> {
-    let deviations = Tensor::<1>::from_data(TensorData::from(DEVIATIONS), &actions.device());
-    actions * deviations.reshape([1, 1, 2])
 }

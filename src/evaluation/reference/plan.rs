@@ -1,14 +1,13 @@
 //! The plan that repeats the run of a reference.
 
-use std::path::PathBuf;
-
 use super::{Reference, ReferenceError};
 use crate::evaluation::provenance::differences;
 use crate::evaluation::{
-    Adjustments, AvChoice, BenchmarkRecord, Deviations, FileRecord, Plan, PlannedSimulator, Provenance,
-    RunSettings, Source, program_version,
+    Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
+    Provenance, RunSettings, Source, program_version,
 };
 use crate::metrics::Options;
+use crate::models::{WeightsFile, weights};
 use crate::rollout::{Protocol, Replan, Settings};
 
 /// The inputs for repeating the run of a reference.
@@ -17,8 +16,8 @@ pub struct RerunInputs {
     pub sources: Vec<Source>,
     /// The file of deviated AVs, if the run had one.
     pub deviations: Option<Deviations>,
-    /// Weights that do not ship: id and path.
-    pub weights: Vec<(String, PathBuf)>,
+    /// Weights that do not ship, by id.
+    pub weights: Vec<(String, WeightsFile)>,
 }
 
 impl Reference {
@@ -39,7 +38,7 @@ impl Reference {
             simulator.parameters.iter().map(move |(key, value)| (id.clone(), key.clone(), value.clone()))
         });
         let adjustments = Adjustments {
-            weights: inputs.weights,
+            weights: self.weights(inputs.weights)?,
             parameters: parameters.collect(),
             smoothing: None,
             backend: stated.backend.as_deref().and_then(|name| name.parse().ok()).unwrap_or_default(),
@@ -56,6 +55,23 @@ impl Reference {
             Some((field, stated, found)) => Err(self.other(field, stated, found, REMAKE)),
             None => Ok(plan),
         }
+    }
+
+    /// Returns the given weights and those that ship with the program, under whichever id, for the simulators
+    /// that had them.
+    fn weights(
+        &self,
+        mut given: Vec<(String, WeightsFile)>,
+    ) -> Result<Vec<(String, WeightsFile)>, ReferenceError> {
+        for simulator in &self.provenance.simulators {
+            let Some(stated) = &simulator.weights else { continue };
+            if given.iter().any(|(id, _)| *id == simulator.id) {
+                continue;
+            }
+            let shipped = weights::shipped_with_digest(&stated.sha256).map_err(EvaluationError::from)?;
+            given.extend(shipped.map(|file| (simulator.id.clone(), file)));
+        }
+        Ok(given)
     }
 
     /// Returns the settings in the provenance.

@@ -150,8 +150,8 @@ fn variant(
         // Weights and parameters are those of the unchanged simulator, except for the component.
         let weights_of = |id: &str| adjustments.weights.iter().find(|(to, _)| to == id);
         let variant = SimulatorId::parse(&from.id)?.variant;
-        if let Some((_, path)) = weights_of(&from.id).or_else(|| weights_of(variant)) {
-            own.weights.push((id.clone(), path.clone()));
+        if let Some((_, file)) = weights_of(&from.id).or_else(|| weights_of(variant)) {
+            own.weights.push((id.clone(), file.clone()));
         }
         let others =
             from.parameters.iter().filter(|(key, _)| parameter.is_none_or(|(changed, _)| *key != changed));

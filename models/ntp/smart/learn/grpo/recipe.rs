@@ -52,20 +52,20 @@ pub struct Rewards {
 impl Default for GrpoRecipe {
     fn default() -> Self {
         Self {
-            agents: 24,
+            agents: 16,
             map_radius: 100.0,
             height: 1.8,
             rollouts: 4,
             steps: 16,
             external_av: true,
-            anchor: 0.05,
+            anchor: 0.03,
             mirror: 0.5,
             stretch: 0.1,
             sampling: Sampling { top_k: 5, temperature: 1.0 },
             rewards: Rewards {
-                av_contact: 1.0,
+                av_contact: 2.0,
                 contact: 1.0,
-                distance: 0.02,
+                distance: 0.006,
                 most_distance: 10.0,
                 discount: 0.9,
             },

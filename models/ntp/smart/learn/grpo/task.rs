@@ -24,7 +24,7 @@ pub const TASK: TrainingTask = TrainingTask {
     title: "Closed-loop fine-tuning of `smart` by group-relative policy gradients (GRPO)",
     simulators: &["smart", "smart-projected"],
     defaults: || {
-        let learner = Settings { learning_rate: 1e-4, floor: 0.05, clip: 0.5, ..Settings::default() };
+        let learner = Settings { learning_rate: 2.5e-4, floor: 0.1, clip: 0.5, ..Settings::default() };
         recipe_values(&GrpoRecipe::default(), &learner)
     },
     ranges: include_str!("ranges.toml"),

@@ -14,10 +14,10 @@ const MAX_YAW_RATE: f64 = 1.0;
 /// Frames over which acceleration and yaw rate are measured.
 const FRAMES: usize = 2;
 
-/// Returns position and velocity after 0.1, 0.2 … 8 s at constant yaw rate and acceleration, from the
-/// state at frame `now`, those before it, and `next`, the state one frame later, where the protocol
-/// shows it. `None` if the agent is absent now.
-pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) -> Option<Vec<(Vec2, Vec2)>> {
+/// Returns the states after 0.1, 0.2 … 8 s at constant yaw rate and acceleration, from the state at frame
+/// `now`, those before it, and `next`, the state one frame later, where the protocol shows it. `None` if the
+/// agent is absent now.
+pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) -> Option<Vec<AgentState>> {
     let here = track.get(now).copied().flatten()?;
     let back = |k: usize| now.checked_sub(k).and_then(|f| track[f]);
     // The latest known states, newest first.
@@ -48,7 +48,7 @@ pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) ->
     let mut pose = Pose::from(last);
     let mut states = Vec::with_capacity(FUTURE);
     if next.is_some() {
-        states.push((pose.position, (pose.position - here.position()) / DT));
+        states.push(state(pose, here.position()));
     }
     for k in 0..FUTURE {
         let lasts = (k as f64) * DT < DURATION;
@@ -59,10 +59,16 @@ pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) ->
         let curvature = if lasts && speed > 0.5 { yaw_rate / speed } else { 0.0 };
         let from = pose.position;
         pose = pose.advance(speed * DT, curvature);
-        states.push((pose.position, (pose.position - from) / DT));
+        states.push(state(pose, from));
     }
     states.truncate(FUTURE);
     Some(states)
+}
+
+/// Returns the state at a pose that was reached from a position within one frame.
+fn state(pose: Pose, from: Vec2) -> AgentState {
+    let (p, v) = (pose.position, (pose.position - from) / DT);
+    AgentState { x: p.x, y: p.y, heading: pose.heading, vx: v.x, vy: v.y }
 }
 
 #[cfg(test)]
@@ -81,18 +87,23 @@ mod tests {
         let states = forecast(&track, 10, None).unwrap();
         assert_eq!(states.len(), FUTURE);
         let end = states[FUTURE - 1];
-        assert!((end.0 - Vec2::new(distance(2.5), 0.0)).norm() < 0.3, "{end:?}");
-        assert!(end.1.norm() < 1e-9);
+        assert!((end.position() - Vec2::new(distance(2.5), 0.0)).norm() < 0.3, "{end:?}");
+        assert!(end.velocity().unwrap().norm() < 1e-9);
         let seen = forecast(&track[..10], 9, track[10]).unwrap();
-        assert!((seen[0].0 - track[10].unwrap().position()).norm() < 1e-12);
-        assert!((seen[FUTURE - 1].0 - end.0).norm() < 0.1);
+        assert!((seen[0].position() - track[10].unwrap().position()).norm() < 1e-12);
+        assert!((seen[FUTURE - 1].position() - end.position()).norm() < 0.1);
     }
 
     #[test]
     fn little_is_needed() {
         assert!(forecast(&[None], 0, None).is_none());
         let one = [Some(at(1.0, 2.0, 0.3))];
-        assert!(forecast(&one, 0, None).unwrap().iter().all(|s| (s.0 - Vec2::new(1.0, 2.0)).norm() < 1e-12));
+        assert!(
+            forecast(&one, 0, None)
+                .unwrap()
+                .iter()
+                .all(|s| (s.position() - Vec2::new(1.0, 2.0)).norm() < 1e-12)
+        );
     }
 
     #[test]
@@ -104,8 +115,9 @@ mod tests {
             })
             .collect();
         let states = forecast(&track, 10, None).unwrap();
-        let heading = states[FUTURE - 1].1;
-        let angle = heading.y.atan2(heading.x);
+        let last = states[FUTURE - 1];
+        let angle = last.vy.atan2(last.vx);
         assert!((angle - (0.2 + 0.6)).abs() < 0.03, "{angle}");
+        assert!((last.heading - angle).abs() < 0.03, "{last:?}");
     }
 }

@@ -1,0 +1,76 @@
+//! The baselines of this network.
+
+use reactsim::models::{Baseline, ModelError, Setup};
+use reactsim::rollout::Controller;
+use serde::{Deserialize, Serialize};
+
+use super::network::Decoding;
+use super::{CtgParameters, CtgPolicy, CtgSimulator};
+
+/// Baseline that executes cloned behaviour.
+pub(in crate::models) const CTG_CLONING: Baseline = Baseline {
+    id: "ctg-cloning",
+    card: include_str!("cards/ctg_cloning.toml"),
+    ranges: include_str!("ranges/ctg_cloning.toml"),
+    make: cloning,
+    ..CTG_DIFFUSION
+};
+
+/// Baseline that samples plans.
+pub(in crate::models) const CTG_DIFFUSION: Baseline = Baseline {
+    id: "ctg-diffusion",
+    card: include_str!("cards/ctg_diffusion.toml"),
+    ranges: include_str!("ranges/ctg_diffusion.toml"),
+    oracle: false,
+    takes_stage: true,
+    by_default: false,
+    needs_weights: true,
+    make: diffusion,
+};
+
+/// Diffusion, guided by rules.
+pub(in crate::models) const CTG_GUIDED: Baseline =
+    Baseline { id: "ctg-guided", card: include_str!("cards/ctg_guided.toml"), ..CTG_DIFFUSION };
+
+/// Parameters on the card of the baseline that clones.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CloningParameters {
+    /// Number of agents that are planned, the nearest to the AV.
+    agents: usize,
+}
+
+/// Returns the id and the parameters of the baseline that a network of this kind is for.
+///
+/// # Errors
+/// [`ModelError`] if the card cannot be read; a test rules it out.
+pub(super) fn plain(decoding: Decoding) -> Result<(&'static str, CtgParameters), ModelError> {
+    match decoding {
+        Decoding::Cloning => {
+            let CloningParameters { agents } = card_of(&CTG_CLONING)?.parameters()?;
+            Ok((CTG_CLONING.id, CtgParameters::cloning(agents)))
+        }
+        Decoding::Diffusion => Ok((CTG_DIFFUSION.id, card_of(&CTG_DIFFUSION)?.parameters()?)),
+    }
+}
+
+fn card_of(baseline: &Baseline) -> Result<Setup, ModelError> {
+    Setup::new(baseline.id, baseline.card, baseline.ranges, None)
+}
+
+fn cloning(setup: Setup) -> Result<Controller, ModelError> {
+    let CloningParameters { agents } = setup.parameters()?;
+    make(&setup, Decoding::Cloning, CtgParameters::cloning(agents))
+}
+
+fn diffusion(setup: Setup) -> Result<Controller, ModelError> {
+    let parameters = setup.parameters()?;
+    make(&setup, Decoding::Diffusion, parameters)
+}
+
+fn make(setup: &Setup, decoding: Decoding, parameters: CtgParameters) -> Result<Controller, ModelError> {
+    let device = setup.backend.device();
+    let policy = CtgPolicy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    policy.expect(decoding).map_err(|e| setup.refuse_weights(e))?;
+    Ok(Controller::Fair(Box::new(CtgSimulator::new(setup.id, policy, parameters, device))))
+}

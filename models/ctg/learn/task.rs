@@ -1,0 +1,132 @@
+//! Training of the network as a task.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Device;
+use rand_chacha::rand_core::SeedableRng;
+use reactsim::rollout::Controller;
+use reactsim::scene::Scenario;
+use reactsim::training::{Output, Settings, Stream, Task, View};
+
+use super::super::entries::plain;
+use super::super::network::Ctg;
+use super::super::{CtgPolicy, CtgSimulator};
+use super::loss::loss;
+use super::sample::sample;
+use super::{Recipe, Sample};
+use crate::models::diffusion::{Schedule, ScheduleError};
+use crate::models::learning::{
+    ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
+};
+use crate::models::nn::Initializer;
+
+/// Training of CTG.
+pub const TASK: TrainingTask = TrainingTask {
+    id: ID,
+    also: &[],
+    title: "Diffusion over an agent's actions given an image around it, or cloning (CTG)",
+    simulators: &["ctg-diffusion", "ctg-guided", "ctg-cloning"],
+    defaults: || {
+        let learner = Settings { learning_rate: 1e-3, warm_up: 100, ..Settings::default() };
+        recipe_values(&Recipe::default(), &learner)
+    },
+    ranges: include_str!("ranges.toml"),
+    recipes: &[ShippedRecipe {
+        name: "cloning",
+        about: "behaviour cloning by one linear layer, for `ctg-cloning`",
+        text: include_str!("recipes/cloning.toml"),
+    }],
+    inputs: &[],
+    needs_weights: false,
+    make,
+};
+
+/// Id of the task.
+const ID: &str = "ctg";
+
+fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
+    let recipe: Recipe = setup.recipe()?;
+    recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
+    recipe.sight.check().map_err(|e| TaskError::values(ID, e))?;
+    let new = CtgLearning::new(recipe, &setup.device).map_err(|e| TaskError::values(ID, e))?;
+    let Some((parent, digest)) = setup.parent(CtgPolicy::read)? else { return Ok(Box::new(new)) };
+    if parent.config != recipe.network || parent.sight != recipe.sight {
+        return Err(setup.refuse_parent_sizes());
+    }
+    Ok(Box::new(CtgLearning { from: Some((parent.network, digest)), ..new }))
+}
+
+/// The training task.
+pub struct CtgLearning {
+    recipe: Recipe,
+    schedule: Schedule,
+    device: Device,
+    /// Initial network, on a device with autodiff, and the digest of its file.
+    from: Option<(Ctg, String)>,
+}
+
+impl CtgLearning {
+    /// Creates a task on this device, which must be one without autodiff.
+    ///
+    /// # Errors
+    /// [`ScheduleError`] if there are too few noise levels.
+    pub fn new(recipe: Recipe, device: &Device) -> Result<Self, ScheduleError> {
+        let schedule = Schedule::cosine(recipe.network.noise_levels)?;
+        Ok(Self { recipe, schedule, device: device.clone(), from: None })
+    }
+
+    /// Returns a network as the policy that a simulator reads.
+    pub fn policy(&self, network: &Ctg) -> CtgPolicy {
+        let Recipe { network: config, sight, .. } = self.recipe;
+        CtgPolicy { config, sight, network: network.clone() }
+    }
+}
+
+impl Task for CtgLearning {
+    type Example = Scenario;
+    type Sample = Sample;
+    type Model = Ctg;
+
+    fn init(&self, seed: u64) -> Ctg {
+        if let Some((network, _)) = &self.from {
+            return network.clone();
+        }
+        let device = self.device.clone().autodiff();
+        Ctg::init(&self.recipe.network, &self.recipe.sight, &mut Initializer::new(seed, &device))
+    }
+
+    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
+        sample(scenario, &self.recipe, view.stream())
+    }
+
+    fn loss(&self, model: &Ctg, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
+        let of =
+            |stream: &mut Stream, device| loss(model, samples, &self.recipe, &self.schedule, stream, device);
+        match stream {
+            Some(stream) => of(stream, &self.device.clone().autodiff()),
+            // Validation has no stream and no autodiff: the same noise every time.
+            None => of(&mut Stream::seed_from_u64(0), &self.device),
+        }
+    }
+
+    fn file(&self, model: &Ctg, about: &serde_json::Value) -> Option<Vec<u8>> {
+        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
+        self.policy(model).write(&made).ok()
+    }
+
+    fn describe(&self) -> serde_json::Value {
+        let mut all = serde_json::json!({ "recipe": self.recipe });
+        if let Some((_, digest)) = &self.from {
+            all["from"] = digest.as_str().into();
+        }
+        all
+    }
+}
+
+impl SimulatorTask for CtgLearning {
+    fn controller(&self, network: &Ctg) -> Result<Controller, String> {
+        let (id, parameters) = plain(self.recipe.network.decoding).map_err(|e| e.to_string())?;
+        let policy = self.policy(network);
+        Ok(Controller::Fair(Box::new(CtgSimulator::new(id, policy, parameters, self.device.clone()))))
+    }
+}

@@ -1,0 +1,101 @@
+//! A trained network with its sizes, in one file.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Device;
+use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
+use serde::{Deserialize, Serialize};
+
+use super::network::{Ctg, CtgConfig, Decoding};
+use super::sight::Sight;
+
+/// Kind of this network in the configuration of the file.
+const KIND: &str = "ctg";
+
+/// A network ready to plan.
+#[derive(Clone, Debug)]
+pub struct CtgPolicy {
+    /// Sizes.
+    pub config: CtgConfig,
+    /// Limits of its input.
+    pub sight: Sight,
+    /// The network.
+    pub network: Ctg,
+}
+
+/// Configuration in a file's metadata.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredConfig {
+    kind: String,
+    network: CtgConfig,
+    sight: Sight,
+}
+
+/// Error of a file that holds no valid policy.
+#[derive(Debug, thiserror::Error)]
+pub enum CtgPolicyError {
+    /// The tensors or the configuration are invalid.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The network finds actions in another way.
+    #[error(
+        "the network finds actions by {found}, expected {expected}: use it with the simulator {simulator}"
+    )]
+    Decoding {
+        /// How it does.
+        found: &'static str,
+        /// How the simulator expects it to.
+        expected: &'static str,
+        /// The simulator that it is for.
+        simulator: &'static str,
+    },
+    /// A size is out of range.
+    #[error(transparent)]
+    Size(#[from] SizeError),
+}
+
+impl CtgPolicy {
+    /// Reads the bytes of a file.
+    ///
+    /// # Errors
+    /// [`CtgPolicyError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, CtgPolicyError> {
+        let tensors = Tensors::read(bytes)?;
+        tensors.expect_kind(KIND)?;
+        let StoredConfig { network: config, sight, .. } = tensors.config()?;
+        config.check()?;
+        sight.check()?;
+        let network = tensors.load(Ctg::init(&config, &sight, &mut Initializer::blank(device)))?;
+        Ok(Self { config, sight, network })
+    }
+
+    /// Checks how the network finds actions.
+    ///
+    /// # Errors
+    /// [`CtgPolicyError::Decoding`] if in another way.
+    pub fn expect(&self, decoding: Decoding) -> Result<(), CtgPolicyError> {
+        let name = |decoding| match decoding {
+            Decoding::Cloning => ("cloning", "`ctg-cloning`"),
+            Decoding::Diffusion => ("diffusion", "`ctg-diffusion` or `ctg-guided`"),
+        };
+        let ((found, simulator), (expected, _)) = (name(self.config.decoding), name(decoding));
+        if found == expected {
+            return Ok(());
+        }
+        Err(CtgPolicyError::Decoding { found, expected, simulator })
+    }
+
+    /// Returns the bytes of a file; `made` is further metadata.
+    ///
+    /// # Errors
+    /// [`CtgPolicyError`] if the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, CtgPolicyError> {
+        let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
+        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
+        let mut metadata = made.clone();
+        metadata.insert(CONFIG.to_owned(), config);
+        Ok(save_with(&self.network, BTreeMap::new(), &metadata))
+    }
+}
