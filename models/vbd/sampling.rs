@@ -46,8 +46,8 @@ pub(super) fn sample(
     let config = &policy.config;
     let agents = seen.slots.len();
     let schedule = Schedule::cosine(config.noise_levels)?;
-    let scene = policy.network.encode(&seen.input, config, device);
-    let scene = policy.network.prepare(&scene, agents, config);
+    let encoded = policy.network.encode(&seen.input, config, device);
+    let scene = policy.network.prepare(&seen.input, &encoded, agents, config);
     let speeds = seen.speeds(device);
     let shape = [agents, config.actions, 2];
     let start: Tensor<3> = standard_normal(stream, shape, device);

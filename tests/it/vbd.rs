@@ -27,6 +27,8 @@ fn small() -> Recipe {
             encoder_layers: 1,
             pairs: 2,
             noise_levels: 10,
+            near_elements: 7,
+            near_agents: 4,
             ..VbdConfig::default()
         },
         sight: Sight { agents: 6, lines: 12, lights: 2, ..Sight::default() },

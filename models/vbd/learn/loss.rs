@@ -43,7 +43,7 @@ pub(super) fn loss(
         let clean = Tensor::<3>::from_data(TensorData::new(sample.actions.clone(), shape), device);
         let noisy = settings.schedule.add_noise(clean, standard_normal(stream, shape, device), level);
         let scene = network.encode(&sample.seen.input, config, device);
-        let prepared = network.prepare(&scene, agents, config);
+        let prepared = network.prepare(&sample.seen.input, &scene, agents, config);
         let found = network.denoise(&prepared, noisy, &speeds, level, config);
         let denoised = motion_loss(found, &speeds, sample, config);
 

@@ -27,6 +27,10 @@ pub struct VbdConfig {
     pub hold: usize,
     /// Number of noise levels.
     pub noise_levels: usize,
+    /// Number of nearest elements that an element sees, itself included.
+    pub near_elements: usize,
+    /// Number of nearest agents whose plans an agent sees while they are denoised, itself included.
+    pub near_agents: usize,
     /// Whether the encoder attends to present elements alone. The public code attends to all of them, and
     /// from absent ones to all alike.
     pub masked: bool,
@@ -48,6 +52,8 @@ impl Default for VbdConfig {
             actions: 10,
             hold: 5,
             noise_levels: 50,
+            near_elements: 32,
+            near_agents: 12,
             masked: true,
             zeros_are_absent: false,
         }
@@ -67,6 +73,9 @@ impl VbdConfig {
             actions: 40,
             hold: 2,
             noise_levels: 50,
+            // All of them: the public code has no limits.
+            near_elements: 4096,
+            near_agents: 4096,
             masked: false,
             zeros_are_absent: true,
         }
@@ -86,6 +95,8 @@ impl VbdConfig {
             ("encoder_layers", self.encoder_layers),
             ("pairs", self.pairs),
             ("noise_levels", self.noise_levels),
+            ("near_elements", self.near_elements),
+            ("near_agents", self.near_agents),
         ];
         for (field, value) in sizes {
             if !(1..=4096).contains(&value) {

@@ -5,6 +5,7 @@ use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
 
 use super::gelu::GeluLayers;
+use super::surroundings::Surroundings;
 use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 /// Keys and values of one block.
@@ -35,25 +36,33 @@ impl CrossBlock {
         }
     }
 
-    /// Projects the relations of agents to others, `[agents, others, width]`. The product of a sum is the sum
+    /// Projects the relations of agents to those that they see. The product of a sum is the sum
     /// of the products, so that relations, which stay, are multiplied once for all features that come with
     /// them.
-    pub(super) fn relate(&self, relations: &Tensor<3>) -> KeysValues<3> {
-        let [agents, others, width] = relations.dims();
-        let rows = relations.clone().reshape([agents * others, width]);
+    pub(super) fn relate(&self, seen: &Surroundings) -> KeysValues<3> {
+        let [agents, others, width] = seen.relations.dims();
+        let rows = seen.relations.clone().reshape([agents * others, width]);
         let project =
             |part| self.cross_attention.summand(part, rows.clone()).reshape([agents, others, width]);
         KeysValues { keys: project(Part::Key), values: project(Part::Value) }
     }
 
-    /// Adds the features of sources, `[others * each, width]`, to relations; the `each` sources of another
-    /// share one.
-    pub(super) fn sources(&self, related: &KeysValues<3>, features: &Tensor<2>) -> KeysValues<2> {
+    /// Adds the features of sources, `[elements * each, width]`, to relations; the `each` sources of an
+    /// element share one.
+    pub(super) fn sources(
+        &self,
+        seen: &Surroundings,
+        related: &KeysValues<3>,
+        features: &Tensor<2>,
+        each: usize,
+    ) -> KeysValues<2> {
         let [agents, others, width] = related.keys.dims();
-        let each = features.dims()[0] / others;
+        let elements = features.dims()[0] / each;
         let add = |part, relations: &Tensor<3>| {
-            let features =
-                self.cross_attention.part(part, features.clone()).reshape([1, others, each, width]);
+            let features = self.cross_attention.part(part, features.clone());
+            let features = seen.features(features.reshape([elements, each * width]));
+            let alike = features.dims()[0];
+            let features = features.reshape([alike, others, each, width]);
             let relations = relations.clone().reshape([agents, others, 1, width]);
             (relations + features).reshape([agents * others * each, width])
         };

@@ -8,7 +8,9 @@ use super::config::VbdConfig;
 use super::cross_block::{CrossBlock, KeysValues};
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
+use super::pairs::Pairs;
 use super::scene_encoder::rows_of;
+use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, Initializer, PlainMlp};
 
 /// Denoises actions.
@@ -31,9 +33,11 @@ pub(super) struct Decoder {
 #[derive(Clone, Debug)]
 pub struct DenoisingScene {
     pub(super) agents: usize,
-    /// Added to scores among plans, `[agents, 1, actions, agents * actions]`.
+    /// The agents that agents see.
+    others: Surroundings,
+    /// Added to scores among plans, `[agents, 1, actions, others * actions]`.
     plans_closed: Tensor<4>,
-    /// Added to scores of elements, `[1, 1, 1, elements]`.
+    /// Added to scores of elements, `[agents or 1, 1, 1, elements]`.
     scenery_closed: Tensor<4>,
     /// By pair of blocks: relations among agents, and elements as agents see them.
     sources: Vec<(KeysValues<3>, KeysValues<2>)>,
@@ -56,20 +60,27 @@ impl Denoiser {
     }
 
     /// Prepares the denoising of the plans of the first agents of a scene: what stays the same at all noise
-    /// levels.
-    pub(super) fn prepare(&self, scene: &Encoded, agents: usize, config: &VbdConfig) -> DenoisingScene {
-        let among_agents = scene.relations(agents, agents);
-        let to_all = scene.relations(agents, scene.elements.dims()[0]);
+    /// levels. `others` are the agents that they see, by `pairs`.
+    pub(super) fn prepare(
+        &self,
+        scene: &Encoded,
+        pairs: &Pairs,
+        others: Surroundings,
+        config: &VbdConfig,
+    ) -> DenoisingScene {
+        let all = scene.surroundings.first(pairs.own);
         let of_pair = |pair: &[CrossBlock; 2]| {
             let [among, around] = pair;
-            (among.relate(&among_agents), around.sources(&around.relate(&to_all), &scene.elements))
+            (among.relate(&others), around.sources(&all, &around.relate(&all), &scene.elements, 1))
         };
-        let pairs = self.decoder.attention_layers.as_chunks::<2>().0;
+        let plans_closed = later_actions_of_others(pairs, config.actions, &scene.elements.device());
+        let blocks = self.decoder.attention_layers.as_chunks::<2>().0;
         DenoisingScene {
-            agents,
-            plans_closed: later_actions_of_others(agents, config.actions, &scene.elements.device()),
-            scenery_closed: scene.closed.clone(),
-            sources: pairs.iter().map(of_pair).collect(),
+            agents: pairs.own,
+            plans_closed,
+            scenery_closed: all.closed.clone(),
+            sources: blocks.iter().map(of_pair).collect(),
+            others,
         }
     }
 
@@ -98,7 +109,7 @@ impl Denoiser {
             if i > 0 {
                 x = x + first.clone();
             }
-            let plans = among.sources(related, &x);
+            let plans = among.sources(&scene.others, related, &x, actions);
             x = among.forward(agents, x, &plans, &scene.plans_closed);
             x = around.forward(agents, x, scenery, &scene.scenery_closed);
         }
@@ -106,16 +117,16 @@ impl Denoiser {
     }
 }
 
-/// Closes the later actions of others, `[agents, 1, actions, agents * actions]`.
-fn later_actions_of_others(agents: usize, actions: usize, device: &Device) -> Tensor<4> {
-    let mut closed = Vec::with_capacity(agents * actions * agents * actions);
-    for own in 0..agents {
+/// Closes the later actions of others, `[agents, 1, actions, others * actions]`.
+fn later_actions_of_others(pairs: &Pairs, actions: usize, device: &Device) -> Tensor<4> {
+    let shape = [pairs.own, 1, actions, pairs.each * actions];
+    let mut closed = Vec::with_capacity(shape.iter().product());
+    for own in 0..pairs.own {
         for now in 0..actions {
-            for other in 0..agents {
+            for other in pairs.of(own) {
                 closed.extend((0..actions).map(|then| if other != own && then > now { CLOSED } else { 0.0 }));
             }
         }
     }
-    let closed = TensorData::new(closed, [agents, 1, actions, agents * actions]);
-    Tensor::from_data(closed, device)
+    Tensor::from_data(TensorData::new(closed, shape), device)
 }

@@ -5,6 +5,7 @@ use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 
 use super::gelu::GeluLayers;
+use super::surroundings::Surroundings;
 use crate::models::nn::{Initializer, Rows, dense_attention, linear};
 
 /// Attention whose keys and values are those of elements plus their relation to the query's element.
@@ -16,14 +17,15 @@ pub(super) struct RelatedAttention {
 }
 
 impl RelatedAttention {
-    fn forward(&self, x: Tensor<2>, relations: &Tensor<3>, closed: Tensor<4>) -> Tensor<2> {
+    fn forward(&self, x: Tensor<2>, seen: &Surroundings, closed: Tensor<4>) -> Tensor<2> {
         let [count, width] = x.dims();
+        let each = seen.relations.dims()[1];
         let depth = width / self.heads;
         // Queries, keys and values lie side by side within each head.
         let all = linear(&self.in_proj, x).reshape([count, self.heads, 3, depth]);
         let part = |k: usize| all.clone().narrow(2, k, 1).reshape([count, width]);
         let with_relations =
-            |x: Tensor<2>| (relations.clone() + x.unsqueeze_dim::<3>(0)).reshape([count * count, width]);
+            |x: Tensor<2>| (seen.relations.clone() + seen.features(x)).reshape([count * each, width]);
         // Every element has keys and values of its own.
         let products = vec![(part(0), with_relations(part(1)))];
         let taken = dense_attention(count, self.heads, products, with_relations(part(2)), closed);
@@ -54,10 +56,10 @@ impl EncoderLayer {
         }
     }
 
-    /// Maps elements `[n, width]` with relations `[n, n, width]`; `closed`, `[n or 1, 1, 1, n or 1]`, is
-    /// added to scores.
-    pub(super) fn forward(&self, x: Tensor<2>, relations: &Tensor<3>, closed: Tensor<4>) -> Tensor<2> {
-        let taken = self.qc_attention.forward(x.clone(), relations, closed);
+    /// Maps elements `[n, width]`, each of which sees k; `closed`, `[n or 1, 1, 1, k or 1]`, is added to
+    /// scores.
+    pub(super) fn forward(&self, x: Tensor<2>, seen: &Surroundings, closed: Tensor<4>) -> Tensor<2> {
+        let taken = self.qc_attention.forward(x.clone(), seen, closed);
         let x = Rows::of(x + taken).norm(&self.norm_1).done();
         Rows::of(x.clone() + self.ffn.forward(x)).norm(&self.norm_2).done()
     }

@@ -60,9 +60,14 @@ fn check(device: &Device) {
     for number in 0..2 {
         let file = golden.file(&format!("scene_{number}"));
         let input = scene(&file);
-        compare("relations", &input.relations(true), &file.floats("in_relations"));
+        let all = input.nearest(input.len(), input.len(), input.len(), true);
+        compare("relations", &input.relations(&all, true), &file.floats("in_relations"));
         let encoded = network.encode(&input, &CONFIG, device);
-        compare("relation encodings", &values(&encoded.relations), &file.floats("enc_relation_encodings"));
+        compare(
+            "relation encodings",
+            &values(&encoded.surroundings.relations),
+            &file.floats("enc_relation_encodings"),
+        );
         compare("encodings", &values(&encoded.elements), &file.floats("enc_encodings"));
 
         let masked = VbdConfig { masked: true, ..CONFIG };
@@ -81,7 +86,7 @@ fn check(device: &Device) {
         let speeds: Vec<f32> =
             input.agents[..DENOISED].iter().map(|a| math::hypot(a[3], a[4]) as f32).collect();
         let speeds = Tensor::<2>::from_data(TensorData::new(speeds, [DENOISED, 1]), device);
-        let prepared = network.prepare(&encoded, DENOISED, &CONFIG);
+        let prepared = network.prepare(&input, &encoded, DENOISED, &CONFIG);
         for level in [2, 25, 49] {
             let noisy = matrix(file.floats(&format!("den{level}_input_normalized")), [DENOISED, 40, 2]);
             let clean = network.denoise(&prepared, noisy, &speeds, level, &CONFIG);

@@ -3,6 +3,8 @@
 use reactsim::geometry::Vec2;
 use reactsim::geometry::{direction, into_frame, wrap};
 
+use super::pairs::Pairs;
+
 /// Relation of an element to itself.
 const OWN: [f32; 3] = [0.01; 3];
 
@@ -69,21 +71,33 @@ impl SceneInput {
         self.lines.iter().flat_map(features).collect()
     }
 
-    /// Returns the relations of all pairs, `[elements * elements, 3]`: position of the first less that of the
-    /// second in the frame of the first (m), and the difference of headings (rad), 0 with a light.
-    pub(super) fn relations(&self, zeros_are_absent: bool) -> Vec<f32> {
+    /// Returns the position (m) and the heading (rad; `None` for a light) of each element.
+    fn places(&self) -> (Vec<[f64; 2]>, Vec<Option<f64>>) {
         let agents = self.agents.iter().map(|a| ([a[0], a[1]], Some(a[2])));
         let lines = self.lines.iter().map(|line| {
             let [x, y, yaw] = line.points.first().copied().unwrap_or_default();
             ([x, y], Some(yaw))
         });
         let lights = self.lights.iter().map(|(at, _)| (*at, None));
-        let elements: Vec<([f64; 2], Option<f64>)> = agents.chain(lines).chain(lights).collect();
+        agents.chain(lines).chain(lights).unzip()
+    }
+
+    /// Lets each of the first `own` elements see the nearest of the first `among`, at most `limit`.
+    pub(super) fn nearest(&self, own: usize, among: usize, limit: usize, zeros_are_absent: bool) -> Pairs {
+        Pairs::nearest(&self.places().0, &self.present(zeros_are_absent), own, among, limit)
+    }
+
+    /// Returns the relations of these pairs, `[own * each, 3]`: position of the first less that of the second
+    /// in the frame of the first (m), and the difference of headings (rad), 0 with a light.
+    pub(super) fn relations(&self, pairs: &Pairs, zeros_are_absent: bool) -> Vec<f32> {
+        let (positions, headings) = self.places();
         let present = self.present(zeros_are_absent);
-        let mut relations = Vec::with_capacity(3 * elements.len() * elements.len());
-        for (i, (from, yaw)) in elements.iter().enumerate() {
+        let mut relations = Vec::with_capacity(3 * pairs.own * pairs.each);
+        for i in 0..pairs.own {
+            let (from, yaw) = (positions[i], headings[i]);
             let axis = direction(yaw.unwrap_or(0.0));
-            for (j, (to, other)) in elements.iter().enumerate() {
+            for j in pairs.of(i) {
+                let (to, other) = (positions[j], headings[j]);
                 let zero = zeros_are_absent && (from[0] == 0.0 || to[0] == 0.0);
                 if zero || !(zeros_are_absent || present[i] && present[j]) {
                     relations.extend([0.0; 3]);
@@ -91,7 +105,7 @@ impl SceneInput {
                     relations.extend(OWN);
                 } else {
                     let apart = into_frame(axis, Vec2::new(from[0] - to[0], from[1] - to[1]));
-                    let turn = yaw.zip(*other).map_or(0.0, |(yaw, other)| wrap(yaw - other));
+                    let turn = yaw.zip(other).map_or(0.0, |(yaw, other)| wrap(yaw - other));
                     relations.extend([apart.x, apart.y, turn].map(|v| v as f32));
                 }
             }

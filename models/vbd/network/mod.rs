@@ -14,8 +14,10 @@ mod gelu;
 #[cfg(test)]
 mod golden;
 mod input;
+mod pairs;
 mod predictor;
 mod scene_encoder;
+mod surroundings;
 mod vbd;
 
 pub use config::VbdConfig;

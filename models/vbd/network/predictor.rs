@@ -43,19 +43,19 @@ impl Predictor {
     /// Predicts the first agents of a scene; `anchors`, `[agents, anchors, 2]`, are in their frames, metres.
     pub(super) fn forward(&self, scene: &Encoded, anchors: Tensor<3>, config: &VbdConfig) -> Behaviours {
         let [agents, count, _] = anchors.dims();
-        let (d, elements) = (config.width, scene.elements.dims()[0]);
+        let d = config.width;
         let anchors = self.anchor_encoder.forward(anchors.reshape([agents * count, 2]));
         let own = scene.agents(agents).unsqueeze_dim::<3>(1);
         let first = (anchors.reshape([agents, count, d]) + own).reshape([agents * count, d]);
-        let relations = scene.relations(agents, elements);
+        let seen = scene.surroundings.first(agents);
         let mut x = first.clone();
         for (i, pair) in self.attention_layers.chunks(2).enumerate() {
             if i > 0 {
                 x = x + first.clone();
             }
             x = pair.iter().fold(x, |x, block| {
-                let sources = block.sources(&block.relate(&relations), &scene.elements);
-                block.forward(agents, x, &sources, &scene.closed)
+                let sources = block.sources(&seen, &block.relate(&seen), &scene.elements, 1);
+                block.forward(agents, x, &sources, &seen.closed)
             });
         }
         let actions = self.act_decoder.forward(x.clone());

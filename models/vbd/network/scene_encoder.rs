@@ -8,6 +8,8 @@ use super::config::VbdConfig;
 use super::encoded::Encoded;
 use super::encoder_layer::EncoderLayer;
 use super::input::SceneInput;
+use super::pairs::Pairs;
+use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
 
 /// Number of types of agents, of states of lights, and of types of lines.
@@ -98,23 +100,43 @@ impl SceneEncoder {
             let states = scene.lights.iter().map(|(_, state)| *state);
             parts.push(rows_of(&self.traffic_light_encoder.type_embed, states, device));
         }
-        let relations = self
-            .relation_encoder
-            .forward(matrix(scene.relations(config.zeros_are_absent), 3), None)
-            .reshape([n, n, d]);
-        let absent: Vec<f32> =
-            scene.present(config.zeros_are_absent).iter().map(|p| if *p { 0.0 } else { CLOSED }).collect();
-        let absent = TensorData::new(absent, [n]);
-        let absent = Tensor::<1>::from_data(absent, device);
-        let closed: Tensor<4> = absent.clone().reshape([1, 1, 1, n]);
+        let pairs = scene.nearest(n, n, config.near_elements, config.zeros_are_absent);
+        let surroundings = self.relate(scene, &pairs, config, device);
         // Without keys that are open, an element attends to all alike.
-        let in_layers = if config.masked { closed.clone() } else { absent.reshape([n, 1, 1, 1]) };
+        let closed = if config.masked {
+            surroundings.closed.clone()
+        } else {
+            absent(scene, config, device).reshape([n, 1, 1, 1])
+        };
         let mut x = Tensor::cat(parts, 0);
         for layer in &self.transformer_encoder.layers {
-            x = layer.forward(x, &relations, in_layers.clone());
+            x = layer.forward(x, &surroundings, closed.clone());
         }
-        Encoded { elements: x, relations, closed }
+        Encoded { elements: x, surroundings }
     }
+
+    /// Encodes how elements lie to each other.
+    pub(super) fn relate(
+        &self,
+        scene: &SceneInput,
+        pairs: &Pairs,
+        config: &VbdConfig,
+        device: &Device,
+    ) -> Surroundings {
+        let relations = scene.relations(pairs, config.zeros_are_absent);
+        let relations = TensorData::new(relations, [pairs.own * pairs.each, 3]);
+        let relations = self.relation_encoder.forward(Tensor::from_data(relations, device), None);
+        let relations = relations.reshape([pairs.own, pairs.each, config.width]);
+        Surroundings::new(pairs, relations, absent(scene, config, device))
+    }
+}
+
+/// Returns what is added to the scores of elements, `[elements]`: closed if absent.
+fn absent(scene: &SceneInput, config: &VbdConfig, device: &Device) -> Tensor<1> {
+    let present = scene.present(config.zeros_are_absent);
+    let absent: Vec<f32> = present.iter().map(|p| if *p { 0.0 } else { CLOSED }).collect();
+    let count = absent.len();
+    Tensor::from_data(TensorData::new(absent, [count]), device)
 }
 
 /// Returns the vectors of these numbers, `[count, width]`.

@@ -41,9 +41,17 @@ impl Vbd {
         self.predictor.forward(scene, anchors, config)
     }
 
-    /// Prepares the denoising of the plans of the first agents of a scene.
-    pub fn prepare(&self, scene: &Encoded, agents: usize, config: &VbdConfig) -> DenoisingScene {
-        self.denoiser.prepare(scene, agents, config)
+    /// Prepares the denoising of the plans of the first agents of a scene, encoded from this input.
+    pub fn prepare(
+        &self,
+        input: &SceneInput,
+        scene: &Encoded,
+        agents: usize,
+        config: &VbdConfig,
+    ) -> DenoisingScene {
+        let pairs = input.nearest(agents, agents, config.near_agents, config.zeros_are_absent);
+        let others = self.encoder.relate(input, &pairs, config, &scene.elements.device());
+        self.denoiser.prepare(scene, &pairs, others, config)
     }
 
     /// Returns the clean actions, `[agents, actions, 2]`, that the network takes noisy ones for; both
