@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::inputs::PlannerSight;
 use super::network::{DiffusionPlanner, PlannerConfig};
 
-/// Kind of this network in the configuration of the file.
-const KIND: &str = "diffusion-planner";
+/// Kind of this network in the configuration of a file, its training task, and its weights in the manifest.
+pub const PLANNER: &str = "diffusion-planner";
 
 /// A network ready to plan.
 #[derive(Clone, Debug)]
@@ -66,7 +66,7 @@ impl PlannerPolicy {
     /// [`PlannerPolicyError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PlannerPolicyError> {
         let tensors = Tensors::read(bytes)?.without_prefix("module.");
-        tensors.expect_kind(KIND)?;
+        tensors.expect_kind(PLANNER)?;
         let StoredConfig { network, sight, .. } = tensors.config()?;
         let (config, seen) = match network {
             Sizes::Preset(Preset::Published) => (PlannerConfig::published(), PlannerSight::published()),
@@ -85,7 +85,7 @@ impl PlannerPolicy {
     /// [`PlannerPolicyError`] if the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PlannerPolicyError> {
         let network = Sizes::Explicit(self.config);
-        let stored = StoredConfig { kind: KIND.to_owned(), network, sight: Some(self.sight) };
+        let stored = StoredConfig { kind: PLANNER.to_owned(), network, sight: Some(self.sight) };
         let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
         let mut metadata = made.clone();
         metadata.insert(CONFIG.to_owned(), config);

@@ -9,8 +9,8 @@ use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
 use reactsim::training::{Output, Settings, Stream, Task, View};
 
-use super::super::PlannerPolicy;
 use super::super::network::DiffusionPlanner;
+use super::super::{PLANNER, PlannerPolicy};
 use super::loss::loss;
 use super::sample::sample;
 use super::{Recipe, Sample};
@@ -19,7 +19,7 @@ use crate::models::nn::Initializer;
 
 /// Training of Diffusion-Planner.
 pub const TASK: TrainingTask = TrainingTask {
-    id: ID,
+    id: PLANNER,
     also: &[],
     title: "Diffusion over the motion of the AV and its neighbours (Diffusion-Planner), a source of candidates",
     simulators: &[],
@@ -34,12 +34,9 @@ pub const TASK: TrainingTask = TrainingTask {
     make,
 };
 
-/// Id of the task.
-const ID: &str = "diffusion-planner";
-
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
-    recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
+    recipe.network.check().map_err(|e| TaskError::values(PLANNER, e))?;
     let task = Planning::new(recipe, &setup.device);
     let Some((parent, digest)) = setup.parent(PlannerPolicy::read)? else { return Ok(Box::new(task)) };
     if parent.config != recipe.network || parent.sight != recipe.sight {

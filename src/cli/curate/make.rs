@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::source::{SourceChoice, TEMPERATURE};
+use super::source::{SourceChoice, TEMPERATURE, planner_weights};
 use crate::cli::is_same;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
@@ -31,8 +31,8 @@ pub(super) struct MakeArgs {
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Source of the candidates: `rules`; diffusion:FILE, samples of a network with these weights; or file:PATH
-    /// with trajectories of any planner (Parquet or JSON)
+    /// Source of the candidates: `rules`; `diffusion`, samples of the network that ships; diffusion:FILE, the same
+    /// with other weights; or file:PATH with trajectories of any planner (Parquet or JSON)
     #[arg(long, default_value = "rules", value_name = "SOURCE")]
     source: SourceChoice,
     /// Standard deviation of the noise from which a network samples candidates [default: 1]
@@ -169,8 +169,8 @@ fn named(args: &MakeArgs, settings: &CurationSettings) -> anyhow::Result<BTreeMa
             named.insert("source".into(), format!("file:{}", file.name))
         }
         SourceChoice::Planner(path) => {
-            let file = FileRecord::of(path, "weights")?;
-            named.insert("source.blake3".into(), file.blake3);
+            let file = planner_weights(path.as_deref())?;
+            named.insert("source.sha256".into(), file.digest);
             let temperature = args.temperature.unwrap_or(TEMPERATURE);
             named.insert("source.temperature".into(), temperature.to_string());
             named.insert("source".into(), format!("diffusion:{}", file.name))

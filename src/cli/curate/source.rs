@@ -1,7 +1,7 @@
 //! The option `--source`.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, bail};
@@ -11,8 +11,9 @@ use crate::curation::{
     CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, PlannerSource, SOURCES,
 };
 use crate::files::read_regular;
-use crate::models::diffusion_planner::PlannerPolicy;
+use crate::models::diffusion_planner::{PLANNER, PlannerPolicy};
 use crate::models::nn::device;
+use crate::models::weights::{WeightsFile, shipped};
 
 /// Standard deviation of the initial noise of samples: that of the process, which is twice what the public code plans
 /// with, for variety.
@@ -25,8 +26,8 @@ pub(super) enum SourceChoice {
     Known(&'static str),
     /// A file.
     File(PathBuf),
-    /// A network, with a file of weights.
-    Planner(PathBuf),
+    /// A network, with a file of weights or those that ship.
+    Planner(Option<PathBuf>),
 }
 
 impl FromStr for SourceChoice {
@@ -38,9 +39,12 @@ impl FromStr for SourceChoice {
             Some(path) => return Ok(Self::File(path.into())),
             None => {}
         }
+        if text == "diffusion" {
+            return Ok(Self::Planner(None));
+        }
         match text.strip_prefix("diffusion:") {
             Some("") => return Err("`diffusion:` names no weights: write diffusion:FILE".to_owned()),
-            Some(path) => return Ok(Self::Planner(path.into())),
+            Some(path) => return Ok(Self::Planner(Some(path.into()))),
             None => {}
         }
         match SOURCES.iter().find(|source| source.id() == text) {
@@ -48,7 +52,7 @@ impl FromStr for SourceChoice {
             None => {
                 let known: Vec<_> = SOURCES.iter().map(|source| source.id()).collect();
                 Err(format!(
-                    "`{text}` is not a source: choose {}, diffusion:FILE or file:PATH",
+                    "`{text}` is not a source: choose {}, diffusion, diffusion:FILE or file:PATH",
                     known.join(", ")
                 ))
             }
@@ -68,15 +72,14 @@ impl SourceChoice {
     /// Reads the file, if it is one. `temperature` is that of a network.
     pub(super) fn open(&self, temperature: Option<f64>) -> anyhow::Result<OpenSource> {
         if temperature.is_some() && !matches!(self, Self::Planner(_)) {
-            bail!("--temperature is that of a network: give it with --source diffusion:FILE");
+            bail!("--temperature is that of a network: give it with --source diffusion");
         }
         Ok(match self {
             Self::Planner(path) => {
                 let device = device();
-                let bytes =
-                    read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
-                let policy = PlannerPolicy::read(&bytes, &device)
-                    .with_context(|| format!("{} cannot be used with --source diffusion", path.display()))?;
+                let file = planner_weights(path.as_deref())?;
+                let policy = PlannerPolicy::read(&file.bytes, &device)
+                    .with_context(|| format!("{} cannot be used with --source diffusion", file.name))?;
                 let source = PlannerSource::new(policy, temperature.unwrap_or(TEMPERATURE), device);
                 OpenSource::Planner(Box::new(source))
             }
@@ -87,6 +90,17 @@ impl SourceChoice {
             },
         })
     }
+}
+
+/// Returns this file of weights of the planner, or those that ship.
+pub(super) fn planner_weights(path: Option<&Path>) -> anyhow::Result<WeightsFile> {
+    if let Some(path) = path {
+        let bytes = read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
+        let name =
+            path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into());
+        return Ok(WeightsFile::new(name, bytes));
+    }
+    shipped(PLANNER)?.context("no weights of the planner ship with this program: write diffusion:FILE")
 }
 
 /// A source that is ready.

@@ -82,7 +82,7 @@ fn samples_of_a_network_are_judged_like_any_candidates() {
         (&settings["source"][..], &settings["source.temperature"][..]),
         ("diffusion:w.safetensors", "1")
     );
-    assert_eq!(settings["source.blake3"].len(), 64);
+    assert_eq!(settings["source.sha256"].len(), 64);
 }
 
 /// Returns a trajectory that continues from a state at a speed, in world coordinates.

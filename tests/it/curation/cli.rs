@@ -41,12 +41,12 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     assert!(error(&[text(&scenarios)]).contains("--out <FILE>"));
     assert!(
         make(&["--source", "dice"])
-            .contains("`dice` is not a source: choose rules, diffusion:FILE or file:PATH")
+            .contains("`dice` is not a source: choose rules, diffusion, diffusion:FILE or file:PATH")
     );
     assert!(make(&["--source", "file:"]).contains("write file:PATH"));
     assert!(make(&["--source", "diffusion:"]).contains("write diffusion:FILE"));
     assert!(make(&["--source", "diffusion:none"]).contains("could not read none"));
-    assert!(make(&["--temperature", "2"]).contains("give it with --source diffusion:FILE"));
+    assert!(make(&["--temperature", "2"]).contains("give it with --source diffusion"));
     let weights = home.path().join("w.safetensors");
     std::fs::write(&weights, crate::vbd::untrained()).unwrap();
     let foreign = make(&["--source", &format!("diffusion:{}", text(&weights))]);
