@@ -11,6 +11,7 @@
 mod intentions;
 mod k_means;
 mod map;
+mod origin;
 mod provenance;
 mod recipe;
 mod reservoir;
@@ -23,6 +24,7 @@ pub(crate) use intentions::PREFIX as INTENTIONS_PREFIX;
 pub use intentions::{Intentions, IntentionsError};
 pub use k_means::EndPoints;
 pub(crate) use map::LearningMap;
+pub(crate) use origin::Origin;
 pub use provenance::Provenance;
 pub(crate) use recipe::recipe_values;
 pub use recipe::{LEARNING_RANGES, recipe_document};

@@ -16,9 +16,8 @@ use super::sample::sample;
 use super::{Recipe, Sample};
 use crate::models::diffusion::{Schedule, ScheduleError};
 use crate::models::learning::{
-    ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
+    Origin, ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
 };
-use crate::models::nn::Initializer;
 
 /// Training of CTG.
 pub const TASK: TrainingTask = TrainingTask {
@@ -53,7 +52,7 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     if parent.config != recipe.network || parent.sight != recipe.sight {
         return Err(setup.refuse_parent_sizes());
     }
-    Ok(Box::new(CtgLearning { from: Some((parent.network, digest)), ..new }))
+    Ok(Box::new(CtgLearning { origin: Origin::Parent(parent.network, digest), ..new }))
 }
 
 /// The training task.
@@ -61,8 +60,7 @@ pub struct CtgLearning {
     recipe: Recipe,
     schedule: Schedule,
     device: Device,
-    /// Initial network, on a device with autodiff, and the digest of its file.
-    from: Option<(Ctg, String)>,
+    origin: Origin<Ctg>,
 }
 
 impl CtgLearning {
@@ -72,7 +70,7 @@ impl CtgLearning {
     /// [`ScheduleError`] if there are too few noise levels.
     pub fn new(recipe: Recipe, device: &Device) -> Result<Self, ScheduleError> {
         let schedule = Schedule::cosine(recipe.network.noise_levels)?;
-        Ok(Self { recipe, schedule, device: device.clone(), from: None })
+        Ok(Self { recipe, schedule, device: device.clone(), origin: Origin::Random })
     }
 
     /// Returns a network as the policy that a simulator reads.
@@ -88,11 +86,8 @@ impl Task for CtgLearning {
     type Model = Ctg;
 
     fn init(&self, seed: u64) -> Ctg {
-        if let Some((network, _)) = &self.from {
-            return network.clone();
-        }
-        let device = self.device.clone().autodiff();
-        Ctg::init(&self.recipe.network, &self.recipe.sight, &mut Initializer::new(seed, &device))
+        self.origin
+            .network(seed, &self.device, |init| Ctg::init(&self.recipe.network, &self.recipe.sight, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -115,11 +110,7 @@ impl Task for CtgLearning {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let mut all = serde_json::json!({ "recipe": self.recipe });
-        if let Some((_, digest)) = &self.from {
-            all["from"] = digest.as_str().into();
-        }
-        all
+        self.origin.describe(serde_json::json!({ "recipe": self.recipe }))
     }
 }
 

@@ -14,8 +14,9 @@ use super::super::{PLANNER, PlannerPolicy};
 use super::loss::loss;
 use super::sample::sample;
 use super::{Recipe, Sample};
-use crate::models::learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
-use crate::models::nn::Initializer;
+use crate::models::learning::{
+    Origin, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
+};
 
 /// Training of Diffusion-Planner.
 pub const TASK: TrainingTask = TrainingTask {
@@ -42,21 +43,20 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     if parent.config != recipe.network || parent.sight != recipe.sight {
         return Err(setup.refuse_parent_sizes());
     }
-    Ok(Box::new(Planning { from: Some((parent.network, digest)), ..task }))
+    Ok(Box::new(Planning { origin: Origin::Parent(parent.network, digest), ..task }))
 }
 
 /// The training task.
 pub struct Planning {
     recipe: Recipe,
     device: Device,
-    /// Initial network, on a device with autodiff, and the digest of its file.
-    from: Option<(DiffusionPlanner, String)>,
+    origin: Origin<DiffusionPlanner>,
 }
 
 impl Planning {
     /// Creates a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, device: &Device) -> Self {
-        Self { recipe, device: device.clone(), from: None }
+        Self { recipe, device: device.clone(), origin: Origin::Random }
     }
 
     /// Returns a network as the policy that a source of candidates reads.
@@ -72,11 +72,7 @@ impl Task for Planning {
     type Model = DiffusionPlanner;
 
     fn init(&self, seed: u64) -> DiffusionPlanner {
-        if let Some((network, _)) = &self.from {
-            return network.clone();
-        }
-        let device = self.device.clone().autodiff();
-        DiffusionPlanner::init(&self.recipe.network, &mut Initializer::new(seed, &device))
+        self.origin.network(seed, &self.device, |init| DiffusionPlanner::init(&self.recipe.network, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -98,11 +94,7 @@ impl Task for Planning {
 
     fn describe(&self) -> serde_json::Value {
         let parameters = self.init(0).num_params();
-        let mut all = serde_json::json!({ "recipe": self.recipe, "parameters": parameters });
-        if let Some((_, digest)) = &self.from {
-            all["from"] = digest.as_str().into();
-        }
-        all
+        self.origin.describe(serde_json::json!({ "recipe": self.recipe, "parameters": parameters }))
     }
 }
 

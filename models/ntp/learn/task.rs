@@ -16,10 +16,9 @@ use super::super::tokens::{Kinematic, Vocabulary};
 use super::loss::loss;
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::{
-    LearningScene, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
-    recipe_values,
+    LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
+    TrainingTask, recipe_values,
 };
-use crate::models::nn::Initializer;
 use crate::models::perception::{Class, KnownMap};
 
 /// Training of our network.
@@ -67,8 +66,8 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
         let cause = "it has other tokens than the given vocabulary: omit the vocabulary";
         return Err(setup.refuse_parent(cause));
     }
-    let from = Some((policy.network, digest));
-    Ok(Box::new(NextToken { from, ..NextToken::new(recipe, policy.vocabulary, &setup.device) }))
+    let origin = Origin::Parent(policy.network, digest);
+    Ok(Box::new(NextToken { origin, ..NextToken::new(recipe, policy.vocabulary, &setup.device) }))
 }
 
 /// Settings of training, in addition to the data and the learner's own settings.
@@ -108,8 +107,7 @@ pub struct NextToken {
     recipe: Recipe,
     vocabulary: Vocabulary,
     device: Device,
-    /// Network to start from, on a device with autodiff, and the digest of its file.
-    from: Option<(Network, String)>,
+    origin: Origin<Network>,
     /// Target distributions on the device with gradients and on the one without.
     target_distributions: [TargetDistributions; 2],
 }
@@ -120,7 +118,7 @@ impl NextToken {
         let device = device.clone();
         let target_distributions = [device.clone().autodiff(), device.clone()]
             .map(|d| TargetDistributions::of(&vocabulary, &recipe.smoothing, &d));
-        Self { recipe, vocabulary, device, from: None, target_distributions }
+        Self { recipe, vocabulary, device, origin: Origin::Random, target_distributions }
     }
 
     /// Returns a network as the policy that a simulator reads.
@@ -141,12 +139,8 @@ impl Task for NextToken {
     type Model = Network;
 
     fn init(&self, seed: u64) -> Network {
-        if let Some((network, _)) = &self.from {
-            return network.clone();
-        }
         let tokens = Class::ALL.map(|c| self.vocabulary.tokens(c));
-        let device = self.device.clone().autodiff();
-        Network::init(&self.recipe.network, tokens, &mut Initializer::new(seed, &device))
+        self.origin.network(seed, &self.device, |init| Network::init(&self.recipe.network, tokens, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -178,12 +172,9 @@ impl Task for NextToken {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let mut all =
-            serde_json::json!({ "recipe": self.recipe, "vocabulary": self.vocabulary.provenance() });
-        if let Some((_, digest)) = &self.from {
-            all["from"] = digest.as_str().into();
-        }
-        all
+        self.origin.describe(
+            serde_json::json!({ "recipe": self.recipe, "vocabulary": self.vocabulary.provenance() }),
+        )
     }
 }
 

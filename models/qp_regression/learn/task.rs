@@ -17,10 +17,9 @@ use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
 use crate::models::learning::{
-    Intentions, LearningScene, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
-    TrainingTask, recipe_values,
+    Intentions, LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup,
+    Trainable, TrainingTask, recipe_values,
 };
-use crate::models::nn::Initializer;
 
 /// Training of the regression network.
 pub const TASK: TrainingTask = TrainingTask {
@@ -63,8 +62,8 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     if intentions.is_some_and(|other| other != policy.intentions) {
         return Err(setup.refuse_parent("it has other intention points than those given: omit them"));
     }
-    let from = Some((policy.network, digest));
-    Ok(Box::new(Regression { from, ..Regression::new(recipe, policy.intentions, &setup.device) }))
+    let origin = Origin::Parent(policy.network, digest);
+    Ok(Box::new(Regression { origin, ..Regression::new(recipe, policy.intentions, &setup.device) }))
 }
 
 /// Everything that determines training, besides the data and the learner's own settings.
@@ -100,8 +99,7 @@ pub struct Regression {
     recipe: Recipe,
     intentions: Intentions,
     device: Device,
-    /// Initial network, on a device with autodiff, and the digest of its file.
-    from: Option<(Network, String)>,
+    origin: Origin<Network>,
     /// Whether parked agents are judged too.
     parked: bool,
 }
@@ -109,7 +107,7 @@ pub struct Regression {
 impl Regression {
     /// Creates a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, intentions: Intentions, device: &Device) -> Self {
-        Self { recipe, intentions, device: device.clone(), from: None, parked: false }
+        Self { recipe, intentions, device: device.clone(), origin: Origin::Random, parked: false }
     }
 
     /// Returns the same task with parked agents judged too. Training stays the same.
@@ -144,11 +142,7 @@ impl Task for Regression {
     type Model = Network;
 
     fn init(&self, seed: u64) -> Network {
-        if let Some((network, _)) = &self.from {
-            return network.clone();
-        }
-        let device = self.device.clone().autodiff();
-        Network::init(&self.recipe.network, &mut Initializer::new(seed, &device))
+        self.origin.network(seed, &self.device, |init| Network::init(&self.recipe.network, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -187,11 +181,8 @@ impl Task for Regression {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let mut all = serde_json::json!({ "recipe": self.recipe, "intentions": self.intentions.describe() });
-        if let Some((_, digest)) = &self.from {
-            all["from"] = digest.as_str().into();
-        }
-        all
+        self.origin
+            .describe(serde_json::json!({ "recipe": self.recipe, "intentions": self.intentions.describe() }))
     }
 }
 

@@ -16,9 +16,9 @@ use super::sample::sample;
 use super::{Recipe, Sample};
 use crate::models::diffusion::{Schedule, ScheduleError};
 use crate::models::learning::{
-    Intentions, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask, recipe_values,
+    Intentions, Origin, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
+    recipe_values,
 };
-use crate::models::nn::Initializer;
 
 /// Training of VBD.
 pub const TASK: TrainingTask = TrainingTask {
@@ -61,8 +61,11 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     if given.is_some_and(|other| other != parent.anchors) {
         return Err(setup.refuse_parent("it has other anchors than those given: omit them"));
     }
-    let from = Some((parent.network, digest));
-    Ok(Box::new(Denoising { from, ..Denoising::new(recipe, parent.anchors, &setup.device).map_err(refuse)? }))
+    let origin = Origin::Parent(parent.network, digest);
+    Ok(Box::new(Denoising {
+        origin,
+        ..Denoising::new(recipe, parent.anchors, &setup.device).map_err(refuse)?
+    }))
 }
 
 /// The training task.
@@ -71,8 +74,7 @@ pub struct Denoising {
     anchors: Intentions,
     schedule: Schedule,
     device: Device,
-    /// Initial network, on a device with autodiff, and the digest of its file.
-    from: Option<(Vbd, String)>,
+    origin: Origin<Vbd>,
 }
 
 impl Denoising {
@@ -82,7 +84,7 @@ impl Denoising {
     /// [`ScheduleError`] if there are too few noise levels.
     pub fn new(recipe: Recipe, anchors: Intentions, device: &Device) -> Result<Self, ScheduleError> {
         let schedule = Schedule::cosine(recipe.network.noise_levels)?;
-        Ok(Self { recipe, anchors, schedule, device: device.clone(), from: None })
+        Ok(Self { recipe, anchors, schedule, device: device.clone(), origin: Origin::Random })
     }
 
     /// Returns a network as the policy that a simulator reads.
@@ -98,11 +100,7 @@ impl Task for Denoising {
     type Model = Vbd;
 
     fn init(&self, seed: u64) -> Vbd {
-        if let Some((network, _)) = &self.from {
-            return network.clone();
-        }
-        let device = self.device.clone().autodiff();
-        Vbd::init(&self.recipe.network, &mut Initializer::new(seed, &device))
+        self.origin.network(seed, &self.device, |init| Vbd::init(&self.recipe.network, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -129,11 +127,7 @@ impl Task for Denoising {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let mut all = serde_json::json!({ "recipe": self.recipe, "anchors": self.anchors.describe() });
-        if let Some((_, digest)) = &self.from {
-            all["from"] = digest.as_str().into();
-        }
-        all
+        self.origin.describe(serde_json::json!({ "recipe": self.recipe, "anchors": self.anchors.describe() }))
     }
 }
 

@@ -4,7 +4,7 @@ use std::error::Error;
 
 use burn::module::Module;
 use burn::tensor::Device;
-use reactsim::models::nn::{Initializer, Noise};
+use reactsim::models::nn::Noise;
 use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
 use reactsim::training::{Output, Settings, Stream, Task, View};
@@ -15,7 +15,8 @@ use super::sample::sample;
 use super::token_learning::TokenLearning;
 use super::{Recipe, Sample};
 use crate::models::learning::{
-    ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask, recipe_values,
+    Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
+    recipe_values,
 };
 use crate::models::perception::Class;
 
@@ -80,7 +81,7 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     if stated != task.config {
         return Err(setup.refuse_parent_sizes());
     }
-    task.from = Some((policy.network, digest));
+    task.origin = Origin::Parent(policy.network, digest);
     Ok(Box::new(task))
 }
 
@@ -89,8 +90,7 @@ pub struct NextSmartToken {
     recipe: Recipe,
     config: SmartConfig,
     tokens: TokenLearning,
-    /// Network to start from, on a device with autodiff, and the digest of its file.
-    from: Option<(Smart, String)>,
+    origin: Origin<Smart>,
 }
 
 impl NextSmartToken {
@@ -115,7 +115,7 @@ impl NextSmartToken {
         let config = recipe.network.config(counts, map_vocabulary.tokens());
         config.check()?;
         let tokens = TokenLearning::new(vocabulary, map_vocabulary, &recipe.smoothing, device);
-        Ok(Self { recipe, config, tokens, from: None })
+        Ok(Self { recipe, config, tokens, origin: Origin::Random })
     }
 }
 
@@ -125,12 +125,9 @@ impl Task for NextSmartToken {
     type Model = Smart;
 
     fn init(&self, seed: u64) -> Smart {
-        if let Some((network, _)) = &self.from {
-            return network.clone();
-        }
-        let device = self.tokens.device.clone().autodiff();
-        Smart::init(&self.config, &mut Initializer::new(seed, &device))
-            .expect("the configuration was checked")
+        self.origin.network(seed, &self.tokens.device, |init| {
+            Smart::init(&self.config, init).expect("the configuration was checked")
+        })
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -151,16 +148,12 @@ impl Task for NextSmartToken {
     }
 
     fn describe(&self) -> serde_json::Value {
-        let mut all = serde_json::json!({
+        self.origin.describe(serde_json::json!({
             "recipe": self.recipe,
             "vocabulary": self.tokens.vocabulary.provenance(),
             "map_vocabulary": self.tokens.map_vocabulary.provenance(),
             "parameters": self.init(0).num_params(),
-        });
-        if let Some((_, digest)) = &self.from {
-            all["from"] = digest.as_str().into();
-        }
-        all
+        }))
     }
 }
 

@@ -1,0 +1,31 @@
+//! The network that a training begins with.
+
+use crate::models::nn::Initializer;
+use burn::tensor::Device;
+
+/// Network that a training begins with.
+#[derive(Clone, Debug)]
+pub(crate) enum Origin<M> {
+    /// One with random weights.
+    Random,
+    /// One that was trained before, on a device with autodiff, and the digest of its file.
+    Parent(M, String),
+}
+
+impl<M: Clone> Origin<M> {
+    /// Returns the network: a copy, or a new one by `init` on this device, which must be one without autodiff.
+    pub(crate) fn network(&self, seed: u64, device: &Device, init: impl FnOnce(&mut Initializer) -> M) -> M {
+        match self {
+            Self::Random => init(&mut Initializer::new(seed, &device.clone().autodiff())),
+            Self::Parent(network, _) => network.clone(),
+        }
+    }
+
+    /// Adds the digest of the file to the description of a training, if there is one.
+    pub(crate) fn describe(&self, mut all: serde_json::Value) -> serde_json::Value {
+        if let Self::Parent(_, digest) = self {
+            all["from"] = digest.as_str().into();
+        }
+        all
+    }
+}
