@@ -40,7 +40,7 @@ pub use noise::Noise;
 pub use processor::cpu_class;
 pub use relations::Relations;
 pub use rows::normalize;
-pub(crate) use rows::{Rows, linear, pool};
+pub(crate) use rows::{Rows, gelu, linear, pool};
 pub use size_error::SizeError;
 pub(crate) use turns::cos_sin_rows;
 pub use weights::{Tensors, WeightsError, save};

@@ -1,7 +1,7 @@
 //! Matrix products with weights, and the norms and activations that follow them.
 
 use burn::nn::{LayerNorm, Linear};
-use burn::tensor::activation::relu;
+use burn::tensor::activation::{self, relu};
 use burn::tensor::module::layer_norm;
 use burn::tensor::{Tensor, TensorData};
 
@@ -142,6 +142,12 @@ pub(super) fn finish(
 /// Returns the output of a linear layer, `[n, outputs]`, for a matrix `[n, inputs]`.
 pub(crate) fn linear(layer: &Linear, x: Tensor<2>) -> Tensor<2> {
     Rows::linear(layer, x).done()
+}
+
+/// Returns x Φ(x) of each number x of a matrix, with the distribution function Φ of the standard normal
+/// distribution.
+pub(crate) fn gelu(x: Tensor<2>) -> Tensor<2> {
+    if is_host(&x.device()) { host::gelu(x) } else { activation::gelu(x) }
 }
 
 /// Normalizes the last axis to zero mean and unit variance, without gain and bias. Relations go

@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
-use burn::tensor::activation::{gelu, gelu_approximate};
+use burn::tensor::activation::gelu_approximate;
 
-use crate::models::nn::{Initializer, linear};
+use crate::models::nn::{Initializer, gelu, linear};
 
 /// Linear, GELU, linear.
 #[derive(Module, Debug)]

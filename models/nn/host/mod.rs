@@ -12,6 +12,7 @@
 )]
 
 mod attention;
+mod gelu;
 #[cfg(feature = "flex")]
 mod learned_rows;
 mod product;
@@ -24,6 +25,7 @@ use burn::tensor::{Device, TensorData};
 use super::device::is_gpu;
 
 pub(crate) use attention::{Attention, attend};
+pub(crate) use gelu::gelu;
 #[cfg(feature = "flex")]
 pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
 pub(crate) use relational::{Slots, attend_to_neighbors};

@@ -34,7 +34,7 @@ pub(super) fn weights(scores: &mut [f32]) -> f32 {
 /// Returns eˣ for x at most 0, to 2e-7 of its value; 0 below [`LEAST`]; NaN for NaN. It has no branches, so
 /// that a processor computes several at once.
 #[inline(always)]
-fn exp(x: f32) -> f32 {
+pub(super) fn exp(x: f32) -> f32 {
     // ln 2 in two parts, the first of which has so few bits that its products are exact.
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;

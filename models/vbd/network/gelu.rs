@@ -3,9 +3,8 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
-use burn::tensor::activation::gelu;
 
-use crate::models::nn::{Initializer, linear};
+use crate::models::nn::{Initializer, gelu, linear};
 
 /// Linear, GELU, linear; four times as wide between.
 #[derive(Module, Debug)]
