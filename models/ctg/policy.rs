@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::weights::save_with;
 use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
@@ -93,9 +93,6 @@ impl CtgPolicy {
     /// [`CtgPolicyError`] if the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, CtgPolicyError> {
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
-        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
-        let mut metadata = made.clone();
-        metadata.insert(CONFIG.to_owned(), config);
-        Ok(save_with(&self.network, BTreeMap::new(), &metadata))
+        Ok(save_with(&self.network, &stored, BTreeMap::new(), made)?)
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::weights::save_with;
 use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
@@ -86,9 +86,6 @@ impl PlannerPolicy {
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PlannerPolicyError> {
         let network = Sizes::Explicit(self.config);
         let stored = StoredConfig { kind: PLANNER.to_owned(), network, sight: Some(self.sight) };
-        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
-        let mut metadata = made.clone();
-        metadata.insert(CONFIG.to_owned(), config);
-        Ok(save_with(&self.network, BTreeMap::new(), &metadata))
+        Ok(save_with(&self.network, &stored, BTreeMap::new(), made)?)
     }
 }

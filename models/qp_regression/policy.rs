@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::weights::save_with;
 use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
 use reactsim::rollout::Observation;
 use reactsim::scene::Start;
@@ -95,10 +95,9 @@ impl Policy {
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
         let (tables, entry) = self.intentions.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: Sizes::Explicit(self.config) };
-        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
         let mut metadata = made.clone();
-        metadata.extend([entry, (CONFIG.to_owned(), config)]);
-        Ok(save_with(&self.network, tables, &metadata))
+        metadata.extend([entry]);
+        Ok(save_with(&self.network, &stored, tables, &metadata)?)
     }
 
     /// Returns the map features of a scenario, for [`Self::predict`]; they are the same for the whole

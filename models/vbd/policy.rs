@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::weights::save_with;
 use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
@@ -74,9 +74,8 @@ impl VbdPolicy {
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, VbdPolicyError> {
         let (tables, entry) = self.anchors.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
-        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
         let mut metadata = made.clone();
-        metadata.extend([entry, (CONFIG.to_owned(), config)]);
-        Ok(save_with(&self.network, tables, &metadata))
+        metadata.extend([entry]);
+        Ok(save_with(&self.network, &stored, tables, &metadata)?)
     }
 }

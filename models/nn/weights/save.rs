@@ -4,22 +4,39 @@ use std::collections::BTreeMap;
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
+use serde::Serialize;
 
 use super::names::{ParameterPath, transpose};
+use super::{CONFIG, WeightsError};
 
 /// Returns the weights of a network as a safetensors file with these metadata;
-/// [`CONFIG`](super::CONFIG) should be among them to identify the network. The same weights and
+/// [`CONFIG`] should be among them to identify the network. The same weights and
 /// metadata give the same bytes.
 pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-    save_with(network, Tables::new(), metadata)
+    collected(network, Tables::new(), metadata)
 }
 
 /// Tensors by name: shape, and values row by row.
 pub type Tables = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 
-/// Like [`save`], with `tables` in addition to the weights. Their names must differ from those of
-/// weights.
-pub fn save_with<M: Module>(network: &M, tables: Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+/// Returns a network that a program reads by its configuration: weights, further `tables`, whose names must
+/// differ from those of weights, and metadata, to which the configuration is added as [`CONFIG`].
+///
+/// # Errors
+/// [`WeightsError::Config`] if the configuration cannot be written as text.
+pub fn save_with<M: Module>(
+    network: &M,
+    config: &impl Serialize,
+    tables: Tables,
+    metadata: &BTreeMap<String, String>,
+) -> Result<Vec<u8>, WeightsError> {
+    let config = serde_json::to_string(config).map_err(|e| WeightsError::Config(e.to_string()))?;
+    let mut metadata = metadata.clone();
+    metadata.insert(CONFIG.to_owned(), config);
+    Ok(collected(network, tables, &metadata))
+}
+
+fn collected<M: Module>(network: &M, tables: Tables, metadata: &BTreeMap<String, String>) -> Vec<u8> {
     let mut weights = TensorCollector { tensors: tables, ..TensorCollector::default() };
     network.visit(&mut weights);
     save_tables(&weights.tensors, metadata)

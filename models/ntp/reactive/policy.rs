@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::{CONFIG, save_with};
-use reactsim::models::nn::{Initializer, Tensors, WeightsError};
+use reactsim::models::nn::weights::save_with;
+use reactsim::models::nn::{Initializer, Tensors};
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::Vocabulary;
@@ -57,9 +57,8 @@ impl Policy {
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
         let (tables, entry) = self.vocabulary.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
-        let config = serde_json::to_string(&stored).map_err(|e| WeightsError::Config(e.to_string()))?;
         let mut metadata = made.clone();
-        metadata.extend([entry, (CONFIG.to_owned(), config)]);
-        Ok(save_with(&self.network, tables, &metadata))
+        metadata.extend([entry]);
+        Ok(save_with(&self.network, &stored, tables, &metadata)?)
     }
 }

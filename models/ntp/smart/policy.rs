@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::{CONFIG, save_with};
+use reactsim::models::nn::weights::save_with;
 use reactsim::models::nn::{Tensors, WeightsError};
 use serde::{Deserialize, Serialize};
 
@@ -104,15 +104,15 @@ impl SmartPolicy {
     /// # Errors
     /// [`SmartPolicyError`] if the provenance cannot be serialized.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, SmartPolicyError> {
-        let text = |e: serde_json::Error| WeightsError::Config(e.to_string());
         let (mut tables, entry) = self.vocabulary.tables()?;
         let (map_tables, map_entry) = self.map_vocabulary.tables()?;
         tables.extend(map_tables);
-        let network = serde_json::to_value(self.network.config()).map_err(text)?;
-        let config = serde_json::to_string(&StoredConfig { kind: KIND.to_owned(), network }).map_err(text)?;
+        let network = serde_json::to_value(self.network.config());
+        let network = network.map_err(|e| WeightsError::Config(e.to_string()))?;
+        let stored = StoredConfig { kind: KIND.to_owned(), network };
         let mut metadata = made.clone();
-        metadata.extend([entry, map_entry, (CONFIG.to_owned(), config)]);
-        Ok(save_with(&self.network, tables, &metadata))
+        metadata.extend([entry, map_entry]);
+        Ok(save_with(&self.network, &stored, tables, &metadata)?)
     }
 }
 
