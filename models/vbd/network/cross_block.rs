@@ -75,12 +75,12 @@ impl CrossBlock {
         &self,
         agents: usize,
         queries: Tensor<2>,
-        sources: &KeysValues<2>,
+        sources: KeysValues<2>,
         closed: &Tensor<4>,
     ) -> Tensor<2> {
         let attention = &self.cross_attention;
         let queries = attention.part(Part::Query, queries);
-        let KeysValues { keys, values } = sources.clone();
+        let KeysValues { keys, values } = sources;
         let taken = attention.output(attention.take(agents, queries, keys, values, closed.clone()));
         let y = taken.norm(&self.norm_1).done();
         Rows::of(y.clone() + self.ffn.forward(y)).norm(&self.norm_2).done()

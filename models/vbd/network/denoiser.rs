@@ -110,8 +110,8 @@ impl Denoiser {
                 x = x + first.clone();
             }
             let plans = among.sources(&scene.others, related, &x, actions);
-            x = among.forward(agents, x, &plans, &scene.plans_closed);
-            x = around.forward(agents, x, scenery, &scene.scenery_closed);
+            x = among.forward(agents, x, plans, &scene.plans_closed);
+            x = around.forward(agents, x, scenery.clone(), &scene.scenery_closed);
         }
         decoder.forward(x).reshape([agents, actions, 2])
     }

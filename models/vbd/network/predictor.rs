@@ -55,7 +55,7 @@ impl Predictor {
             }
             x = pair.iter().fold(x, |x, block| {
                 let sources = block.sources(&seen, &block.relate(&seen), &scene.elements, 1);
-                block.forward(agents, x, &sources, &seen.closed)
+                block.forward(agents, x, sources, &seen.closed)
             });
         }
         let actions = self.act_decoder.forward(x.clone());
