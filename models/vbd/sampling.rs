@@ -58,9 +58,9 @@ pub(super) fn sample(
     let denoise = |noisy: Tensor<3>, level: usize| {
         let noisy = match &fixed {
             // Without others there is nothing to denoise.
+            Some((clean, _)) if agents > 1 && config.av_given > 0.0 => with_av(clean.clone(), noisy),
             Some((clean, noise)) if agents > 1 => {
-                let av = schedule.add_noise(clean.clone(), noise.clone(), level);
-                Tensor::cat(vec![av, noisy.narrow(0, 1, agents - 1)], 0)
+                with_av(schedule.add_noise(clean.clone(), noise.clone(), level), noisy)
             }
             _ => noisy,
         };
@@ -71,6 +71,12 @@ pub(super) fn sample(
     let clean =
         sampling.sample(&schedule, start, denoise, || standard_normal(stream, shape, device), &mut ());
     Ok(states_of(&seen.states, motion_from(&seen.states, clean, config.hold, device)))
+}
+
+/// Returns the actions of all, `[agents, actions, 2]`, with these as those of the AV, `[1, actions, 2]`.
+pub(super) fn with_av(av: Tensor<3>, all: Tensor<3>) -> Tensor<3> {
+    let others = all.dims()[0] - 1;
+    Tensor::cat(vec![av, all.narrow(0, 1, others)], 0)
 }
 
 /// Returns actions, m/s² and rad/s, normalised, `[1, actions, 2]`.

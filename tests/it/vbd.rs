@@ -109,6 +109,8 @@ fn a_file_gives_the_same_policy_and_foreign_and_damaged_ones_are_refused() {
         (VbdConfig { hold: 9, ..small().network }, "actions"),
         (VbdConfig { width: 15, ..small().network }, "width"),
         (VbdConfig { noise_levels: 1, ..small().network }, "noise_levels"),
+        (VbdConfig { near_agents: 0, ..small().network }, "near_agents"),
+        (VbdConfig { av_given: f64::NAN, ..small().network }, "av_given"),
     ] {
         assert_eq!(config.check().unwrap_err().field, field);
     }

@@ -7,6 +7,7 @@ use rand::RngExt;
 use reactsim::training::{Output, Stream, Sums};
 
 use super::super::network::{Vbd, VbdConfig};
+use super::super::sampling::with_av;
 use super::sample::{Sample, TRUTH};
 use crate::models::diffusion::{Schedule, own_motion, standard_normal};
 use crate::models::learning::Intentions;
@@ -41,7 +42,11 @@ pub(super) fn loss(
         let speeds = sample.seen.speeds(device);
         let shape = [agents, config.actions, 2];
         let clean = Tensor::<3>::from_data(TensorData::new(sample.actions.clone(), shape), device);
-        let noisy = settings.schedule.add_noise(clean, standard_normal(stream, shape, device), level);
+        let noise = standard_normal(stream, shape, device);
+        let mut noisy = settings.schedule.add_noise(clean.clone(), noise, level);
+        if agents > 1 && config.av_given > 0.0 && stream.random_bool(config.av_given) {
+            noisy = with_av(clean.narrow(0, 0, 1), noisy);
+        }
         let scene = network.encode(&sample.seen.input, config, device);
         let prepared = network.prepare(&sample.seen.input, &scene, agents, config);
         let found = network.denoise(&prepared, noisy, &speeds, level, config);

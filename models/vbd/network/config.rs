@@ -31,6 +31,9 @@ pub struct VbdConfig {
     pub near_elements: usize,
     /// Number of nearest agents whose plans an agent sees while they are denoised, itself included.
     pub near_agents: usize,
+    /// Share of training scenes in which the AV's actions are given without noise while those of others are
+    /// denoised. If there are any, in-painting gives them so too; otherwise with the noise of the level.
+    pub av_given: f64,
     /// Whether the encoder attends to present elements alone. The public code attends to all of them, and
     /// from absent ones to all alike.
     pub masked: bool,
@@ -54,6 +57,7 @@ impl Default for VbdConfig {
             noise_levels: 50,
             near_elements: 32,
             near_agents: 12,
+            av_given: 0.5,
             masked: true,
             zeros_are_absent: false,
         }
@@ -76,6 +80,7 @@ impl VbdConfig {
             // All of them: the public code has no limits.
             near_elements: 4096,
             near_agents: 4096,
+            av_given: 0.0,
             masked: false,
             zeros_are_absent: true,
         }
@@ -111,6 +116,9 @@ impl VbdConfig {
         }
         if self.noise_levels < 2 {
             return refuse("noise_levels", self.noise_levels, "2 or more");
+        }
+        if !(0.0..=1.0).contains(&self.av_given) {
+            return Err(SizeError { field: "av_given", value: self.av_given, expected: "0 to 1" });
         }
         Ok(())
     }
