@@ -1,7 +1,7 @@
 //! Execution of joint plans: states that a network predicted for some of the agents.
 
 use reactsim::dynamics::STANDSTILL_SPEED;
-use reactsim::rollout::Planning;
+use reactsim::rollout::{NOT_FINITE, Planning};
 use reactsim::scene::{AgentState, DT};
 
 /// Distance in metres: a standing agent stays if its plan for the next second is shorter.
@@ -20,8 +20,7 @@ pub(crate) fn execute(plans: &[(usize, Vec<AgentState>)], episode: &mut Planning
             Some(plan) => along(plan, now, steps),
             None => {
                 if plan.is_some() {
-                    let what = "plans that are no numbers: went on as before";
-                    *episode.outcomes.entry(what).or_default() += 1;
+                    episode.count(NOT_FINITE);
                 }
                 go_on(now, steps)
             }

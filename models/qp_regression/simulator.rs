@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use rand::RngExt;
 use reactsim::dynamics::STANDSTILL_SPEED;
 use reactsim::geometry::{direction, heading_of};
-use reactsim::rollout::{Observation, PlanError, Planning, SingleEpisode, Stream};
+use reactsim::rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentKind, AgentState, DT, Start};
 use serde::{Deserialize, Serialize};
 
@@ -99,8 +99,7 @@ impl SingleEpisode for RegressionSimulator {
             let states = match (&prediction, mode) {
                 (Some(_), Some(mode)) => execute(mode, kind, now, steps),
                 (Some(_), None) => {
-                    let what = "predictions that are no numbers: went on as before";
-                    *episode.outcomes.entry(what).or_default() += 1;
+                    episode.count(NOT_FINITE);
                     follow(&seen, slot, now, steps)
                 }
                 (None, _) => follow(&seen, slot, now, steps),

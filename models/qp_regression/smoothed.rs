@@ -2,7 +2,7 @@
 
 use burn::tensor::Device;
 use reactsim::models::qp::{Intent, KeepClear, Mode, REFUSED, STEPS, Settings, Stage, is_planned};
-use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
+use reactsim::rollout::{NOT_FINITE, PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
@@ -68,8 +68,7 @@ impl QpRegressionSimulator {
             let kind = agents[slot].kind;
             let most_probable = prediction.as_ref().and_then(|p| p.modes.first());
             if prediction.is_some() && most_probable.is_none() {
-                let what = "predictions that are no numbers: went on as before";
-                *episode.outcomes.entry(what).or_default() += 1;
+                episode.count(NOT_FINITE);
             }
             let states = match most_probable {
                 Some(mode) => execute(mode, kind, now, steps),

@@ -197,6 +197,9 @@ pub trait SingleEpisode: Send + Sync {
     fn plan_one(&self, memory: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError>;
 }
 
+/// Outcome of a plan of an agent whose model found no finite numbers: the agent goes on as before.
+pub const NOT_FINITE: &str = "not-finite";
+
 /// Input and output of [`SingleEpisode::plan_one`]: an [`Episode`] without its memory.
 pub struct Planning<'a, 'b> {
     /// The observation available for planning.
@@ -209,6 +212,13 @@ pub struct Planning<'a, 'b> {
     pub plan: &'b mut JointPlan,
     /// Counts of how parts of the plan ended, by outcome.
     pub outcomes: &'b mut BTreeMap<&'static str, u64>,
+}
+
+impl Planning<'_, '_> {
+    /// Counts an outcome of a part of the plan.
+    pub fn count(&mut self, outcome: &'static str) {
+        *self.outcomes.entry(outcome).or_default() += 1;
+    }
 }
 
 impl<S: SingleEpisode> Simulator for S {

@@ -11,8 +11,8 @@ mod stream;
 pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
 pub use engine::{Request, Rollout, RolloutError, roll_out};
 pub use episode::{
-    Beginning, Controller, Episode, Identity, JointPlan, Memory, Oracle, PlanError, Planning, Simulator,
-    SingleEpisode,
+    Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,
+    Simulator, SingleEpisode,
 };
 pub use observation::Observation;
 pub use settings::{ParseReplanError, Protocol, Replan, Settings};

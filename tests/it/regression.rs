@@ -16,7 +16,7 @@ use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppre
 use reactsim::models::qp_regression::{
     Driving, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
-use reactsim::rollout::{Controller, Settings, roll_out};
+use reactsim::rollout::{Controller, NOT_FINITE, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
 use reactsim::training::{Task, View};
 
@@ -477,7 +477,7 @@ fn predictions_that_are_no_numbers_are_counted_and_lane_following_takes_over() {
     for controller in [plain, smoothed(large(), 4, true)] {
         let requests = vec![request(&scenario, coasting(&scenario), 0)];
         let rollout = roll_out(requests, &controller, &Settings::default()).remove(0).unwrap();
-        let counted = rollout.outcomes.get("predictions that are no numbers: went on as before");
+        let counted = rollout.outcomes.get(NOT_FINITE);
         assert_eq!(counted, Some(&(4 * 16)), "{:?}", rollout.outcomes);
         let states = rollout.tracks.iter().flatten().flatten();
         assert!(states.into_iter().all(|s| s.x.is_finite() && s.y.is_finite() && s.heading.is_finite()));

@@ -1,7 +1,7 @@
 //! The reactive network as a simulator.
 
 use burn::tensor::{Device, Tensor};
-use reactsim::rollout::{Episode, Memory, PlanError, Simulator, Stream};
+use reactsim::rollout::{Episode, Memory, NOT_FINITE, PlanError, Simulator, Stream};
 use reactsim::scene::{Frame, Start};
 
 use super::super::clearance::Traffic;
@@ -202,11 +202,7 @@ impl PendingPlan<'_, '_> {
                     executor.execute_clear(agent, slot, class, tokens, traffic.as_ref(), track);
                 }
                 None => {
-                    *self
-                        .episode
-                        .outcomes
-                        .entry("tokens that are no numbers: went on as before")
-                        .or_default() += 1;
+                    *self.episode.outcomes.entry(NOT_FINITE).or_default() += 1;
                     executor.execute(agent, class, &straight_token(track), track);
                 }
             }
