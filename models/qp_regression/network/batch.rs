@@ -229,7 +229,8 @@ fn mode_guide(
     for scene in scenes {
         let paths = scene.outlook.as_ref().map_or(&[][..], |o| &o.paths);
         for goal in intentions.of(scene.class) {
-            reference_states(scene.velocity(), Some(*goal), paths, config, &mut values);
+            // Straight motion to a point far ahead says less about the next half second than the velocity.
+            reference_states(scene.velocity(), config.outlook.then_some(*goal), paths, config, &mut values);
         }
     }
     reference_tensor(values, config, device)
