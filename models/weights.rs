@@ -9,6 +9,9 @@ use sha2::{Digest, Sha256};
 
 use super::ModelError;
 
+/// Id of the planner that samples candidates for deviated AVs. It is no baseline, but has weights and a task.
+pub const PLANNER: &str = "diffusion-planner";
+
 /// A file of weights.
 #[derive(Clone, Debug)]
 pub struct WeightsFile {
@@ -57,7 +60,7 @@ impl WeightsFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeightsRow {
-    /// Id of the baseline that reads it, or of the planner that samples candidates for deviated AVs.
+    /// Id of the baseline that reads it, or [`PLANNER`].
     pub id: String,
     /// Ids of other baselines that also read it.
     #[serde(default)]
@@ -165,7 +168,6 @@ pub fn shipped_with_digest(sha256: &str) -> Result<Option<WeightsFile>, ModelErr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::diffusion_planner::PLANNER;
 
     #[test]
     fn manifest_and_files_agree() {

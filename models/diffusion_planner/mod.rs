@@ -9,4 +9,4 @@ mod plans;
 mod policy;
 
 pub use inputs::PlannerSight;
-pub use policy::{PLANNER, PlannerPolicy, PlannerPolicyError};
+pub use policy::{PlannerPolicy, PlannerPolicyError};

@@ -9,9 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::PlannerSight;
 use super::network::{DiffusionPlanner, PlannerConfig};
-
-/// Kind of this network in the configuration of a file, its training task, and its weights in the manifest.
-pub const PLANNER: &str = "diffusion-planner";
+use crate::models::weights::PLANNER;
 
 /// A network ready to plan.
 #[derive(Clone, Debug)]

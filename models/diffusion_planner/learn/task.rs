@@ -9,14 +9,15 @@ use reactsim::rollout::Controller;
 use reactsim::scene::Scenario;
 use reactsim::training::{Output, Settings, Stream, Task, View};
 
+use super::super::PlannerPolicy;
 use super::super::network::DiffusionPlanner;
-use super::super::{PLANNER, PlannerPolicy};
 use super::loss::loss;
 use super::sample::sample;
 use super::{Recipe, Sample};
 use crate::models::learning::{
     Origin, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
 };
+use crate::models::weights::PLANNER;
 
 /// Training of Diffusion-Planner.
 pub const TASK: TrainingTask = TrainingTask {

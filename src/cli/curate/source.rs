@@ -11,9 +11,9 @@ use crate::curation::{
     CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, PlannerSource, SOURCES,
 };
 use crate::files::read_regular;
-use crate::models::diffusion_planner::{PLANNER, PlannerPolicy};
+use crate::models::diffusion_planner::PlannerPolicy;
 use crate::models::nn::device;
-use crate::models::weights::{WeightsFile, shipped};
+use crate::models::weights::{PLANNER, WeightsFile, shipped};
 
 /// Standard deviation of the initial noise of samples: that of the process, which is twice what the public code plans
 /// with, for variety.
