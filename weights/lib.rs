@@ -7,6 +7,7 @@
 pub static SHIPPED: &[(&str, &[u8])] = &[
     ("ntp-reactive.safetensors", include_bytes!("ntp-reactive.safetensors")),
     ("qp-regression.safetensors", include_bytes!("qp-regression.safetensors")),
+    ("mtr.safetensors", include_bytes!("mtr.safetensors")),
 ];
 
 /// `manifest.toml`: digests, data and commands of all known weights, including those that do not ship.
