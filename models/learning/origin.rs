@@ -1,7 +1,8 @@
 //! The network that a training begins with.
 
-use crate::models::nn::Initializer;
 use burn::tensor::Device;
+
+use crate::models::nn::Initializer;
 
 /// Network that a training begins with.
 #[derive(Clone, Debug)]
@@ -13,7 +14,8 @@ pub(crate) enum Origin<M> {
 }
 
 impl<M: Clone> Origin<M> {
-    /// Returns the network: a copy, or a new one by `init` on this device, which must be one without autodiff.
+    /// Returns the network, on this device with autodiff: a copy of the parent, or a new one by `init`. The
+    /// device must be one without autodiff.
     pub(crate) fn network(&self, seed: u64, device: &Device, init: impl FnOnce(&mut Initializer) -> M) -> M {
         match self {
             Self::Random => init(&mut Initializer::new(seed, &device.clone().autodiff())),

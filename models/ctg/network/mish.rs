@@ -5,7 +5,8 @@ use burn::tensor::Tensor;
 /// Number above which exponentials are cut: Mish is the identity there to single precision.
 const LARGE: f64 = 20.0;
 
-/// Returns x · tanh(ln(1 + eˣ)), by one exponential: with w = eˣ, the tangent is w (w + 2) / (w (w + 2) + 2).
+/// Returns x · tanh(ln(1 + eˣ)), by one exponential: with w = eˣ, the hyperbolic tangent is
+/// w (w + 2) / (w (w + 2) + 2).
 pub(super) fn mish<const D: usize>(x: Tensor<D>) -> Tensor<D> {
     let w = x.clone().clamp_max(LARGE).exp();
     let n = w.clone() * (w + 2.0);

@@ -33,7 +33,7 @@ pub(super) struct Decoder {
 #[derive(Clone, Debug)]
 pub struct DenoisingScene {
     pub(super) agents: usize,
-    /// The agents that agents see.
+    /// For each agent, the agents to whose plans it attends.
     others: Surroundings,
     /// Added to scores among plans, `[agents, 1, actions, others * actions]`.
     plans_closed: Tensor<4>,

@@ -4,12 +4,12 @@ use burn::tensor::Tensor;
 
 use super::surroundings::Surroundings;
 
-/// Features of the elements of a scene, and what they see.
+/// Features of the elements of a scene, and their surroundings.
 #[derive(Clone, Debug)]
 pub struct Encoded {
     /// `[elements, width]`.
     pub(super) elements: Tensor<2>,
-    /// What each element sees.
+    /// The elements that each element attends to.
     pub(super) surroundings: Surroundings,
 }
 

@@ -1,17 +1,17 @@
-//! What elements see: relations to others, and features of others.
+//! The elements that each element of a scene attends to: relations to them, and their features.
 
 use burn::tensor::{Int, Tensor, TensorData};
 
 use super::pairs::Pairs;
 
-/// The elements that elements see.
+/// For each element, the elements that it attends to.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
-    /// Relations of elements to those that they see, `[own, each, width]`.
+    /// Relations of each element to those that it attends to, `[own, each, width]`.
     pub(super) relations: Tensor<3>,
     /// Added to the scores of these, `[own or 1, 1, 1, each]`: closed if absent.
     pub(super) closed: Tensor<4>,
-    /// Rows of these, `[own * each]`; `None` if all see the same.
+    /// Rows of these, `[own * each]`; `None` if they are the same for all elements.
     rows: Option<Tensor<1, Int>>,
 }
 
@@ -29,7 +29,7 @@ impl Surroundings {
         Self { relations, closed, rows: Some(rows) }
     }
 
-    /// Returns what the first elements see.
+    /// Returns the surroundings of the first elements alone.
     pub(super) fn first(&self, own: usize) -> Self {
         let each = self.relations.dims()[1];
         let closed = match &self.rows {
