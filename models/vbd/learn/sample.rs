@@ -55,9 +55,13 @@ pub(super) fn sample(
         headings: Vec::new(),
         seen,
     };
+    let av = sample.seen.states[0].position();
     for i in 0..sample.seen.slots.len() {
         let slot = sample.seen.slots[i];
-        let weight = if scene.is_parked(slot) { recipe.parked } else { 1.0 };
+        let parked = if scene.is_parked(slot) { recipe.parked } else { 1.0 };
+        // What the benchmark asks about happens around the AV.
+        let away = (sample.seen.states[i].position() - av).norm() / recipe.near;
+        let weight = parked / (1.0 + away * away);
         sample.add(i, &scene.tracks[slot], now, weight, recipe, anchors);
     }
     sample.agents.iter().any(|weight| *weight > 0.0).then_some(sample)

@@ -27,9 +27,10 @@ pub struct VbdConfig {
     pub hold: usize,
     /// Number of noise levels.
     pub noise_levels: usize,
-    /// Number of nearest elements that an element sees, itself included.
+    /// Number of elements that an element sees, itself included: those that come nearest to it within 3 s, if
+    /// all keep their velocities.
     pub near_elements: usize,
-    /// Number of nearest agents whose plans an agent sees while they are denoised, itself included.
+    /// Number of agents whose plans an agent sees while they are denoised, itself included, chosen likewise.
     pub near_agents: usize,
     /// Share of training scenes in which the AV's actions are given without noise while those of others are
     /// denoised. If there are any, in-painting gives them so too; otherwise with the noise of the level.

@@ -3,7 +3,7 @@
 use reactsim::geometry::Vec2;
 use reactsim::geometry::{direction, into_frame, wrap};
 
-use super::pairs::Pairs;
+use super::pairs::{Motion, Pairs};
 
 /// Relation of an element to itself.
 const OWN: [f32; 3] = [0.01; 3];
@@ -82,9 +82,20 @@ impl SceneInput {
         agents.chain(lines).chain(lights).unzip()
     }
 
-    /// Lets each of the first `own` elements see the nearest of the first `among`, at most `limit`.
+    /// Lets each of the first `own` elements see those of the first `among` that come nearest to it, at most
+    /// `limit`.
     pub(super) fn nearest(&self, own: usize, among: usize, limit: usize, zeros_are_absent: bool) -> Pairs {
-        Pairs::nearest(&self.places().0, &self.present(zeros_are_absent), own, among, limit)
+        let velocities = self.agents.iter().map(|a| Vec2::new(a[3], a[4]));
+        let velocities = velocities.chain(std::iter::repeat(Vec2::new(0.0, 0.0)));
+        let present = self.present(zeros_are_absent);
+        let motion = |((at, velocity), present): (([f64; 2], Vec2), bool)| Motion {
+            at: Vec2::new(at[0], at[1]),
+            velocity,
+            present,
+        };
+        let motions: Vec<Motion> =
+            self.places().0.into_iter().zip(velocities).zip(present).map(motion).collect();
+        Pairs::nearest(&motions, own, among, limit)
     }
 
     /// Returns the relations of these pairs, `[own * each, 3]`: position of the first less that of the second
