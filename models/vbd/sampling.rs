@@ -51,18 +51,20 @@ pub(super) fn sample(
     let speeds = seen.speeds(device);
     let shape = [agents, config.actions, 2];
     let start: Tensor<3> = standard_normal(stream, shape, device);
-    let fixed = parameters.inpainting.then(|| {
+    // Without others there is nothing to denoise.
+    let fixed = (parameters.inpainting && agents > 1).then(|| {
         let clean = given(&continued(av, config.actions, config.hold), device);
-        (clean, standard_normal::<3>(stream, [1, config.actions, 2], device))
+        let noise =
+            (config.av_given == 0.0).then(|| standard_normal::<3>(stream, [1, config.actions, 2], device));
+        (clean, noise)
     });
     let denoise = |noisy: Tensor<3>, level: usize| {
         let noisy = match &fixed {
-            // Without others there is nothing to denoise.
-            Some((clean, _)) if agents > 1 && config.av_given > 0.0 => with_av(clean.clone(), noisy),
-            Some((clean, noise)) if agents > 1 => {
+            None => noisy,
+            Some((clean, None)) => with_av(clean.clone(), noisy),
+            Some((clean, Some(noise))) => {
                 with_av(schedule.add_noise(clean.clone(), noise.clone(), level), noisy)
             }
-            _ => noisy,
         };
         policy.network.denoise(&scene, noisy, &speeds, level, config)
     };
