@@ -32,6 +32,7 @@ fn small() -> Recipe {
             ..VbdConfig::default()
         },
         sight: Sight { agents: 6, lines: 12, lights: 2, ..Sight::default() },
+        predicted: 1.0,
         ..Recipe::default()
     }
 }

@@ -6,7 +6,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::RngExt;
 use reactsim::training::{Output, Stream, Sums};
 
-use super::super::network::{Vbd, VbdConfig};
+use super::super::network::{Encoded, Vbd, VbdConfig};
 use super::super::sampling::with_av;
 use super::sample::{Sample, TRUTH};
 use crate::models::diffusion::{Schedule, own_motion, standard_normal};
@@ -22,6 +22,8 @@ pub(super) struct LossSettings<'a> {
     pub(super) anchors: &'a Intentions,
     /// Weight of the predictor.
     pub(super) predictor: f64,
+    /// Share of samples in which it learns.
+    pub(super) predicted: f64,
 }
 
 /// Returns the loss of samples. Noise and its level are drawn from the stream.
@@ -52,33 +54,47 @@ pub(super) fn loss(
         let found = network.denoise(&prepared, noisy, &speeds, level, config);
         let denoised = motion_loss(found, &speeds, sample, config);
 
-        let anchors = sample.seen.anchors(settings.anchors, device);
-        let behaviours = network.behaviours(&scene, anchors, config);
-        let labels: Vec<i32> = sample.headings.iter().map(|h| *h as i32).collect();
-        let labels = Tensor::<1, Int>::from_data(TensorData::new(labels, [agents]), device);
-        let rows: Vec<i32> = sample
-            .headings
-            .iter()
-            .enumerate()
-            .map(|(agent, h)| (agent * settings.anchors.count() + h) as i32)
-            .collect();
-        let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [agents]), device);
-        let chosen = behaviours.actions.reshape([agents * settings.anchors.count(), config.actions, 2]);
-        let predicted = motion_loss(chosen.select(0, rows), &speeds, sample, config);
-        let weights = TensorData::new(sample.agents.clone(), [agents, 1]);
-        let weights = Tensor::<2>::from_data(weights, device);
-        let log_p = log_softmax(behaviours.scores, 1).gather(1, labels.unsqueeze_dim::<2>(1));
-        let scores = -(log_p * weights).sum();
-
         let weight: f64 = sample.agents.iter().map(|w| f64::from(*w)).sum();
-        for (name, value) in [("denoised", &denoised), ("predicted", &predicted), ("score", &scores)] {
-            let value = value.clone().into_data().iter::<f32>().next().unwrap_or(f32::NAN);
-            metrics.add(name, f64::from(value), weight);
+        add(&mut metrics, "denoised", &denoised, weight);
+        total = total + denoised;
+        if stream.random_bool(settings.predicted) {
+            let (predicted, scores) = predictor_loss(network, &scene, sample, settings, device);
+            add(&mut metrics, "predicted", &predicted, weight);
+            add(&mut metrics, "score", &scores, weight);
+            total = total + (predicted + scores * SCORES) * settings.predictor;
         }
-        total = total + denoised + (predicted + scores * SCORES) * settings.predictor;
         items += weight;
     }
     Output { loss: total, items, metrics }
+}
+
+/// Returns the loss of the behaviours towards the anchors that the agents headed for, and that of the scores of
+/// anchors.
+fn predictor_loss(
+    network: &Vbd,
+    scene: &Encoded,
+    sample: &Sample,
+    settings: &LossSettings<'_>,
+    device: &Device,
+) -> (Tensor<1>, Tensor<1>) {
+    let config = settings.config;
+    let (agents, count) = (sample.agents.len(), settings.anchors.count());
+    let behaviours = network.behaviours(scene, sample.seen.anchors(settings.anchors, device), config);
+    let numbers = |values: Vec<i32>| Tensor::<1, Int>::from_data(TensorData::new(values, [agents]), device);
+    let labels = numbers(sample.headings.iter().map(|h| *h as i32).collect());
+    let rows = sample.headings.iter().enumerate().map(|(agent, h)| (agent * count + h) as i32);
+    let chosen = behaviours.actions.reshape([agents * count, config.actions, 2]);
+    let chosen = chosen.select(0, numbers(rows.collect()));
+    let predicted = motion_loss(chosen, &sample.seen.speeds(device), sample, config);
+    let weights = Tensor::<2>::from_data(TensorData::new(sample.agents.clone(), [agents, 1]), device);
+    let log_p = log_softmax(behaviours.scores, 1).gather(1, labels.unsqueeze_dim::<2>(1));
+    (predicted, -(log_p * weights).sum())
+}
+
+/// Adds a part of the loss to the metrics.
+fn add(metrics: &mut Sums, name: &'static str, value: &Tensor<1>, weight: f64) {
+    let value = value.clone().into_data().iter::<f32>().next().unwrap_or(f32::NAN);
+    metrics.add(name, f64::from(value), weight);
 }
 
 /// Returns the weighted sum of the errors of the motion that normalised actions, `[agents, actions, 2]`, lead

@@ -15,6 +15,8 @@ pub struct Recipe {
     pub sight: Sight,
     /// Weight of the behaviour predictor in the loss.
     pub predictor: f64,
+    /// Share of scenes in which the behaviour predictor learns. It takes most of the time of a step.
+    pub predicted: f64,
     /// Distance to the AV, metres, at which an agent has half the weight of one that is next to it.
     pub near: f64,
     /// Weight of parked agents; that of others is 1.
@@ -33,6 +35,7 @@ impl Default for Recipe {
             network: VbdConfig::default(),
             sight: Sight::default(),
             predictor: 1.0,
+            predicted: 0.25,
             near: 25.0,
             parked: 0.1,
             shift: 4,

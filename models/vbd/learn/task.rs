@@ -113,6 +113,7 @@ impl Task for Denoising {
             schedule: &self.schedule,
             anchors: &self.anchors,
             predictor: self.recipe.predictor,
+            predicted: self.recipe.predicted,
         };
         match stream {
             Some(stream) => loss(model, samples, &settings, stream, &self.device.clone().autodiff()),

@@ -35,6 +35,11 @@ pub struct VbdConfig {
     /// Share of training scenes in which the AV's actions are given without noise while those of others are
     /// denoised. If there are any, in-painting gives them so too; otherwise with the noise of the level.
     pub av_given: f64,
+    /// Whether blocks of the predictor and the denoiser add what they attend to to their queries, and queries of
+    /// the denoiser contain the encoding of their agent. The public code does neither.
+    pub residual: bool,
+    /// Whether numbers of the input are divided by their usual sizes; in the public code they are metres and m/s.
+    pub scaled: bool,
     /// Whether the encoder attends to present elements alone. The public code attends to all of them, and
     /// from absent ones to all alike.
     pub masked: bool,
@@ -59,6 +64,8 @@ impl Default for VbdConfig {
             near_elements: 32,
             near_agents: 12,
             av_given: 0.5,
+            residual: true,
+            scaled: true,
             masked: true,
             zeros_are_absent: false,
         }
@@ -82,6 +89,8 @@ impl VbdConfig {
             near_elements: 4096,
             near_agents: 4096,
             av_given: 0.0,
+            residual: false,
+            scaled: false,
             masked: false,
             zeros_are_absent: true,
         }

@@ -15,7 +15,8 @@ pub(super) struct KeysValues<const D: usize> {
     values: Tensor<D>,
 }
 
-/// Attention without a residual, as published, and a feed-forward network, each followed by a norm.
+/// Attention and a feed-forward network, each followed by a norm. As published, what attention takes replaces the
+/// queries; with a residual it is added to them.
 ///
 /// An agent sees a source as the features of it, the same for all agents, plus its relation to it.
 #[derive(Module, Debug)]
@@ -77,11 +78,13 @@ impl CrossBlock {
         queries: Tensor<2>,
         sources: KeysValues<2>,
         closed: &Tensor<4>,
+        residual: bool,
     ) -> Tensor<2> {
         let attention = &self.cross_attention;
-        let queries = attention.part(Part::Query, queries);
         let KeysValues { keys, values } = sources;
-        let taken = attention.output(attention.take(agents, queries, keys, values, closed.clone()));
+        let asked = attention.part(Part::Query, queries.clone());
+        let taken = attention.output(attention.take(agents, asked, keys, values, closed.clone()));
+        let taken = if residual { taken.plus(queries) } else { taken };
         let y = taken.norm(&self.norm_1).done();
         Rows::of(y.clone() + self.ffn.forward(y)).norm(&self.norm_2).done()
     }

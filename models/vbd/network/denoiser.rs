@@ -9,6 +9,7 @@ use super::cross_block::{CrossBlock, KeysValues};
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
 use super::pairs::Pairs;
+use super::scale::{STATE, scaled};
 use super::scene_encoder::rows_of;
 use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, Initializer, PlainMlp};
@@ -33,6 +34,8 @@ pub(super) struct Decoder {
 #[derive(Clone, Debug)]
 pub struct DenoisingScene {
     pub(super) agents: usize,
+    /// Encodings of these agents, `[agents, width]`.
+    own: Tensor<2>,
     /// For each agent, the agents to whose plans it attends.
     others: Surroundings,
     /// Added to scores among plans, `[agents, 1, actions, others * actions]`.
@@ -77,6 +80,7 @@ impl Denoiser {
         let blocks = self.decoder.attention_layers.as_chunks::<2>().0;
         DenoisingScene {
             agents: pairs.own,
+            own: scene.agents(pairs.own),
             plans_closed,
             scenery_closed: all.closed.clone(),
             sources: blocks.iter().map(of_pair).collect(),
@@ -97,12 +101,15 @@ impl Denoiser {
         let (d, actions) = (config.width, config.actions);
         let [agents, count, _] = states.dims();
         let device = states.device();
-        let held = encoder.forward(states.reshape([agents * count, 5]));
+        let held = encoder.forward(scaled(states.reshape([agents * count, 5]), STATE, config));
         let held = held.reshape([agents * actions, config.hold, d]).max_dim(1).squeeze_dim::<2>(1);
         let level = rows_of(&self.noise_level_embedding, std::iter::once(level), &device);
         let when = time_embedding.weight.val() + level;
-        let first =
-            (held.reshape([agents, actions, d]) + when.unsqueeze_dim::<3>(0)).reshape([agents * actions, d]);
+        let mut first = held.reshape([agents, actions, d]) + when.unsqueeze_dim::<3>(0);
+        if config.residual {
+            first = first + scene.own.clone().unsqueeze_dim::<3>(1);
+        }
+        let first = first.reshape([agents * actions, d]);
         let mut x = first.clone();
         let pairs = attention_layers.as_chunks::<2>().0.iter();
         for (i, ([among, around], (related, scenery))) in pairs.zip(&scene.sources).enumerate() {
@@ -110,8 +117,8 @@ impl Denoiser {
                 x = x + first.clone();
             }
             let plans = among.sources(&scene.others, related, &x, actions);
-            x = among.forward(agents, x, plans, &scene.plans_closed);
-            x = around.forward(agents, x, scenery.clone(), &scene.scenery_closed);
+            x = among.forward(agents, x, plans, &scene.plans_closed, config.residual);
+            x = around.forward(agents, x, scenery.clone(), &scene.scenery_closed, config.residual);
         }
         decoder.forward(x).reshape([agents, actions, 2])
     }

@@ -16,6 +16,7 @@ mod golden;
 mod input;
 mod pairs;
 mod predictor;
+mod scale;
 mod scene_encoder;
 mod surroundings;
 mod vbd;

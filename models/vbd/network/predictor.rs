@@ -7,6 +7,7 @@ use super::config::VbdConfig;
 use super::cross_block::CrossBlock;
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
+use super::scale::{ANCHOR, scaled};
 use crate::models::nn::{Initializer, PlainMlp};
 
 /// Predicts behaviours.
@@ -44,7 +45,8 @@ impl Predictor {
     pub(super) fn forward(&self, scene: &Encoded, anchors: Tensor<3>, config: &VbdConfig) -> Behaviours {
         let [agents, count, _] = anchors.dims();
         let d = config.width;
-        let anchors = self.anchor_encoder.forward(anchors.reshape([agents * count, 2]));
+        let anchors =
+            self.anchor_encoder.forward(scaled(anchors.reshape([agents * count, 2]), ANCHOR, config));
         let own = scene.agents(agents).unsqueeze_dim::<3>(1);
         let first = (anchors.reshape([agents, count, d]) + own).reshape([agents * count, d]);
         let seen = scene.surroundings.first(agents);
@@ -55,7 +57,7 @@ impl Predictor {
             }
             x = pair.iter().fold(x, |x, block| {
                 let sources = block.sources(&seen, &block.relate(&seen), &scene.elements, 1);
-                block.forward(agents, x, sources, &seen.closed)
+                block.forward(agents, x, sources, &seen.closed, config.residual)
             });
         }
         let actions = self.act_decoder.forward(x.clone());
