@@ -38,8 +38,9 @@ pub struct VbdConfig {
     /// Whether blocks of the predictor and the denoiser add what they attend to to their queries, and queries of
     /// the denoiser contain the encoding of their agent. The public code does neither.
     pub residual: bool,
-    /// Whether numbers of the input are divided by their usual sizes; in the public code they are metres and m/s.
-    pub scaled: bool,
+    /// Whether the denoiser reads noisy actions beside the states that they lead to. In the public code it reads states
+    /// alone.
+    pub reads_actions: bool,
     /// Whether the encoder attends to present elements alone. The public code attends to all of them, and
     /// from absent ones to all alike.
     pub masked: bool,
@@ -65,7 +66,7 @@ impl Default for VbdConfig {
             near_agents: 12,
             av_given: 0.5,
             residual: true,
-            scaled: true,
+            reads_actions: true,
             masked: true,
             zeros_are_absent: false,
         }
@@ -90,7 +91,7 @@ impl VbdConfig {
             near_agents: 4096,
             av_given: 0.0,
             residual: false,
-            scaled: false,
+            reads_actions: false,
             masked: false,
             zeros_are_absent: true,
         }

@@ -9,10 +9,12 @@ use super::cross_block::{CrossBlock, KeysValues};
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
 use super::pairs::Pairs;
-use super::scale::{STATE, scaled};
 use super::scene_encoder::rows_of;
 use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, Initializer, PlainMlp};
+
+/// Numbers of a state: x, y (m), yaw (rad), vx, vy (m/s).
+const STATE: usize = 5;
 
 /// Denoises actions.
 #[derive(Module, Debug)]
@@ -51,7 +53,7 @@ impl Denoiser {
         let (d, h) = (config.width, config.hidden);
         Self {
             decoder: Decoder {
-                encoder: PlainMlp::two(5, [h, d], init),
+                encoder: PlainMlp::two(STATE + if config.reads_actions { 2 } else { 0 }, [h, d], init),
                 time_embedding: init.embedding(config.actions, d),
                 attention_layers: (0..2 * config.pairs)
                     .map(|_| CrossBlock::init(d, config.heads, init))
@@ -88,11 +90,12 @@ impl Denoiser {
         }
     }
 
-    /// Returns the clean actions, `[agents, actions, 2]`, normalised. `states`, `[agents, states, 5]`, are
-    /// those to which the noisy actions lead, in each agent's own frame.
+    /// Returns the clean actions, `[agents, actions, 2]`, normalised, of `noisy` ones. `states`, `[agents, states,
+    /// 5]`, are those to which the noisy actions lead, in each agent's own frame.
     pub(super) fn forward(
         &self,
         scene: &DenoisingScene,
+        noisy: Tensor<3>,
         states: Tensor<3>,
         level: usize,
         config: &VbdConfig,
@@ -101,7 +104,12 @@ impl Denoiser {
         let (d, actions) = (config.width, config.actions);
         let [agents, count, _] = states.dims();
         let device = states.device();
-        let held = encoder.forward(scaled(states.reshape([agents * count, 5]), STATE, config));
+        let mut read = states.reshape([agents * count, STATE]);
+        if config.reads_actions {
+            let held = noisy.reshape([agents * actions, 1, 2]).repeat_dim(1, config.hold);
+            read = Tensor::cat(vec![read, held.reshape([agents * count, 2])], 1);
+        }
+        let held = encoder.forward(read);
         let held = held.reshape([agents * actions, config.hold, d]).max_dim(1).squeeze_dim::<2>(1);
         let level = rows_of(&self.noise_level_embedding, std::iter::once(level), &device);
         let when = time_embedding.weight.val() + level;

@@ -16,7 +16,6 @@ mod golden;
 mod input;
 mod pairs;
 mod predictor;
-mod scale;
 mod scene_encoder;
 mod surroundings;
 mod vbd;

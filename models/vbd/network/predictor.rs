@@ -7,7 +7,6 @@ use super::config::VbdConfig;
 use super::cross_block::CrossBlock;
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
-use super::scale::{ANCHOR, scaled};
 use crate::models::nn::{Initializer, PlainMlp};
 
 /// Predicts behaviours.
@@ -45,8 +44,7 @@ impl Predictor {
     pub(super) fn forward(&self, scene: &Encoded, anchors: Tensor<3>, config: &VbdConfig) -> Behaviours {
         let [agents, count, _] = anchors.dims();
         let d = config.width;
-        let anchors =
-            self.anchor_encoder.forward(scaled(anchors.reshape([agents * count, 2]), ANCHOR, config));
+        let anchors = self.anchor_encoder.forward(anchors.reshape([agents * count, 2]));
         let own = scene.agents(agents).unsqueeze_dim::<3>(1);
         let first = (anchors.reshape([agents, count, d]) + own).reshape([agents * count, d]);
         let seen = scene.surroundings.first(agents);

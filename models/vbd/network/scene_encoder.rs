@@ -9,7 +9,6 @@ use super::encoded::Encoded;
 use super::encoder_layer::EncoderLayer;
 use super::input::SceneInput;
 use super::pairs::Pairs;
-use super::scale::{AGENT, POINT, scaled};
 use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
 
@@ -83,11 +82,11 @@ impl SceneEncoder {
             Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device)
         };
         let kinds = rows_of(&self.agent_encoder.type_embed, scene.kinds.iter().copied(), device);
-        let agents = scaled(matrix(scene.agent_features(config.zeros_are_absent), 5), AGENT, config);
+        let agents = matrix(scene.agent_features(config.zeros_are_absent), 5);
         let agents = self.agent_encoder.motion.forward(agents) + kinds;
         let mut parts = vec![agents];
         if let Some(line) = scene.lines.first() {
-            let points = scaled(matrix(scene.line_features(config.zeros_are_absent), 3), POINT, config);
+            let points = matrix(scene.line_features(config.zeros_are_absent), 3);
             let points = self.map_encoder.point.forward(points);
             let points =
                 points.reshape([scene.lines.len(), line.points.len(), d]).max_dim(1).squeeze_dim::<2>(1);

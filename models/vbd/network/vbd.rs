@@ -65,6 +65,7 @@ impl Vbd {
         config: &VbdConfig,
     ) -> Tensor<3> {
         debug_assert_eq!([scene.agents, 1], speeds.dims());
-        self.denoiser.forward(scene, own_motion(noisy, speeds, config.hold), level, config)
+        let states = own_motion(noisy.clone(), speeds, config.hold);
+        self.denoiser.forward(scene, noisy, states, level, config)
     }
 }
