@@ -35,11 +35,14 @@ pub struct VbdConfig {
     /// Share of training scenes in which the AV's actions are given without noise while those of others are
     /// denoised. If there are any, in-painting gives them so too; otherwise with the noise of the level.
     pub av_given: f64,
-    /// Whether blocks of the predictor and the denoiser add what they attend to to their queries, and queries of
-    /// the denoiser contain the encoding of their agent. The public code does neither.
+    /// Whether actions see those of others at later times too, while they are denoised. In the public code
+    /// they see those up to their own time.
+    pub foresight: bool,
+    /// Whether blocks of the predictor and the denoiser add what they attend to to their queries, and queries
+    /// of the denoiser contain the encoding of their agent. The public code does neither.
     pub residual: bool,
-    /// Whether the denoiser reads noisy actions beside the states that they lead to. In the public code it reads states
-    /// alone.
+    /// Whether the denoiser reads noisy actions beside the states that they lead to. In the public code it
+    /// reads states alone.
     pub reads_actions: bool,
     /// Whether the encoder attends to present elements alone. The public code attends to all of them, and
     /// from absent ones to all alike.
@@ -65,6 +68,7 @@ impl Default for VbdConfig {
             near_elements: 32,
             near_agents: 12,
             av_given: 0.5,
+            foresight: true,
             residual: true,
             reads_actions: true,
             masked: true,
@@ -90,6 +94,7 @@ impl VbdConfig {
             near_elements: 4096,
             near_agents: 4096,
             av_given: 0.0,
+            foresight: false,
             residual: false,
             reads_actions: false,
             masked: false,

@@ -15,8 +15,8 @@ pub(super) struct KeysValues<const D: usize> {
     values: Tensor<D>,
 }
 
-/// Attention and a feed-forward network, each followed by a norm. As published, what attention takes replaces the
-/// queries; with a residual it is added to them.
+/// Attention and a feed-forward network, each followed by a norm. As published, what attention takes replaces
+/// the queries; with a residual it is added to them.
 ///
 /// An agent sees a source as the features of it, the same for all agents, plus its relation to it.
 #[derive(Module, Debug)]

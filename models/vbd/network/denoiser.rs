@@ -40,7 +40,7 @@ pub struct DenoisingScene {
     own: Tensor<2>,
     /// For each agent, the agents to whose plans it attends.
     others: Surroundings,
-    /// Added to scores among plans, `[agents, 1, actions, others * actions]`.
+    /// Added to scores among plans, `[agents or 1, 1, actions or 1, others * actions]`.
     plans_closed: Tensor<4>,
     /// Added to scores of elements, `[agents or 1, 1, 1, elements]`.
     scenery_closed: Tensor<4>,
@@ -78,7 +78,12 @@ impl Denoiser {
             let [among, around] = pair;
             (among.relate(&others), around.sources(&all, &around.relate(&all), &scene.elements, 1))
         };
-        let plans_closed = later_actions_of_others(pairs, config.actions, &scene.elements.device());
+        let device = scene.elements.device();
+        let plans_closed = if config.foresight {
+            Tensor::zeros([1, 1, 1, pairs.each * config.actions], &device)
+        } else {
+            later_actions_of_others(pairs, config.actions, &device)
+        };
         let blocks = self.decoder.attention_layers.as_chunks::<2>().0;
         DenoisingScene {
             agents: pairs.own,
