@@ -26,19 +26,22 @@ pub struct PlannerSight {
     pub piece: f64,
     /// Whether the first row of agents is the AV. The published network does not know how fast the AV is.
     pub av_row: bool,
+    /// Whether future poses are differences from constant velocity, in units that grow with time. The published
+    /// network has positions around the AV, in units of 20 m.
+    pub relative: bool,
 }
 
 impl Default for PlannerSight {
     /// Returns what the small network sees.
     fn default() -> Self {
-        Self { radius: 80.0, piece: 30.0, av_row: true }
+        Self { radius: 80.0, piece: 30.0, av_row: true, relative: true }
     }
 }
 
 impl PlannerSight {
     /// Returns what the published network sees. Lanes are whole.
     pub const fn published() -> Self {
-        Self { radius: 100.0, piece: 1e5, av_row: false }
+        Self { radius: 100.0, piece: 1e5, av_row: false, relative: false }
     }
 
     /// Checks the lengths.

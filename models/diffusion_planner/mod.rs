@@ -7,6 +7,7 @@ pub mod learn;
 pub mod network;
 mod plans;
 mod policy;
+mod units;
 
 pub use inputs::PlannerSight;
 pub use policy::{PlannerPolicy, PlannerPolicyError};

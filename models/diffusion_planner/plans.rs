@@ -6,8 +6,9 @@ use reactsim::geometry::{Vec2, direction, heading_of, wrap};
 use reactsim::rollout::Stream;
 use reactsim::scene::{Agent, AgentState, DT, FUTURE, Frame, Scenario};
 
-use super::inputs::{AxleFrame, PlannerScene};
+use super::inputs::{AxleFrame, PlannerScene, rear_axle};
 use super::policy::PlannerPolicy;
+use super::units::Units;
 use crate::models::diffusion::standard_normal;
 use crate::models::perception::SceneView;
 
@@ -41,10 +42,15 @@ impl PlannerPolicy {
         let sampled = self.network.sample(&encoded, Tensor::cat(noise, 0) * temperature);
         let of_av = sampled.narrow(1, 0, 1).into_data().iter::<f32>().map(f64::from).collect::<Vec<_>>();
         let step = FUTURE / self.config.states;
+        let (av, now) = (&start.agents[0], start.now(0));
+        let axle = rear_axle(av, now.position(), now.heading);
+        let units = Units::of(self.sight.relative, &scene.frame, axle, now.heading, view.velocity(0));
         let states = |plan: &[f64]| {
-            let poses = plan.as_chunks::<4>().0;
-            let planned = av_states(poses, step, &start.agents[0], start.now(0), &scene.frame);
-            driven(&start.history[0], &start.agents[0], planned)
+            let numbers = plan.as_chunks::<4>().0.iter().zip(1..);
+            let poses: Vec<[f64; 4]> =
+                numbers.map(|(pose, k)| units.read((k * step) as f64 * DT, *pose)).collect();
+            let planned = av_states(&poses, step, av, now, &scene.frame);
+            driven(&start.history[0], av, planned)
         };
         of_av.chunks(4 * self.config.states).map(states).collect()
     }

@@ -1,10 +1,12 @@
 //! Training samples: scenes, and what the AV and its neighbours did in them.
 
-use reactsim::scene::{CURRENT, FUTURE, Scenario};
+use reactsim::geometry::direction;
+use reactsim::scene::{AgentState, CURRENT, DT, FUTURE, Scenario};
 use reactsim::training::Stream;
 
 use super::super::inputs::{PlannerScene, rear_axle};
 use super::super::lanes::PlannerMap;
+use super::super::units::Units;
 use super::Recipe;
 use crate::models::learning::{LearningScene, shifted};
 
@@ -12,7 +14,8 @@ use crate::models::learning::{LearningScene, shifted};
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(super) scene: PlannerScene,
-    /// True states, normalised, `[1 + predicted, 4 (1 + states)]`, the current one first; 0 where unknown.
+    /// True states in the units of the network, `[1 + predicted, 4 (1 + states)]`, the current one first; 0 where
+    /// unknown.
     pub(super) truth: Vec<f32>,
     /// Weights of these numbers: those of the AV add up to 1, and those of all neighbours.
     pub(super) weights: Vec<f32>,
@@ -38,16 +41,23 @@ pub(super) fn sample(scenario: &Scenario, recipe: &Recipe, varied: Option<&mut S
     let mut truth = vec![0.0; (1 + config.predicted) * config.trajectory()];
     let mut weights = vec![0.0; truth.len()];
     let rows = scene.slots.iter().zip(truth.chunks_mut(config.trajectory()));
+    let place = |slot: usize, state: &AgentState| match slot {
+        0 => rear_axle(&learned.agents[0], state.position(), state.heading),
+        _ => state.position(),
+    };
+    let relative = recipe.sight.relative;
     for ((slot, own), weights) in rows.zip(weights.chunks_mut(config.trajectory())) {
-        for k in 0..=config.states {
+        let Some(current) = view.state(*slot) else { continue };
+        let at = place(*slot, &current);
+        // The current state is given, in the units of the scene.
+        own[..4].copy_from_slice(&scene.frame.pose(at, current.heading));
+        let units = Units::of(relative, &scene.frame, at, current.heading, view.velocity(*slot));
+        for k in 1..=config.states {
             let Some(state) = learned.tracks[*slot].get(now + k * step).copied().flatten() else { continue };
-            let at = match slot {
-                0 => rear_axle(&learned.agents[0], state.position(), state.heading),
-                _ => state.position(),
-            };
-            own[4 * k..4 * k + 4].copy_from_slice(&scene.frame.pose(at, state.heading));
-            // The current state is given.
-            weights[4 * k..4 * k + 4].fill(f32::from(u8::from(k > 0)));
+            let at = scene.frame.point(place(*slot, &state));
+            let pose = units.write((k * step) as f64 * DT, at, scene.frame.vector(direction(state.heading)));
+            own[4 * k..4 * k + 4].copy_from_slice(&pose);
+            weights[4 * k..4 * k + 4].fill(1.0);
         }
     }
     let (of_av, of_others) = weights.split_at_mut(config.trajectory());

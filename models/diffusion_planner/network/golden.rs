@@ -64,6 +64,8 @@ fn check(device: &Device) {
         // Two samples at once are the same twice.
         let noise = TensorData::new([noise.clone(), noise].concat(), [2, COUNT, 4 * CONFIG.states]);
         let sampled = values(&network.sample(&scene, Tensor::from_data(noise, device)));
+        let metres = |[x, y, cos, sin]: &[f32; 4]| [20.0 * x + 10.0, 20.0 * y, *cos, *sin];
+        let sampled: Vec<f32> = sampled.as_chunks::<4>().0.iter().flat_map(metres).collect();
         let expected = of_present(&file.floats("dpm.prediction"), &present);
         for sample in sampled.chunks(sampled.len() / 2) {
             // The original goes from clean values to noise and back, which loses digits; metres.

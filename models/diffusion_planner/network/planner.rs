@@ -61,7 +61,7 @@ impl DiffusionPlanner {
 
     /// Samples trajectories by the published solver from noise, `[samples, 1 + predicted, 4 states]`, whose
     /// deviation is the temperature (published: 0.5). Returns them without the current state, `[samples, 1 +
-    /// predicted, states, 4]`, in metres in the frame of the AV. Those of absent neighbours mean nothing.
+    /// predicted, states, 4]`, normalised. Those of absent neighbours mean nothing.
     pub fn sample(&self, scene: &EncodedPlan, noise: Tensor<3>) -> Tensor<4> {
         let [samples, count, numbers] = noise.dims();
         let current = scene.current.clone().unsqueeze_dim::<3>(0).repeat_dim(0, samples);
@@ -69,10 +69,7 @@ impl DiffusionPlanner {
         let denoise = |x, time| self.denoise(scene, x, time);
         let mut keep = KeepCurrent(current);
         let clean = solve(&VariancePreserving::default(), STEPS, END, start, denoise, &mut keep);
-        let states = clean.narrow(2, 4, numbers).reshape([samples, count, numbers / 4, 4]);
-        let scale = Tensor::<1>::from_data(TensorData::from([20.0f32, 20.0, 1.0, 1.0]), &states.device());
-        let offset = Tensor::<1>::from_data(TensorData::from([10.0f32, 0.0, 0.0, 0.0]), &states.device());
-        states * scale.reshape([1, 1, 1, 4]) + offset.reshape([1, 1, 1, 4])
+        clean.narrow(2, 4, numbers).reshape([samples, count, numbers / 4, 4])
     }
 }
 

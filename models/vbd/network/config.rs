@@ -35,6 +35,11 @@ pub struct VbdConfig {
     /// Share of training scenes in which the AV's actions are given without noise while those of others are
     /// denoised. If there are any, in-painting gives them so too; otherwise with the noise of the level.
     pub av_given: f64,
+    /// Whether relations tell how two elements move towards each other too; in the public code, how they lie.
+    pub relates_motion: bool,
+    /// Whether map lines and lights attend to what they see in the encoder, as agents do. They do in the public
+    /// code; most of the encoder's work is theirs.
+    pub map_attends: bool,
     /// Whether actions see those of others at later times too, while they are denoised. In the public code
     /// they see those up to their own time.
     pub foresight: bool,
@@ -68,6 +73,8 @@ impl Default for VbdConfig {
             near_elements: 32,
             near_agents: 12,
             av_given: 0.5,
+            relates_motion: true,
+            map_attends: false,
             foresight: true,
             residual: true,
             reads_actions: true,
@@ -94,6 +101,8 @@ impl VbdConfig {
             near_elements: 4096,
             near_agents: 4096,
             av_given: 0.0,
+            relates_motion: false,
+            map_attends: true,
             foresight: false,
             residual: false,
             reads_actions: false,

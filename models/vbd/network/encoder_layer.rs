@@ -17,18 +17,19 @@ pub(super) struct RelatedAttention {
 }
 
 impl RelatedAttention {
+    /// Returns what the first elements of `[n, width]` take from those that they see, `[own, width]`.
     fn forward(&self, x: Tensor<2>, seen: &Surroundings, closed: Tensor<4>) -> Tensor<2> {
         let [count, width] = x.dims();
-        let each = seen.relations.dims()[1];
+        let [own, each, _] = seen.relations.dims();
         let depth = width / self.heads;
         // Queries, keys and values lie side by side within each head.
         let all = linear(&self.in_proj, x).reshape([count, self.heads, 3, depth]);
         let part = |k: usize| all.clone().narrow(2, k, 1).reshape([count, width]);
         let with_relations =
-            |x: Tensor<2>| (seen.relations.clone() + seen.features(x)).reshape([count * each, width]);
+            |x: Tensor<2>| (seen.relations.clone() + seen.features(x)).reshape([own * each, width]);
         // Every element has keys and values of its own.
-        let products = vec![(part(0), with_relations(part(1)))];
-        let taken = dense_attention(count, self.heads, products, with_relations(part(2)), closed);
+        let products = vec![(part(0).narrow(0, 0, own), with_relations(part(1)))];
+        let taken = dense_attention(own, self.heads, products, with_relations(part(2)), closed);
         linear(&self.out_proj, taken)
     }
 }
@@ -56,11 +57,13 @@ impl EncoderLayer {
         }
     }
 
-    /// Maps elements `[n, width]`, each of which sees k; `closed`, `[n or 1, 1, 1, k or 1]`, is added to
-    /// scores.
+    /// Maps elements `[n, width]`. The first m of them attend, each to the k that it sees; others stay as they are.
+    /// `closed`, `[m or 1, 1, 1, k or 1]`, is added to scores.
     pub(super) fn forward(&self, x: Tensor<2>, seen: &Surroundings, closed: Tensor<4>) -> Tensor<2> {
         let taken = self.qc_attention.forward(x.clone(), seen, closed);
-        let x = Rows::of(x + taken).norm(&self.norm_1).done();
-        Rows::of(x.clone() + self.ffn.forward(x)).norm(&self.norm_2).done()
+        let (all, own) = (x.dims()[0], taken.dims()[0]);
+        let first = Rows::of(x.clone().narrow(0, 0, own) + taken).norm(&self.norm_1).done();
+        let first = Rows::of(first.clone() + self.ffn.forward(first)).norm(&self.norm_2).done();
+        if own == all { first } else { Tensor::cat(vec![first, x.narrow(0, own, all - own)], 0) }
     }
 }

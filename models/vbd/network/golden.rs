@@ -61,7 +61,7 @@ fn check(device: &Device) {
         let file = golden.file(&format!("scene_{number}"));
         let input = scene(&file);
         let all = input.nearest(input.len(), input.len(), input.len(), true);
-        compare("relations", &input.relations(&all, true), &file.floats("in_relations"));
+        compare("relations", &input.relations(&all, true, false), &file.floats("in_relations"));
         let encoded = network.encode(&input, &CONFIG, device);
         compare(
             "relation encodings",

@@ -8,6 +8,11 @@ use super::pairs::{Motion, Pairs};
 /// Relation of an element to itself.
 const OWN: [f32; 3] = [0.01; 3];
 
+/// Returns the number of numbers of a relation.
+pub(super) const fn relation_size(of_motion: bool) -> usize {
+    if of_motion { 7 } else { 3 }
+}
+
 /// A piece of a map line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
@@ -85,6 +90,11 @@ impl SceneInput {
     /// Lets each of the first `own` elements see those of the first `among` that come nearest to it, at most
     /// `limit`.
     pub(super) fn nearest(&self, own: usize, among: usize, limit: usize, zeros_are_absent: bool) -> Pairs {
+        Pairs::nearest(&self.motions(zeros_are_absent), own, among, limit)
+    }
+
+    /// Returns the motion of each element.
+    fn motions(&self, zeros_are_absent: bool) -> Vec<Motion> {
         let velocities = self.agents.iter().map(|a| Vec2::new(a[3], a[4]));
         let velocities = velocities.chain(std::iter::repeat(Vec2::new(0.0, 0.0)));
         let present = self.present(zeros_are_absent);
@@ -93,24 +103,26 @@ impl SceneInput {
             velocity,
             present,
         };
-        let motions: Vec<Motion> =
-            self.places().0.into_iter().zip(velocities).zip(present).map(motion).collect();
-        Pairs::nearest(&motions, own, among, limit)
+        self.places().0.into_iter().zip(velocities).zip(present).map(motion).collect()
     }
 
     /// Returns the relations of these pairs, `[own * each, 3]`: position of the first less that of the second
-    /// in the frame of the first (m), and the difference of headings (rad), 0 with a light.
-    pub(super) fn relations(&self, pairs: &Pairs, zeros_are_absent: bool) -> Vec<f32> {
+    /// in the frame of the first (m), and the difference of headings (rad), 0 with a light. With `of_motion` they
+    /// have four more numbers: the difference of velocities in this frame (m/s), and when the two come nearest
+    /// within 3 s (s) and how near (m), if they keep their velocities.
+    pub(super) fn relations(&self, pairs: &Pairs, zeros_are_absent: bool, of_motion: bool) -> Vec<f32> {
         let (positions, headings) = self.places();
-        let present = self.present(zeros_are_absent);
-        let mut relations = Vec::with_capacity(3 * pairs.own * pairs.each);
+        let motions = self.motions(zeros_are_absent);
+        let present = |i: usize| motions[i].present;
+        let mut relations = Vec::with_capacity(relation_size(of_motion) * pairs.own * pairs.each);
         for i in 0..pairs.own {
             let (from, yaw) = (positions[i], headings[i]);
             let axis = direction(yaw.unwrap_or(0.0));
             for j in pairs.of(i) {
                 let (to, other) = (positions[j], headings[j]);
                 let zero = zeros_are_absent && (from[0] == 0.0 || to[0] == 0.0);
-                if zero || !(zeros_are_absent || present[i] && present[j]) {
+                let seen = !zero && (zeros_are_absent || present(i) && present(j));
+                if !seen {
                     relations.extend([0.0; 3]);
                 } else if i == j {
                     relations.extend(OWN);
@@ -118,6 +130,13 @@ impl SceneInput {
                     let apart = into_frame(axis, Vec2::new(from[0] - to[0], from[1] - to[1]));
                     let turn = yaw.zip(other).map_or(0.0, |(yaw, other)| wrap(yaw - other));
                     relations.extend([apart.x, apart.y, turn].map(|v| v as f32));
+                }
+                if of_motion && seen {
+                    let pace = into_frame(axis, motions[i].velocity - motions[j].velocity);
+                    let (when, near) = motions[i].meeting(&motions[j]);
+                    relations.extend([pace.x, pace.y, when, near].map(|v| v as f32));
+                } else if of_motion {
+                    relations.extend([0.0; 4]);
                 }
             }
         }

@@ -18,13 +18,12 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Returns the square of the smallest distance to another within the horizon, m².
-    fn nearest_to(&self, other: &Self) -> f64 {
+    /// Returns when this element comes nearest to another within the horizon, seconds, and how near, metres.
+    pub(super) fn meeting(&self, other: &Self) -> (f64, f64) {
         let (apart, apace) = (other.at - self.at, other.velocity - self.velocity);
         let pace = apace.dot(&apace);
         let when = if pace > 0.0 { (-apart.dot(&apace) / pace).clamp(0.0, HORIZON) } else { 0.0 };
-        let then = apart + apace * when;
-        then.dot(&then)
+        (when, (apart + apace * when).norm())
     }
 }
 
@@ -50,7 +49,7 @@ impl Pairs {
         for from in &motions[..own] {
             let mut found: Vec<(bool, f64, u32)> = (0..among as u32)
                 .zip(motions)
-                .map(|(i, motion)| (!motion.present, from.nearest_to(motion), i))
+                .map(|(i, motion)| (!motion.present, from.meeting(motion).1, i))
                 .collect();
             found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
             others.extend(found[..limit].iter().map(|(_, _, i)| i));

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use super::config::VbdConfig;
 use super::encoded::Encoded;
 use super::encoder_layer::EncoderLayer;
-use super::input::SceneInput;
+use super::input::{SceneInput, relation_size};
 use super::pairs::Pairs;
 use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
@@ -71,7 +71,12 @@ impl SceneEncoder {
                 type_embed: init.embedding(LINES, d),
             },
             traffic_light_encoder: LightEncoder { type_embed: init.embedding(LIGHTS, d) },
-            relation_encoder: FourierEmbedding::init(3, config.frequencies, d, init),
+            relation_encoder: FourierEmbedding::init(
+                relation_size(config.relates_motion),
+                config.frequencies,
+                d,
+                init,
+            ),
         }
     }
 
@@ -99,13 +104,14 @@ impl SceneEncoder {
             let states = scene.lights.iter().map(|(_, state)| *state);
             parts.push(rows_of(&self.traffic_light_encoder.type_embed, states, device));
         }
-        let pairs = scene.nearest(n, n, config.near_elements, config.zeros_are_absent);
+        let own = if config.map_attends { n } else { scene.agents.len() };
+        let pairs = scene.nearest(own, n, config.near_elements, config.zeros_are_absent);
         let surroundings = self.relate(scene, &pairs, config, device);
         // Without keys that are open, an element attends to all alike.
         let closed = if config.masked {
             surroundings.closed.clone()
         } else {
-            absent(scene, config, device).reshape([n, 1, 1, 1])
+            absent(scene, config, device).narrow(0, 0, own).reshape([own, 1, 1, 1])
         };
         let mut x = Tensor::cat(parts, 0);
         for layer in &self.transformer_encoder.layers {
@@ -122,9 +128,8 @@ impl SceneEncoder {
         config: &VbdConfig,
         device: &Device,
     ) -> Surroundings {
-        let relations = scene.relations(pairs, config.zeros_are_absent);
-        let relations = TensorData::new(relations, [pairs.own * pairs.each, 3]);
-        let relations = self.relation_encoder.forward(Tensor::from_data(relations, device), None);
+        let relations = scene.relations(pairs, config.zeros_are_absent, config.relates_motion);
+        let relations = self.relation_encoder.forward_host(&relations, None, device);
         let relations = relations.reshape([pairs.own, pairs.each, config.width]);
         Surroundings::new(pairs, relations, absent(scene, config, device))
     }
