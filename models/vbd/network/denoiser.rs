@@ -95,8 +95,8 @@ impl Denoiser {
         }
     }
 
-    /// Returns the clean actions, `[agents, actions, 2]`, normalised, of `noisy` ones. `states`, `[agents, states,
-    /// 5]`, are those to which the noisy actions lead, in each agent's own frame.
+    /// Returns the clean actions, `[agents, actions, 2]`, normalised, of `noisy` ones. `states`, `[agents,
+    /// states, 5]`, are those to which the noisy actions lead, in each agent's own frame.
     pub(super) fn forward(
         &self,
         scene: &DenoisingScene,
