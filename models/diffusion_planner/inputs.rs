@@ -26,8 +26,8 @@ pub struct PlannerSight {
     pub piece: f64,
     /// Whether the first row of agents is the AV. The published network does not know how fast the AV is.
     pub av_row: bool,
-    /// Whether future poses are differences from constant velocity, in units that grow with time. The published
-    /// network has positions around the AV, in units of 20 m.
+    /// Whether future poses are differences from constant velocity, in units that grow with time. The
+    /// published network has positions around the AV, in units of 20 m.
     pub relative: bool,
 }
 

@@ -27,7 +27,8 @@ pub(super) enum Units {
 }
 
 impl Units {
-    /// Returns the units of an agent at this position (the rear axle of the AV), with this heading and velocity.
+    /// Returns the units of an agent at this position (the rear axle of the AV), with this heading and
+    /// velocity.
     pub(super) fn of(relative: bool, frame: &AxleFrame, at: Vec2, heading: f64, velocity: Vec2) -> Self {
         if !relative {
             return Self::Absolute;
@@ -79,7 +80,7 @@ mod tests {
                 }
             }
         }
-        // Who keeps going is 0 at any time.
+        // An agent that keeps its velocity and heading is written as zeros.
         assert_eq!(relative.write(2.0, Vec2::new(19.0, 0.0), Vec2::new(0.6, 0.8)), [0.0; 4]);
     }
 }

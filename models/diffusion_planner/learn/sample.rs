@@ -14,8 +14,8 @@ use crate::models::learning::{LearningScene, shifted};
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(super) scene: PlannerScene,
-    /// True states in the units of the network, `[1 + predicted, 4 (1 + states)]`, the current one first; 0 where
-    /// unknown.
+    /// True states in the units of the network, `[1 + predicted, 4 (1 + states)]`, the current one first; 0
+    /// where unknown.
     pub(super) truth: Vec<f32>,
     /// Weights of these numbers: those of the AV add up to 1, and those of all neighbours.
     pub(super) weights: Vec<f32>,

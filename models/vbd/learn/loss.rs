@@ -68,8 +68,8 @@ pub(super) fn loss(
     Output { loss: total, items, metrics }
 }
 
-/// Returns the loss of the behaviours towards the anchors that the agents headed for, and that of the scores of
-/// anchors.
+/// Returns the loss of the behaviours towards the anchors that the agents headed for, and that of the scores
+/// of anchors.
 fn predictor_loss(
     network: &Vbd,
     scene: &Encoded,

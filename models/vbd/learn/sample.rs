@@ -59,7 +59,7 @@ pub(super) fn sample(
     for i in 0..sample.seen.slots.len() {
         let slot = sample.seen.slots[i];
         let parked = if scene.is_parked(slot) { recipe.parked } else { 1.0 };
-        // What the benchmark asks about happens around the AV.
+        // The benchmark judges reactions to the AV, so agents near it matter most.
         let away = (sample.seen.states[i].position() - av).norm() / recipe.near;
         let weight = parked / (1.0 + away * away);
         sample.add(i, &scene.tracks[slot], now, weight, recipe, anchors);

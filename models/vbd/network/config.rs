@@ -37,8 +37,8 @@ pub struct VbdConfig {
     pub av_given: f64,
     /// Whether relations tell how two elements move towards each other too; in the public code, how they lie.
     pub relates_motion: bool,
-    /// Whether map lines and lights attend to what they see in the encoder, as agents do. They do in the public
-    /// code; most of the encoder's work is theirs.
+    /// Whether map lines and lights attend to what they see in the encoder, as agents do. They do in the
+    /// public code; most of the encoder's work is theirs.
     pub map_attends: bool,
     /// Whether actions see those of others at later times too, while they are denoised. In the public code
     /// they see those up to their own time.

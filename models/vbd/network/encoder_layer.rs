@@ -57,8 +57,8 @@ impl EncoderLayer {
         }
     }
 
-    /// Maps elements `[n, width]`. The first m of them attend, each to the k that it sees; others stay as they
-    /// are. `closed`, `[m or 1, 1, 1, k or 1]`, is added to scores.
+    /// Maps elements `[n, width]`. The first m of them attend, each to the k that it sees; others stay as
+    /// they are. `closed`, `[m or 1, 1, 1, k or 1]`, is added to scores.
     pub(super) fn forward(&self, x: Tensor<2>, seen: &Surroundings, closed: Tensor<4>) -> Tensor<2> {
         let taken = self.qc_attention.forward(x.clone(), seen, closed);
         let (all, own) = (x.dims()[0], taken.dims()[0]);

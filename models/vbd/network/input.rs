@@ -107,8 +107,8 @@ impl SceneInput {
     }
 
     /// Returns the relations of these pairs, `[own * each, 3]`: position of the first less that of the second
-    /// in the frame of the first (m), and the difference of headings (rad), 0 with a light. With `of_motion` they
-    /// have four more numbers: the difference of velocities in this frame (m/s), and when the two come nearest
+    /// in the frame of the first (m), and the difference of headings (rad), 0 with a light. With `of_motion`,
+    /// `[own * each, 7]`: also the difference of velocities in this frame (m/s), and when the two come nearest
     /// within 3 s (s) and how near (m), if they keep their velocities.
     pub(super) fn relations(&self, pairs: &Pairs, zeros_are_absent: bool, of_motion: bool) -> Vec<f32> {
         let (positions, headings) = self.places();
