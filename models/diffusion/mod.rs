@@ -16,7 +16,7 @@ mod solver;
 mod tests;
 mod unicycle;
 
-pub use continued::continued;
+pub use continued::{continued, latest_motion};
 pub use guide::{Guide, Moment};
 pub use inverse::{Actions, actions};
 pub(crate) use motion::{motion_from, states_of};

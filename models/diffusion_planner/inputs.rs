@@ -29,19 +29,22 @@ pub struct PlannerSight {
     /// Whether future poses are differences from constant velocity, in units that grow with time. The
     /// published network has positions around the AV, in units of 20 m.
     pub relative: bool,
+    /// Whether plans give routes and speeds alone, and are driven along the lanes. Plans of the published
+    /// network are followed as they are.
+    pub lanes: bool,
 }
 
 impl Default for PlannerSight {
     /// Returns what the small network sees.
     fn default() -> Self {
-        Self { radius: 80.0, piece: 30.0, av_row: true, relative: true }
+        Self { radius: 80.0, piece: 30.0, av_row: true, relative: true, lanes: true }
     }
 }
 
 impl PlannerSight {
     /// Returns what the published network sees. Lanes are whole.
     pub const fn published() -> Self {
-        Self { radius: 100.0, piece: 1e5, av_row: false, relative: false }
+        Self { radius: 100.0, piece: 1e5, av_row: false, relative: false, lanes: false }
     }
 
     /// Checks the lengths.

@@ -6,6 +6,7 @@ use reactsim::scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::network::{Line, SceneInput};
+use crate::models::diffusion::latest_motion;
 use crate::models::learning::Intentions;
 use crate::models::nn::SizeError;
 use crate::models::perception::{Class, KnownMap, Nearest, PieceKind, SceneView, Stop};
@@ -82,6 +83,9 @@ impl Seen {
         let center = view.state(0)?.position();
         let mut seen =
             Self { input: SceneInput::default(), slots: Vec::new(), states: Vec::new(), classes: Vec::new() };
+        let mut av = view.tracks[0][..=view.now].to_vec();
+        av.extend(view.av_next.map(Some));
+        seen.input.av_motion = latest_motion(&av);
         for slot in view.nearest_agents(sight.agents) {
             let agent = &view.agents[slot];
             let (Some(state), Some(class)) = (view.state(slot), Class::of(agent.kind)) else { continue };

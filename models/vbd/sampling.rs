@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::rollout::Stream;
-use reactsim::scene::{AgentState, Frame};
+use reactsim::scene::AgentState;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::Seen;
@@ -31,14 +31,11 @@ pub struct VbdParameters {
 
 /// Samples the states of the agents of a scene after each step of 0.1 s, `[agents, states]`.
 ///
-/// `av` is the executed motion of the AV up to now, and one frame more if agents see it.
-///
 /// # Errors
 /// [`ScheduleError`] if the network has no valid number of noise levels; reading the policy rules it out.
 pub(super) fn sample(
     policy: &VbdPolicy,
     seen: &Seen,
-    av: &[Frame],
     parameters: &VbdParameters,
     stream: &mut Stream,
     device: &Device,
@@ -47,17 +44,18 @@ pub(super) fn sample(
     let agents = seen.slots.len();
     let schedule = Schedule::cosine(config.noise_levels)?;
     let encoded = policy.network.encode(&seen.input, config, device);
-    let scene = policy.network.prepare(&seen.input, &encoded, agents, config);
     let speeds = seen.speeds(device);
     let shape = [agents, config.actions, 2];
     let start: Tensor<3> = standard_normal(stream, shape, device);
     // Without others there is nothing to denoise.
     let fixed = (parameters.inpainting && agents > 1).then(|| {
-        let clean = given(&continued(av, config.actions, config.hold), device);
+        let clean = given(&continued(seen.input.av_motion, config.actions, config.hold), device);
         let noise =
             (config.av_given == 0.0).then(|| standard_normal::<3>(stream, [1, config.actions, 2], device));
         (clean, noise)
     });
+    let av_given = config.av_given > 0.0 && fixed.is_some();
+    let scene = policy.network.prepare(&seen.input, &encoded, agents, av_given, config);
     let denoise = |noisy: Tensor<3>, level: usize| {
         let noisy = match &fixed {
             None => noisy,

@@ -52,12 +52,10 @@ impl SingleEpisode for VbdSimulator {
         let view = SceneView::of(&observed, &lights);
         let mut plans = Vec::new();
         if let Some(seen) = Seen::of(&view, &memory.0, &self.sight()) {
-            let mut av = observed.track(0).to_vec();
-            av.extend(observed.av_next().map(Some));
             // An AV that the simulator moves has no motion of its own that would go on.
             let inpainting = self.parameters.inpainting && !episode.moves_av;
             let parameters = VbdParameters { inpainting, ..self.parameters };
-            let states = sample(&self.policy, &seen, &av, &parameters, episode.stream, &self.device);
+            let states = sample(&self.policy, &seen, &parameters, episode.stream, &self.device);
             // The policy was checked when it was read.
             plans = seen.slots.into_iter().zip(states.unwrap_or_default()).collect();
         }

@@ -2,12 +2,14 @@
 
 use burn::tensor::Device;
 
+use super::rules::LaneRoutes;
 use super::{CandidateSource, NoProposal, Proposal};
 use crate::models::diffusion_planner::PlannerPolicy;
 use crate::rollout::Stream;
 use crate::scene::{AgentState, Scenario};
 
-/// A source that samples plans of the AV from a network, one per stream, and proposes all of them.
+/// A source that samples plans of the AV from a network, one per stream, and proposes all of them, driven along
+/// the lanes if the network's plans give routes and speeds alone.
 #[derive(Debug)]
 pub struct PlannerSource {
     policy: PlannerPolicy,
@@ -30,12 +32,14 @@ impl CandidateSource for PlannerSource {
 
     fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
         let plans = self.policy.plans(scenario, self.temperature, streams, &self.device);
-        let propose = |future: Vec<AgentState>| {
-            if !future.iter().all(AgentState::is_finite) {
+        let routes = if self.policy.sight.lanes { LaneRoutes::of(&scenario.start) } else { None };
+        let propose = |plan: Vec<AgentState>| {
+            if !plan.iter().all(AgentState::is_finite) {
                 return Err(NoProposal("the plan is no number".to_owned()));
             }
             let maneuver = format!("sample at temperature {}", self.temperature);
-            Ok(Proposal { intent: None, maneuver, future })
+            let driven = routes.as_ref().and_then(|routes| routes.drive(&plan));
+            Ok(Proposal { intent: None, maneuver, future: driven.unwrap_or(plan) })
         };
         plans.into_iter().map(propose).collect()
     }

@@ -8,7 +8,7 @@ use reactsim::training::{Output, Stream, Sums};
 
 use super::super::network::{Encoded, Vbd, VbdConfig};
 use super::super::sampling::with_av;
-use super::sample::{Sample, TRUTH};
+use super::sample::{AV, Sample, TRUTH};
 use crate::models::diffusion::{Schedule, own_motion, standard_normal};
 use crate::models::learning::Intentions;
 
@@ -24,6 +24,8 @@ pub(super) struct LossSettings<'a> {
     pub(super) predictor: f64,
     /// Share of samples in which it learns.
     pub(super) predicted: f64,
+    /// Weight of overlaps with the AV.
+    pub(super) avoid: f64,
 }
 
 /// Returns the loss of samples. Noise and its level are drawn from the stream.
@@ -46,17 +48,24 @@ pub(super) fn loss(
         let clean = Tensor::<3>::from_data(TensorData::new(sample.actions.clone(), shape), device);
         let noise = standard_normal(stream, shape, device);
         let mut noisy = settings.schedule.add_noise(clean.clone(), noise, level);
-        if agents > 1 && config.av_given > 0.0 && stream.random_bool(config.av_given) {
+        let av_given = agents > 1 && config.av_given > 0.0 && stream.random_bool(config.av_given);
+        if av_given {
             noisy = with_av(clean.narrow(0, 0, 1), noisy);
         }
         let scene = network.encode(&sample.seen.input, config, device);
-        let prepared = network.prepare(&sample.seen.input, &scene, agents, config);
+        let prepared = network.prepare(&sample.seen.input, &scene, agents, av_given, config);
         let found = network.denoise(&prepared, noisy, &speeds, level, config);
-        let denoised = motion_loss(found, &speeds, sample, config);
+        let motion = own_motion(found, &speeds, config.hold);
+        let denoised = motion_loss(motion.clone(), sample, config);
 
         let weight: f64 = sample.agents.iter().map(|w| f64::from(*w)).sum();
         add(&mut metrics, "denoised", &denoised, weight);
         total = total + denoised;
+        if settings.avoid > 0.0 {
+            let overlaps = overlaps_with_av(motion, sample, config);
+            add(&mut metrics, "overlap", &overlaps, weight);
+            total = total + overlaps * settings.avoid;
+        }
         if stream.random_bool(settings.predicted) {
             let (predicted, scores) = predictor_loss(network, &scene, sample, settings, device);
             add(&mut metrics, "predicted", &predicted, weight);
@@ -85,7 +94,8 @@ fn predictor_loss(
     let rows = sample.headings.iter().enumerate().map(|(agent, h)| (agent * count + h) as i32);
     let chosen = behaviours.actions.reshape([agents * count, config.actions, 2]);
     let chosen = chosen.select(0, numbers(rows.collect()));
-    let predicted = motion_loss(chosen, &sample.seen.speeds(device), sample, config);
+    let motion = own_motion(chosen, &sample.seen.speeds(device), config.hold);
+    let predicted = motion_loss(motion, sample, config);
     let weights = Tensor::<2>::from_data(TensorData::new(sample.agents.clone(), [agents, 1]), device);
     let log_p = log_softmax(behaviours.scores, 1).gather(1, labels.unsqueeze_dim::<2>(1));
     (predicted, -(log_p * weights).sum())
@@ -97,20 +107,35 @@ fn add(metrics: &mut Sums, name: &'static str, value: &Tensor<1>, weight: f64) {
     metrics.add(name, f64::from(value), weight);
 }
 
-/// Returns the weighted sum of the errors of the motion that normalised actions, `[agents, actions, 2]`, lead
-/// to: smooth absolute differences of positions (m), and absolute ones of yaws (rad).
-fn motion_loss(actions: Tensor<3>, speeds: &Tensor<2>, sample: &Sample, config: &VbdConfig) -> Tensor<1> {
-    let device = actions.device();
+/// Returns the weighted sum of the errors of motion, `[agents, states, 5]`: smooth absolute differences of
+/// positions (m), and absolute ones of yaws (rad).
+fn motion_loss(motion: Tensor<3>, sample: &Sample, config: &VbdConfig) -> Tensor<1> {
+    let device = motion.device();
     let agents = sample.agents.len();
-    let states = own_motion(actions, speeds, config.hold);
     let truth = TensorData::new(sample.truth.clone(), [agents, config.states(), TRUTH]);
-    let apart = states.narrow(2, 0, TRUTH) - Tensor::<3>::from_data(truth, &device);
+    let apart = motion.narrow(2, 0, TRUTH) - Tensor::<3>::from_data(truth, &device);
     let places = smooth(apart.clone().narrow(2, 0, 2)).sum_dim(2);
     let turns = apart.narrow(2, 2, 1);
     let circles = (turns.clone().detach() / std::f64::consts::TAU).round() * std::f64::consts::TAU;
     let turns = (turns - circles).abs();
     let weights = TensorData::new(sample.weights.clone(), [agents, config.states(), 1]);
     ((places + turns) * Tensor::<3>::from_data(weights, &device)).sum()
+}
+
+/// Returns the weighted sum of the depths, m, to which agents that move like this, `[agents, states, 5]`,
+/// overlap with the AV where they did not in truth.
+fn overlaps_with_av(motion: Tensor<3>, sample: &Sample, config: &VbdConfig) -> Tensor<1> {
+    let device = motion.device();
+    let (agents, states) = (sample.agents.len(), config.states());
+    let av = TensorData::new(sample.av.clone(), [agents, states, AV]);
+    let av = Tensor::<3>::from_data(av, &device);
+    let column = |k: usize| av.clone().narrow(2, k, 1);
+    let (x, y) = (motion.clone().narrow(2, 0, 1) - column(0), motion.narrow(2, 1, 1) - column(1));
+    let ahead = x.clone() * column(2) + y.clone() * column(3);
+    let aside = y * column(2) - x * column(3);
+    let depth = (column(4) - ahead.abs()).min_pair(column(5) - aside.abs()).clamp_min(0.0);
+    let weights = TensorData::new(sample.weights.clone(), [agents, states, 1]);
+    (depth * Tensor::<3>::from_data(weights, &device)).sum()
 }
 
 /// Half the square up to 1, the absolute value less a half beyond.

@@ -17,6 +17,8 @@ pub struct Recipe {
     pub predictor: f64,
     /// Share of scenes in which the behaviour predictor learns. It takes most of the time of a step.
     pub predicted: f64,
+    /// Weight of overlaps with the AV, m, in the motion that denoised actions lead to.
+    pub avoid: f64,
     /// Distance to the AV, metres, at which an agent has half the weight of one that is next to it.
     pub near: f64,
     /// Weight of parked agents; that of others is 1.
@@ -36,6 +38,7 @@ impl Default for Recipe {
             sight: Sight::default(),
             predictor: 1.0,
             predicted: 0.25,
+            avoid: 30.0,
             near: 25.0,
             parked: 0.1,
             shift: 4,

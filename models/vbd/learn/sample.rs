@@ -1,7 +1,7 @@
 //! Training samples: scenes, and what agents did in them.
 
-use reactsim::geometry::{direction, into_frame, wrap};
-use reactsim::scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
+use reactsim::geometry::{Vec2, direction, into_frame, wrap};
+use reactsim::scene::{Agent, AgentState, CURRENT, FUTURE, Frame, Scenario};
 use reactsim::training::Stream;
 
 use super::super::inputs::Seen;
@@ -12,6 +12,10 @@ use crate::models::perception::KnownMap;
 
 /// Numbers of a true state: x, y, yaw.
 pub(super) const TRUTH: usize = 3;
+/// Numbers of the AV at a state.
+pub(super) const AV: usize = 6;
+/// Distance between boxes that agents are to keep, metres.
+const MARGIN: f64 = 0.3;
 
 /// Training sample of one scene.
 #[derive(Clone, Debug)]
@@ -23,6 +27,10 @@ pub struct Sample {
     pub(super) truth: Vec<f32>,
     /// Weights of these states, `[agents, states]`: those of an agent add up to the agent's weight.
     pub(super) weights: Vec<f32>,
+    /// The AV at these states, in the frames of the agents, `[agents, states, 6]`: x, y (m), cosine and sine of
+    /// the agent's true yaw, and distances along and across it (m) below both of which the two overlap; 0
+    /// where they do in truth, or where one of them is unknown.
+    pub(super) av: Vec<f32>,
     /// Weight of each agent; 0 if nothing is known of what it did.
     pub(super) agents: Vec<f32>,
     /// Anchor that each agent headed for.
@@ -51,6 +59,7 @@ pub(super) fn sample(
         actions: Vec::new(),
         truth: Vec::new(),
         weights: Vec::new(),
+        av: Vec::new(),
         agents: Vec::new(),
         headings: Vec::new(),
         seen,
@@ -63,11 +72,44 @@ pub(super) fn sample(
         let away = (sample.seen.states[i].position() - av).norm() / recipe.near;
         let weight = parked / (1.0 + away * away);
         sample.add(i, &scene.tracks[slot], now, weight, recipe, anchors);
+        let (tracks, agents) =
+            ([&scene.tracks[slot], &scene.tracks[0]], [&scene.agents[slot], &scene.agents[0]]);
+        sample.add_av(i, tracks.map(Vec::as_slice), agents, now, recipe.network.states());
     }
     sample.agents.iter().any(|weight| *weight > 0.0).then_some(sample)
 }
 
 impl Sample {
+    /// Adds where the AV was while an agent moved. `tracks` and `agents` are those of the agent and of the AV.
+    fn add_av(
+        &mut self,
+        agent: usize,
+        tracks: [&[Frame]; 2],
+        agents: [&Agent; 2],
+        now: usize,
+        states: usize,
+    ) {
+        let from = self.seen.states[agent];
+        let axis = direction(from.heading);
+        for frame in now + 1..=now + states {
+            let state = |track: &[Frame]| track.get(frame).copied().flatten();
+            let numbers = match (state(tracks[0]), state(tracks[1])) {
+                (Some(own), Some(av)) if agent > 0 => {
+                    let ahead = direction(own.heading);
+                    let apart = into_frame(ahead, av.position() - own.position());
+                    let reach = reach(agents, wrap(av.heading - own.heading));
+                    let overlap = apart.x.abs() < reach.x && apart.y.abs() < reach.y;
+                    let reach = if overlap { Vec2::zeros() } else { reach };
+                    let at = into_frame(axis, av.position() - from.position());
+                    let ahead = into_frame(axis, ahead);
+                    [at.x, at.y, ahead.x, ahead.y, reach.x, reach.y]
+                }
+                _ => [0.0; AV],
+            };
+            self.av.extend(numbers.map(|v| v as f32));
+        }
+    }
+
     /// Adds what an agent did.
     fn add(
         &mut self,
@@ -104,4 +146,14 @@ impl Sample {
         self.agents.push(weight);
         self.headings.push(anchors.nearest(self.seen.classes[agent], last.unwrap_or_default()));
     }
+}
+
+/// Returns the distances along and across the first agent, metres, below both of which its box and that of the
+/// second one, turned by this angle against it, come closer than agents are to keep.
+fn reach(agents: [&Agent; 2], turn: f64) -> Vec2 {
+    let [own, other] = agents.map(|agent| Vec2::new(agent.length, agent.width) * 0.5);
+    let ahead = direction(turn);
+    let (cos, sin) = (ahead.x.abs(), ahead.y.abs());
+    let turned = Vec2::new(other.x * cos + other.y * sin, other.x * sin + other.y * cos);
+    own + turned + Vec2::new(MARGIN, MARGIN)
 }

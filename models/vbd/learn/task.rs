@@ -114,6 +114,7 @@ impl Task for Denoising {
             anchors: &self.anchors,
             predictor: self.recipe.predictor,
             predicted: self.recipe.predicted,
+            avoid: self.recipe.avoid,
         };
         match stream {
             Some(stream) => loss(model, samples, &settings, stream, &self.device.clone().autodiff()),

@@ -40,9 +40,12 @@ pub struct VbdConfig {
     /// Whether map lines and lights attend to what they see in the encoder, as agents do. They do in the
     /// public code; most of the encoder's work is theirs.
     pub map_attends: bool,
-    /// Whether actions see those of others at later times too, while they are denoised. In the public code
-    /// they see those up to their own time.
+    /// Whether actions see later ones of an AV whose plan is given, too. In the public code they see those of
+    /// all others up to their own time.
     pub foresight: bool,
+    /// Whether the AV is described by its latest acceleration and yaw rate too. Those of others are left out:
+    /// agents that read their own would go on as they did. The public code reads none.
+    pub reads_av_motion: bool,
     /// Whether blocks of the predictor and the denoiser add what they attend to to their queries, and queries
     /// of the denoiser contain the encoding of their agent. The public code does neither.
     pub residual: bool,
@@ -76,6 +79,7 @@ impl Default for VbdConfig {
             relates_motion: true,
             map_attends: false,
             foresight: true,
+            reads_av_motion: true,
             residual: true,
             reads_actions: true,
             masked: true,
@@ -104,6 +108,7 @@ impl VbdConfig {
             relates_motion: false,
             map_attends: true,
             foresight: false,
+            reads_av_motion: false,
             residual: false,
             reads_actions: false,
             masked: false,

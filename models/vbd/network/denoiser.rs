@@ -40,7 +40,7 @@ pub struct DenoisingScene {
     own: Tensor<2>,
     /// For each agent, the agents to whose plans it attends.
     others: Surroundings,
-    /// Added to scores among plans, `[agents or 1, 1, actions or 1, others * actions]`.
+    /// Added to scores among plans, `[agents, 1, actions, others * actions]`.
     plans_closed: Tensor<4>,
     /// Added to scores of elements, `[agents or 1, 1, 1, elements]`.
     scenery_closed: Tensor<4>,
@@ -65,12 +65,14 @@ impl Denoiser {
     }
 
     /// Prepares the denoising of the plans of the first agents of a scene: what stays the same at all noise
-    /// levels. `others` are the agents that they see, by `pairs`.
+    /// levels. `others` are the agents that they see, by `pairs`; `av_given` says that the plan of the first
+    /// one has no noise.
     pub(super) fn prepare(
         &self,
         scene: &Encoded,
         pairs: &Pairs,
         others: Surroundings,
+        av_given: bool,
         config: &VbdConfig,
     ) -> DenoisingScene {
         let all = scene.surroundings.first(pairs.own);
@@ -79,11 +81,8 @@ impl Denoiser {
             (among.relate(&others), around.sources(&all, &around.relate(&all), &scene.elements, 1))
         };
         let device = scene.elements.device();
-        let plans_closed = if config.foresight {
-            Tensor::zeros([1, 1, 1, pairs.each * config.actions], &device)
-        } else {
-            later_actions_of_others(pairs, config.actions, &device)
-        };
+        let open = |own: usize, other: usize| other == own || (config.foresight && av_given && other == 0);
+        let plans_closed = later_actions(pairs, config.actions, open, &device);
         let blocks = self.decoder.attention_layers.as_chunks::<2>().0;
         DenoisingScene {
             agents: pairs.own,
@@ -137,14 +136,20 @@ impl Denoiser {
     }
 }
 
-/// Closes the later actions of others, `[agents, 1, actions, others * actions]`.
-fn later_actions_of_others(pairs: &Pairs, actions: usize, device: &Device) -> Tensor<4> {
+/// Closes the later actions of those that are not `open` to an agent, `[agents, 1, actions, others * actions]`.
+fn later_actions(
+    pairs: &Pairs,
+    actions: usize,
+    open: impl Fn(usize, usize) -> bool,
+    device: &Device,
+) -> Tensor<4> {
     let shape = [pairs.own, 1, actions, pairs.each * actions];
     let mut closed = Vec::with_capacity(shape.iter().product());
     for own in 0..pairs.own {
         for now in 0..actions {
             for other in pairs.of(own) {
-                closed.extend((0..actions).map(|then| if other != own && then > now { CLOSED } else { 0.0 }));
+                let seen = |then: usize| then <= now || open(own, other);
+                closed.extend((0..actions).map(|then| if seen(then) { 0.0 } else { CLOSED }));
             }
         }
     }

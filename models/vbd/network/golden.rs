@@ -47,6 +47,7 @@ fn scene(file: &GoldenFile) -> SceneInput {
         kinds: file.integers("in_agents_type"),
         lines: lines.collect(),
         lights: lights.collect(),
+        av_motion: [0.0; 2],
     }
 }
 
@@ -86,7 +87,7 @@ fn check(device: &Device) {
         let speeds: Vec<f32> =
             input.agents[..DENOISED].iter().map(|a| math::hypot(a[3], a[4]) as f32).collect();
         let speeds = Tensor::<2>::from_data(TensorData::new(speeds, [DENOISED, 1]), device);
-        let prepared = network.prepare(&input, &encoded, DENOISED, &CONFIG);
+        let prepared = network.prepare(&input, &encoded, DENOISED, false, &CONFIG);
         for level in [2, 25, 49] {
             let noisy = matrix(file.floats(&format!("den{level}_input_normalized")), [DENOISED, 40, 2]);
             let clean = network.denoise(&prepared, noisy, &speeds, level, &CONFIG);

@@ -13,6 +13,11 @@ pub(super) const fn relation_size(of_motion: bool) -> usize {
     if of_motion { 7 } else { 3 }
 }
 
+/// Returns the number of numbers of an agent.
+pub(super) const fn agent_size(with_motion_of_av: bool) -> usize {
+    if with_motion_of_av { 7 } else { 5 }
+}
+
 /// A piece of a map line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
@@ -37,6 +42,8 @@ pub struct SceneInput {
     pub lines: Vec<Line>,
     /// x, y (m) of lights and their states, 0 to 7.
     pub lights: Vec<([f64; 2], usize)>,
+    /// Latest acceleration (m/s²) and yaw rate (rad/s) of the AV, the first agent.
+    pub av_motion: [f64; 2],
 }
 
 impl SceneInput {
@@ -50,15 +57,18 @@ impl SceneInput {
         self.len() == 0
     }
 
-    /// Returns, by agent, velocity in its own frame and size: `[agents, 5]`, m/s and m.
-    pub(super) fn agent_features(&self, zeros_are_absent: bool) -> Vec<f32> {
-        let features = |agent: &[f64; 8]| {
+    /// Returns, by agent, velocity in its own frame and size: `[agents, 5]`, m/s and m. With `of_av`, `[agents,
+    /// 7]`: also the latest acceleration and yaw rate of the AV, m/s² and rad/s, and 0 for others.
+    pub(super) fn agent_features(&self, zeros_are_absent: bool, of_av: bool) -> Vec<f32> {
+        let features = |(i, agent): (usize, &[f64; 8])| {
             let [_, _, yaw, vx, vy, length, width, height] = *agent;
             let own = into_frame(direction(yaw), Vec2::new(vx, vy));
             let local = |global: f64, own: f64| if zeros_are_absent && global == 0.0 { 0.0 } else { own };
-            [local(vx, own.x), local(vy, own.y), length, width, height].map(|v| v as f32)
+            let seen = [local(vx, own.x), local(vy, own.y), length, width, height];
+            let motion = if i == 0 { self.av_motion } else { [0.0; 2] };
+            seen.into_iter().chain(motion).take(agent_size(of_av)).map(|v| v as f32)
         };
-        self.agents.iter().flat_map(features).collect()
+        self.agents.iter().enumerate().flat_map(features).collect()
     }
 
     /// Returns, by line, then point, the pose in the frame of the line's first point: `[lines * points, 3]`.

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use super::config::VbdConfig;
 use super::encoded::Encoded;
 use super::encoder_layer::EncoderLayer;
-use super::input::{SceneInput, relation_size};
+use super::input::{SceneInput, agent_size, relation_size};
 use super::pairs::Pairs;
 use super::surroundings::Surroundings;
 use crate::models::nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
@@ -62,7 +62,7 @@ impl SceneEncoder {
         Self {
             transformer_encoder: EncoderLayers { layers },
             agent_encoder: AgentEncoder {
-                motion: PlainMlp::three(5, [h, d, d], init),
+                motion: PlainMlp::three(agent_size(config.reads_av_motion), [h, d, d], init),
                 type_embed: init.embedding(KINDS, d),
             },
             map_encoder: LineEncoder {
@@ -87,7 +87,8 @@ impl SceneEncoder {
             Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device)
         };
         let kinds = rows_of(&self.agent_encoder.type_embed, scene.kinds.iter().copied(), device);
-        let agents = matrix(scene.agent_features(config.zeros_are_absent), 5);
+        let agents = scene.agent_features(config.zeros_are_absent, config.reads_av_motion);
+        let agents = matrix(agents, agent_size(config.reads_av_motion));
         let agents = self.agent_encoder.motion.forward(agents) + kinds;
         let mut parts = vec![agents];
         if let Some(line) = scene.lines.first() {

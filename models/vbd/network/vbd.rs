@@ -41,17 +41,19 @@ impl Vbd {
         self.predictor.forward(scene, anchors, config)
     }
 
-    /// Prepares the denoising of the plans of the first agents of a scene, encoded from this input.
+    /// Prepares the denoising of the plans of the first agents of a scene, encoded from this input. `av_given`
+    /// says that the plan of the AV, the first of them, will have no noise.
     pub fn prepare(
         &self,
         input: &SceneInput,
         scene: &Encoded,
         agents: usize,
+        av_given: bool,
         config: &VbdConfig,
     ) -> DenoisingScene {
         let pairs = input.nearest(agents, agents, config.near_agents, config.zeros_are_absent);
         let others = self.encoder.relate(input, &pairs, config, &scene.elements.device());
-        self.denoiser.prepare(scene, &pairs, others, config)
+        self.denoiser.prepare(scene, &pairs, others, av_given, config)
     }
 
     /// Returns the clean actions, `[agents, actions, 2]`, that the network takes noisy ones for; both

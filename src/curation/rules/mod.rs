@@ -7,6 +7,7 @@
 //! are those of a driver who gets in the way, not of one who drives alone, and the filters still judge
 //! them.
 
+mod along_lanes;
 mod directional;
 mod gaps;
 mod lateral;
@@ -17,6 +18,7 @@ mod survey;
 
 use rand::RngExt;
 
+pub(super) use self::along_lanes::LaneRoutes;
 use self::survey::Survey;
 use super::replay::Touch;
 use super::{CandidateSource, NoProposal, Proposal};

@@ -3,7 +3,7 @@
 use super::limits::{LaneTolerance, Limits, MAX_LATERAL_ACCELERATION, lane_along};
 use crate::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
 use crate::geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
-use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario};
+use crate::scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario, Start};
 
 /// Tolerances of the AV's own lane.
 const OWN_LANE: LaneTolerance = LaneTolerance { distance: 2.2, angle: 0.6 };
@@ -76,15 +76,40 @@ impl Branch {
     }
 }
 
+/// A route over the lane graph from where the AV is.
+pub(super) struct Route {
+    /// Guide line of the rear axle.
+    pub(super) guide: Polyline,
+    /// Total turn, radians, left positive.
+    turn: f64,
+}
+
 /// Returns the routes from the AV's lane that leave the logged path within `reach` metres.
 ///
 /// `logged` is the logged path of the box centre, `curvature` the current curvature of the AV's
 /// rear-axle path (1/m).
 pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, reach: f64) -> Vec<Branch> {
-    let road = scenario.start.road();
-    let now = scenario.start.now(0);
-    let axle = now.position() - direction(now.heading) * (REAR_AXLE * scenario.start.agents[0].length);
     let mut found: Vec<Branch> = Vec::new();
+    for Route { guide, turn } in routes(&scenario.start, reach) {
+        let end = guide.at(guide.length());
+        let known = found
+            .iter()
+            .any(|other| (other.guide.at(other.guide.length()) - end).norm() <= SAME_END_DISTANCE);
+        if !known && leaves(&guide, logged) {
+            let path = drive(&scenario.start, &guide, curvature);
+            found.push(Branch { path_entries: path_entries(scenario, &path), path, turn, guide });
+        }
+    }
+    found
+}
+
+/// Returns the routes over the lane graph of `reach` metres from the AV's lane and those beside it, those
+/// from its own lane first.
+pub(super) fn routes(start: &Start, reach: f64) -> Vec<Route> {
+    let road = start.road();
+    let now = start.now(0);
+    let axle = now.position() - direction(now.heading) * (REAR_AXLE * start.agents[0].length);
+    let mut found = Vec::new();
     let mut hits: Vec<LaneHit> = Vec::new();
     road.lanes_near(axle, ADJACENT_LANE.distance, &mut hits);
     let off =
@@ -119,14 +144,8 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
             }
             let aside = hit.projection.distance > OWN_LANE.distance;
             let join = if aside { JOIN_DISTANCE.max(LANE_CHANGE_TIME * now.speed()) } else { JOIN_DISTANCE };
-            let Some((guide, turn)) = guide(&road, &chain, hit, axle, join, reach) else { continue };
-            let end = guide.at(guide.length());
-            let known = found
-                .iter()
-                .any(|other| (other.guide.at(other.guide.length()) - end).norm() <= SAME_END_DISTANCE);
-            if !known && leaves(&guide, logged) {
-                let path = drive(scenario, &guide, curvature);
-                found.push(Branch { path_entries: path_entries(scenario, &path), path, turn, guide });
+            if let Some((guide, turn)) = guide(&road, &chain, hit, axle, join, reach) {
+                found.push(Route { guide, turn });
             }
         }
     }
@@ -134,11 +153,11 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
 }
 
 /// Returns the path that an AV drives along a guide line from its current pose.
-fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
-    let now = scenario.start.now(0);
+pub(super) fn drive(start: &Start, guide: &Polyline, curvature: f64) -> AxlePath {
+    let now = start.now(0);
     let from = Departure {
         pose: Pose::from(now),
-        rear: REAR_AXLE * scenario.start.agents[0].length,
+        rear: REAR_AXLE * start.agents[0].length,
         reverse: false,
         curvature: Some(curvature),
         steering_speed: CALM_STEERING_RATE,
@@ -152,7 +171,7 @@ fn drive(scenario: &Scenario, guide: &Polyline, curvature: f64) -> AxlePath {
     let mut path = AxlePath::trace(guide, &from, guide.length() + 10.0, expected);
     path.limit_lateral(MAX_LATERAL_ACCELERATION);
     // An AV that is faster than the speed limit of a lane ahead must slow down, but not at once.
-    let limits = Limits::along(&scenario.start.road(), &path, 0.0);
+    let limits = Limits::along(&start.road(), &path, 0.0);
     path.limit_speed(|s| limits.at(s));
     path.stop_at(guide.length());
     path

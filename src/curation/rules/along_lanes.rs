@@ -1,0 +1,99 @@
+//! Plans of a learned planner, driven along the lanes: the route that a plan takes, at the speeds of the plan.
+
+use super::routes::{Route, drive, routes};
+use crate::dynamics::{AxlePath, REAR_AXLE, VehicleMotion, follow_smoothly};
+use crate::geometry::{Vec2, direction, wrap};
+use crate::scene::{AgentState, DT, FUTURE, Frame, Start};
+
+/// Duration of a plan, s.
+const DURATION: f64 = FUTURE as f64 * DT;
+/// Speed, m/s, by which an AV may exceed its present one on average.
+const SPEED_GAIN: f64 = 6.0;
+/// Largest mean distance of a plan from a route that it is taken to follow, metres.
+const MAX_DISTANCE: f64 = 4.0;
+/// Number of steps between the states of a plan that are compared with routes.
+const COMPARED_STEPS: usize = 4;
+/// Distance over which the present curvature is measured, metres.
+const CURVATURE_DISTANCE: f64 = 1.0;
+/// Largest present curvature, 1/m.
+const MAX_CURVATURE: f64 = 0.25;
+
+/// The routes over the lane graph that an AV may take.
+pub(in crate::curation) struct LaneRoutes<'a> {
+    start: &'a Start,
+    now: VehicleMotion,
+    routes: Vec<(Route, AxlePath)>,
+}
+
+impl<'a> LaneRoutes<'a> {
+    /// Finds the routes of a scenario; `None` if the AV drives backwards, which lanes do not tell.
+    pub(in crate::curation) fn of(start: &'a Start) -> Option<Self> {
+        let now = VehicleMotion::after(&start.history[0]).filter(|now| now.speed >= 0.0)?;
+        let curvature = curvature(&start.history[0]);
+        let reach = DURATION * (now.speed + SPEED_GAIN);
+        let with_path = |route: Route| {
+            let path = drive(start, &route.guide, curvature);
+            (route, path)
+        };
+        Some(Self { start, now, routes: routes(start, reach).into_iter().map(with_path).collect() })
+    }
+
+    /// Returns the states of an AV that takes the route to which its plan keeps closest, at the speeds of the
+    /// plan as far as bends, speed limits and the end of the route allow; `None` if the plan keeps to no
+    /// route.
+    pub(in crate::curation) fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
+        let rear = REAR_AXLE * self.start.agents[0].length;
+        let axles: Vec<Vec2> = plan
+            .iter()
+            .skip(COMPARED_STEPS - 1)
+            .step_by(COMPARED_STEPS)
+            .map(|state| state.position() - direction(state.heading) * rear)
+            .collect();
+        let distance = |route: &Route| {
+            axles.iter().map(|p| route.guide.project(*p).distance).sum::<f64>() / axles.len().max(1) as f64
+        };
+        let distances = self.routes.iter().map(|(route, path)| (distance(route), path));
+        let (_, path) = distances.filter(|(d, _)| *d <= MAX_DISTANCE).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let speeds: Vec<f64> = plan.iter().map(AgentState::speed).collect();
+        Some(follow_smoothly(self.start.now(0), self.now.speed, self.now.acceleration, path, &speeds))
+    }
+}
+
+/// Returns the latest curvature of a track that ends now, 1/m, left positive; 0 for an agent that hardly
+/// moves.
+fn curvature(track: &[Frame]) -> f64 {
+    let Some(now) = track.last().copied().flatten() else { return 0.0 };
+    let before = track.iter().rev().map_while(|frame| *frame);
+    let far = before.map(|state| ((now.position() - state.position()).norm(), state));
+    let found = far.into_iter().find(|(distance, _)| *distance >= CURVATURE_DISTANCE);
+    found.map_or(0.0, |(distance, state)| {
+        (wrap(now.heading - state.heading) / distance).clamp(-MAX_CURVATURE, MAX_CURVATURE)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curvature_is_that_of_the_latest_metre() {
+        let on_circle = |k: u8| {
+            let angle = f64::from(k) * 0.05;
+            Some(AgentState {
+                x: 20.0 * angle.sin(),
+                y: 20.0 - 20.0 * angle.cos(),
+                heading: angle,
+                vx: 0.0,
+                vy: 0.0,
+            })
+        };
+        let track: Vec<Frame> = (0..11).map(on_circle).collect();
+        assert!((curvature(&track) - 0.05).abs() < 1e-3);
+        assert_eq!(curvature(&track[..1]), 0.0);
+        assert_eq!(curvature(&[None]), 0.0);
+        // What was before a gap is too old.
+        let mut gap = track;
+        gap[9] = None;
+        assert_eq!(curvature(&gap), 0.0);
+    }
+}
