@@ -326,7 +326,14 @@ fn diffusion(device: &Device) -> Result<()> {
     let scenario = crowded()?;
     let agents = scenario.start.agents.len();
     let vbd = Denoising::new(VbdRecipe::default(), Intentions::fan(), device)?;
-    let parameters = VbdParameters { agents: AGENTS, steps: 5, draws: false, inpainting: false };
+    let parameters = VbdParameters {
+        agents: AGENTS,
+        steps: 5,
+        draws: false,
+        temperature: 1.0,
+        keeps_noise: true,
+        inpainting: false,
+    };
     let policy = vbd.policy(&vbd.init(0).valid());
     let vbd = VbdSimulator::new("vbd", policy, parameters, device.clone());
     let ctg = CtgLearning::new(CtgRecipe::default(), device)?;

@@ -21,7 +21,7 @@ pub use guide::{Guide, Moment};
 pub use inverse::{Actions, actions};
 pub(crate) use motion::{motion_from, states_of};
 pub use motion::{normalized, own_motion, unnormalized};
-pub use normal::standard_normal;
+pub use normal::{normal_values, standard_normal};
 pub use sampler::{Sampler, Sampling};
 pub use schedule::{Schedule, ScheduleError};
 pub use solver::{VariancePreserving, solve};

@@ -11,10 +11,14 @@ pub fn standard_normal<const D: usize>(
     shape: [usize; D],
     device: &Device,
 ) -> Tensor<D> {
-    let mut draw = |_| {
+    Tensor::from_data(TensorData::new(normal_values(stream, shape.iter().product()), shape), device)
+}
+
+/// Draws this many standard normal numbers from a stream.
+pub fn normal_values(stream: &mut ChaCha8Rng, count: usize) -> Vec<f32> {
+    let draw = |_| {
         let (u, v): (f64, f64) = (1.0 - stream.random::<f64>(), stream.random());
         ((-2.0 * math::ln(u)).sqrt() * math::cos(std::f64::consts::TAU * v)) as f32
     };
-    let values: Vec<f32> = (0..shape.iter().product()).map(&mut draw).collect();
-    Tensor::from_data(TensorData::new(values, shape), device)
+    (0..count).map(draw).collect()
 }

@@ -6,6 +6,7 @@ pub(super) mod entries;
 mod inputs;
 pub mod learn;
 pub mod network;
+mod noise;
 mod policy;
 mod sampling;
 mod simulator;

@@ -25,17 +25,24 @@ pub struct VbdParameters {
     pub steps: usize,
     /// Whether steps draw new noise (DDPM); otherwise the first draw decides (DDIM).
     pub draws: bool,
+    /// Standard deviation of the noise that plans start from; 1 as published.
+    pub temperature: f64,
+    /// Whether an action has the same noise in all plans of an episode; otherwise every plan draws anew, as
+    /// published.
+    pub keeps_noise: bool,
     /// Whether the AV's plan is fixed to the continuation of its executed motion while others are denoised.
     pub inpainting: bool,
 }
 
-/// Samples the states of the agents of a scene after each step of 0.1 s, `[agents, states]`.
+/// Samples the states of the agents of a scene after each step of 0.1 s, `[agents, states]`, from this noise,
+/// `[agents, actions, 2]`.
 ///
 /// # Errors
 /// [`ScheduleError`] if the network has no valid number of noise levels; reading the policy rules it out.
 pub(super) fn sample(
     policy: &VbdPolicy,
     seen: &Seen,
+    start: Vec<f32>,
     parameters: &VbdParameters,
     stream: &mut Stream,
     device: &Device,
@@ -46,7 +53,7 @@ pub(super) fn sample(
     let encoded = policy.network.encode(&seen.input, config, device);
     let speeds = seen.speeds(device);
     let shape = [agents, config.actions, 2];
-    let start: Tensor<3> = standard_normal(stream, shape, device);
+    let start = Tensor::<3>::from_data(TensorData::new(start, shape), device) * parameters.temperature;
     // Without others there is nothing to denoise.
     let fixed = (parameters.inpainting && agents > 1).then(|| {
         let clean = given(&continued(seen.input.av_motion, config.actions, config.hold), device);

@@ -5,6 +5,8 @@ use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
 use reactsim::scene::Start;
 
 use super::inputs::{Seen, Sight};
+use super::network::VbdConfig;
+use super::noise::Noise;
 use super::policy::VbdPolicy;
 use super::sampling::{VbdParameters, sample};
 use crate::models::joint_plan;
@@ -19,9 +21,12 @@ pub struct VbdSimulator {
     device: Device,
 }
 
-/// Memory of an episode between plans: the known map.
+/// Memory of an episode between plans.
 #[derive(Debug)]
-pub struct VbdMemory(KnownMap);
+pub struct VbdMemory {
+    map: KnownMap,
+    noise: Noise,
+}
 
 impl VbdSimulator {
     /// Builds a simulator of this policy, whose weights are on this device, under the id of its baseline.
@@ -43,7 +48,7 @@ impl SingleEpisode for VbdSimulator {
     }
 
     fn begin(&self, start: &Start, _stream: &mut Stream) -> VbdMemory {
-        VbdMemory(self.policy.sight.map(start))
+        VbdMemory { map: self.policy.sight.map(start), noise: Noise::default() }
     }
 
     fn plan_one(&self, memory: &mut VbdMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
@@ -51,11 +56,17 @@ impl SingleEpisode for VbdSimulator {
         let lights = observed.lights_now();
         let view = SceneView::of(&observed, &lights);
         let mut plans = Vec::new();
-        if let Some(seen) = Seen::of(&view, &memory.0, &self.sight()) {
+        if let Some(seen) = Seen::of(&view, &memory.map, &self.sight()) {
             // An AV that the simulator moves has no motion of its own that would go on.
             let inpainting = self.parameters.inpainting && !episode.moves_av;
             let parameters = VbdParameters { inpainting, ..self.parameters };
-            let states = sample(&self.policy, &seen, &parameters, episode.stream, &self.device);
+            let VbdConfig { actions, hold, .. } = self.policy.config;
+            if !parameters.keeps_noise {
+                memory.noise = Noise::default();
+            }
+            let first = if parameters.keeps_noise { observed.step() / hold } else { 0 };
+            let noise = memory.noise.of(&seen.slots, first, actions, episode.stream);
+            let states = sample(&self.policy, &seen, noise, &parameters, episode.stream, &self.device);
             // The policy was checked when it was read.
             plans = seen.slots.into_iter().zip(states.unwrap_or_default()).collect();
         }

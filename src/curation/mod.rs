@@ -38,7 +38,7 @@ pub use record::{
     Application, CandidateRecord, CurationProvenance, Decision, Figure, Funnel, InputFile, Offsets, Pressure,
     ReviewMark, ScenarioRecord, Taxonomy,
 };
-pub use rules::Rules;
+pub use rules::{LaneRoutes, Rules};
 pub use taxonomy::{Conflict, classify};
 
 pub use crate::scene::{Certificate, Response};

@@ -32,7 +32,7 @@ impl CandidateSource for PlannerSource {
 
     fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
         let plans = self.policy.plans(scenario, self.temperature, streams, &self.device);
-        let routes = if self.policy.sight.lanes { LaneRoutes::of(&scenario.start) } else { None };
+        let routes = if self.policy.sight.lanes { LaneRoutes::of(scenario) } else { None };
         let propose = |plan: Vec<AgentState>| {
             if !plan.iter().all(AgentState::is_finite) {
                 return Err(NoProposal("the plan is no number".to_owned()));

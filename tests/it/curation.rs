@@ -10,6 +10,7 @@ mod choice;
 mod cli;
 mod filters;
 mod hand;
+mod lanes;
 mod quota;
 mod review;
 mod road;

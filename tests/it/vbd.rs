@@ -55,7 +55,14 @@ fn controller(parameters: VbdParameters) -> Controller {
     Controller::Fair(Box::new(VbdSimulator::new("vbd", policy(), parameters, device())))
 }
 
-const PARAMETERS: VbdParameters = VbdParameters { agents: 6, steps: 3, draws: false, inpainting: false };
+const PARAMETERS: VbdParameters = VbdParameters {
+    agents: 6,
+    steps: 3,
+    draws: false,
+    temperature: 1.0,
+    keeps_noise: true,
+    inpainting: false,
+};
 
 fn value(output: &Output) -> f64 {
     f64::from(output.loss.clone().into_scalar::<f32>()) / output.items
@@ -95,6 +102,8 @@ fn rollouts_are_the_same_every_time_and_differ_with_the_settings() {
     assert!(as_is != run(VbdParameters { draws: true, ..PARAMETERS }));
     assert!(as_is != run(VbdParameters { inpainting: true, ..PARAMETERS }));
     assert!(as_is != run(VbdParameters { steps: 10, ..PARAMETERS }));
+    assert!(as_is != run(VbdParameters { temperature: 0.5, ..PARAMETERS }));
+    assert!(as_is != run(VbdParameters { keeps_noise: false, ..PARAMETERS }));
     assert!(as_is != run(VbdParameters { agents: 2, ..PARAMETERS }));
 }
 

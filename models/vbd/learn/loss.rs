@@ -144,3 +144,38 @@ fn smooth(x: Tensor<3>) -> Tensor<3> {
     let near = size.clone().clamp_max(1.0);
     near.clone() * near.clone() * 0.5 + (size - near)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::nn::device;
+    use crate::models::vbd::inputs::Seen;
+
+    #[test]
+    fn the_depth_of_overlaps_with_the_av_counts() {
+        // The AV is 10 m ahead of an agent that turns by 90 degrees; they overlap below 5 m along it and 2 m
+        // across.
+        let config = VbdConfig { actions: 1, hold: 2, ..VbdConfig::default() };
+        let av = [10.0, 0.0, 1.0, 0.0, 5.0, 2.0, 10.0, 0.0, 0.0, 1.0, 5.0, 2.0];
+        let sample = Sample {
+            seen: Seen { input: Default::default(), slots: vec![], states: vec![], classes: vec![] },
+            actions: vec![],
+            truth: vec![],
+            weights: vec![0.5, 0.25],
+            av: av.to_vec(),
+            agents: vec![1.0],
+            headings: vec![],
+        };
+        let depth = |places: [[f32; 2]; 2]| {
+            let motion = places.map(|[x, y]| [x, y, 0.0, 0.0, 0.0]).concat();
+            let motion = Tensor::from_data(TensorData::new(motion, [1, 2, 5]), &device());
+            overlaps_with_av(motion, &sample, &config).into_scalar::<f32>()
+        };
+        assert_eq!(depth([[0.0, 0.0], [0.0, 0.0]]), 0.0);
+        // 1 m along the agent, then 1.5 m across it, which points to the left.
+        assert_eq!(depth([[6.0, 0.0], [0.0, 0.0]]), 0.5);
+        assert_eq!(depth([[0.0, 0.0], [9.5, 0.5]]), 0.375);
+        // Beside or behind is apart.
+        assert_eq!(depth([[10.0, 2.5], [10.0, 5.5]]), 0.0);
+    }
+}

@@ -1,9 +1,10 @@
 //! Plans of a learned planner, driven along the lanes: the route that a plan takes, at the speeds of the plan.
 
 use super::routes::{Route, drive, routes};
+use super::survey::acceleration_now;
 use crate::dynamics::{AxlePath, REAR_AXLE, VehicleMotion, follow_smoothly};
 use crate::geometry::{Vec2, direction, wrap};
-use crate::scene::{AgentState, DT, FUTURE, Frame, Start};
+use crate::scene::{AgentState, DT, FUTURE, Frame, Scenario, Start};
 
 /// Duration of a plan, s.
 const DURATION: f64 = FUTURE as f64 * DT;
@@ -19,29 +20,36 @@ const CURVATURE_DISTANCE: f64 = 1.0;
 const MAX_CURVATURE: f64 = 0.25;
 
 /// The routes over the lane graph that an AV may take.
-pub(in crate::curation) struct LaneRoutes<'a> {
+pub struct LaneRoutes<'a> {
     start: &'a Start,
-    now: VehicleMotion,
+    /// Present speed, m/s, and acceleration, m/s².
+    speed: f64,
+    acceleration: f64,
     routes: Vec<(Route, AxlePath)>,
 }
 
 impl<'a> LaneRoutes<'a> {
-    /// Finds the routes of a scenario; `None` if the AV drives backwards, which lanes do not tell.
-    pub(in crate::curation) fn of(start: &'a Start) -> Option<Self> {
-        let now = VehicleMotion::after(&start.history[0]).filter(|now| now.speed >= 0.0)?;
+    /// Finds the routes of an AV; `None` if the AV drives backwards, which lanes do not tell.
+    pub fn of(scenario: &'a Scenario) -> Option<Self> {
+        let start = &scenario.start;
+        let speed = VehicleMotion::after(&start.history[0])?.speed;
+        if speed < 0.0 {
+            return None;
+        }
         let curvature = curvature(&start.history[0]);
-        let reach = DURATION * (now.speed + SPEED_GAIN);
+        let reach = DURATION * (speed + SPEED_GAIN);
         let with_path = |route: Route| {
             let path = drive(start, &route.guide, curvature);
             (route, path)
         };
-        Some(Self { start, now, routes: routes(start, reach).into_iter().map(with_path).collect() })
+        let routes = routes(start, reach).into_iter().map(with_path).collect();
+        Some(Self { start, speed, acceleration: acceleration_now(scenario), routes })
     }
 
     /// Returns the states of an AV that takes the route to which its plan keeps closest, at the speeds of the
     /// plan as far as bends, speed limits and the end of the route allow; `None` if the plan keeps to no
     /// route.
-    pub(in crate::curation) fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
+    pub fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
         let rear = REAR_AXLE * self.start.agents[0].length;
         let axles: Vec<Vec2> = plan
             .iter()
@@ -55,7 +63,7 @@ impl<'a> LaneRoutes<'a> {
         let distances = self.routes.iter().map(|(route, path)| (distance(route), path));
         let (_, path) = distances.filter(|(d, _)| *d <= MAX_DISTANCE).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let speeds: Vec<f64> = plan.iter().map(AgentState::speed).collect();
-        Some(follow_smoothly(self.start.now(0), self.now.speed, self.now.acceleration, path, &speeds))
+        Some(follow_smoothly(self.start.now(0), self.speed, self.acceleration, path, &speeds))
     }
 }
 

@@ -18,7 +18,7 @@ mod survey;
 
 use rand::RngExt;
 
-pub(super) use self::along_lanes::LaneRoutes;
+pub use self::along_lanes::LaneRoutes;
 use self::survey::Survey;
 use super::replay::Touch;
 use super::{CandidateSource, NoProposal, Proposal};

@@ -262,7 +262,7 @@ fn curvature_now(scenario: &Scenario, drive: &LoggedDrive) -> f64 {
 }
 
 /// Returns the acceleration of the AV over the last half second, m/s²; 0 if it is unknown.
-fn acceleration_now(scenario: &Scenario) -> f64 {
+pub(super) fn acceleration_now(scenario: &Scenario) -> f64 {
     const WINDOW: usize = 5;
     let speed = |frame: usize| scenario.logged_velocity(0, frame).map(|v| v.norm());
     let (now, before) = (speed(CURRENT), speed(CURRENT - WINDOW));

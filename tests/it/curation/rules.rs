@@ -21,7 +21,7 @@ const JUMP: f64 = 2.5;
 
 /// Checks sections 7 and 8 of the metrics, and that the AV neither jumps nor trembles.
 #[track_caller]
-fn drivable(scenario: &Scenario, maneuver: &str, future: &[AgentState]) {
+pub(super) fn drivable(scenario: &Scenario, maneuver: &str, future: &[AgentState]) {
     assert_eq!(future.len(), FUTURE);
     let mut before = scenario.start.now(0);
     let (mut v0, mut a0) = (before.speed(), None::<f64>);

@@ -1,0 +1,51 @@
+//! Plans driven along the lanes.
+
+use reactsim::curation::LaneRoutes;
+use reactsim::scene::{AgentState, FUTURE, Scenario};
+
+use super::road::{candidate, on_road};
+use super::rules::drivable;
+use crate::scenes::{car, real};
+
+/// Returns the plan whose state after `t` seconds is given by position, heading and speed.
+fn plan(scenario: &Scenario, at: impl Fn(f64) -> (f64, f64, f64)) -> Vec<AgentState> {
+    candidate(scenario, at).track[1..].to_vec()
+}
+
+#[test]
+fn a_plan_gives_lane_and_speed_and_no_more() {
+    let scenario = on_road("lanes", vec![car("av", 0.0, 0.0, 0.0, 10.0)]);
+    let routes = LaneRoutes::of(&scenario).unwrap();
+    // It strays from its lane by 1.2 m while it brakes at 1 m/s2.
+    let braking = |t: f64| 10.0 * t - 0.5 * t * t;
+    let straying = routes.drive(&plan(&scenario, |t| (braking(t), 1.2 * t.sin(), 0.0))).unwrap();
+    drivable(&scenario, "straying", &straying);
+    let end = straying[FUTURE - 1];
+    assert!(straying.iter().all(|s| s.y.abs() < 0.05), "{straying:?}");
+    assert!((end.x - braking(8.0)).abs() < 2.0, "{end:?}");
+    // One that goes over to the left lane does so.
+    let beside = routes.drive(&plan(&scenario, |t| (10.0 * t, 3.0 * (0.5 * t).min(1.0), 0.0))).unwrap();
+    drivable(&scenario, "beside", &beside);
+    assert!((beside[FUTURE - 1].y - 3.5).abs() < 0.1, "{:?}", beside[FUTURE - 1]);
+}
+
+#[test]
+fn plans_off_all_lanes_and_vehicles_that_reverse_keep_to_none() {
+    let scenario = on_road("fields", vec![car("av", 0.0, 0.0, 0.0, 10.0)]);
+    let routes = LaneRoutes::of(&scenario).unwrap();
+    assert_eq!(routes.drive(&plan(&scenario, |t| (10.0 * t, -3.0 * t, 0.0))), None);
+    let reversing = on_road("reversing", vec![car("av", 0.0, 0.0, 0.0, -3.0)]);
+    assert!(LaneRoutes::of(&reversing).is_none());
+}
+
+#[test]
+fn routes_of_real_scenarios_are_drivable() {
+    for scenario in &real(6) {
+        let Some(routes) = LaneRoutes::of(scenario) else { continue };
+        let logged: Option<Vec<AgentState>> = scenario.log_future.tracks[0].iter().copied().collect();
+        let Some(logged) = logged else { continue };
+        if let Some(driven) = routes.drive(&logged) {
+            drivable(scenario, "logged", &driven);
+        }
+    }
+}
