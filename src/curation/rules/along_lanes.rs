@@ -51,18 +51,25 @@ impl<'a> LaneRoutes<'a> {
     /// route.
     pub fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
         let rear = REAR_AXLE * self.start.agents[0].length;
-        let axles: Vec<Vec2> = plan
-            .iter()
-            .skip(COMPARED_STEPS - 1)
-            .step_by(COMPARED_STEPS)
-            .map(|state| state.position() - direction(state.heading) * rear)
-            .collect();
+        let axles: Vec<Vec2> =
+            plan.iter().map(|state| state.position() - direction(state.heading) * rear).collect();
+        let compared: Vec<Vec2> =
+            axles.iter().skip(COMPARED_STEPS - 1).step_by(COMPARED_STEPS).copied().collect();
         let distance = |route: &Route| {
-            axles.iter().map(|p| route.guide.project(*p).distance).sum::<f64>() / axles.len().max(1) as f64
+            let sum: f64 = compared.iter().map(|p| route.guide.project(*p).distance).sum();
+            sum / compared.len().max(1) as f64
         };
-        let distances = self.routes.iter().map(|(route, path)| (distance(route), path));
-        let (_, path) = distances.filter(|(d, _)| *d <= MAX_DISTANCE).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let speeds: Vec<f64> = plan.iter().map(AgentState::speed).collect();
+        let distances = self.routes.iter().map(|(route, path)| (distance(route), route, path));
+        let near = distances.filter(|(distance, ..)| *distance <= MAX_DISTANCE);
+        let (_, route, path) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        // Progress along the route: a plan that strays is longer.
+        let mut progress = 0.0;
+        let speed = |p: &Vec2| {
+            let before = progress;
+            progress = route.guide.project(*p).s.max(before);
+            (progress - before) / DT
+        };
+        let speeds: Vec<f64> = axles.iter().map(speed).collect();
         Some(follow_smoothly(self.start.now(0), self.speed, self.acceleration, path, &speeds))
     }
 }
