@@ -7,4 +7,6 @@
 pub static SHIPPED: &[(&str, &[u8])] = &[
     ("ctg-cloning.safetensors", include_bytes!("ctg-cloning.safetensors")),
     ("ctg-diffusion.safetensors", include_bytes!("ctg-diffusion.safetensors")),
+    ("diffusion-planner.safetensors", include_bytes!("diffusion-planner.safetensors")),
+    ("vbd.safetensors", include_bytes!("vbd.safetensors")),
 ];

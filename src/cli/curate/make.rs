@@ -31,11 +31,11 @@ pub(super) struct MakeArgs {
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Source of the candidates: `rules`; diffusion:FILE, samples of a network with these weights (`diffusion`
-    /// alone: those that ship, if any do); or file:PATH with trajectories of any planner (Parquet or JSON)
+    /// Source of the candidates: `rules`; `diffusion`, samples of a network, with the weights that ship, or
+    /// diffusion:FILE with others; or file:PATH with trajectories of any planner (Parquet or JSON)
     #[arg(long, default_value = "rules", value_name = "SOURCE")]
     source: SourceChoice,
-    /// Standard deviation of the noise from which a network samples candidates [default: 1]
+    /// Standard deviation of the noise from which a network samples candidates [default: 1.5]
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     temperature: Option<f64>,
     /// Maximum number of candidates per scenario [default: 16; of a file, all]

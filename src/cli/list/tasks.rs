@@ -8,7 +8,7 @@ pub(super) fn rows() -> Vec<Vec<String>> {
     let mut rows = vec![row(["task", "option", "description"])];
     for task in TASKS {
         let simulators = task.simulators.join(", ");
-        let readers = if simulators.is_empty() { "`curate --source diffusion:FILE`" } else { &simulators };
+        let readers = if simulators.is_empty() { "`curate --source diffusion`" } else { &simulators };
         rows.push(row([task.id, "", &format!("{}. Weights for {readers}.", task.title)]));
         for recipe in task.recipes {
             rows.push(row([task.id, &format!("--recipe {}", recipe.name), recipe.about]));

@@ -10,8 +10,6 @@ use crate::scene::{AgentState, DT, FUTURE, Frame, Scenario, Start};
 const DURATION: f64 = FUTURE as f64 * DT;
 /// Speed, m/s, by which an AV may exceed its present one on average.
 const SPEED_GAIN: f64 = 6.0;
-/// Largest mean distance of a plan from a route that it is taken to follow, metres.
-const MAX_DISTANCE: f64 = 4.0;
 /// Number of steps between the states of a plan that are compared with routes.
 const COMPARED_STEPS: usize = 4;
 /// Distance over which the present curvature is measured, metres.
@@ -47,8 +45,8 @@ impl<'a> LaneRoutes<'a> {
     }
 
     /// Returns the states of an AV that takes the route to which its plan keeps closest, at the speeds of the
-    /// plan as far as bends, speed limits and the end of the route allow; `None` if the plan keeps to no
-    /// route.
+    /// plan as far as bends, speed limits and the end of the route allow; `None` if there is no
+    /// lane.
     pub fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
         let rear = REAR_AXLE * self.start.agents[0].length;
         let axles: Vec<Vec2> =
@@ -60,8 +58,7 @@ impl<'a> LaneRoutes<'a> {
             sum / compared.len().max(1) as f64
         };
         let distances = self.routes.iter().map(|(route, path)| (distance(route), route, path));
-        let near = distances.filter(|(distance, ..)| *distance <= MAX_DISTANCE);
-        let (_, route, path) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (_, route, path) = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
         // Progress along the route: a plan that strays is longer.
         let mut progress = 0.0;
         let speed = |p: &Vec2| {

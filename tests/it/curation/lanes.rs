@@ -30,10 +30,10 @@ fn a_plan_gives_lane_and_speed_and_no_more() {
 }
 
 #[test]
-fn plans_off_all_lanes_and_vehicles_that_reverse_keep_to_none() {
-    let scenario = on_road("fields", vec![car("av", 0.0, 0.0, 0.0, 10.0)]);
-    let routes = LaneRoutes::of(&scenario).unwrap();
-    assert_eq!(routes.drive(&plan(&scenario, |t| (10.0 * t, -3.0 * t, 0.0))), None);
+fn an_av_without_lanes_or_in_reverse_has_no_route() {
+    let fields = on_road("fields", vec![car("av", 0.0, -40.0, 0.0, 10.0)]);
+    let routes = LaneRoutes::of(&fields).unwrap();
+    assert_eq!(routes.drive(&plan(&fields, |t| (10.0 * t, -40.0, 0.0))), None);
     let reversing = on_road("reversing", vec![car("av", 0.0, 0.0, 0.0, -3.0)]);
     assert!(LaneRoutes::of(&reversing).is_none());
 }
