@@ -361,3 +361,21 @@ fn candidates_for_unknown_scenarios_are_told() {
         "{said}"
     );
 }
+
+#[test]
+fn the_shipped_planner_proposes_the_same_on_any_number_of_threads() {
+    let home = tempfile::tempdir().unwrap();
+    let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+    let mut files = Vec::new();
+    for jobs in ["1", "2"] {
+        let out = home.path().join(format!("c{jobs}.parquet"));
+        let source = ["--source", "diffusion", "--candidates", "4", "--min-vehicles", "1"];
+        let output = reactsim(&[&["curate", mini, "--out", text(&out), "--jobs", jobs], &source[..]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        files.push(fs::read(&out).unwrap());
+    }
+    assert!(files[0] == files[1], "the number of threads changes bytes");
+    let opened = store::Store::open(&home.path().join("c1.parquet")).unwrap();
+    assert_eq!(opened.provenance().settings["source"], "diffusion:diffusion-planner.safetensors");
+    assert!(opened.provenance().funnel.candidates > 0);
+}
