@@ -370,7 +370,8 @@ fn the_shipped_planner_proposes_the_same_on_any_number_of_threads() {
     for jobs in ["1", "2"] {
         let out = home.path().join(format!("c{jobs}.parquet"));
         let source = ["--source", "diffusion", "--candidates", "4", "--min-vehicles", "1"];
-        let output = reactsim(&[&["curate", mini, "--out", text(&out), "--jobs", jobs], &source[..]].concat());
+        let output =
+            reactsim(&[&["curate", mini, "--out", text(&out), "--jobs", jobs], &source[..]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         files.push(fs::read(&out).unwrap());
     }

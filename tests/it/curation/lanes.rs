@@ -22,7 +22,8 @@ fn a_plan_gives_lane_and_speed_and_no_more() {
     drivable(&scenario, "straying", &straying);
     let end = straying[FUTURE - 1];
     assert!(straying.iter().all(|s| s.y.abs() < 0.05), "{straying:?}");
-    assert!((end.x - braking(8.0)).abs() < 2.0, "{end:?}");
+    // The acceleration changes gradually, so that the AV brakes a little later.
+    assert!((0.0..3.0).contains(&(end.x - braking(8.0))), "{end:?}");
     // One that goes over to the left lane does so.
     let beside = routes.drive(&plan(&scenario, |t| (10.0 * t, 3.0 * (0.5 * t).min(1.0), 0.0))).unwrap();
     drivable(&scenario, "beside", &beside);

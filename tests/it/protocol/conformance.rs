@@ -108,10 +108,10 @@ fn batches_orders_and_repetitions_change_no_bit() {
         let forwards: Vec<usize> = (0..all.len()).collect();
         let backwards: Vec<usize> = forwards.iter().rev().copied().collect();
         let whole = run(&forwards);
-        let (again, reversed) = (run(&forwards), run(&backwards));
+        let reversed = run(&backwards);
         for (k, (i, rollout)) in whole.iter().enumerate() {
             let alone = run(&[*i]).remove(0).1;
-            for (other, how) in [(&again[k].1, "again"), (&reversed[k].1, "reversed"), (&alone, "alone")] {
+            for (other, how) in [(&reversed[k].1, "reversed"), (&alone, "alone")] {
                 let same = bits(&rollout.tracks) == bits(&other.tracks) && rollout.outcomes == other.outcomes;
                 assert!(same, "{}: {}: {how} gives another rollout", model.id, all[*i].id);
             }
@@ -187,8 +187,10 @@ fn bare_scenes_are_lawful() {
     for (model, controller) in every_baseline() {
         for scenario in &bare() {
             for (replan, lookahead) in INTERVALS.into_iter().flat_map(|r| [(r, true), (r, false)]) {
-                // Networks are slow: the lookahead matters most if every step is planned.
-                if model.needs_weights && !lookahead && replan != 1 {
+                // Networks are slow: the lookahead matters most if every step is planned, and such plans differ most
+                // where there are several agents.
+                let few = scenario.start.agents.len() < 3;
+                if model.needs_weights && if replan == 1 { few } else { !lookahead } {
                     continue;
                 }
                 let settings = settings(replan, lookahead);
@@ -198,6 +200,10 @@ fn bare_scenes_are_lawful() {
                     let what = format!("{} every {replan}", model.id);
                     let done = state.unwrap_or_else(|e| panic!("{what}: {e}"));
                     check(scenario, &done, model, true, &what);
+                }
+                // Here the AV has no next state that could be shown.
+                if !lookahead {
+                    continue;
                 }
                 let settings = Settings { protocol: Protocol::Realism, ..settings };
                 let done = roll_out(vec![realism(scenario)], &controller, &settings).remove(0);
