@@ -17,7 +17,7 @@ const CURVATURE_DISTANCE: f64 = 1.0;
 /// Largest present curvature, 1/m.
 const MAX_CURVATURE: f64 = 0.25;
 
-/// The routes over the lane graph that an AV may take.
+/// The routes over the lane graph that an AV may take from where it is. They depend on nothing that happens later.
 pub struct LaneRoutes<'a> {
     start: &'a Start,
     /// Present speed, m/s, and acceleration, m/s².
@@ -44,9 +44,9 @@ impl<'a> LaneRoutes<'a> {
         Some(Self { start, speed, acceleration: acceleration_now(scenario), routes })
     }
 
-    /// Returns the states of an AV that takes the route to which its plan keeps closest, at the speeds of the
-    /// plan as far as bends, speed limits and the end of the route allow; `None` if there is no
-    /// lane.
+    /// Returns the states, 0.1 s apart and as many as those of its plan, of an AV that takes the route to which
+    /// this plan keeps closest, at the plan's speeds as far as bends, speed limits and the end of the route
+    /// allow; `None` if there is no lane.
     pub fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
         let rear = REAR_AXLE * self.start.agents[0].length;
         let axles: Vec<Vec2> =
