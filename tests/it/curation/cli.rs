@@ -376,7 +376,7 @@ fn the_shipped_planner_proposes_the_same_on_any_number_of_threads() {
         files.push(fs::read(&out).unwrap());
     }
     assert!(files[0] == files[1], "the number of threads changes bytes");
-    let opened = store::Store::open(&home.path().join("c1.parquet")).unwrap();
+    let opened = store::Store::open(home.path().join("c1.parquet")).unwrap();
     assert_eq!(opened.provenance().settings["source"], "diffusion:diffusion-planner.safetensors");
     assert!(opened.provenance().funnel.candidates > 0);
 }
