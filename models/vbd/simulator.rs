@@ -61,11 +61,12 @@ impl SingleEpisode for VbdSimulator {
             let inpainting = self.parameters.inpainting && !episode.moves_av;
             let parameters = VbdParameters { inpainting, ..self.parameters };
             let VbdConfig { actions, hold, .. } = self.policy.config;
-            if !parameters.keeps_noise {
-                memory.noise = Noise::default();
-            }
-            let first = if parameters.keeps_noise { observed.step() / hold } else { 0 };
-            let noise = memory.noise.of(&seen.slots, first, actions, episode.stream);
+            let mut fresh = Noise::default();
+            let (noise, first) = match parameters.keeps_noise {
+                true => (&mut memory.noise, observed.step() / hold),
+                false => (&mut fresh, 0),
+            };
+            let noise = noise.of(&seen.slots, first, actions, episode.stream);
             let states = sample(&self.policy, &seen, noise, &parameters, episode.stream, &self.device);
             // The policy was checked when it was read.
             plans = seen.slots.into_iter().zip(states.unwrap_or_default()).collect();

@@ -8,8 +8,8 @@ use crate::models::diffusion_planner::PlannerPolicy;
 use crate::rollout::Stream;
 use crate::scene::{AgentState, Scenario};
 
-/// A source that samples plans of the AV from a network, one per stream, and proposes all of them, driven along
-/// the lanes if the network's plans give routes and speeds alone.
+/// A source that samples plans of the AV from a network, one per stream, and proposes all of them. Plans that
+/// give routes and speeds alone are driven along the lanes; without any lane they are followed as they are.
 #[derive(Debug)]
 pub struct PlannerSource {
     policy: PlannerPolicy,

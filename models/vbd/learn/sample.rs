@@ -27,8 +27,8 @@ pub struct Sample {
     pub(super) truth: Vec<f32>,
     /// Weights of these states, `[agents, states]`: those of an agent add up to the agent's weight.
     pub(super) weights: Vec<f32>,
-    /// The AV at these states, in the frames of the agents, `[agents, states, 6]`: x, y (m), cosine and sine of
-    /// the agent's true yaw, and distances along and across it (m) below both of which the two overlap; 0
+    /// The AV at these states, in the frames of the agents, `[agents, states, 6]`: x, y (m), cosine and sine
+    /// of the agent's true yaw, and distances along and across it (m) below both of which the two overlap; 0
     /// where they do in truth, or where one of them is unknown.
     pub(super) av: Vec<f32>,
     /// Weight of each agent; 0 if nothing is known of what it did.
@@ -80,7 +80,8 @@ pub(super) fn sample(
 }
 
 impl Sample {
-    /// Adds where the AV was while an agent moved. `tracks` and `agents` are those of the agent and of the AV.
+    /// Adds where the AV was while an agent moved. `tracks` and `agents` are those of the agent and of the
+    /// AV.
     fn add_av(
         &mut self,
         agent: usize,
@@ -148,8 +149,8 @@ impl Sample {
     }
 }
 
-/// Returns the distances along and across the first agent, metres, below both of which its box and that of the
-/// second one, turned by this angle against it, come closer than agents are to keep.
+/// Returns the distances of two centres along and across the first agent, metres, below both of which the
+/// boxes come closer than they should. The second agent is turned by this angle against the first.
 fn reach(agents: [&Agent; 2], turn: f64) -> Vec2 {
     let [own, other] = agents.map(|agent| Vec2::new(agent.length, agent.width) * 0.5);
     let ahead = direction(turn);

@@ -136,7 +136,8 @@ impl Denoiser {
     }
 }
 
-/// Closes the later actions of those that are not `open` to an agent, `[agents, 1, actions, others * actions]`.
+/// Closes the later actions of those that are not `open` to an agent, `[agents, 1, actions, others *
+/// actions]`.
 fn later_actions(
     pairs: &Pairs,
     actions: usize,
@@ -154,4 +155,23 @@ fn later_actions(
         }
     }
     Tensor::from_data(TensorData::new(closed, shape), device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::nn::device;
+
+    #[test]
+    fn later_actions_are_those_of_oneself_and_of_whom_is_open() {
+        let pairs = Pairs { own: 2, each: 2, others: None };
+        let open = |own: usize, other: usize| own == other || other == 0;
+        let closed = later_actions(&pairs, 2, open, &device());
+        assert_eq!(closed.dims(), [2, 1, 2, 4]);
+        // By agent, then its action: both actions of the first agent, then both of the second.
+        let seen: Vec<bool> = closed.into_data().iter::<f32>().map(|score| score == 0.0).collect();
+        let all = [true; 4];
+        let causal = [true, true, true, false];
+        assert_eq!(seen, [causal, all, all, all].concat());
+    }
 }

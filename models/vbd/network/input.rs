@@ -57,8 +57,8 @@ impl SceneInput {
         self.len() == 0
     }
 
-    /// Returns, by agent, velocity in its own frame and size: `[agents, 5]`, m/s and m. With `of_av`, `[agents,
-    /// 7]`: also the latest acceleration and yaw rate of the AV, m/s² and rad/s, and 0 for others.
+    /// Returns, by agent, velocity in its own frame and size: `[agents, 5]`, m/s and m. With `of_av`,
+    /// `[agents, 7]`: also the latest acceleration and yaw rate of the AV, m/s² and rad/s, and 0 for others.
     pub(super) fn agent_features(&self, zeros_are_absent: bool, of_av: bool) -> Vec<f32> {
         let features = |(i, agent): (usize, &[f64; 8])| {
             let [_, _, yaw, vx, vy, length, width, height] = *agent;

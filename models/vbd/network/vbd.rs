@@ -41,8 +41,8 @@ impl Vbd {
         self.predictor.forward(scene, anchors, config)
     }
 
-    /// Prepares the denoising of the plans of the first agents of a scene, encoded from this input. `av_given`
-    /// says that the plan of the AV, the first of them, will have no noise.
+    /// Prepares the denoising of the plans of the first agents of a scene, encoded from this input.
+    /// `av_given` says that the plan of the AV, the first of them, will have no noise.
     pub fn prepare(
         &self,
         input: &SceneInput,

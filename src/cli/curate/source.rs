@@ -15,8 +15,8 @@ use crate::models::diffusion_planner::PlannerPolicy;
 use crate::models::nn::device;
 use crate::models::weights::{PLANNER, WeightsFile, shipped};
 
-/// Standard deviation of the initial noise of samples: 1.5 times that of the process, for variety. The public code
-/// plans with 0.5.
+/// Standard deviation of the initial noise of samples: 1.5 times that of the process, for variety. The public
+/// code plans with 0.5.
 pub(super) const TEMPERATURE: f64 = 1.5;
 
 /// A source of candidates as the command line names it.

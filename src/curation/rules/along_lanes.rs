@@ -1,4 +1,4 @@
-//! Plans of a learned planner, driven along the lanes: the route that a plan takes, at the speeds of the plan.
+//! Plans of a learned planner, driven along the lanes: the route that a plan takes, at its speeds.
 
 use super::routes::{Route, drive, routes};
 use super::survey::acceleration_now;
@@ -17,7 +17,8 @@ const CURVATURE_DISTANCE: f64 = 1.0;
 /// Largest present curvature, 1/m.
 const MAX_CURVATURE: f64 = 0.25;
 
-/// The routes over the lane graph that an AV may take from where it is. They depend on nothing that happens later.
+/// The routes over the lane graph that an AV may take from where it is. They depend on nothing that happens
+/// later.
 pub struct LaneRoutes<'a> {
     start: &'a Start,
     /// Present speed, m/s, and acceleration, m/s².
@@ -44,9 +45,9 @@ impl<'a> LaneRoutes<'a> {
         Some(Self { start, speed, acceleration: acceleration_now(scenario), routes })
     }
 
-    /// Returns the states, 0.1 s apart and as many as those of its plan, of an AV that takes the route to which
-    /// this plan keeps closest, at the plan's speeds as far as bends, speed limits and the end of the route
-    /// allow; `None` if there is no lane.
+    /// Returns the states, 0.1 s apart and as many as those of its plan, of an AV that takes the route to
+    /// which this plan keeps closest, at the plan's speeds as far as bends, speed limits and the end of the
+    /// route allow; `None` if there is no lane.
     pub fn drive(&self, plan: &[AgentState]) -> Option<Vec<AgentState>> {
         let rear = REAR_AXLE * self.start.agents[0].length;
         let axles: Vec<Vec2> =
@@ -103,7 +104,7 @@ mod tests {
         assert!((curvature(&track) - 0.05).abs() < 1e-3);
         assert_eq!(curvature(&track[..1]), 0.0);
         assert_eq!(curvature(&[None]), 0.0);
-        // What was before a gap is too old.
+        // States before a gap are ignored.
         let mut gap = track;
         gap[9] = None;
         assert_eq!(curvature(&gap), 0.0);

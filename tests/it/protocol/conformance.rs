@@ -187,7 +187,7 @@ fn bare_scenes_are_lawful() {
     for (model, controller) in every_baseline() {
         for scenario in &bare() {
             for (replan, lookahead) in INTERVALS.into_iter().flat_map(|r| [(r, true), (r, false)]) {
-                // Networks are slow: the lookahead matters most if every step is planned, and such plans differ most
+                // Networks are slow: the lookahead matters most if every step is planned, and that is done
                 // where there are several agents.
                 let few = scenario.start.agents.len() < 3;
                 if model.needs_weights && if replan == 1 { few } else { !lookahead } {
