@@ -90,6 +90,7 @@ pub const MODELS: &[Baseline] = &[
     idm::ENTRY,
     ntp::entries::REACTIVE,
     ntp::entries::REACTIVE_RAW,
+    ntp::guarded::GUARDED,
     ntp::entries::SMART,
     ntp::entries::SMART_PROJECTED,
     ntp::entries::SMART_SMALL,

@@ -6,11 +6,12 @@
 
 use rand::RngExt;
 use reactsim::dynamics::Pose;
-use reactsim::scene::{Agent, FRAMES, Frame};
+use reactsim::scene::{Agent, AgentKind, FRAMES, Frame};
 use reactsim::training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::execute::Executor;
+use super::slowdown::Slowdown;
 use super::tokens::{TOKEN_FRAMES, Vocabulary, motion_between, moved};
 use crate::models::perception::Class;
 
@@ -24,6 +25,10 @@ pub struct Perturbation {
     pub among: usize,
     /// Fraction of the offset from the log that remains after a correct token.
     pub remains: f64,
+    /// Probability that a vehicle brakes for no reason at some time. From then on its labels lead back to the
+    /// speeds of the log, along the logged path.
+    #[serde(default)]
+    pub slowed: f64,
 }
 
 /// Executed track of an agent, with the token to choose at every step.
@@ -46,6 +51,14 @@ pub(crate) fn drive(
     mut noise: Option<(&Perturbation, &mut Stream)>,
 ) -> LabeledTrack {
     let steps = (FRAMES - 1 - first) / TOKEN_FRAMES;
+    let mut slowdown = match &mut noise {
+        Some((noise, stream)) if agent.kind == AgentKind::Vehicle && noise.slowed > 0.0 => {
+            // The same draws whatever the log, so that the noise of others does not depend on it.
+            let drawn = Slowdown::draw(logged, first, stream);
+            if stream.random::<f64>() < noise.slowed { drawn } else { None }
+        }
+        _ => None,
+    };
     let mut driven = LabeledTrack { track: logged[..=first].to_vec(), labels: vec![None; steps] };
     let Some(class) = Class::of(agent.kind) else {
         driven.track.extend_from_slice(&logged[first + 1..]);
@@ -60,7 +73,13 @@ pub(crate) fn drive(
             driven.track.extend_from_slice(&logged[at + 1..=next]);
             continue;
         };
-        let (from, log, goal) = (Pose::from(state), Pose::from(log), Pose::from(goal));
+        let (from, mut log, mut goal) = (Pose::from(state), Pose::from(log), Pose::from(goal));
+        let mut braked = None;
+        if let Some(slowdown) = slowdown.as_mut().filter(|s| step >= s.first) {
+            let speed = state.velocity().map_or(0.0, |v| v.norm());
+            let passage = slowdown.passage(from.position, speed, next, step);
+            (log, goal, braked) = (passage.here, passage.recovers, passage.brakes);
+        }
         // Offset of the agent from the log, and the part of it that is to remain.
         let offset = motion_between(log, from);
         let remains = noise.as_ref().map_or(0.0, |(n, _)| n.remains);
@@ -68,8 +87,11 @@ pub(crate) fn drive(
         let target = motion_between(from, moved(goal, kept));
         let nearest = vocabulary.nearest(class, target);
         *label = Some(nearest);
-        let mut chosen = nearest;
-        if let Some((noise, stream)) = &mut noise
+        let mut chosen = match braked {
+            Some(goal) => vocabulary.nearest(class, motion_between(from, moved(goal, kept))),
+            None => nearest,
+        };
+        if braked.is_none() && let Some((noise, stream)) = &mut noise
             && stream.random::<f64>() < noise.wrong
         {
             let near = vocabulary.nearest_k(class, target, noise.among);

@@ -22,6 +22,8 @@ pub enum Ending {
     /// No mode was usable, the solver failed, or braking violates less: the vehicle brakes as hard as
     /// it can along the path.
     Braking,
+    /// The proposed motion is executed as it is: it leaves a safe way out.
+    AsProposed,
     /// The vehicle reverses or its mode leads backwards: it follows the mode within the limits, without
     /// a program.
     Backwards,
@@ -29,7 +31,7 @@ pub enum Ending {
 
 impl Ending {
     /// All endings.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Standing,
         Self::ClosedForm,
         Self::Solved,
@@ -37,6 +39,7 @@ impl Ending {
         Self::OtherMode,
         Self::HighSlack,
         Self::Braking,
+        Self::AsProposed,
         Self::Backwards,
     ];
 
@@ -50,6 +53,7 @@ impl Ending {
             Self::OtherMode => "qp-fallback-mode",
             Self::HighSlack => "qp-high-slack",
             Self::Braking => "qp-fallback-braking",
+            Self::AsProposed => "qp-as-proposed",
             Self::Backwards => "qp-backwards",
         }
     }

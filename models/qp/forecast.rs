@@ -31,18 +31,38 @@ const MAX_WIDTH_GROWTH: f64 = 0.3;
 /// uncertain.
 const AV_CROSSING_HORIZON: usize = 19;
 
-/// Forecasts the AV from its observed motion, with decaying acceleration and curvature and a box that
-/// grows with time. `None` if the AV is absent.
-pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle> {
+/// What the AV is forecast to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum AvForecast {
+    /// It goes on as observed: acceleration and curvature decay.
+    GoesOn,
+    /// It brakes from now on, with the deceleration of the settings.
+    Brakes,
+    /// It keeps its speed; its curvature decays.
+    KeepsSpeed,
+}
+
+impl AvForecast {
+    /// All forecasts.
+    pub(super) const ALL: [Self; 3] = [Self::GoesOn, Self::Brakes, Self::KeepsSpeed];
+}
+
+/// Forecasts the AV from its observed motion, with a box that grows with time. `None` if the AV is absent.
+pub(super) fn av(seen: &Observation<'_>, settings: &Settings, forecast: AvForecast) -> Option<Obstacle> {
     let agent = &seen.start().agents[0];
     let now = seen.state(0)?;
     let mut known: Vec<Frame> = seen.track(0).to_vec();
     known.extend(seen.av_next().map(Some));
     let last = known.last().copied().flatten()?;
     let first = known.len() - seen.track(0).len();
-    let (acceleration, curvature) = motion(&known);
+    let (observed, curvature) = motion(&known);
+    let acceleration = match forecast {
+        AvForecast::GoesOn => observed,
+        AvForecast::Brakes => -settings.av_brake,
+        AvForecast::KeepsSpeed => 0.0,
+    };
     let mut speed = forward(&last);
-    if speed.abs() < STANDSTILL_SPEED && acceleration.abs() < 0.5 {
+    if speed.abs() < STANDSTILL_SPEED && observed.abs() < 0.5 {
         let mut standing = Obstacle::standing(last.footprint(agent));
         standing.is_av = true;
         standing.side = settings.av_side;

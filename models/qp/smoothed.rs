@@ -3,9 +3,9 @@
 use reactsim::rollout::{Beginning, Controller, Episode, JointPlan, Memory, PlanError, Simulator};
 use reactsim::scene::AgentState;
 
-use super::mode::Mode;
+use super::guard::GuardSettings;
 use super::settings::Settings;
-use super::stage::{Intent, KeepClear, Stage, is_planned};
+use super::stage::{Intent, KeepClear, Stage, is_planned, mode_of};
 use reactsim::models::{ModelError, Setup};
 
 /// Variants of the stage that can follow a simulator; `--smooth` and simulator ids name them.
@@ -67,8 +67,29 @@ impl Smoothing {
             Self::Full => KeepClear::Everybody,
             Self::WithoutOthers => KeepClear::Nobody,
         };
-        Ok(Controller::Fair(Box::new(Smoothed { inner, settings, keep_clear })))
+        Ok(Controller::Fair(Box::new(Smoothed { inner, settings, follow: Follow::Plans(keep_clear) })))
     }
+}
+
+/// Number of steps that a guarded simulator is asked for: 3 s.
+const GUARDED_STEPS: usize = 30;
+
+/// Returns a simulator whose vehicles execute their plans as they are while the guard finds a safe way out. It must
+/// plan vehicles within the limits of the benchmark, and take plans of 3 s.
+///
+/// # Errors
+/// The error of an invalid card of the stage, which a test rules out.
+pub fn guarded(inner: Box<dyn Simulator>, guard: GuardSettings) -> Result<Controller, ModelError> {
+    Ok(Controller::Fair(Box::new(Smoothed { inner, settings: settings()?, follow: Follow::Guarded(guard) })))
+}
+
+/// How vehicles follow the inner simulator.
+#[derive(Clone, Copy, Debug)]
+enum Follow {
+    /// They plan along its plans.
+    Plans(KeepClear),
+    /// They execute its plans unless the guard decides otherwise.
+    Guarded(GuardSettings),
 }
 
 /// Reads the parameters of the card.
@@ -83,7 +104,7 @@ pub fn settings() -> Result<Settings, ModelError> {
 struct Smoothed {
     inner: Box<dyn Simulator>,
     settings: Settings,
-    keep_clear: KeepClear,
+    follow: Follow,
 }
 
 /// Memory of an episode: that of the inner simulator, and the stage with its solvers.
@@ -97,7 +118,10 @@ impl Simulator for Smoothed {
         self.inner.begin_batch(batch)?;
         for episode in batch {
             let inner = std::mem::replace(&mut episode.memory, Memory::NONE);
-            let stage = Stage::new(&self.settings, self.keep_clear);
+            let stage = match self.follow {
+                Follow::Plans(keep_clear) => Stage::new(&self.settings, keep_clear),
+                Follow::Guarded(guard) => Stage::guarded(&self.settings, guard),
+            };
             episode.memory = Memory::new(EpisodeMemory { inner, stage });
         }
         Ok(())
@@ -124,12 +148,16 @@ impl Simulator for Smoothed {
                 episode.error = Some(PlanError::Failed(REFUSED.to_owned()));
                 continue;
             };
+            let steps = match self.follow {
+                Follow::Plans(_) => episode.plan.steps(),
+                Follow::Guarded(_) => episode.plan.steps().max(GUARDED_STEPS),
+            };
             inner.push(Episode {
                 seen: episode.seen,
                 memory,
                 stream: &mut *episode.stream,
                 moves_av: episode.moves_av,
-                plan: JointPlan::new(episode.plan.agents(), episode.plan.steps()),
+                plan: JointPlan::new(episode.plan.agents(), steps),
                 outcomes: std::mem::take(&mut episode.outcomes),
                 error: None,
             });
@@ -144,21 +172,22 @@ impl Simulator for Smoothed {
                 continue;
             }
             let agents = &episode.seen.start().agents;
-            let steps = episode.plan.steps();
+            let (steps, proposed) = (outer.plan.steps(), episode.plan.steps());
             let intents: Vec<Intent> = (0..agents.len())
                 .map(|slot| {
                     if slot == 0 && !episode.moves_av || episode.seen.state(slot).is_none() {
                         return Intent::None;
                     }
                     let states: Vec<AgentState> =
-                        (0..steps).map_while(|k| episode.plan.get(slot, k)).collect();
+                        (0..proposed).map_while(|k| episode.plan.get(slot, k)).collect();
                     if states.is_empty() {
                         Intent::None
-                    } else if is_planned(agents[slot].kind) && states.len() == steps {
-                        let points = states.iter().map(AgentState::position).collect();
-                        Intent::Vehicle(vec![Mode::of(points)])
-                    } else {
+                    } else if !is_planned(agents[slot].kind) || states.len() < steps {
                         Intent::Fixed(states)
+                    } else if let Follow::Guarded(_) = self.follow {
+                        Intent::Guarded(states)
+                    } else {
+                        Intent::Vehicle(vec![mode_of(&states)])
                     }
                 })
                 .collect();

@@ -3,17 +3,18 @@
 use reactsim::dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim::geometry::{OrientedBox, math};
 use reactsim::rollout::Observation;
-use reactsim::scene::{AgentKind, AgentState, CURRENT};
+use reactsim::scene::{Agent, AgentKind, AgentState, CURRENT};
 
 use super::drive::halt;
-use super::ending::Endings;
-use super::forecast;
+use super::ending::{Ending, Endings};
+use super::forecast::{self, AvForecast};
+use super::guard::{Decision, GuardSettings, Proposal, Surroundings};
 use super::mode::Mode;
 use super::obstacle::{Extent, Obstacle};
 use super::planned_vehicle::PlannedVehicle;
 use super::settings::Settings;
 use super::speed::STEPS;
-use super::vehicle::{Planner, STANDSTILL_REACH};
+use super::vehicle::{Planner, STANDSTILL_REACH, reverses, stays};
 use super::walkers::around;
 
 /// Intended motion of an agent.
@@ -27,6 +28,9 @@ pub enum Intent {
     /// Modes of a vehicle, one of which it follows. Invalid modes are left out; without a valid one the
     /// vehicle brakes.
     Vehicle(Vec<Mode>),
+    /// States of a vehicle, 0.1 s apart and at least as many as are planned, which it executes unless its guard
+    /// decides otherwise. Without a guard they are the only mode of the vehicle.
+    Guarded(Vec<AgentState>),
 }
 
 /// Agents and objects that vehicles keep clear of.
@@ -42,6 +46,7 @@ pub enum KeepClear {
 pub struct Stage {
     planner: Planner,
     keep_clear: KeepClear,
+    guard: Option<GuardSettings>,
 }
 
 /// Speed in m/s below which the present curvature of a vehicle is free.
@@ -56,7 +61,14 @@ const REACH_MARGIN: f64 = 4.0;
 impl Stage {
     /// Creates a stage; `None` if the solver rejects the programs, which a test rules out.
     pub fn new(settings: &Settings, keep_clear: KeepClear) -> Option<Self> {
-        Some(Self { planner: Planner::new(settings)?, keep_clear })
+        Some(Self { planner: Planner::new(settings)?, keep_clear, guard: None })
+    }
+
+    /// Creates a stage that keeps clear of everybody and executes guarded intents as they are where it can;
+    /// `None` as for [`Self::new`].
+    pub fn guarded(settings: &Settings, guard: GuardSettings) -> Option<Self> {
+        let planner = Planner::new(settings)?;
+        Some(Self { planner, keep_clear: KeepClear::Everybody, guard: Some(guard) })
     }
 
     /// Returns the outcomes of plans since the last call.
@@ -77,6 +89,8 @@ impl Stage {
         let agents = &seen.start().agents;
         let mut plans: Vec<Option<Vec<AgentState>>> = vec![None; agents.len()];
         let mut obstacles: Vec<Obstacle> = Vec::new();
+        // Forecasts of an AV that is moved from outside, for the guard.
+        let mut av_forecasts: Vec<(AvForecast, Obstacle)> = Vec::new();
         // The obstacle that represents an agent until it is planned.
         let mut own: Vec<Option<usize>> = vec![None; agents.len()];
         let everybody = self.keep_clear == KeepClear::Everybody;
@@ -90,7 +104,15 @@ impl Stage {
             let Some(now) = seen.state(slot) else { continue };
             match intent {
                 Intent::None if slot == 0 && everybody => {
-                    obstacles.extend(forecast::av(seen, &self.planner.settings));
+                    let settings = &self.planner.settings;
+                    obstacles.extend(forecast::av(seen, settings, AvForecast::GoesOn));
+                    if self.guard.is_some() {
+                        av_forecasts.extend(
+                            AvForecast::ALL
+                                .into_iter()
+                                .filter_map(|f| Some((f, forecast::av(seen, settings, f)?))),
+                        );
+                    }
                 }
                 Intent::None => {}
                 Intent::Fixed(states) => {
@@ -107,29 +129,53 @@ impl Stage {
                     }
                     plans[slot] = Some(states);
                 }
-                Intent::Vehicle(modes) => {
+                Intent::Vehicle(_) | Intent::Guarded(_) => {
                     let distance = av.map_or(0.0, |av| (av - now.position()).norm_squared());
                     order.push((if slot == 0 { -1.0 } else { distance }, slot));
-                    if let Some(mode) = most_probable(modes).filter(|_| everybody) {
+                    if let Some(obstacle) = self.unplanned(&agents[slot], &now, intent).filter(|_| everybody) {
                         own[slot] = Some(obstacles.len());
-                        obstacles.push(obstacle_of_mode(seen, slot, &now, mode));
+                        obstacles.push(obstacle);
                     }
                 }
             }
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (_, slot) in order {
-            let (Intent::Vehicle(modes), Some(now)) = (&intents[slot], seen.state(slot)) else { continue };
+            let Some(now) = seen.state(slot) else { continue };
             let Some(moving) = VehicleMotion::after(seen.track(slot)) else { continue };
             let agent = &agents[slot];
             let vehicle = self.planned_vehicle(seen, slot, moving);
-            let modes = sorted(modes, &now);
+            let (modes, proposed) = match &intents[slot] {
+                Intent::Vehicle(modes) => (sorted(modes, &now), None),
+                Intent::Guarded(states) => {
+                    (vec![mode_of(states)], self.guard.map(|guard| (guard, Proposal::new(now, states, steps))))
+                }
+                Intent::None | Intent::Fixed(_) => continue,
+            };
             let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;
             let around = reactsim::geometry::Bounds::around(now.position(), reach);
             let near = |(i, o): (usize, &Obstacle)| own[slot] != Some(i) && o.bounds.intersects(&around);
-            let obstacles_near: Vec<&Obstacle> =
+            let near: Vec<&Obstacle> =
                 obstacles.iter().enumerate().filter(|p| near(*p)).map(|p| p.1).collect();
-            let moves = self.planner.plan(&vehicle, &modes, &obstacles_near);
+            let guarded = proposed.filter(|_| !stays(&vehicle, &modes[0]) && !reverses(&vehicle, &modes[0]));
+            let moves = match guarded {
+                None => self.planner.plan(&vehicle, &modes, &near),
+                Some((guard, proposal)) => {
+                    let others: Vec<&Obstacle> = near.iter().copied().filter(|o| !o.is_av).collect();
+                    let around = Surroundings { av: &av_forecasts, others: &others };
+                    match guard.decide(&vehicle, &proposal, around) {
+                        Decision::AsProposed => {
+                            self.planner.endings.count(Ending::AsProposed);
+                            if let (Intent::Guarded(states), Some(i)) = (&intents[slot], own[slot]) {
+                                obstacles[i] = proposed_obstacle(agent, &now, states);
+                                plans[slot] = Some(states[..steps].to_vec());
+                            }
+                            continue;
+                        }
+                        Decision::Maneuver(mode) => self.planner.plan(&vehicle, &[mode], &others),
+                    }
+                }
+            };
             if let Some(i) = own[slot] {
                 obstacles[i] = forecast::known_obstacle(agent, &now, |k| moves[k].pose);
             }
@@ -144,6 +190,18 @@ impl Stage {
             plans[slot] = Some(states);
         }
         plans
+    }
+
+    /// Returns the obstacle of a vehicle that is not planned yet and moves as intended.
+    fn unplanned(&self, agent: &Agent, now: &AgentState, intent: &Intent) -> Option<Obstacle> {
+        let mut obstacle = match intent {
+            Intent::Guarded(states) if self.guard.is_some() => proposed_obstacle(agent, now, states),
+            Intent::Guarded(states) => obstacle_of_mode(agent, now, &mode_of(states)),
+            Intent::Vehicle(modes) => obstacle_of_mode(agent, now, most_probable(modes)?),
+            Intent::None | Intent::Fixed(_) => return None,
+        };
+        obstacle.leader_only = true;
+        Some(obstacle)
     }
 
     fn planned_vehicle<'a>(
@@ -187,14 +245,15 @@ fn static_boxes(seen: &Observation<'_>, intents: &[Intent]) -> Vec<OrientedBox> 
     for (slot, (agent, intent)) in seen.start().agents.iter().zip(intents).enumerate() {
         let Some(now) = seen.state(slot) else { continue };
         let still = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
-        let stays = match intent {
-            Intent::Vehicle(modes) => most_probable(modes).is_none_or(|m| {
-                (m.centres(now.position())[STEPS - 1] - now.position()).norm() < STANDSTILL_REACH
-            }),
+        let ends_here =
+            |m: &Mode| (m.centres(now.position())[STEPS - 1] - now.position()).norm() < STANDSTILL_REACH;
+        let stands_on = match intent {
+            Intent::Vehicle(modes) => most_probable(modes).is_none_or(ends_here),
+            Intent::Guarded(states) => ends_here(&mode_of(states)),
             Intent::None => slot == 0,
             Intent::Fixed(_) => false,
         };
-        if still && stays {
+        if still && stands_on {
             boxes.push(now.footprint(agent));
         }
     }
@@ -218,8 +277,19 @@ fn reach(now: &VehicleMotion, modes: &[Mode]) -> f64 {
     far.max(now.speed * now.speed / 8.0)
 }
 
-/// Returns the obstacle of a vehicle that is not planned yet and moves as its mode.
-fn obstacle_of_mode(seen: &Observation<'_>, slot: usize, now: &AgentState, mode: &Mode) -> Obstacle {
+/// Returns the mode of proposed states.
+pub(super) fn mode_of(states: &[AgentState]) -> Mode {
+    Mode::of(states.iter().map(AgentState::position).collect())
+}
+
+/// Returns the obstacle of a vehicle that moves as proposed and then keeps its last velocity.
+fn proposed_obstacle(agent: &Agent, now: &AgentState, states: &[AgentState]) -> Obstacle {
+    let poses = forecast::continued_poses(now, states);
+    forecast::known_obstacle(agent, now, |k| poses[k])
+}
+
+/// Returns the obstacle of a vehicle that moves as its mode.
+fn obstacle_of_mode(agent: &Agent, now: &AgentState, mode: &Mode) -> Obstacle {
     let centres = mode.centres(now.position());
     let mut heading = now.heading;
     let mut before = now.position();
@@ -234,10 +304,7 @@ fn obstacle_of_mode(seen: &Observation<'_>, slot: usize, now: &AgentState, mode:
             Pose { position, heading }
         })
         .collect();
-    let agent = &seen.start().agents[slot];
-    let mut obstacle = forecast::known_obstacle(agent, now, |k| poses[k]);
-    obstacle.leader_only = true;
-    obstacle
+    forecast::known_obstacle(agent, now, |k| poses[k])
 }
 
 /// Returns whether the stage plans agents of a kind. The metrics judge the motion of vehicles only.

@@ -1,7 +1,7 @@
 //! Planning of one vehicle: a path and the speed along it for each of its modes, until one is clear.
 
 use reactsim::dynamics::{MotionLimits, Pose, STANDSTILL_SPEED, Tracker, VehicleMotion};
-use reactsim::geometry::{OrientedBox, direction};
+use reactsim::geometry::{OrientedBox, Vec2, direction};
 use reactsim::scene::DT;
 
 use super::bends::{PathProblem, PathProgram};
@@ -67,16 +67,11 @@ impl Planner {
         modes: &[Mode],
         obstacles: &[&Obstacle],
     ) -> Vec<VehicleMotion> {
-        let now = vehicle.now.pose.position;
-        let axis = direction(vehicle.now.pose.heading);
-        let end = modes[0].centres(now)[STEPS - 1] - now;
-        if vehicle.now.speed.abs() < STANDSTILL_SPEED && end.norm() < STANDSTILL_REACH {
+        if stays(vehicle, &modes[0]) {
             self.endings.count(Ending::Standing);
             return vec![VehicleMotion { speed: 0.0, acceleration: 0.0, ..vehicle.now }; STEPS];
         }
-        let back = vehicle.now.speed < -REVERSING_SPEED
-            || vehicle.now.speed < REVERSING_SPEED && end.dot(&axis) < -0.7 * end.norm();
-        if back {
+        if reverses(vehicle, &modes[0]) {
             self.endings.count(Ending::Backwards);
             return self.follow_backwards(vehicle, &modes[0], obstacles);
         }
@@ -232,6 +227,24 @@ impl Planner {
         let planned = if planned.solve == Solve::Failed { Solve::AlmostSolved } else { planned.solve };
         Some(Attempt { moves, path, solve: solution.solve.max(planned), excess, spans: all })
     }
+}
+
+/// Returns the way from the present position of a vehicle to the last centre of a mode, metres.
+fn way(vehicle: &PlannedVehicle<'_>, mode: &Mode) -> Vec2 {
+    let now = vehicle.now.pose.position;
+    mode.centres(now)[STEPS - 1] - now
+}
+
+/// Returns whether a vehicle stands and does not set off.
+pub(super) fn stays(vehicle: &PlannedVehicle<'_>, mode: &Mode) -> bool {
+    vehicle.now.speed.abs() < STANDSTILL_SPEED && way(vehicle, mode).norm() < STANDSTILL_REACH
+}
+
+/// Returns whether a vehicle reverses, or its mode leads backwards.
+pub(super) fn reverses(vehicle: &PlannedVehicle<'_>, mode: &Mode) -> bool {
+    let (way, axis) = (way(vehicle, mode), direction(vehicle.now.pose.heading));
+    vehicle.now.speed < -REVERSING_SPEED
+        || vehicle.now.speed < REVERSING_SPEED && way.dot(&axis) < -0.7 * way.norm()
 }
 
 /// Returns a straight path.

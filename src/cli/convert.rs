@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
+use super::certified::Certified;
 use super::futures::Futures;
 use super::progress::Progress;
 use super::scenario_args::{SelectionArgs, is_selected};
@@ -32,8 +33,12 @@ pub(super) struct ConvertArgs {
     /// rollout are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
     futures: Option<PathBuf>,
+    /// Deviations (of `curate`) that replace the logged future of the AV, and their certificates that of
+    /// the agents that respond to it; scenarios without a certificate are left out
+    #[arg(long, value_name = "DEVIATIONS", conflicts_with = "futures")]
+    certificates: Option<PathBuf>,
     /// Leave out everything after the current frame, so that the file can be given to others
-    #[arg(long, conflicts_with = "futures")]
+    #[arg(long, conflicts_with_all = ["futures", "certificates"])]
     history_only: bool,
     /// Simulator whose rollouts are taken
     #[arg(long, value_name = "ID", requires = "futures")]
@@ -46,8 +51,9 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }
-    let mut futures = match (&args.futures, &args.model) {
-        (Some(path), Some(model)) => Some(Futures::open(path, model)?),
+    let mut futures = match (&args.futures, &args.model, &args.certificates) {
+        (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Futures::open(path, model)?)),
+        (_, _, Some(path)) => Some(NewFutures::Certificates(Certified::open(path)?)),
         _ => None,
     };
     let progress = Progress::new();
@@ -58,11 +64,27 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
+/// Futures that replace the logged ones.
+enum NewFutures {
+    Rollouts(Futures),
+    Certificates(Certified),
+}
+
+impl NewFutures {
+    /// Replaces the future of a scenario. Returns `false` if there is none for it.
+    fn put_into(&mut self, scenario: &mut Scenario) -> anyhow::Result<bool> {
+        match self {
+            Self::Rollouts(futures) => futures.put_into(scenario),
+            Self::Certificates(certified) => certified.put_into(scenario),
+        }
+    }
+}
+
 /// Writes every readable scenario. Returns the numbers of written and of failed scenarios.
 fn stream(
     inputs: &[formats::Input],
     args: &ConvertArgs,
-    mut futures: Option<&mut Futures>,
+    mut futures: Option<&mut NewFutures>,
     progress: &Progress,
 ) -> anyhow::Result<(usize, usize)> {
     let mut writer = Writer::create(&args.out)?;
@@ -99,7 +121,7 @@ fn stream(
     }
     // Dropped unfinished, the writer leaves no file behind.
     if good == 0 && bad == 0 {
-        bail!("no scenario is selected: leave out --id, --category or --futures");
+        bail!("no scenario is selected: leave out --id, --category, --futures or --certificates");
     }
     if good == 0 {
         bail!("no scenario could be converted: see the warnings above");

@@ -2,6 +2,7 @@
 //! prints.
 
 mod also;
+mod certified;
 mod compare;
 mod convert;
 mod curate;

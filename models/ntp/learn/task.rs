@@ -95,7 +95,7 @@ impl Default for Recipe {
                 shift: 4,
                 window: 8,
                 blind: 0.1,
-                noise: Perturbation { wrong: 0.2, among: 6, remains: 0.5 },
+                noise: Perturbation { wrong: 0.2, among: 6, remains: 0.5, slowed: 0.0 },
             },
             smoothing: Smoothing { uniform: 0.0, spatial: 0.1 },
         }

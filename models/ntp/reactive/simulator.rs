@@ -51,6 +51,8 @@ struct PendingPlan<'e, 'a> {
     steps: Vec<Step>,
     /// Remembered nodes, if the newest step continues from them.
     earlier: Vec<EarlierNode>,
+    /// Steps up to the present one. Later ones are merely planned: others may move otherwise.
+    observed: Vec<StepMemory>,
 }
 
 impl Simulator for ReactiveSimulator {
@@ -70,7 +72,7 @@ impl Simulator for ReactiveSimulator {
             };
             let agents = episode.seen.start().agents.len();
             let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
-            planned.push(PendingPlan { episode, memory, tracks, steps: Vec::new(), earlier: Vec::new() });
+            planned.push(PendingPlan { episode, memory, tracks, steps: Vec::new(), earlier: Vec::new(), observed: Vec::new() });
         }
         let mut executor = Executor::new(self.driving.projection);
         let longest = planned.iter().map(|p| p.episode.plan.steps()).max().unwrap_or(0);
@@ -79,8 +81,9 @@ impl Simulator for ReactiveSimulator {
                 planned.iter_mut().filter(|p| p.episode.plan.steps() > token * TOKEN_FRAMES).collect();
             self.next_tokens(&mut active, token, &mut executor);
         }
-        for p in planned {
+        for mut p in planned {
             let now = p.episode.seen.frame();
+            (p.memory.remembered, p.memory.next_frame) = (p.observed, now + TOKEN_FRAMES);
             for (slot, track) in p.tracks.iter().enumerate() {
                 for k in 0..p.episode.plan.steps() {
                     p.episode.plan.set(slot, k, track.get(now + 1 + k).copied().flatten());
@@ -116,7 +119,7 @@ impl ReactiveSimulator {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
                 p.move_agents(self, &tokens[row + rows - newest..row + rows], token, executor);
-                p.remember(&encoded.entering, row, &self.policy.config);
+                p.remember(&encoded.entering, row, token, &self.policy.config);
                 row += rows;
             }
         }
@@ -215,7 +218,7 @@ impl PendingPlan<'_, '_> {
 
     /// Remembers the features that later steps attend to; `row` is the first row of this episode's
     /// nodes.
-    fn remember(&mut self, entering: &[Tensor<2>], row: usize, config: &Config) {
+    fn remember(&mut self, entering: &[Tensor<2>], row: usize, token: usize, config: &Config) {
         let mut row = row;
         for step in &self.steps {
             let rows = step.slots.len();
@@ -226,10 +229,9 @@ impl PendingPlan<'_, '_> {
         }
         let surplus = self.memory.remembered.len().saturating_sub(config.past);
         self.memory.remembered.drain(..surplus);
-        let steps = self.episode.plan.steps();
-        // Only executed steps may be continued: beyond one token, steps are merely planned.
-        self.memory.next_frame =
-            if steps == TOKEN_FRAMES { self.episode.seen.frame() + TOKEN_FRAMES } else { usize::MAX };
+        if token == 0 {
+            self.observed.clone_from(&self.memory.remembered);
+        }
     }
 }
 

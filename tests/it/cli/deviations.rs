@@ -167,7 +167,7 @@ fn converted_files_have_the_selected_scenarios() {
     assert_eq!(output.status.code(), Some(2));
     insta::assert_snapshot!(
         stderr(&output),
-        @"error: no scenario is selected: leave out --id, --category or --futures"
+        @"error: no scenario is selected: leave out --id, --category, --futures or --certificates"
     );
     let output = reactsim(&["inspect", text(&all), "--id", "road-01"]);
     let said = stderr(&output);

@@ -1,0 +1,38 @@
+//! Our network with a guard: agents execute its joint futures while that leaves them a safe way out.
+
+use reactsim::models::{Baseline, ModelError, Setup};
+use reactsim::rollout::Controller;
+use serde::{Deserialize, Serialize};
+
+use super::reactive::{Policy, ReactiveSimulator};
+use super::sampling::Sampling;
+use super::{Driving, entries};
+use crate::models::qp::{self, GuardSettings};
+
+/// Our network with a guard.
+pub(in crate::models) const GUARDED: Baseline = Baseline {
+    id: "ntp-guarded",
+    card: include_str!("cards/guarded.toml"),
+    ranges: include_str!("ranges/guarded.toml"),
+    takes_stage: false,
+    make,
+    ..entries::REACTIVE
+};
+
+/// The parameters on the card.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parameters {
+    /// Settings for drawing tokens.
+    sampling: Sampling,
+    /// When agents leave what the network proposes.
+    guard: GuardSettings,
+}
+
+fn make(setup: Setup) -> Result<Controller, ModelError> {
+    let Parameters { sampling, guard } = setup.parameters()?;
+    let device = setup.backend.device();
+    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    let driving = Driving { projection: true, keep_clear: false, sampling };
+    qp::guarded(Box::new(ReactiveSimulator::new(policy, driving, device)), guard)
+}

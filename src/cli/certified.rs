@@ -1,0 +1,59 @@
+//! Scenarios whose logged future is replaced by a deviated AV and the responses of its certificate.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+
+use super::futures::replace_future;
+use crate::evaluation::Deviations;
+use crate::scene::{AgentState, FUTURE, Frame, Scenario};
+
+/// Name that takes the place of a simulator in the ids of the scenarios.
+const NAME: &str = "certificate";
+
+/// Deviated AVs with certificates, by scenario.
+pub(super) struct Certified {
+    deviations: Deviations,
+}
+
+impl Certified {
+    /// Reads a file of deviations. At least one of them must have a certificate.
+    pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
+        let deviations = Deviations::read(path)?;
+        if deviations.tracks.values().all(|record| record.certificate.is_none()) {
+            bail!("{}: no deviation has a certificate: take a file that `curate` wrote", path.display());
+        }
+        Ok(Self { deviations })
+    }
+
+    /// Lets the AV follow its deviation and each agent its response; agents without a response keep their log.
+    /// Appends `certificate` to the id. Returns `false` if the file has no certificate for the scenario.
+    pub(super) fn put_into(&self, scenario: &mut Scenario) -> anyhow::Result<bool> {
+        let Some(record) = self.deviations.tracks.get(&scenario.id) else { return Ok(false) };
+        let Some(certificate) = record.certificate_in(scenario.origin) else { return Ok(false) };
+        let place = || format!("{}: `{}`", self.deviations.file.name, scenario.id);
+        if let Some(wanted) = &record.scenario_digest {
+            let found = scenario.digest();
+            if found != *wanted {
+                bail!("{}: made for a scenario with the digest {wanted}, not {found}", place());
+            }
+        }
+        let mut futures = scenario.log_future.tracks.clone();
+        let mut replace = |slot: usize, states: &[AgentState]| -> anyhow::Result<()> {
+            if states.len() != FUTURE {
+                bail!("{}: a track has {} steps, expected {FUTURE}", place(), states.len());
+            }
+            futures[slot] = states.iter().map(|s| Some(*s)).collect::<Vec<Frame>>();
+            Ok(())
+        };
+        replace(0, &record.track_in(scenario.origin))?;
+        for response in &certificate.responses {
+            let slot = scenario.start.agents.iter().position(|a| a.id == response.agent);
+            let slot = slot.with_context(|| format!("{}: no agent `{}`", place(), response.agent))?;
+            // A response begins with the state at the current frame.
+            replace(slot, response.track.get(1..).unwrap_or_default())?;
+        }
+        replace_future(scenario, futures.iter().map(Vec::as_slice), NAME);
+        Ok(true)
+    }
+}
