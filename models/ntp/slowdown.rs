@@ -11,7 +11,7 @@ use super::tokens::TOKEN_FRAMES;
 /// Range of the deceleration, m/s²: from calm to hard braking.
 const DECELERATION: [f64; 2] = [1.5, 5.0];
 /// Range of the acceleration back to the speed of the log, m/s²: usual values of cars that set off.
-const ACCELERATION: [f64; 2] = [1.2, 2.5];
+const ACCELERATION: [f64; 2] = [1.5, 3.0];
 /// Largest number of tokens during which a vehicle brakes.
 const MAX_BRAKING_TOKENS: usize = 5;
 /// Step from which a vehicle brakes at the latest.
@@ -106,5 +106,61 @@ impl Slowdown {
             position: a.position + (b.position - a.position) * t,
             heading: a.heading + wrap(b.heading - a.heading) * t,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use reactsim::scene::AgentState;
+
+    use super::*;
+
+    /// A vehicle that drives along x at 10 m/s, from frame 0 on.
+    fn logged() -> Vec<Frame> {
+        let at = |f: usize| AgentState { x: f as f64, y: 0.0, heading: 0.0, vx: 10.0, vy: 0.0 };
+        (0..91).map(|f| Some(at(f))).collect()
+    }
+
+    fn slowdown() -> Slowdown {
+        let poses: Vec<Pose> = logged().into_iter().flatten().map(Pose::from).collect();
+        let arcs = poses.iter().map(|p| p.position.x).collect();
+        Slowdown { first: 2, tokens: 2, deceleration: 4.0, acceleration: 2.0, frame: 0, poses, arcs }
+    }
+
+    #[test]
+    fn a_late_vehicle_returns_to_the_speed_of_its_log() {
+        let slowdown = slowdown();
+        // At 10 m after 3 s, where the log has been at 30 m.
+        let passage = slowdown.passage(Vec2::new(10.0, 0.3), 4.0, 35, 6);
+        assert!(passage.brakes.is_none());
+        assert!((passage.here.position - Vec2::new(10.0, 0.0)).norm() < 1e-9);
+        // From 4 to 5 m/s in half a second.
+        assert!((passage.recovers.position.x - 12.25).abs() < 1e-9, "{:?}", passage.recovers);
+        // Never beyond the log, and not faster than the log.
+        let passage = slowdown.passage(Vec2::new(34.5, 0.0), 9.8, 35, 6);
+        assert!((passage.recovers.position.x - 35.0).abs() < 1e-9, "{:?}", passage.recovers);
+        let passage = slowdown.passage(Vec2::new(10.0, 0.0), 9.9, 35, 6);
+        assert!((passage.recovers.position.x - 14.975).abs() < 1e-9, "{:?}", passage.recovers);
+    }
+
+    #[test]
+    fn a_vehicle_brakes_during_its_slowdown() {
+        let passage = slowdown().passage(Vec2::new(10.0, 0.0), 10.0, 15, 3);
+        // From 10 to 8 m/s, while the label leads on.
+        assert!((passage.brakes.unwrap().position.x - 14.5).abs() < 1e-9);
+        assert!((passage.recovers.position.x - 15.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_number_of_draws_does_not_depend_on_the_log() {
+        let after = |log: &[Frame]| {
+            let mut stream = Stream::seed_from_u64(0);
+            let drawn = Slowdown::draw(log, 10, &mut stream).is_some();
+            (drawn, stream.random::<u64>())
+        };
+        let (moves, stands) = (after(&logged()), after(&vec![logged()[0]; 91]));
+        assert!(moves.0 && !stands.0);
+        assert_eq!(moves.1, stands.1);
     }
 }

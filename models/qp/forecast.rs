@@ -5,6 +5,7 @@ use reactsim::geometry::{OrientedBox, Vec2, direction, math, wrap};
 use reactsim::rollout::Observation;
 use reactsim::scene::{Agent, AgentState, DT, Frame};
 
+use super::av_routes::{Route, routes};
 use super::obstacle::{Obstacle, TIMES, step_of};
 use super::settings::Settings;
 use super::speed::STEPS;
@@ -40,71 +41,119 @@ pub(super) enum AvForecast {
     Brakes,
     /// It keeps its speed; its curvature decays.
     KeepsSpeed,
-}
-
-impl AvForecast {
-    /// All forecasts.
-    pub(super) const ALL: [Self; 3] = [Self::GoesOn, Self::Brakes, Self::KeepsSpeed];
+    /// It follows one of its lanes, with a speed as when it goes on.
+    FollowsLane,
 }
 
 /// Forecasts the AV from its observed motion, with a box that grows with time. `None` if the AV is absent.
-pub(super) fn av(seen: &Observation<'_>, settings: &Settings, forecast: AvForecast) -> Option<Obstacle> {
-    let agent = &seen.start().agents[0];
-    let now = seen.state(0)?;
-    let mut known: Vec<Frame> = seen.track(0).to_vec();
-    known.extend(seen.av_next().map(Some));
-    let last = known.last().copied().flatten()?;
-    let first = known.len() - seen.track(0).len();
-    let (observed, curvature) = motion(&known);
-    let acceleration = match forecast {
-        AvForecast::GoesOn => observed,
-        AvForecast::Brakes => -settings.av_brake,
-        AvForecast::KeepsSpeed => 0.0,
-    };
-    let mut speed = forward(&last);
-    if speed.abs() < STANDSTILL_SPEED && observed.abs() < 0.5 {
-        let mut standing = Obstacle::standing(last.footprint(agent));
-        standing.is_av = true;
-        standing.side = settings.av_side;
-        return Some(standing);
+pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle> {
+    Some(AvMotion::observed(seen)?.forecast(settings, AvForecast::GoesOn, None))
+}
+
+/// Returns all forecasts of the AV; empty if it is absent. An AV at standstill has one: it stays.
+pub(super) fn av_forecasts(seen: &Observation<'_>, settings: &Settings) -> Vec<(AvForecast, Obstacle)> {
+    use AvForecast::{Brakes, FollowsLane, GoesOn, KeepsSpeed};
+    let Some(motion) = AvMotion::observed(seen) else { return Vec::new() };
+    if motion.stands() {
+        return vec![(GoesOn, motion.forecast(settings, GoesOn, None))];
     }
-    let mut poses = [Pose { position: now.position(), heading: now.heading }; STEPS + 1];
-    let mut speeds = [forward(&now); STEPS + 1];
-    let mut pose = Pose { position: last.position(), heading: last.heading };
-    let mut distance = 0.0;
-    for k in first..=STEPS {
-        if k == 0 {
-            continue;
-        }
-        if k > first {
-            let t = (k - first) as f64 * DT;
-            let a = match acceleration {
-                a if a > 0.0 => a * math::exp(-t / ACCELERATION_DECAY_TIME),
-                a if t <= BRAKING_DURATION => a,
-                _ => 0.0,
-            };
-            speed = if speed >= 0.0 { (speed + a * DT).max(0.0) } else { speed };
-            pose = pose.advance(speed * DT, curvature * math::exp(-distance / CURVATURE_DECAY_DISTANCE));
-            distance += speed.abs() * DT;
-        }
-        (poses[k], speeds[k]) = (pose, speed);
+    let routes = routes(&seen.start().road(), &motion.last);
+    let free = [GoesOn, Brakes, KeepsSpeed].map(|forecast| (forecast, None));
+    let along = routes.iter().map(|route| (FollowsLane, Some(route)));
+    let all = free.into_iter().chain(along);
+    all.map(|(forecast, route)| (forecast, motion.forecast(settings, forecast, route))).collect()
+}
+
+/// Observed motion of the AV.
+struct AvMotion<'a> {
+    agent: &'a Agent,
+    now: AgentState,
+    /// Last known state: after one step if the protocol reveals it, else the present one.
+    last: AgentState,
+    /// Number of steps until the last known state.
+    first: usize,
+    /// Acceleration, m/s².
+    acceleration: f64,
+    /// Curvature, 1/m.
+    curvature: f64,
+}
+
+impl<'a> AvMotion<'a> {
+    fn observed(seen: &Observation<'a>) -> Option<Self> {
+        let mut known: Vec<Frame> = seen.track(0).to_vec();
+        known.extend(seen.av_next().map(Some));
+        let (acceleration, curvature) = motion(&known);
+        Some(Self {
+            agent: &seen.start().agents[0],
+            now: seen.state(0)?,
+            last: known.last().copied().flatten()?,
+            first: known.len() - seen.track(0).len(),
+            acceleration,
+            curvature,
+        })
     }
-    let boxes = std::array::from_fn(|time| {
-        let k = step_of(time);
-        let t = k as f64 * DT;
-        let length = agent.length + 2.0 * (LENGTH_GROWTH * t).min(MAX_LENGTH_GROWTH);
-        let width = agent.width + 2.0 * (WIDTH_GROWTH * t).min(MAX_WIDTH_GROWTH);
-        OrientedBox::new(poses[k].position, poses[k].heading, length, width)
-    });
-    let velocities = std::array::from_fn(|time| {
-        let k = step_of(time);
-        direction(poses[k].heading) * speeds[k]
-    });
-    let mut obstacle = Obstacle::new(boxes, velocities);
-    obstacle.is_av = true;
-    obstacle.crossing_horizon = AV_CROSSING_HORIZON;
-    obstacle.side = settings.av_side;
-    Some(obstacle)
+
+    fn stands(&self) -> bool {
+        forward(&self.last).abs() < STANDSTILL_SPEED && self.acceleration.abs() < 0.5
+    }
+
+    /// Returns the AV as an obstacle, on a route or along its curvature.
+    fn forecast(&self, settings: &Settings, forecast: AvForecast, route: Option<&Route>) -> Obstacle {
+        let Self { agent, now, last, first, curvature, .. } = *self;
+        if self.stands() {
+            let mut standing = Obstacle::standing(last.footprint(agent));
+            standing.is_av = true;
+            standing.side = settings.av_side;
+            return standing;
+        }
+        let acceleration = match forecast {
+            AvForecast::GoesOn | AvForecast::FollowsLane => self.acceleration,
+            AvForecast::Brakes => -settings.av_brake,
+            AvForecast::KeepsSpeed => 0.0,
+        };
+        let mut speed = forward(&last);
+        let mut poses = [Pose { position: now.position(), heading: now.heading }; STEPS + 1];
+        let mut speeds = [forward(&now); STEPS + 1];
+        let mut pose = Pose { position: last.position(), heading: last.heading };
+        let mut distance = 0.0;
+        for k in first..=STEPS {
+            if k == 0 {
+                continue;
+            }
+            if k > first {
+                let t = (k - first) as f64 * DT;
+                let a = match acceleration {
+                    a if a > 0.0 => a * math::exp(-t / ACCELERATION_DECAY_TIME),
+                    a if t <= BRAKING_DURATION => a,
+                    _ => 0.0,
+                };
+                speed = if speed >= 0.0 { (speed + a * DT).max(0.0) } else { speed };
+                let decayed = curvature * math::exp(-distance / CURVATURE_DECAY_DISTANCE);
+                pose = pose.advance(speed * DT, decayed);
+                distance += speed.abs() * DT;
+                if let Some(route) = route {
+                    pose = route.pose(distance);
+                }
+            }
+            (poses[k], speeds[k]) = (pose, speed);
+        }
+        let boxes = std::array::from_fn(|time| {
+            let k = step_of(time);
+            let t = k as f64 * DT;
+            let length = agent.length + 2.0 * (LENGTH_GROWTH * t).min(MAX_LENGTH_GROWTH);
+            let width = agent.width + 2.0 * (WIDTH_GROWTH * t).min(MAX_WIDTH_GROWTH);
+            OrientedBox::new(poses[k].position, poses[k].heading, length, width)
+        });
+        let velocities = std::array::from_fn(|time| {
+            let k = step_of(time);
+            direction(poses[k].heading) * speeds[k]
+        });
+        let mut obstacle = Obstacle::new(boxes, velocities);
+        obstacle.is_av = true;
+        obstacle.crossing_horizon = AV_CROSSING_HORIZON;
+        obstacle.side = settings.av_side;
+        obstacle
+    }
 }
 
 fn forward(state: &AgentState) -> f64 {

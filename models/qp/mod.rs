@@ -5,6 +5,7 @@
 //! [`Stage`] first; [`Smoothing`] puts it behind a simulator. `models/qp/README.md` explains the design
 //! and has figures.
 
+mod av_routes;
 mod bends;
 mod drive;
 mod ending;

@@ -15,7 +15,7 @@ use super::planned_vehicle::PlannedVehicle;
 use super::settings::Settings;
 use super::speed::STEPS;
 use super::vehicle::{Planner, STANDSTILL_REACH, reverses, stays};
-use super::walkers::around;
+use super::walkers::{around, out_of_boxes};
 
 /// Intended motion of an agent.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,6 +98,8 @@ impl Stage {
             obstacles.extend(seen.start().obstacles.iter().map(|b| Obstacle::standing(*b)));
         }
         let standing = if everybody { static_boxes(seen, intents) } else { Vec::new() };
+        // The boxes that pedestrians step out of, if the stage has a guard.
+        let vehicles = if self.guard.is_some() { vehicle_boxes(seen) } else { Vec::new() };
         let mut order: Vec<(f64, usize)> = Vec::new();
         let av = seen.state(0).map(|s| s.position());
         for (slot, intent) in intents.iter().enumerate() {
@@ -105,13 +107,9 @@ impl Stage {
             match intent {
                 Intent::None if slot == 0 && everybody => {
                     let settings = &self.planner.settings;
-                    obstacles.extend(forecast::av(seen, settings, AvForecast::GoesOn));
+                    obstacles.extend(forecast::av(seen, settings));
                     if self.guard.is_some() {
-                        av_forecasts.extend(
-                            AvForecast::ALL
-                                .into_iter()
-                                .filter_map(|f| Some((f, forecast::av(seen, settings, f)?))),
-                        );
+                        av_forecasts = forecast::av_forecasts(seen, settings);
                     }
                 }
                 Intent::None => {}
@@ -119,7 +117,9 @@ impl Stage {
                     let agent = &agents[slot];
                     let states = match agent.kind {
                         AgentKind::Pedestrian => {
-                            around(&now, 0.5 * agent.length.max(agent.width), states, &standing)
+                            let reach = 0.5 * agent.length.max(agent.width);
+                            let out = out_of_boxes(&now, reach, states.len(), &vehicles);
+                            out.unwrap_or_else(|| around(&now, reach, states, &standing))
                         }
                         _ => states.clone(),
                     };
@@ -172,6 +172,7 @@ impl Stage {
                             }
                             continue;
                         }
+                        Decision::AlongProposal => self.planner.plan(&vehicle, &modes, &others),
                         Decision::Maneuver(mode) => self.planner.plan(&vehicle, &[mode], &others),
                     }
                 }
@@ -236,6 +237,12 @@ impl Stage {
 
 fn most_probable(modes: &[Mode]) -> Option<&Mode> {
     modes.iter().filter(|m| m.is_valid()).reduce(|a, b| if b.probability > a.probability { b } else { a })
+}
+
+/// Returns the present boxes of all vehicles.
+fn vehicle_boxes(seen: &Observation<'_>) -> Vec<OrientedBox> {
+    let agents = seen.start().agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle);
+    agents.filter_map(|(slot, agent)| Some(seen.state(slot)?.footprint(agent))).collect()
 }
 
 /// Returns static boxes: obstacles of the map, vehicles whose modes do not set off, and an AV at

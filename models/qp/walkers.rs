@@ -1,6 +1,6 @@
-//! Pedestrians walk around static obstacles.
+//! Pedestrians walk around static obstacles, and out of boxes that they are in.
 
-use reactsim::geometry::{OrientedBox, Vec2};
+use reactsim::geometry::{OrientedBox, Vec2, heading_of};
 use reactsim::scene::{AgentState, DT};
 
 /// Clearance to static obstacles, metres.
@@ -43,6 +43,46 @@ pub(super) fn around(
         if diverted { AgentState { x: next.x, y: next.y, vx: v.x, vy: v.y, ..*state } } else { *state }
     };
     if boxes.is_empty() { states.to_vec() } else { states.iter().map(step).collect() }
+}
+
+/// Speed of pedestrians who step out of a box, m/s: calm walking.
+const STEPPING_SPEED: f64 = 1.2;
+
+/// Returns the steps of a pedestrian out of the boxes that it overlaps, by the nearest side that is free, as many as
+/// planned; `None` if it overlaps none. Recorded pedestrians get into and out of vehicles; those who stay where they
+/// were recorded overlap them for ever.
+pub(super) fn out_of_boxes(
+    now: &AgentState,
+    reach: f64,
+    steps: usize,
+    boxes: &[OrientedBox],
+) -> Option<Vec<AgentState>> {
+    let at = now.position();
+    let is_free = |p: Vec2| boxes.iter().all(|b| outside(b, reach, p).is_none());
+    if is_free(at) {
+        return None;
+    }
+    let room = reach + CLEARANCE;
+    let overlapped = boxes.iter().filter(|b| outside(b, reach, at).is_some());
+    let exits = overlapped.flat_map(|b| {
+        let local = b.to_local(at);
+        let (x, y) = (b.half_length + room, b.half_width + room);
+        [(x, local.y), (-x, local.y), (local.x, y), (local.x, -y)]
+            .map(|(x, y)| b.center + b.axis * x + b.left() * y)
+    });
+    let nearest = |a: &Vec2, b: &Vec2| (a - at).norm_squared().total_cmp(&(b - at).norm_squared());
+    let exit = exits.filter(|p| is_free(*p)).min_by(nearest)?;
+    let way = exit - at;
+    let heading = heading_of(way);
+    let mut before = at;
+    let step = |k: usize| {
+        let gone = (STEPPING_SPEED * DT * (k + 1) as f64).min(way.norm());
+        let position = at + way * (gone / way.norm());
+        let v = (position - before) / DT;
+        before = position;
+        AgentState { x: position.x, y: position.y, heading, vx: v.x, vy: v.y }
+    };
+    Some((0..steps).map(step).collect())
 }
 
 /// Returns the nearest point at a distance of at least `room` from a box's sides; `None` if `p` already
@@ -88,6 +128,23 @@ mod tests {
         let car = OrientedBox::new(Vec2::zeros(), 0.3, 4.0, 2.0);
         let (now, states) = walks(Vec2::new(0.5, 0.2), Vec2::new(0.0, 1.0));
         assert_eq!(around(&now, 0.4, &states, &[car]), states);
+    }
+
+    #[test]
+    fn a_pedestrian_in_a_car_steps_out_by_the_nearest_free_side() {
+        let car = OrientedBox::new(Vec2::zeros(), 0.0, 4.0, 2.0);
+        let (now, _) = walks(Vec2::new(0.5, 0.2), Vec2::zeros());
+        let out = out_of_boxes(&now, 0.4, 20, &[car]).unwrap();
+        assert_eq!(out.len(), 20);
+        assert!((out[19].position() - Vec2::new(0.5, 1.55)).norm() < 1e-9, "{:?}", out[19]);
+        assert!((out[0].vy - STEPPING_SPEED).abs() < 1e-9);
+        // Another car on that side: the pedestrian takes the other one.
+        let beside = OrientedBox::new(Vec2::new(0.0, 2.3), 0.0, 4.0, 2.0);
+        let out = out_of_boxes(&now, 0.4, 20, &[car, beside]).unwrap();
+        assert!((out[19].position() - Vec2::new(0.5, -1.55)).norm() < 1e-9, "{:?}", out[19]);
+        // A pedestrian outside is left alone.
+        let (now, _) = walks(Vec2::new(0.5, 1.5), Vec2::zeros());
+        assert_eq!(out_of_boxes(&now, 0.4, 20, &[car]), None);
     }
 
     #[test]

@@ -22,6 +22,7 @@ mod generate;
 mod generated;
 mod generation;
 mod geometry_check;
+mod guard;
 mod hostile_input;
 mod idm;
 mod layers;

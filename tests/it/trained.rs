@@ -322,6 +322,47 @@ fn rollouts_become_futures() {
     assert!(said(&output).contains("no rollouts of `idm`"), "{}", said(&output));
 }
 
+#[test]
+fn certificates_become_futures() {
+    let folder = tempfile::tempdir().unwrap();
+    let (deviations, out) = (folder.path().join("deviations.parquet"), folder.path().join("certified.parquet"));
+    let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+    done(&["curate", mini, "--min-vehicles", "1", "--out", text(&deviations)]);
+    done(&["convert", mini, "--certificates", text(&deviations), "--out", text(&out)]);
+    let records = reactsim::formats::deviations::read(&deviations).unwrap();
+    let logged: Vec<_> = formats::open(Path::new(mini)).unwrap().map(Result::unwrap).collect();
+    let certified: Vec<_> = formats::open(&out).unwrap().map(Result::unwrap).collect();
+    assert_eq!(certified.len(), records.values().filter(|r| r.certificate.is_some()).count());
+    let mut responses = 0;
+    for new in &certified {
+        let id = new.id.strip_suffix("+certificate").unwrap();
+        let old = logged.iter().find(|s| s.id == id).unwrap();
+        let certificate = records[id].certificate_in(old.origin).unwrap();
+        let av = records[id].track_in(old.origin);
+        for (slot, agent) in old.start.agents.iter().enumerate() {
+            let response = certificate.responses.iter().find(|r| r.agent == agent.id);
+            responses += usize::from(response.is_some());
+            for step in [1, 40, 80] {
+                let wanted = match response {
+                    _ if slot == 0 => Some(av[step - 1]),
+                    Some(response) => Some(response.track[step]),
+                    None => old.logged_at(slot, CURRENT + step),
+                };
+                let found = new.logged_at(slot, CURRENT + step);
+                let near = |a: f64, b: f64| (a - b).abs() < 1e-6;
+                let same = match (found, wanted) {
+                    (Some(a), Some(b)) => near(a.x, b.x) && near(a.y, b.y),
+                    (a, b) => a.is_none() && b.is_none(),
+                };
+                assert!(same, "{id}: {} at step {step}: {found:?}, not {wanted:?}", agent.id);
+            }
+        }
+    }
+    assert!(responses > 0);
+    let output = reactsim(&["convert", BENCH, "--certificates", text(&deviations), "--out", text(&out)]);
+    assert!(said(&output).contains("no scenario"), "{}", said(&output));
+}
+
 /// Parts depend on the content of scenarios alone, hold every scenario once, and can be learned from.
 #[test]
 fn scenarios_are_split_by_content() {

@@ -7,7 +7,7 @@ use super::super::planned_vehicle::PlannedVehicle;
 use super::super::speed::STEPS;
 use super::course::{Change, Course, Shift, after};
 use super::meeting::{Clearances, Meeting};
-use super::proposal::Proposal;
+use super::proposal::{Proposal, is_wrong_way};
 use super::{GuardSettings, Surroundings};
 
 /// Lateral shifts that are tried, metres.
@@ -32,8 +32,6 @@ const SIDE_OFF_ROAD_COST: f64 = 10.0;
 const OFF_ROAD_COST: f64 = 60.0;
 /// Cost of entering lanes of the opposite direction.
 const WRONG_WAY_COST: f64 = 12.0;
-/// Cosine below which a lane has the opposite direction.
-const OPPOSITE_COSINE: f64 = -0.5;
 /// Steps at which the ground of a shifted path is judged.
 const JUDGED_STEPS: [usize; 4] = [8, 15, 22, 30];
 /// Standard deviation of the modes of maneuvers along and across the motion, metres: they are to be followed
@@ -129,11 +127,7 @@ fn ground_cost(vehicle: &PlannedVehicle<'_>, proposal: &Proposal<'_>, shift: Shi
                 cost = cost.max(here);
             }
         }
-        road.lanes_at(pose.position, &mut lanes);
-        let opposite = |lane: usize, segment: usize| {
-            direction(road.lane(lane).baseline.heading(segment)).dot(&axis) < OPPOSITE_COSINE
-        };
-        if !lanes.is_empty() && lanes.iter().all(|hit| opposite(hit.lane, hit.projection.segment)) {
+        if is_wrong_way(&road, pose.position, axis, &mut lanes) {
             cost = cost.max(WRONG_WAY_COST);
         }
     }

@@ -40,6 +40,8 @@ pub struct GuardSettings {
     pub braking_weight: f64,
     /// Weight of the forecast that the AV keeps its speed.
     pub steady_weight: f64,
+    /// Weight of each forecast that the AV follows one of its lanes.
+    pub lane_weight: f64,
     /// Part of the worst forecast in the cost of a maneuver, from 0 to 1; the weighted mean is the rest.
     pub worst_part: f64,
 }
@@ -48,6 +50,8 @@ pub struct GuardSettings {
 pub(super) enum Decision {
     /// The committed steps of the proposal.
     AsProposed,
+    /// A plan along the proposal, because that leaves the road.
+    AlongProposal,
     /// Another motion, to be planned along this mode clear of everybody but the AV, which it avoids already.
     Maneuver(Mode),
 }
@@ -69,12 +73,14 @@ impl GuardSettings {
         proposal: &Proposal<'_>,
         around: Surroundings<'_>,
     ) -> Decision {
-        if proposal.stays_on_road(vehicle) && self.leaves_way_out(vehicle, proposal, around) {
-            return Decision::AsProposed;
-        }
-        match cheapest(self, vehicle, proposal, around) {
+        let maneuver = match self.leaves_way_out(vehicle, proposal, around) {
+            true => None,
+            false => cheapest(self, vehicle, proposal, around),
+        };
+        match maneuver {
             Some(points) => Decision::Maneuver(maneuver::mode(points)),
-            None => Decision::AsProposed,
+            None if proposal.stays_on_road(vehicle) => Decision::AsProposed,
+            None => Decision::AlongProposal,
         }
     }
 
@@ -110,6 +116,7 @@ impl GuardSettings {
             AvForecast::GoesOn => 1.0,
             AvForecast::Brakes => self.braking_weight,
             AvForecast::KeepsSpeed => self.steady_weight,
+            AvForecast::FollowsLane => self.lane_weight,
         }
     }
 }

@@ -1,13 +1,17 @@
 //! Proposed motion of a vehicle.
 
 use reactsim::dynamics::Pose;
-use reactsim::geometry::{direction, left, wrap};
-use reactsim::scene::{AgentState, DT};
+use reactsim::geometry::{Vec2, direction, left, wrap};
+use reactsim::scene::{AgentState, DT, LaneHit, Road};
 
 use super::super::planned_vehicle::PlannedVehicle;
 
 /// Steps at the end of a proposal whose mean speed it keeps beyond its end.
 const LAST_STEPS: usize = 3;
+/// Steps after the committed ones at which the ground is judged: 1 s and 1.5 s from now.
+const JUDGED_STEPS: [usize; 2] = [10, 15];
+/// Cosine below which a lane has the opposite direction.
+const OPPOSITE_COSINE: f64 = -0.5;
 /// Lateral distance from the box centre to the points that must be on the road, metres.
 const INSIDE: f64 = 0.7;
 
@@ -77,15 +81,30 @@ impl<'a> Proposal<'a> {
         }
     }
 
-    /// Returns whether the vehicle is on the road after the committed steps. True for a vehicle that is off the
-    /// road already, and where the road is unknown.
+    /// Returns whether the vehicle stays on the road, and off lanes of the opposite direction. True for a vehicle that
+    /// is off the road already, and where the road is unknown.
     pub(super) fn stays_on_road(&self, vehicle: &PlannedVehicle<'_>) -> bool {
         let Some(road) = vehicle.road else { return true };
-        let end = &self.states[self.committed - 1];
-        let aside = left(direction(end.heading)) * INSIDE;
-        let mut near = None;
-        [end.position() + aside, end.position() - aside, end.position()]
-            .into_iter()
-            .all(|p| road.drivable(p, &mut near) != Some(false))
+        let (mut near, mut lanes) = (None, Vec::new());
+        let committed = std::iter::once(self.committed);
+        let later = JUDGED_STEPS.into_iter().filter(|&step| step > self.committed && step <= self.states.len());
+        committed.chain(later).all(|step| {
+            let state = &self.states[step - 1];
+            let axis = direction(state.heading);
+            let aside = left(axis) * INSIDE;
+            let mut is_road = |p| road.drivable(p, &mut near) != Some(false);
+            let on_road = [Vec2::zeros(), aside, -aside].into_iter().all(|a| is_road(state.position() + a));
+            on_road && !is_wrong_way(&road, state.position(), axis, &mut lanes)
+        })
     }
+}
+
+/// Returns whether all lanes at a point have the opposite direction.
+pub(super) fn is_wrong_way(road: &Road<'_>, at: Vec2, axis: Vec2, lanes: &mut Vec<LaneHit>) -> bool {
+    road.lanes_at(at, lanes);
+    let is_opposite = |hit: &LaneHit| {
+        let heading = road.lane(hit.lane).baseline.heading(hit.projection.segment);
+        direction(heading).dot(&axis) < OPPOSITE_COSINE
+    };
+    !lanes.is_empty() && lanes.iter().all(is_opposite)
 }
