@@ -66,6 +66,7 @@ fn measure() -> Result<()> {
     published(&device, peak, "7 M", TINY, "60 ms")?;
     published(&device, peak, "1 M", SMALL, "5 ms")?;
     reactive(&device)?;
+    guarded()?;
     regression(&device)?;
     diffusion(&device)
 }
@@ -300,6 +301,18 @@ fn reactive(device: &Device) -> Result<()> {
         }
     });
     row(&format!("reactive: a rollout of {agents} agents with all metrics"), &times, "120 ms", milliseconds);
+    Ok(())
+}
+
+/// Measures the shipped network with its guard, on the shipped scenario with the most agents: 16 plans and 80 steps.
+fn guarded() -> Result<()> {
+    let scenario = crowded()?;
+    let baseline = reactsim::models::find("ntp-guarded").context("a baseline")?;
+    let controller = baseline.simulator()?;
+    rolled(&scenario, &controller, 1)?;
+    let times = measured(|| drop(std::hint::black_box(rolled(&scenario, &controller, 1))));
+    let agents = scenario.start.agents.len();
+    row(&format!("guarded: a plan of {agents} agents"), &times, "25 ms", |s| milliseconds(s / 16.0));
     Ok(())
 }
 

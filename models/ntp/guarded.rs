@@ -23,6 +23,8 @@ pub(in crate::models) const GUARDED: Baseline = Baseline {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
+    /// Added to the logits of a vehicle per metre that a token leads ahead, 1/m.
+    haste: f64,
     /// Settings for drawing tokens.
     sampling: Sampling,
     /// When agents leave what the network proposes.
@@ -30,9 +32,10 @@ struct Parameters {
 }
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
-    let Parameters { sampling, guard } = setup.parameters()?;
+    let Parameters { haste, sampling, guard } = setup.parameters()?;
     let device = setup.backend.device();
     let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     let driving = Driving { projection: true, keep_clear: false, sampling };
-    qp::guarded(Box::new(ReactiveSimulator::new(policy, driving, device)), guard)
+    let simulator = ReactiveSimulator::new(policy, driving, device).with_haste(haste);
+    qp::guarded(Box::new(simulator), guard)
 }

@@ -71,11 +71,8 @@ impl Smoothing {
     }
 }
 
-/// Number of steps that a guarded simulator is asked for: 3 s.
-const GUARDED_STEPS: usize = 30;
-
 /// Returns a simulator whose vehicles execute their plans as they are while the guard finds a safe way out. It must
-/// plan vehicles within the limits of the benchmark, and take plans of 3 s.
+/// plan vehicles within the limits of the benchmark, and make plans of any number of steps.
 ///
 /// # Errors
 /// The error of an invalid card of the stage, which a test rules out.
@@ -150,7 +147,7 @@ impl Simulator for Smoothed {
             };
             let steps = match self.follow {
                 Follow::Plans(_) => episode.plan.steps(),
-                Follow::Guarded(_) => episode.plan.steps().max(GUARDED_STEPS),
+                Follow::Guarded(guard) => episode.plan.steps().max(guard.steps),
             };
             inner.push(Episode {
                 seen: episode.seen,

@@ -15,19 +15,28 @@ use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
 use super::step::{EarlierNode, Step};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
+use crate::models::perception::Class;
 
 /// Simulator that moves agents by tokens drawn from the reactive network.
 #[derive(Debug)]
 pub struct ReactiveSimulator {
     policy: Policy,
     driving: Driving,
+    /// Added to the logits of a vehicle per metre that a token leads ahead, 1/m.
+    haste: f64,
     device: Device,
 }
 
 impl ReactiveSimulator {
     /// Builds a simulator of this policy, whose weights are on this device.
     pub fn new(policy: Policy, driving: Driving, device: Device) -> Self {
-        Self { policy, driving, device }
+        Self { policy, driving, haste: 0.0, device }
+    }
+
+    /// Adds this to the logits of a vehicle per metre that a token leads ahead, 1/m: longer tokens become likelier.
+    #[must_use]
+    pub fn with_haste(self, haste: f64) -> Self {
+        Self { haste, ..self }
     }
 }
 
@@ -125,6 +134,12 @@ impl ReactiveSimulator {
         }
     }
 
+    /// Returns the logits of a vehicle, raised with the length of their tokens.
+    fn hasten(&self, logits: &[f32]) -> Vec<f32> {
+        let ahead = |token| self.policy.vocabulary.poses(Class::Vehicle, token)[TOKEN_FRAMES].position.x;
+        logits.iter().enumerate().map(|(token, l)| l + (self.haste * ahead(token)) as f32).collect()
+    }
+
     /// Encodes the steps of some episodes.
     fn encode(&self, group: &[&mut &mut PendingPlan<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
         let (mut scenes, mut maps) = (Vec::new(), Vec::new());
@@ -199,6 +214,8 @@ impl PendingPlan<'_, '_> {
         for ((&slot, &class), logits) in newest.slots.iter().zip(&newest.classes).zip(logits) {
             let agent = &agents[slot];
             let track = &mut self.tracks[slot];
+            let hasty = (simulator.haste != 0.0 && class == Class::Vehicle).then(|| simulator.hasten(logits));
+            let logits = hasty.as_deref().unwrap_or(logits);
             match simulator.driving.sampling.draw_first(logits, self.episode.stream) {
                 Some(order) => {
                     let tokens = order.into_iter().map(|t| simulator.policy.vocabulary.poses(class, t));

@@ -26,6 +26,8 @@ use super::planned_vehicle::PlannedVehicle;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GuardSettings {
+    /// Number of steps of a proposal.
+    pub steps: usize,
     /// Deceleration with which a vehicle can give way after the committed steps, m/s².
     pub brake: f64,
     /// Acceleration with which a vehicle can go first after the committed steps, m/s².
