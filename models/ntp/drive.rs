@@ -91,7 +91,8 @@ pub(crate) fn drive(
             Some(goal) => vocabulary.nearest(class, motion_between(from, moved(goal, kept))),
             None => nearest,
         };
-        if braked.is_none() && let Some((noise, stream)) = &mut noise
+        if braked.is_none()
+            && let Some((noise, stream)) = &mut noise
             && stream.random::<f64>() < noise.wrong
         {
             let near = vocabulary.nearest_k(class, target, noise.among);

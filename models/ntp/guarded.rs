@@ -15,6 +15,7 @@ pub(in crate::models) const GUARDED: Baseline = Baseline {
     card: include_str!("cards/guarded.toml"),
     ranges: include_str!("ranges/guarded.toml"),
     takes_stage: false,
+    by_default: false,
     make,
     ..entries::REACTIVE
 };

@@ -132,7 +132,8 @@ impl Stage {
                 Intent::Vehicle(_) | Intent::Guarded(_) => {
                     let distance = av.map_or(0.0, |av| (av - now.position()).norm_squared());
                     order.push((if slot == 0 { -1.0 } else { distance }, slot));
-                    if let Some(obstacle) = self.unplanned(&agents[slot], &now, intent).filter(|_| everybody) {
+                    if let Some(obstacle) = self.unplanned(&agents[slot], &now, intent).filter(|_| everybody)
+                    {
                         own[slot] = Some(obstacles.len());
                         obstacles.push(obstacle);
                     }
@@ -147,9 +148,10 @@ impl Stage {
             let vehicle = self.planned_vehicle(seen, slot, moving);
             let (modes, proposed) = match &intents[slot] {
                 Intent::Vehicle(modes) => (sorted(modes, &now), None),
-                Intent::Guarded(states) => {
-                    (vec![mode_of(states)], self.guard.map(|guard| (guard, Proposal::new(now, states, steps))))
-                }
+                Intent::Guarded(states) => (
+                    vec![mode_of(states)],
+                    self.guard.map(|guard| (guard, Proposal::new(now, states, steps))),
+                ),
                 Intent::None | Intent::Fixed(_) => continue,
             };
             let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;

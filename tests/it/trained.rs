@@ -325,7 +325,8 @@ fn rollouts_become_futures() {
 #[test]
 fn certificates_become_futures() {
     let folder = tempfile::tempdir().unwrap();
-    let (deviations, out) = (folder.path().join("deviations.parquet"), folder.path().join("certified.parquet"));
+    let (deviations, out) =
+        (folder.path().join("deviations.parquet"), folder.path().join("certified.parquet"));
     let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
     done(&["curate", mini, "--min-vehicles", "1", "--out", text(&deviations)]);
     done(&["convert", mini, "--certificates", text(&deviations), "--out", text(&out)]);

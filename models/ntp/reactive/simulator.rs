@@ -81,7 +81,14 @@ impl Simulator for ReactiveSimulator {
             };
             let agents = episode.seen.start().agents.len();
             let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
-            planned.push(PendingPlan { episode, memory, tracks, steps: Vec::new(), earlier: Vec::new(), observed: Vec::new() });
+            planned.push(PendingPlan {
+                episode,
+                memory,
+                tracks,
+                steps: Vec::new(),
+                earlier: Vec::new(),
+                observed: Vec::new(),
+            });
         }
         let mut executor = Executor::new(self.driving.projection);
         let longest = planned.iter().map(|p| p.episode.plan.steps()).max().unwrap_or(0);

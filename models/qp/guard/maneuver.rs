@@ -108,7 +108,11 @@ fn av_cost(
         let cost = weight * meeting_cost(clearances.first_meeting(course, av));
         (sum, worst, weights) = (sum + cost, worst.max(cost), weights + weight);
     }
-    if weights == 0.0 { 0.0 } else { settings.worst_part * worst + (1.0 - settings.worst_part) * sum / weights }
+    if weights == 0.0 {
+        0.0
+    } else {
+        settings.worst_part * worst + (1.0 - settings.worst_part) * sum / weights
+    }
 }
 
 /// Returns the cost of the ground of a shifted path: low for a side of the box off the road, high for its centre

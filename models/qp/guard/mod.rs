@@ -107,9 +107,10 @@ impl GuardSettings {
         });
         let mut open = open.iter().flatten().peekable();
         open.peek().is_some()
-            && around.av.iter().all(|(_, av)| {
-                open.clone().any(|way| clearances.first_meeting(way, av).is_none())
-            })
+            && around
+                .av
+                .iter()
+                .all(|(_, av)| open.clone().any(|way| clearances.first_meeting(way, av).is_none()))
     }
 
     /// Returns the weight of a forecast of the AV.

@@ -87,7 +87,8 @@ impl<'a> Proposal<'a> {
         let Some(road) = vehicle.road else { return true };
         let (mut near, mut lanes) = (None, Vec::new());
         let committed = std::iter::once(self.committed);
-        let later = JUDGED_STEPS.into_iter().filter(|&step| step > self.committed && step <= self.states.len());
+        let later =
+            JUDGED_STEPS.into_iter().filter(|&step| step > self.committed && step <= self.states.len());
         committed.chain(later).all(|step| {
             let state = &self.states[step - 1];
             let axis = direction(state.heading);
