@@ -135,6 +135,7 @@ fn embedded() -> impl Iterator<Item = &'static (&'static str, &'static [u8])> {
         reactsim_weights_smart::SHIPPED,
         reactsim_weights_catk::SHIPPED,
         reactsim_weights_diffusion::SHIPPED,
+        reactsim_weights_guarded::SHIPPED,
     ];
     crates.into_iter().flatten()
 }
