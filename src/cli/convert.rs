@@ -52,7 +52,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
         bail!("{} is both input and output; choose another --out", same.path.display());
     }
     let mut futures = match (&args.futures, &args.model, &args.certificates) {
-        (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Futures::open(path, model)?)),
+        (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Box::new(Futures::open(path, model)?))),
         (_, _, Some(path)) => Some(NewFutures::Certificates(Certified::open(path)?)),
         _ => None,
     };
@@ -66,7 +66,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
 
 /// Futures that replace the logged ones.
 enum NewFutures {
-    Rollouts(Futures),
+    Rollouts(Box<Futures>),
     Certificates(Certified),
 }
 
