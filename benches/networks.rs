@@ -304,7 +304,8 @@ fn reactive(device: &Device) -> Result<()> {
     Ok(())
 }
 
-/// Measures the shipped network with its guard, on the shipped scenario with the most agents: 16 plans and 80 steps.
+/// Measures the shipped network with its guard, on the shipped scenario with the most agents: 16 plans and 80
+/// steps.
 fn guarded() -> Result<()> {
     let scenario = crowded()?;
     let baseline = reactsim::models::find("ntp-guarded").context("a baseline")?;

@@ -51,7 +51,7 @@ pub(crate) fn drive(
     mut noise: Option<(&Perturbation, &mut Stream)>,
 ) -> LabeledTrack {
     let steps = (FRAMES - 1 - first) / TOKEN_FRAMES;
-    let mut slowdown = match &mut noise {
+    let slowdown = match &mut noise {
         Some((noise, stream)) if agent.kind == AgentKind::Vehicle && noise.slowed > 0.0 => {
             // The same draws whatever the log, so that the noise of others does not depend on it.
             let drawn = Slowdown::draw(logged, first, stream);
@@ -75,7 +75,7 @@ pub(crate) fn drive(
         };
         let (from, mut log, mut goal) = (Pose::from(state), Pose::from(log), Pose::from(goal));
         let mut braked = None;
-        if let Some(slowdown) = slowdown.as_mut().filter(|s| step >= s.first) {
+        if let Some(slowdown) = slowdown.as_ref().filter(|s| step >= s.first) {
             let speed = state.velocity().map_or(0.0, |v| v.norm());
             let passage = slowdown.passage(from.position, speed, next, step);
             (log, goal, braked) = (passage.here, passage.recovers, passage.brakes);

@@ -47,8 +47,8 @@ pub(crate) struct Passage {
 }
 
 impl Slowdown {
-    /// Draws a slowdown of a vehicle with this log, after frame `from`. `None` if the vehicle is absent at some
-    /// frame or hardly moves. The number of draws does not depend on the log.
+    /// Draws a slowdown of a vehicle with this log, after frame `from`. `None` if the vehicle is absent at
+    /// some frame or hardly moves. The number of draws does not depend on the log.
     pub(crate) fn draw(logged: &[Frame], from: usize, stream: &mut Stream) -> Option<Self> {
         let mut between = |range: [f64; 2]| range[0] + (range[1] - range[0]) * stream.random::<f64>();
         let (deceleration, acceleration) = (between(DECELERATION), between(ACCELERATION));
@@ -87,8 +87,8 @@ impl Slowdown {
         }
     }
 
-    /// Returns the arc length of the pose nearest to a position among those before frame `next`, refined along
-    /// the path.
+    /// Returns the arc length of the pose nearest to a position among those before frame `next`, refined
+    /// along the path.
     fn nearest(&self, position: Vec2, next: usize) -> f64 {
         let distance = |k: &usize| (self.poses[*k].position - position).norm_squared();
         let most = next - self.frame;

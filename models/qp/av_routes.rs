@@ -4,7 +4,8 @@ use reactsim::dynamics::Pose;
 use reactsim::geometry::{Polyline, Vec2, direction, left, math};
 use reactsim::scene::{AgentState, LaneHit, Road};
 
-/// Cosine of the largest difference between the heading of the AV and that of a lane that it may follow: 60 degrees.
+/// Cosine of the largest difference between the heading of the AV and that of a lane that it may follow: 60
+/// degrees.
 const ALONG_COSINE: f64 = 0.5;
 /// Length of a route, metres: what the AV can cover in the planned time.
 const LENGTH: f64 = 80.0;
@@ -14,7 +15,6 @@ const MAX_LANES: usize = 8;
 const MAX_ROUTES: usize = 6;
 /// Distance in metres in which the AV comes closer to the lane centre by a factor of e.
 const APPROACH_DISTANCE: f64 = 12.0;
-
 /// Smallest distance between two points of a route, metres.
 const MIN_SPACING: f64 = 0.05;
 
@@ -28,6 +28,21 @@ pub(super) struct Route {
 }
 
 impl Route {
+    fn of(road: &Road<'_>, lanes: &[usize], at: Vec2) -> Option<Self> {
+        let mut points: Vec<Vec2> = Vec::new();
+        for &lane in lanes {
+            for &p in road.lane(lane).baseline.points() {
+                // Lanes share the points at which they meet.
+                if points.last().is_none_or(|last| (p - last).norm() > MIN_SPACING) {
+                    points.push(p);
+                }
+            }
+        }
+        let line = Polyline::new(&points).ok()?;
+        let first = line.project_between(at, 0, road.lane(lanes[0]).baseline.segments());
+        Some(Self { from: first.s, offset: first.offset, line })
+    }
+
     /// Returns the pose after a distance, metres: the AV approaches the lane centre.
     pub(super) fn pose(&self, distance: f64) -> Pose {
         let arc = self.from + distance;
@@ -71,22 +86,5 @@ fn extend(road: &Road<'_>, lanes: &mut Vec<usize>, length: f64, found: &mut Vec<
         lanes.push(next);
         extend(road, lanes, left, found);
         lanes.pop();
-    }
-}
-
-impl Route {
-    fn of(road: &Road<'_>, lanes: &[usize], at: Vec2) -> Option<Self> {
-        let mut points: Vec<Vec2> = Vec::new();
-        for &lane in lanes {
-            for &p in road.lane(lane).baseline.points() {
-                // Lanes share the points at which they meet.
-                if points.last().is_none_or(|last| (p - last).norm() > MIN_SPACING) {
-                    points.push(p);
-                }
-            }
-        }
-        let line = Polyline::new(&points).ok()?;
-        let first = line.project_between(at, 0, road.lane(lanes[0]).baseline.segments());
-        Some(Self { from: first.s, offset: first.offset, line })
     }
 }

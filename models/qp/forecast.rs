@@ -32,7 +32,7 @@ const MAX_WIDTH_GROWTH: f64 = 0.3;
 /// uncertain.
 const AV_CROSSING_HORIZON: usize = 19;
 
-/// What the AV is forecast to do.
+/// Forecast behaviour of the AV.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum AvForecast {
     /// It goes on as observed: acceleration and curvature decay.
@@ -45,13 +45,15 @@ pub(super) enum AvForecast {
     FollowsLane,
 }
 
-/// Forecasts the AV from its observed motion, with a box that grows with time. `None` if the AV is absent.
-pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<Obstacle> {
-    Some(AvMotion::observed(seen)?.forecast(settings, AvForecast::GoesOn, None))
+/// Forecasts that the AV goes on as observed, with a box that grows with time. `None` if the AV is absent.
+pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<(AvForecast, Obstacle)> {
+    let goes_on = AvForecast::GoesOn;
+    Some((goes_on, AvMotion::observed(seen)?.forecast(settings, goes_on, None)))
 }
 
-/// Returns all forecasts of the AV; empty if it is absent. An AV at standstill has one: it stays.
-pub(super) fn av_forecasts(seen: &Observation<'_>, settings: &Settings) -> Vec<(AvForecast, Obstacle)> {
+/// Returns all forecasts of the AV, the first as [`av`]; empty if it is absent. An AV at standstill has one:
+/// it stays.
+pub(super) fn all_of_av(seen: &Observation<'_>, settings: &Settings) -> Vec<(AvForecast, Obstacle)> {
     use AvForecast::{Brakes, FollowsLane, GoesOn, KeepsSpeed};
     let Some(motion) = AvMotion::observed(seen) else { return Vec::new() };
     if motion.stands() {

@@ -71,8 +71,8 @@ impl Smoothing {
     }
 }
 
-/// Returns a simulator whose vehicles execute their plans as they are while the guard finds a safe way out. It must
-/// plan vehicles within the limits of the benchmark, and make plans of any number of steps.
+/// Returns a simulator whose vehicles execute their plans as they are while the guard finds a safe way out.
+/// It must plan vehicles within the limits of the benchmark, and make plans of any number of steps.
 ///
 /// # Errors
 /// The error of an invalid card of the stage, which a test rules out.

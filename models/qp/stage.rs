@@ -28,8 +28,8 @@ pub enum Intent {
     /// Modes of a vehicle, one of which it follows. Invalid modes are left out; without a valid one the
     /// vehicle brakes.
     Vehicle(Vec<Mode>),
-    /// States of a vehicle, 0.1 s apart and at least as many as are planned, which it executes unless its guard
-    /// decides otherwise. Without a guard they are the only mode of the vehicle.
+    /// States of a vehicle, 0.1 s apart and at least as many as are planned, which it executes unless its
+    /// guard decides otherwise. Without a guard they are the only mode of the vehicle.
     Guarded(Vec<AgentState>),
 }
 
@@ -89,7 +89,8 @@ impl Stage {
         let agents = &seen.start().agents;
         let mut plans: Vec<Option<Vec<AgentState>>> = vec![None; agents.len()];
         let mut obstacles: Vec<Obstacle> = Vec::new();
-        // Forecasts of an AV that is moved from outside, for the guard.
+        // Forecasts of an AV that is moved from outside, the first that it goes on; without a guard no
+        // others.
         let mut av_forecasts: Vec<(AvForecast, Obstacle)> = Vec::new();
         // The obstacle that represents an agent until it is planned.
         let mut own: Vec<Option<usize>> = vec![None; agents.len()];
@@ -107,10 +108,11 @@ impl Stage {
             match intent {
                 Intent::None if slot == 0 && everybody => {
                     let settings = &self.planner.settings;
-                    obstacles.extend(forecast::av(seen, settings));
-                    if self.guard.is_some() {
-                        av_forecasts = forecast::av_forecasts(seen, settings);
-                    }
+                    av_forecasts = match self.guard {
+                        Some(_) => forecast::all_of_av(seen, settings),
+                        None => forecast::av(seen, settings).into_iter().collect(),
+                    };
+                    obstacles.extend(av_forecasts.first().map(|(_, goes_on)| goes_on.clone()));
                 }
                 Intent::None => {}
                 Intent::Fixed(states) => {
@@ -132,7 +134,7 @@ impl Stage {
                 Intent::Vehicle(_) | Intent::Guarded(_) => {
                     let distance = av.map_or(0.0, |av| (av - now.position()).norm_squared());
                     order.push((if slot == 0 { -1.0 } else { distance }, slot));
-                    if let Some(obstacle) = self.unplanned(&agents[slot], &now, intent).filter(|_| everybody)
+                    if let Some(obstacle) = Self::unplanned(&agents[slot], &now, intent).filter(|_| everybody)
                     {
                         own[slot] = Some(obstacles.len());
                         obstacles.push(obstacle);
@@ -196,10 +198,9 @@ impl Stage {
     }
 
     /// Returns the obstacle of a vehicle that is not planned yet and moves as intended.
-    fn unplanned(&self, agent: &Agent, now: &AgentState, intent: &Intent) -> Option<Obstacle> {
+    fn unplanned(agent: &Agent, now: &AgentState, intent: &Intent) -> Option<Obstacle> {
         let mut obstacle = match intent {
-            Intent::Guarded(states) if self.guard.is_some() => proposed_obstacle(agent, now, states),
-            Intent::Guarded(states) => obstacle_of_mode(agent, now, &mode_of(states)),
+            Intent::Guarded(states) => proposed_obstacle(agent, now, states),
             Intent::Vehicle(modes) => obstacle_of_mode(agent, now, most_probable(modes)?),
             Intent::None | Intent::Fixed(_) => return None,
         };

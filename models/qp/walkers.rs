@@ -48,9 +48,9 @@ pub(super) fn around(
 /// Speed of pedestrians who step out of a box, m/s: calm walking.
 const STEPPING_SPEED: f64 = 1.2;
 
-/// Returns the steps of a pedestrian out of the boxes that it overlaps, by the nearest side that is free, as many as
-/// planned; `None` if it overlaps none. Recorded pedestrians get into and out of vehicles; those who stay where they
-/// were recorded overlap them for ever.
+/// Returns the steps of a pedestrian out of the boxes that it overlaps, by the nearest side that is free, as
+/// many as planned; `None` if it overlaps none. Recorded pedestrians get into and out of vehicles; those who
+/// stay where they were recorded overlap them for ever.
 pub(super) fn out_of_boxes(
     now: &AgentState,
     reach: f64,

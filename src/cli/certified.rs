@@ -26,8 +26,8 @@ impl Certified {
         Ok(Self { deviations })
     }
 
-    /// Lets the AV follow its deviation and each agent its response; agents without a response keep their log.
-    /// Appends `certificate` to the id. Returns `false` if the file has no certificate for the scenario.
+    /// Lets the AV follow its deviation and each agent its response; agents without a response keep their
+    /// log. Appends `certificate` to the id. Returns `false` if the file has no certificate for the scenario.
     pub(super) fn put_into(&self, scenario: &mut Scenario) -> anyhow::Result<bool> {
         let Some(record) = self.deviations.tracks.get(&scenario.id) else { return Ok(false) };
         let Some(certificate) = record.certificate_in(scenario.origin) else { return Ok(false) };

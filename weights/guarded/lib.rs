@@ -1,4 +1,5 @@
-//! The weights of the network behind `ntp-guarded`, as data. `manifest.toml` of `reactsim-weights` describes them.
+//! The weights of the network behind `ntp-guarded`, as data. `manifest.toml` of `reactsim-weights` describes
+//! them.
 
 #![no_std]
 

@@ -33,7 +33,8 @@ impl ReactiveSimulator {
         Self { policy, driving, haste: 0.0, device }
     }
 
-    /// Adds this to the logits of a vehicle per metre that a token leads ahead, 1/m: longer tokens become likelier.
+    /// Adds this to the logits of a vehicle per metre that a token leads ahead, 1/m: longer tokens become
+    /// likelier.
     #[must_use]
     pub fn with_haste(self, haste: f64) -> Self {
         Self { haste, ..self }

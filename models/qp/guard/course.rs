@@ -26,8 +26,8 @@ pub(super) struct Shift(pub(super) f64);
 /// Time in seconds in which a vehicle moves 1 m aside; it grows with the root of the distance, so that the
 /// lateral acceleration is the same, 4 m/s² at most.
 const SHIFT_TIME: f64 = 1.2;
-/// Length in metres in which a slow vehicle moves 1 m aside; it grows with the root of the distance, so that the
-/// curvature is the same, 0.17 1/m at most.
+/// Length in metres in which a slow vehicle moves 1 m aside; it grows with the root of the distance, so that
+/// the curvature is the same, 0.17 1/m at most.
 const SHIFT_LENGTH: f64 = 6.0;
 
 impl Shift {

@@ -115,8 +115,8 @@ fn av_cost(
     }
 }
 
-/// Returns the cost of the ground of a shifted path: low for a side of the box off the road, high for its centre
-/// and for lanes of the opposite direction.
+/// Returns the cost of the ground of a shifted path: low for a side of the box off the road, high for its
+/// centre and for lanes of the opposite direction.
 fn ground_cost(vehicle: &PlannedVehicle<'_>, proposal: &Proposal<'_>, shift: Shift) -> f64 {
     let Some(road) = vehicle.road else { return 0.0 };
     let (mut near, mut lanes, mut cost) = (None, Vec::new(), 0.0_f64);

@@ -7,8 +7,8 @@ use super::super::obstacle::{Obstacle, TIMES, step_of};
 use super::GuardSettings;
 use super::course::Course;
 
-/// Number of steps in which a vehicle minds others that are not planned yet and do not lead it: they will mind
-/// it themselves.
+/// Number of steps in which a vehicle minds others that are not planned yet and do not lead it: they will
+/// mind it themselves.
 const UNPLANNED_STEPS: usize = 10;
 /// Speed in m/s from which the motion of an obstacle has a direction.
 const MOVING_SPEED: f64 = 0.2;
@@ -51,8 +51,8 @@ impl Clearances {
         }
     }
 
-    /// Returns the first time at which a course is too close to an obstacle; `None` if it never is. Agents other
-    /// than the AV that follow behind do not count.
+    /// Returns the first time at which a course is too close to an obstacle; `None` if it never is. Agents
+    /// other than the AV that follow behind do not count.
     pub(super) fn first_meeting(&self, course: &Course, obstacle: &Obstacle) -> Option<Meeting> {
         let (me, other) = (&course.boxes[0], &obstacle.boxes[0]);
         let ahead = (other.center - me.center).dot(&me.axis);

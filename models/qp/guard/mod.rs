@@ -2,8 +2,8 @@
 //! otherwise.
 //!
 //! A proposal is a motion of some seconds, of which the first steps, up to the next plan, are committed. The
-//! guard asks whether after these steps the vehicle can still avoid the AV, whatever the AV is forecast to do:
-//! by going on as proposed, by braking, or by going first. If so, it changes nothing. A vehicle therefore
+//! guard asks whether after these steps the vehicle can still avoid the AV, whatever the AV is forecast to
+//! do: by going on as proposed, by braking, or by going first. If so, it changes nothing. A vehicle therefore
 //! reacts to the AV as the proposing network does, and late rather than early where the network does not.
 
 mod course;
@@ -48,7 +48,7 @@ pub struct GuardSettings {
     pub worst_part: f64,
 }
 
-/// What a vehicle does until the next plan.
+/// Motion of a vehicle until the next plan.
 pub(super) enum Decision {
     /// The committed steps of the proposal.
     AsProposed,
@@ -68,7 +68,7 @@ pub(super) struct Surroundings<'a> {
 }
 
 impl GuardSettings {
-    /// Decides what a vehicle does.
+    /// Chooses the motion of a vehicle.
     pub(super) fn decide(
         &self,
         vehicle: &PlannedVehicle<'_>,
@@ -86,8 +86,8 @@ impl GuardSettings {
         }
     }
 
-    /// Returns whether for every forecast of the AV some continuation of the committed steps keeps clear of the
-    /// AV and of all others.
+    /// Returns whether for every forecast of the AV some continuation of the committed steps keeps clear of
+    /// the AV and of all others.
     fn leaves_way_out(
         &self,
         vehicle: &PlannedVehicle<'_>,

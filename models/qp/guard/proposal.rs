@@ -26,8 +26,8 @@ pub(in super::super) struct Proposal<'a> {
 }
 
 impl<'a> Proposal<'a> {
-    /// Creates a proposal from the present state and the states after each step, at least `committed`, which is at
-    /// least 1.
+    /// Creates a proposal from the present state and the states after each step, at least `committed`, which
+    /// is at least 1.
     pub(in super::super) fn new(now: AgentState, states: &'a [AgentState], committed: usize) -> Self {
         let (mut arc, mut before) = (0.0, now.position());
         let arcs = states.iter().map(|s| {
@@ -81,8 +81,8 @@ impl<'a> Proposal<'a> {
         }
     }
 
-    /// Returns whether the vehicle stays on the road, and off lanes of the opposite direction. True for a vehicle that
-    /// is off the road already, and where the road is unknown.
+    /// Returns whether the vehicle stays on the road, and off lanes of the opposite direction. True for a
+    /// vehicle that is off the road already, and where the road is unknown.
     pub(super) fn stays_on_road(&self, vehicle: &PlannedVehicle<'_>) -> bool {
         let Some(road) = vehicle.road else { return true };
         let (mut near, mut lanes) = (None, Vec::new());
