@@ -319,7 +319,7 @@ fn machine() -> f64 {
 fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     let input = formats::find_inputs(native)?.remove(0);
     let file = FileRecord::of(&input.path, input.format.id())?;
-    let open = Box::new(move || input.open_undecoded());
+    let open = Box::new(move |first| input.open_from(first));
     let plan = Plan {
         sources: vec![Source { file, open, count: None }],
         simulators: PlannedSimulator::by_ids(&["log-replay".to_owned(), "idm".to_owned()])?,

@@ -26,6 +26,7 @@ mod run;
 mod scenario_args;
 mod scenes;
 mod score;
+mod shard;
 mod shell;
 mod study;
 mod subject;
@@ -107,6 +108,8 @@ enum Command {
     View(view::ViewArgs),
     /// Run studies: replan interval, reactive against realism protocol, ablations
     Study(study::StudyArgs),
+    /// Divide a run into units for clusters, carry them out, and merge their results
+    Shard(shard::ShardArgs),
     /// Describe and draw a scenario
     Inspect(inspect::InspectArgs),
     /// Write runs in the formats of others
@@ -170,6 +173,7 @@ pub fn main() -> ExitCode {
         Command::Leaderboard(args) => leaderboard::leaderboard(&args),
         Command::View(args) => view::view(&args),
         Command::Study(args) => study::study(&args),
+        Command::Shard(args) => shard::shard(args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Export(args) => export::export(&args),
         Command::ExportAv(args) => export_av::export_av(&args),

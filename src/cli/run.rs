@@ -14,7 +14,7 @@ use super::progress::Progress;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::table_output::{TableArgs, formats};
 use super::{ExitStatus, note, say, stop_on_interrupt};
-use crate::evaluation::{self, Outcome, Plan, RunFolder, Summary};
+use crate::evaluation::{self, Outcome, Plan, RunFolder, Source, Summary};
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::qp::Smoothing;
 use crate::report::Run;
@@ -27,7 +27,7 @@ type Stage = std::option::Option<Smoothing>;
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
     #[command(flatten)]
-    subject: EvaluationArgs,
+    pub(super) subject: EvaluationArgs,
     /// Smoothing stage after every simulator except log replay: qp (smooth, within limits, on the
     /// road, clear of other agents) or qp-alone (ignores other agents). It becomes part of the id, as
     /// in idm+qp; --models takes such ids too
@@ -49,24 +49,24 @@ pub(super) struct RunArgs {
     rollouts: u32,
     /// Run folder to write: provenance, rows, events, summary [default: only print the table]
     #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Continue the interrupted run in --out
     #[arg(long, requires = "out")]
-    resume: bool,
+    pub(super) resume: bool,
     /// Repeat the first K scenarios of external simulators singly after the run, and report the
     /// largest difference to their batches
     #[arg(long, value_name = "K", requires = "external", help_heading = "External simulators")]
-    check_batch: Option<NonZeroUsize>,
+    pub(super) check_batch: Option<NonZeroUsize>,
     /// Keep the rollouts in the run folder
     #[arg(long, requires = "out")]
-    keep_rollouts: bool,
+    pub(super) keep_rollouts: bool,
     #[command(flatten)]
-    work: ExecutionArgs,
+    pub(super) work: ExecutionArgs,
     /// Format of the table [default: terminal on a terminal, else markdown]
     #[arg(long, value_parser = formats([]))]
-    format: Option<String>,
+    pub(super) format: Option<String>,
     #[command(flatten)]
-    table: TableArgs,
+    pub(super) table: TableArgs,
 }
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
@@ -81,7 +81,7 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
         bail!("--external …=@stdio: standard output belongs to the simulator: give --out FOLDER");
     }
     args.table.check(args.format.as_deref())?;
-    let (plan, external) = plan(&args)?;
+    let (plan, external) = plan(&args, args.subject.sources()?)?;
     let mut tally = plan.tally();
     let provenance = plan.provenance();
     let folder = match &args.out {
@@ -115,7 +115,11 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
 }
 
 /// Writes and prints the table, and prints failures.
-fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyhow::Result<ExitStatus> {
+pub(super) fn finish(
+    args: &RunArgs,
+    folder: Option<&RunFolder>,
+    summary: &Summary,
+) -> anyhow::Result<ExitStatus> {
     if let Some(folder) = folder {
         put_table(folder, summary, args.table.style())?;
     }
@@ -141,7 +145,8 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
     Ok(ExitStatus::Done)
 }
 
-fn plan(args: &RunArgs) -> anyhow::Result<(Plan, Vec<ExternalSimulator>)> {
+/// Plans the run of these arguments on these scenarios.
+pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan, Vec<ExternalSimulator>)> {
     let subject = &args.subject;
     let settings = Settings {
         protocol: args.protocol.into(),
@@ -150,7 +155,7 @@ fn plan(args: &RunArgs) -> anyhow::Result<(Plan, Vec<ExternalSimulator>)> {
         seed: subject.seed,
     };
     let (simulators, external) = subject.simulators(args.smooth, &RunOutline::of(&settings))?;
-    let plan = subject.plan(simulators, settings, args.rollouts, args.keep_rollouts)?;
+    let plan = subject.plan(sources, simulators, settings, args.rollouts, args.keep_rollouts)?;
     Ok((plan, external))
 }
 

@@ -1,5 +1,6 @@
 //! Arguments that name scenarios and their deviated AVs.
 
+use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -7,7 +8,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{ReadingArgs, say};
-use crate::evaluation::{Deviations, Selection, Source};
+use crate::evaluation::{Deviations, FileRecord, Selection, Source};
 use crate::scene::{Deviation, Scenario};
 
 /// Scenarios of a command, by default those of the shipped benchmark.
@@ -56,6 +57,21 @@ impl ScenarioArgs {
             return Ok(vec![Source::shipped(most)]);
         }
         Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)
+    }
+
+    /// Returns the sources as [`Self::sources`] does, for files that are recorded already; only those with an
+    /// index in `checked` are read for their digest.
+    pub(super) fn known_sources(
+        &self,
+        known: &[FileRecord],
+        checked: &BTreeSet<usize>,
+    ) -> anyhow::Result<Vec<Source>> {
+        if self.scenarios.is_empty() {
+            return self.sources();
+        }
+        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
+        let inputs = self.reading.find_inputs(&self.scenarios)?;
+        Ok(Source::of_known_inputs(inputs, most, known, checked)?)
     }
 
     /// Finds the files and reads the file of deviations, to go through the selected scenarios.

@@ -1,5 +1,6 @@
 //! Arguments that `run` and the studies share: scenarios, simulators, the driver of the AV, threads.
 
+use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
@@ -12,8 +13,8 @@ use super::metric_options;
 use super::scenario_args::ScenarioArgs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
-    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, Plan, PlannedSimulator, RunSettings, Source,
-    weights_file,
+    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator,
+    RunSettings, Source, weights_file,
 };
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::WeightsFile;
@@ -75,12 +76,26 @@ impl From<ProtocolName> for Protocol {
     }
 }
 
-/// Threads and batches; they do not change any result.
+/// Number of threads, which does not change any result.
 #[derive(Debug, Args)]
-pub(super) struct ExecutionArgs {
+pub(super) struct JobsArg {
     /// Threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
+}
+
+impl JobsArg {
+    /// Returns the number of threads, or another one if none is given.
+    pub(super) fn or(&self, other: usize) -> usize {
+        self.jobs.map_or(other, usize::from)
+    }
+}
+
+/// Threads and batches; they do not change any result.
+#[derive(Debug, Args)]
+pub(super) struct ExecutionArgs {
+    #[command(flatten)]
+    jobs: JobsArg,
     /// Scenarios that a thread steps together; larger batches need more memory
     #[arg(long, default_value = "4", value_name = "N")]
     batch: NonZeroUsize,
@@ -88,7 +103,7 @@ pub(super) struct ExecutionArgs {
 
 impl ExecutionArgs {
     pub(super) fn execution(&self) -> Execution {
-        Execution { jobs: self.jobs.map_or_else(available_threads, usize::from), batch: self.batch.get() }
+        Execution { jobs: self.jobs.or(available_threads()), batch: self.batch.get() }
     }
 }
 
@@ -150,10 +165,26 @@ impl EvaluationArgs {
         Ok((simulators, external))
     }
 
+    /// Finds the files of scenarios.
+    pub(super) fn sources(&self) -> anyhow::Result<Vec<Source>> {
+        self.input.sources()
+    }
+
+    /// Finds the files of scenarios, which are recorded already; only those with an index in `checked` are
+    /// read for their digest.
+    pub(super) fn known_sources(
+        &self,
+        known: &[FileRecord],
+        checked: &BTreeSet<usize>,
+    ) -> anyhow::Result<Vec<Source>> {
+        self.input.known_sources(known, checked)
+    }
+
     /// Plans these simulators on the scenarios. Every input error is reported here, before the first
     /// scenario.
     pub(super) fn plan(
         &self,
+        sources: Vec<Source>,
         simulators: Vec<PlannedSimulator>,
         rollout: Settings,
         rollouts: u32,
@@ -171,7 +202,6 @@ impl EvaluationArgs {
             (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(Deviations::read(path)?),
             (None, _) => None,
         };
-        let sources = self.input.sources()?;
         let av = match (&self.av, protocol) {
             (Some(av), _) => av.clone(),
             (None, Protocol::Realism) => AvChoice::Log,

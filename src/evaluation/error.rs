@@ -51,6 +51,16 @@ pub enum EvaluationError {
         /// Largest possible common multiple.
         most: usize,
     },
+    /// There are other scenario files than planned.
+    #[error(
+        "there are {found} scenario files where {planned} were planned; restore the files, or plan again"
+    )]
+    OtherInputs {
+        /// Number of planned files.
+        planned: usize,
+        /// Number of files that were found.
+        found: usize,
+    },
     /// A file cannot be read.
     #[error("could not read {path}")]
     Read {

@@ -77,6 +77,13 @@ impl FileRecord {
         }
     }
 
+    /// Returns whether an input has the name, format and options of this record.
+    pub(super) fn is_named(&self, input: &Input) -> bool {
+        name_of(&input.path) == self.name
+            && input.format.id() == self.format
+            && (input.current_frame, input.all_agents) == (self.current_frame, self.all_agents)
+    }
+
     /// Returns whether its scenarios are read as the format defines them.
     pub(super) fn is_plain(&self) -> bool {
         self.current_frame.is_none() && !self.all_agents
@@ -102,7 +109,8 @@ impl FileRecord {
 }
 
 impl CompanionRecord {
-    fn of(path: &Path) -> Result<Self, EvaluationError> {
+    /// Creates the record of a file, which is read to its end.
+    pub(super) fn of(path: &Path) -> Result<Self, EvaluationError> {
         let read = |source| EvaluationError::Read { path: path.to_owned(), source };
         let mut file = open_regular(path).map_err(read)?;
         let mut hasher = blake3::Hasher::new();
@@ -116,9 +124,13 @@ impl CompanionRecord {
             bytes += n as u64;
             hasher.update(&buffer[..n]);
         }
-        let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
-        Ok(Self { name: name.into_owned(), bytes, blake3: hasher.finalize().to_hex().to_string() })
+        Ok(Self { name: name_of(path), bytes, blake3: hasher.finalize().to_hex().to_string() })
     }
+}
+
+/// Returns the name of a file without its folder.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy()).into_owned()
 }
 
 /// Creates the records of inputs. Files that several of them share, such as maps, are read once.

@@ -87,6 +87,21 @@ impl RunFolder {
         Ok(folder)
     }
 
+    /// Opens a folder in which all files of a run are written anew: a new one, or one whose writing did not
+    /// come to its end.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the folder contains anything else or a finished run, or cannot be written.
+    pub(super) fn begin_again(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
+        if is_unbegun(path) {
+            return Self::create(path, provenance);
+        }
+        if path.join(SUMMARY).exists() || Self::is_of(path, provenance).is_err() {
+            return Err(EvaluationError::Exists { path: path.to_owned() });
+        }
+        Self::open(path)
+    }
+
     /// Checks that a folder contains a run with these settings, or no run yet, as [`Self::resume`] requires.
     ///
     /// # Errors

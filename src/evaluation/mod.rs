@@ -22,6 +22,7 @@
 mod finished_run;
 mod access;
 mod av;
+mod blocks;
 mod benchmarks;
 mod case_study;
 mod comparison;
@@ -34,19 +35,23 @@ mod folder;
 mod foreign_rollout;
 mod judge;
 mod known_deviation;
+mod left_out;
 mod long_tables;
 mod plan;
 mod provenance;
 pub mod realism;
 mod recorded;
+mod record_range;
 pub mod reference;
 mod rollouts;
 mod row;
 mod runner;
 mod rollout_checks;
+mod samples;
 mod scoring;
 mod selection;
 mod scenario_files;
+pub mod shards;
 mod shipped;
 mod simulator_id;
 mod simulators;
@@ -54,6 +59,7 @@ mod source;
 mod statistics;
 mod study;
 mod summary;
+mod summary_builder;
 mod tally;
 
 pub use access::Access;
@@ -76,6 +82,7 @@ pub use provenance::{
     ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
     program_version,
 };
+pub use record_range::RecordRange;
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, Value};

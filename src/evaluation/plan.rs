@@ -155,6 +155,12 @@ impl Plan {
         }
     }
 
+    /// Returns the number of deviations in the file whose scenarios are selected by id.
+    pub(super) fn selected_deviations(&self) -> usize {
+        let ids = self.deviations.iter().flat_map(|d| d.tracks.keys());
+        ids.filter(|id| self.settings.selection.has_id(id)).count()
+    }
+
     /// Returns an empty tally for the values of the run.
     pub fn tally(&self) -> Tally {
         Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.settings.rollouts)

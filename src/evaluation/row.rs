@@ -9,7 +9,7 @@ use crate::metrics::{Event, Score};
 use crate::scene::Scenario;
 
 /// The position of a record: its input and its index there. Everything that a run writes is sorted by it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 pub struct RecordPosition {
     /// Index of the input file.
     pub input: usize,
@@ -238,6 +238,24 @@ pub struct Failure {
 }
 
 impl Failure {
+    /// Creates the failure of a scenario whose id an earlier one has. `file` and `first` are the names of the
+    /// files of both.
+    pub(super) fn repeated(
+        place: RecordPosition,
+        earlier: RecordPosition,
+        scenario: String,
+        file: &str,
+        first: &str,
+    ) -> Self {
+        let error = format!(
+            "{file}: record {}: scenario `{scenario}`: the id is taken by record {} of {first}; give each \
+             scenario once",
+            place.record, earlier.record
+        );
+        let RecordPosition { input, record } = place;
+        Self { input, record, simulator: None, file: file.to_owned(), scenario: Some(scenario), error }
+    }
+
     /// Returns the position of the record.
     pub fn place(&self) -> RecordPosition {
         RecordPosition { input: self.input, record: self.record }

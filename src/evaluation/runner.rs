@@ -1,16 +1,17 @@
 //! Execution of a plan on several threads. Results do not depend on the number of threads, the batch size or
 //! interruptions.
 
-use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use super::finish::finish;
 use super::folder::RunFolder;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
+use super::left_out::LeftOut;
 use super::plan::{NoAv, Plan};
+use super::record_range::RecordRange;
 use super::row::{Failure, RecordPosition, Row};
 use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
@@ -69,6 +70,46 @@ pub fn run(
     stop: &AtomicBool,
 ) -> Result<Outcome, EvaluationError> {
     observer.started(plan.sources.iter().map(|source| source.count).sum());
+    let results = carry_out(plan, None, execution, folder, tally, observer, stop)?;
+    let Some(RunResults { mut tally, mut failures, mut left_out, .. }) = results else {
+        return Ok(Outcome::Interrupted);
+    };
+    for failure in refuse_repeated(plan, &mut tally) {
+        observer.failed(&failure);
+        failures.push(failure);
+    }
+    failures.sort();
+    let provenance = plan.provenance();
+    let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
+    // Scenarios with rows of an earlier run were not read again.
+    left_out.read(plan, tally.entries.values().map(|e| &e.scenario));
+    left_out.describe(plan.selected_deviations(), &mut summary.provenance);
+    if let Some(folder) = folder {
+        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
+    }
+    Ok(Outcome::Finished(Box::new(summary)))
+}
+
+/// What a run leaves besides rows and events.
+pub(super) struct RunResults {
+    pub(super) tally: Tally,
+    /// Failures in any order.
+    pub(super) failures: Vec<Failure>,
+    pub(super) left_out: LeftOut,
+    /// Number of records that were read.
+    pub(super) records: usize,
+}
+
+/// Runs all records of a plan, or a range of them. `None` if `stop` was set.
+pub(super) fn carry_out(
+    plan: &Plan,
+    range: Option<RecordRange>,
+    execution: Execution,
+    folder: Option<&RunFolder>,
+    tally: Tally,
+    observer: &dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<Option<RunResults>, EvaluationError> {
     let runner = Runner {
         plan,
         execution,
@@ -76,16 +117,14 @@ pub fn run(
         folder,
         observer,
         stop,
-        supply: Supply::new(&plan.sources),
+        supply: Supply::new(&plan.sources, range),
         names: plan.simulators.iter().map(|s| s.id.clone()).collect(),
         done: AtomicUsize::new(0),
         // All threads read the results of an earlier run; those of this run are collected separately.
         before: tally.clone(),
         tally: Mutex::new(tally),
         failures: Mutex::default(),
-        passed_over: AtomicUsize::new(0),
-        unselected: AtomicUsize::new(0),
-        named: Mutex::default(),
+        left_out: Mutex::default(),
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
@@ -101,31 +140,14 @@ pub fn run(
         return Err(error);
     }
     if stop.load(Ordering::Relaxed) {
-        return Ok(Outcome::Interrupted);
+        return Ok(None);
     }
-    let mut tally = runner.tally.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let mut failures = runner.failures.into_inner().unwrap_or_else(PoisonError::into_inner);
-    for failure in refuse_repeated(plan, &mut tally) {
-        observer.failed(&failure);
-        failures.push(failure);
-    }
-    failures.sort();
-    let provenance = plan.provenance();
-    let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
-    summary.provenance.passed_over = runner.passed_over.into_inner();
-    summary.provenance.unselected = runner.unselected.into_inner();
-    let mut read = runner.named.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // Scenarios with rows of an earlier run were not read again.
-    read.extend(tally.entries.values().map(|e| e.scenario.clone()));
-    let deviations = plan.deviations.iter().flat_map(|d| d.tracks.keys());
-    let unused = deviations.filter(|id| plan.settings.selection.has_id(id) && !read.contains(*id));
-    summary.provenance.unused_deviations = unused.count();
-    let missing = plan.settings.selection.ids.difference(&read);
-    summary.provenance.missing_ids = missing.cloned().collect();
-    if let Some(folder) = folder {
-        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
-    }
-    Ok(Outcome::Finished(Box::new(summary)))
+    Ok(Some(RunResults {
+        tally: runner.tally.into_inner().unwrap_or_else(PoisonError::into_inner),
+        failures: runner.failures.into_inner().unwrap_or_else(PoisonError::into_inner),
+        left_out: runner.left_out.into_inner().unwrap_or_else(PoisonError::into_inner),
+        records: runner.done.into_inner(),
+    }))
 }
 
 /// Largest number of records that a thread takes at once.
@@ -154,14 +176,10 @@ fn least_common_multiple(a: usize, b: usize) -> usize {
 /// decides which one is earlier.
 fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
     let repeated = tally.repeated();
+    let name = |place: RecordPosition| &plan.sources[place.input].file.name;
     let refuse = |(place, earlier): (RecordPosition, RecordPosition)| {
         let entry = tally.entries.remove(&place)?;
-        let first = &plan.sources[earlier.input].file.name;
-        let error = format!(
-            "{}: record {}: scenario `{}`: the id is taken by record {} of {first}; give each scenario once",
-            plan.sources[place.input].file.name, place.record, entry.scenario, earlier.record
-        );
-        Some(failure(plan, place, None, Some(entry.scenario), error))
+        Some(Failure::repeated(place, earlier, entry.scenario, name(place), name(earlier)))
     };
     repeated.into_iter().filter_map(refuse).collect()
 }
@@ -197,10 +215,7 @@ struct Runner<'a> {
     before: Tally,
     tally: Mutex<Tally>,
     failures: Mutex<Vec<Failure>>,
-    passed_over: AtomicUsize,
-    unselected: AtomicUsize,
-    /// Ids of the scenarios read that the file of deviations or the selection names.
-    named: Mutex<BTreeSet<String>>,
+    left_out: Mutex<LeftOut>,
     /// The first error that stops the run.
     broken: Mutex<Option<EvaluationError>>,
 }
@@ -292,12 +307,7 @@ impl Runner<'_> {
         if !selection.has_id(&scenario.id) {
             return Ok(self.unselected());
         }
-        let deviations = self.plan.deviations.as_ref();
-        if selection.ids.contains(&scenario.id)
-            || deviations.is_some_and(|d| d.tracks.contains_key(&scenario.id))
-        {
-            self.named.lock().unwrap_or_else(PoisonError::into_inner).insert(scenario.id.clone());
-        }
+        self.left_out().read(self.plan, [&scenario.id]);
         match self.plan.av(&scenario) {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
@@ -306,7 +316,7 @@ impl Runner<'_> {
             }
             Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
-                self.passed_over.fetch_add(1, Ordering::Relaxed);
+                self.left_out().passed_over += 1;
                 Ok(None)
             }
             Err(error) => {
@@ -318,8 +328,12 @@ impl Runner<'_> {
 
     /// Counts a scenario that the selection leaves out.
     fn unselected(&self) -> Option<PreparedScenario> {
-        self.unselected.fetch_add(1, Ordering::Relaxed);
+        self.left_out().unselected += 1;
         None
+    }
+
+    fn left_out(&self) -> MutexGuard<'_, LeftOut> {
+        self.left_out.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {

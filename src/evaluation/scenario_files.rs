@@ -36,7 +36,7 @@ impl ScenarioFiles {
             return Ok(());
         }
         let (reader, input) = (input.clone(), Some(input.clone()));
-        let open = Box::new(move || reader.open_undecoded());
+        let open = Box::new(move |first| reader.open_from(first));
         self.files.insert(file.blake3, ScenarioFile::Stream { open, position: Mutex::default(), input });
         Ok(())
     }
@@ -77,7 +77,7 @@ impl ScenarioFiles {
                 let mut position = position.lock().unwrap_or_else(PoisonError::into_inner);
                 let (next, scenarios) = &mut *position;
                 if scenarios.is_none() || *next > record {
-                    (*next, *scenarios) = (0, Some(open()?));
+                    (*next, *scenarios) = (0, Some(open(0)?));
                 }
                 let skipped = record - *next;
                 *next = record + 1;

@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use crate::rollout::{Purpose, Stream, stream};
 
 /// Number of bootstrap resamples.
-const RESAMPLES: usize = 2000;
+pub(super) const RESAMPLES: usize = 2000;
 /// Probability below a 95 % interval, and above it.
-const TAIL: f64 = 0.025;
+pub(super) const TAIL: f64 = 0.025;
 
 /// Number of scenarios below which an estimate has no interval: the resampled means of so few values say
 /// nothing about other scenarios.
-const MIN_FOR_INTERVAL: usize = 5;
+pub(super) const MIN_FOR_INTERVAL: usize = 5;
 
 /// A mean over scenarios with its 95 % percentile bootstrap interval. All are `None` if no scenario has a
 /// value; with fewer than 5 scenarios there is no interval.
@@ -68,7 +68,7 @@ fn below(random: &mut Stream, n: usize) -> usize {
 }
 
 /// Returns a quantile of sorted values, interpolated linearly.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
+pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
     let at = q * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
     low + (high - low) * (at - at.floor())

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::access::Access;
 use super::provenance::Provenance;
 use super::row::Failure;
-use super::statistics::{Estimate, mean};
-use super::tally::{Cell, Entry, Tally};
+use super::statistics::Estimate;
+use super::summary_builder::SummaryBuilder;
+use super::tally::Tally;
 
 /// Id of the simulator to which paired differences are computed.
 pub const PAIRING_REFERENCE: &str = "log-replay";
@@ -104,6 +104,10 @@ pub struct SummaryProvenance {
     /// Number of recorded rollouts that fail a check which the user allowed, by allowance.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub allowed: BTreeMap<String, usize>,
+    /// How intervals are computed if not by resampling single scenarios: with very many scenarios, blocks of
+    /// them are resampled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intervals: Option<String>,
     /// Number of scenarios by the method of assigning lanes for the driving direction.
     pub direction_tracking: BTreeMap<String, usize>,
     /// Failures.
@@ -124,62 +128,9 @@ impl SimulatorSummary {
 impl Summary {
     /// Summarizes a run. `failures` are in canonical order.
     pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
-        let seed = provenance.settings.seed;
-        let reference = tally.simulators.iter().position(|s| s == PAIRING_REFERENCE);
-        let simulators = provenance.simulators.iter().enumerate().map(|(i, simulator)| {
-            let done: Vec<(&Entry, &Cell)> =
-                tally.entries.values().filter_map(|e| Some((e, e.cells[i].as_ref()?))).collect();
-            let mut outcomes = BTreeMap::new();
-            for (name, n) in done.iter().flat_map(|(_, c)| &c.outcomes) {
-                *outcomes.entry(name.clone()).or_default() += n;
-            }
-            let summary = SimulatorSummary {
-                scenarios: done.len(),
-                failed: failed(failures, &simulator.id),
-                oracle: simulator.oracle,
-                external: simulator.external.as_ref().map(|_| simulator.access()),
-                metrics: estimates(&tally.metrics, &done, seed, |_, cell, m| cell.values[m]),
-                by_category: parts(tally, &done, seed, |entry| entry.category.as_ref()),
-                by_difficulty: parts(tally, &done, seed, |entry| entry.difficulty.as_ref()),
-                paired_to_log_replay: match reference {
-                    Some(r) if r != i => estimates(&tally.metrics, &done, seed, |entry, cell, m| {
-                        Some(cell.values[m]? - entry.cells[r].as_ref()?.values[m]?)
-                    }),
-                    _ => BTreeMap::new(),
-                },
-                pressure: Pressure::of(tally, &done),
-                outcomes,
-            };
-            (simulator.id.clone(), summary)
-        });
-        let simulators = simulators.collect();
-        let mut tracking = BTreeMap::new();
-        for method in tally.entries.values().filter_map(|e| e.direction_tracking.clone()) {
-            *tracking.entry(method).or_default() += 1;
-        }
-        let mut digest = blake3::Hasher::new();
-        for entry in tally.entries.values() {
-            digest.update(entry.scenario.as_bytes());
-            digest.update(b"\0");
-            digest.update(entry.digest.as_bytes());
-            digest.update(b"\n");
-        }
-        Self {
-            simulators,
-            deviation: deviation(tally, seed),
-            provenance: SummaryProvenance {
-                run: Provenance { keep_rollouts: None, ..provenance.clone() },
-                scenarios: tally.entries.len(),
-                scenarios_blake3: digest.finalize().to_hex().to_string(),
-                passed_over: 0,
-                unselected: 0,
-                missing_ids: Vec::new(),
-                unused_deviations: 0,
-                allowed: BTreeMap::new(),
-                direction_tracking: tracking,
-                failures: failures.to_vec(),
-            },
-        }
+        let mut builder = SummaryBuilder::new(&tally.simulators, &tally.metrics, provenance);
+        tally.entries.values().for_each(|entry| builder.add(entry));
+        builder.finish(failures)
     }
 
     /// Returns whether this summary can be of the tally: both have the same number of results per simulator.
@@ -201,71 +152,5 @@ impl Summary {
     pub fn order(&self) -> impl Iterator<Item = (&str, &str, &SimulatorSummary)> {
         let records = self.provenance.run.simulators.iter();
         records.filter_map(|s| Some((s.id.as_str(), s.title.as_str(), self.simulators.get(&s.id)?)))
-    }
-}
-
-/// Returns the number of records that failed for a simulator.
-fn failed(failures: &[Failure], simulator: &str) -> usize {
-    failures.iter().filter(|f| f.simulator.as_deref().is_none_or(|s| s == simulator)).count()
-}
-
-/// Returns the result of one simulator per part of the scenarios; `part` names the part that a scenario
-/// belongs to, if any.
-fn parts(
-    tally: &Tally,
-    done: &[(&Entry, &Cell)],
-    seed: u64,
-    part: impl Fn(&Entry) -> Option<&String>,
-) -> BTreeMap<String, CategorySummary> {
-    let mut cells: BTreeMap<&String, Vec<(&Entry, &Cell)>> = BTreeMap::new();
-    for (entry, cell) in done {
-        if let Some(name) = part(entry) {
-            cells.entry(name).or_default().push((entry, cell));
-        }
-    }
-    let summary = |cells: Vec<(&Entry, &Cell)>| CategorySummary {
-        scenarios: cells.len(),
-        metrics: estimates(&tally.metrics, &cells, seed, |_, cell, m| cell.values[m]),
-    };
-    cells.into_iter().map(|(name, cells)| (name.clone(), summary(cells))).collect()
-}
-
-/// Computes one estimate per metric over the scenarios with a value.
-fn estimates(
-    metrics: &[&'static str],
-    cells: &[(&Entry, &Cell)],
-    seed: u64,
-    value: impl Fn(&Entry, &Cell, usize) -> Option<f64> + Sync,
-) -> BTreeMap<String, Estimate> {
-    let each: Vec<(String, Estimate)> = metrics
-        .par_iter()
-        .enumerate()
-        .map(|(m, id)| {
-            let values: Vec<f64> = cells.iter().filter_map(|(e, c)| value(e, c, m)).collect();
-            ((*id).to_owned(), Estimate::of(&values, seed, id))
-        })
-        .collect();
-    each.into_iter().collect()
-}
-
-fn deviation(tally: &Tally, seed: u64) -> BTreeMap<String, Estimate> {
-    let mut values: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    for (name, value) in tally.entries.values().flat_map(|e| &e.deviation) {
-        values.entry(name).or_default().push(*value);
-    }
-    values.into_iter().map(|(name, v)| (name.to_owned(), Estimate::of(&v, seed, name))).collect()
-}
-
-impl Pressure {
-    fn of(tally: &Tally, done: &[(&Entry, &Cell)]) -> Self {
-        let share = |id: &str| {
-            let metric = tally.metrics.iter().position(|m| *m == id)?;
-            mean(done.iter().filter_map(|(_, c)| c.any[metric]))
-        };
-        Self {
-            share_at_fault_collision: share("aav-collision"),
-            share_any_overlap: share("aav-overlap"),
-            share_risky: share("aav-ttc"),
-        }
     }
 }

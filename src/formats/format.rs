@@ -55,6 +55,14 @@ pub trait ScenarioFormat: Sync {
         let scenarios = self.open(path)?;
         Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
     }
+    /// Opens one file as [`ScenarioFormat::open_undecoded`] does, from the record with this index on. What comes
+    /// before need not be read, nor be readable.
+    ///
+    /// # Errors
+    /// Same as [`ScenarioFormat::open`].
+    fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(self.open_undecoded(path)?.skip(first)))
+    }
     /// Returns the number of records of a file if it can be found without reading them; for progress.
     fn count(&self, _path: &Path) -> Option<usize> {
         None

@@ -63,12 +63,20 @@ impl Input {
     /// # Errors
     /// Same as [`Input::open`]; with a given current frame, errors appear when the record is decoded.
     pub fn open_undecoded(&self) -> Result<PendingScenarios, FormatError> {
+        self.open_from(0)
+    }
+
+    /// Opens the file as [`Self::open_undecoded`] does, from the record with this index on.
+    ///
+    /// # Errors
+    /// Same as [`Self::open_undecoded`].
+    pub fn open_from(&self, first: usize) -> Result<PendingScenarios, FormatError> {
         let scenarios: PendingScenarios = match self.current_frame {
-            None => self.format.open_undecoded(&self.path)?,
+            None => self.format.open_from(&self.path, first)?,
             Some(frame) => {
                 let Self { path, format, .. } = self.clone();
                 let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
-                Box::new(std::iter::once(Ok(decode)))
+                Box::new(std::iter::once(Ok(decode)).skip(first))
             }
         };
         if !self.all_agents {

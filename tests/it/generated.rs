@@ -147,9 +147,9 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
             all_agents: false,
             companions: Vec::new(),
         },
-        open: Box::new(move || {
+        open: Box::new(move |first| {
             let scenarios = scenarios.clone();
-            Ok(Box::new(scenarios.into_iter().map(move |i| Ok(decoded(make(i))))))
+            Ok(Box::new(scenarios.into_iter().skip(first).map(move |i| Ok(decoded(make(i))))))
         }),
     }
 }

@@ -385,9 +385,9 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
     let again = |reference: &Reference, every: Option<usize>| {
         let open = input.clone();
         let file = reference.provenance.inputs[0].clone();
-        let open = Box::new(move || {
+        let open = Box::new(move |first| {
             let found = formats::find_inputs(&open)?;
-            Ok(Box::new(found[0].open_undecoded()?) as formats::PendingScenarios)
+            Ok(Box::new(found[0].open_from(first)?) as formats::PendingScenarios)
         });
         let given = RerunInputs {
             sources: vec![Source { file, open, count: None }],

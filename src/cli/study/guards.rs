@@ -32,6 +32,7 @@ pub(super) fn plan(args: &GuardsArgs) -> anyhow::Result<PlannedStudy> {
     let adjustments = subject.adjustments(None)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
     let (simulators, external) = subject.simulators(None, &RunOutline::of(&settings))?;
-    let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
+    let plan =
+        subject.plan(subject.sources()?, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::guards(plan, &adjustments)?, external))
 }

@@ -41,7 +41,13 @@ pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
     let outline = RunOutline { intervals: vec![args.replan.steps()], protocols };
     let (simulators, external) = subject.simulators(None, &outline)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(simulators, settings, args.reactive_rollouts, args.shared.keep_rollouts)?;
+    let plan = subject.plan(
+        subject.sources()?,
+        simulators,
+        settings,
+        args.reactive_rollouts,
+        args.shared.keep_rollouts,
+    )?;
     Ok((StudyPlan::realism(plan, args.rollouts), external))
 }
 

@@ -46,6 +46,7 @@ pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<PlannedStudy> {
         simulators.retain(|s| !s.controller.is_oracle());
     }
     let settings = Settings { protocol, seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
+    let plan =
+        subject.plan(subject.sources()?, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::replan(plan, &intervals), external))
 }

@@ -71,7 +71,7 @@ pub(super) fn plan(args: &VocabularyArgs) -> anyhow::Result<PlannedStudy> {
         }
     }
     let settings = Settings { seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(Vec::new(), settings, 1, args.shared.keep_rollouts)?;
+    let plan = subject.plan(subject.sources()?, Vec::new(), settings, 1, args.shared.keep_rollouts)?;
     Ok((StudyPlan::vocabulary(plan, vocabularies)?, Vec::new()))
 }
 

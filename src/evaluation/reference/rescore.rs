@@ -38,7 +38,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     }
     let mut scored = 0;
     for (input, source) in sources.iter().enumerate() {
-        for (record, pending) in (source.open)()?.enumerate() {
+        for (record, pending) in (source.open)(0)?.enumerate() {
             let place = RecordPosition { input, record };
             let scenario = pending.and_then(|decode| decode())?;
             for (simulator, stated) in pairs.remove(&place).unwrap_or_default() {

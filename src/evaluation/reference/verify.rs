@@ -147,7 +147,7 @@ pub fn verify(
 fn thinned(source: Source, every: usize) -> Source {
     let Source { file, open, count } = source;
     let count = count.map(|count| count.div_ceil(every));
-    Source { file, open: Box::new(move || Ok(Box::new(open()?.step_by(every)))), count }
+    Source { file, open: Box::new(move |first| Ok(Box::new(open(0)?.step_by(every).skip(first)))), count }
 }
 
 /// An observer that collects the rows of a run.

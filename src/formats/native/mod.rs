@@ -54,9 +54,15 @@ impl ScenarioFormat for Native {
         Ok(Box::new(Reader::over(path, TableReader::open(path)?)?))
     }
 
+    fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
+        let mut reader = Reader::over(path, TableReader::open(path)?)?;
+        let passed_over = reader.table.pass_over(first);
+        reader.record = passed_over as u64;
+        Ok(Box::new(reader.skip(first - passed_over)))
+    }
+
     fn count(&self, path: &Path) -> Option<usize> {
-        // A row group holds one scenario.
-        Some(TableReader::open(path).ok()?.groups())
+        Some(TableReader::open(path).ok()?.rows())
     }
 }
 

@@ -154,6 +154,21 @@ impl TableReader {
         self.groups.len()
     }
 
+    /// Passes over whole row groups, of at most `rows` rows together, and returns how many rows they have.
+    pub(crate) fn pass_over(&mut self, rows: usize) -> usize {
+        let mut passed = 0;
+        while let Some(group) = self.groups.get(self.next).filter(|group| passed + group.rows <= rows) {
+            passed += group.rows;
+            self.next += 1;
+        }
+        passed
+    }
+
+    /// Returns the number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.groups.iter().map(|group| group.rows).sum()
+    }
+
     /// Reads one row group with these columns, or all if `columns` is empty. Missing columns are left out.
     pub(crate) fn group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, FormatError> {
         self.load_group(index, columns).map_err(|cause| FormatError::file(&self.path, cause))

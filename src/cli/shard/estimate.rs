@@ -1,0 +1,119 @@
+//! How much time and space a run in units takes.
+
+use std::fmt::{Display, Formatter};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use anyhow::Context;
+use serde::{Deserialize, Serialize};
+
+use crate::cli::write_file;
+use crate::evaluation::shards::{ShardPlan, run_sample};
+use crate::evaluation::{Execution, Plan};
+
+/// Name of the file with the estimate.
+const ESTIMATE: &str = "estimate.json";
+
+/// Measured cost of some records, and what follows for all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Estimate {
+    /// Number of records that were run.
+    measured: usize,
+    /// Number of all records.
+    records: usize,
+    /// Number of units.
+    units: usize,
+    /// Time of one record on one core, seconds.
+    seconds_per_record: f64,
+    /// Size of the results of one record, bytes.
+    bytes_per_record: f64,
+    /// Memory of a process with one thread, bytes.
+    memory: u64,
+}
+
+impl Estimate {
+    /// Runs some records, spread over all units, on one core, and writes the estimate to the folder of units.
+    /// `None` if interrupted.
+    pub(super) fn measure(
+        folder: &Path,
+        shards: &ShardPlan,
+        plan: &Plan,
+        execution: Execution,
+        most: usize,
+    ) -> anyhow::Result<Option<Self>> {
+        let stop = AtomicBool::new(false);
+        let execution = Execution { jobs: 1, ..execution };
+        let run = |most| run_sample(folder, shards, plan, most, execution, &stop);
+        // The first record pays for what happens once per process.
+        run(1)?;
+        let begin = Instant::now();
+        let Some(sample) = run(most)? else { return Ok(None) };
+        let (seconds, measured) = (begin.elapsed().as_secs_f64(), sample.records.max(1));
+        let estimate = Self {
+            measured,
+            records: shards.records(),
+            units: shards.units.len(),
+            seconds_per_record: seconds / measured as f64,
+            bytes_per_record: sample.bytes as f64 / measured as f64,
+            memory: memory_stats::memory_stats().map_or(0, |memory| memory.physical_mem as u64),
+        };
+        let path = folder.join(ESTIMATE);
+        let text = serde_json::to_string_pretty(&estimate).context("an estimate is numbers")?;
+        write_file(&path, |out| writeln!(out, "{text}"))
+            .with_context(|| format!("could not write {}", path.display()))?;
+        Ok(Some(estimate))
+    }
+
+    /// Returns the estimate in a folder of units, if there is one.
+    pub(super) fn kept(folder: &Path) -> anyhow::Result<Option<Self>> {
+        let path = folder.join(ESTIMATE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(&path);
+        let text = text.with_context(|| format!("could not read {}", path.display()))?;
+        let estimate = serde_json::from_str(&text);
+        Ok(Some(estimate.with_context(|| format!("{} is damaged: remove it", path.display()))?))
+    }
+
+    /// Returns the estimated time of all records on one core, seconds.
+    fn seconds(&self) -> f64 {
+        self.seconds_per_record * self.records as f64
+    }
+
+    /// Compares the estimated time with what all units took, core-seconds.
+    pub(super) fn against(&self, core_seconds: f64) -> String {
+        let estimated = self.seconds();
+        format!(
+            "{} used, {} estimated ({:+.0} %)",
+            time(core_seconds),
+            time(estimated),
+            100.0 * (core_seconds / estimated.max(1e-9) - 1.0)
+        )
+    }
+}
+
+impl Display for Estimate {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "estimate from {} records: {} ({:.3} s per record), {:.1} GB of results and as much again after the \
+             merge, {:.1} GB of memory per process and some more per thread",
+            self.measured,
+            time(self.seconds()),
+            self.seconds_per_record,
+            self.bytes_per_record * self.records as f64 / 1e9,
+            self.memory as f64 / 1e9,
+        )
+    }
+}
+
+/// Returns a time on one core as text.
+fn time(seconds: f64) -> String {
+    match seconds {
+        s if s < 600.0 => format!("{s:.0} core-seconds"),
+        s => format!("{:.1} core-hours", s / 3600.0),
+    }
+}

@@ -1,0 +1,331 @@
+//! The results of all units as one run folder.
+
+use std::collections::{BTreeSet, HashMap};
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::error::ShardError;
+use super::plan::{ShardPlan, Unit};
+use super::unit::{PARTIAL, UnitRecord, check_files, finished_number, is_abandoned, read_record};
+use crate::evaluation::folder::{
+    EVENTS, FAILURES, ROLLOUTS, ROWS, SUMMARY, cannot_read, cannot_write, line, replace,
+};
+use crate::evaluation::left_out::LeftOut;
+use crate::evaluation::row::{Failure, RecordPosition, Row};
+use crate::evaluation::summary_builder::SummaryBuilder;
+use crate::evaluation::{EvaluationError, RunFolder, Summary, Tally, long_tables};
+use crate::files::NewFile;
+use crate::formats::rollouts::{Writer, read};
+
+/// A run folder made of units.
+pub struct Merged {
+    /// The run folder.
+    pub folder: RunFolder,
+    /// Its summary, which is written.
+    pub summary: Summary,
+    /// Records of the units, in order.
+    pub units: Vec<UnitRecord>,
+    /// Number of partial folders that were left by processes that are no longer there; they are removed.
+    pub abandoned: usize,
+}
+
+/// Merges the results of all units into a run folder, as a run on one machine would write it. `done` is called
+/// after every unit with the number of units so far. Memory does not grow with events and rollouts, and grows
+/// by some tens of bytes per scenario beyond [`100,000`](super::super::samples::MANY).
+///
+/// # Errors
+/// [`ShardError`] if units are missing, there twice, of another plan, or damaged; if `out` has anything but an
+/// unfinished merge of this plan; or if a file cannot be read or written. The units stay as they are.
+pub fn merge(
+    folder: &Path,
+    plan: &ShardPlan,
+    out: &Path,
+    done: &dyn Fn(usize),
+) -> Result<Merged, ShardError> {
+    let partial = check_folders(folder, plan)?;
+    let missing = plan.missing(folder);
+    if !missing.is_empty() {
+        return Err(ShardError::Missing { missing, count: plan.units.len() });
+    }
+    let mut units = Vec::with_capacity(plan.units.len());
+    for (number, unit) in plan.units.iter().enumerate() {
+        let path = ShardPlan::unit_folder(folder, number, unit);
+        let record = read_record(&path, number)?;
+        if record.key != unit.key || record.records != unit.range.count {
+            return Err(ShardError::Foreign { path });
+        }
+        check_files(&path, number, &record)?;
+        units.push(record);
+    }
+    let run = RunFolder::begin_again(out, &plan.provenance)?;
+    let mut merger = Merger::new(folder, plan, &run);
+    merger.rows(done)?;
+    merger.failures()?;
+    merger.events()?;
+    long_tables::write(out)?;
+    if plan.provenance.keep_rollouts == Some(true) {
+        merger.rollouts()?;
+    }
+    let mut left_out = LeftOut::default();
+    units.iter().for_each(|unit| left_out.add(unit.left_out.clone()));
+    let mut summary = merger.builder.finish(&merger.failed);
+    left_out.describe(plan.deviations, &mut summary.provenance);
+    run.put(SUMMARY, &summary.to_json())?;
+    let mut abandoned = 0;
+    for path in partial.iter().filter(|path| is_abandoned(path)) {
+        fs::remove_dir_all(path).map_err(cannot_write(path))?;
+        abandoned += 1;
+    }
+    Ok(Merged { folder: run, summary, units, abandoned })
+}
+
+/// Checks that all folders of units are of this plan and there once. Returns the partial folders.
+fn check_folders(folder: &Path, plan: &ShardPlan) -> Result<Vec<PathBuf>, ShardError> {
+    let (mut partial, mut found) = (Vec::new(), HashMap::new());
+    for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
+        let path = entry.map_err(cannot_read(folder))?.path();
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+        if name.starts_with(PARTIAL) {
+            partial.push(path);
+        } else if let Some(number) = finished_number(name) {
+            let is_planned = |unit: &Unit| read_record(&path, number).map(|r| r.key == unit.key);
+            match plan.units.get(number).map(is_planned) {
+                Some(Ok(true)) => {}
+                Some(Err(error)) => return Err(error),
+                _ => return Err(ShardError::Foreign { path }),
+            }
+            if let Some(first) = found.insert(number, path.clone()) {
+                return Err(ShardError::Twice { unit: number, first, second: path });
+            }
+        }
+    }
+    Ok(partial)
+}
+
+struct Merger<'a> {
+    shards: &'a Path,
+    plan: &'a ShardPlan,
+    run: &'a RunFolder,
+    simulators: Vec<String>,
+    builder: SummaryBuilder<'a>,
+    /// First scenario with each id, which is kept as half of its digest.
+    seen: HashMap<[u8; 16], RecordPosition>,
+    /// Scenarios with the id of an earlier one.
+    refused: BTreeSet<RecordPosition>,
+    failed: Vec<Failure>,
+}
+
+/// Lines and values of the rows of one scenario.
+struct PendingScenario {
+    place: RecordPosition,
+    lines: String,
+    values: Tally,
+    /// Rows of the pair that is being read.
+    pair: Vec<Row>,
+    /// Index of the simulator of the pair before, from which order follows.
+    before: Option<usize>,
+}
+
+impl<'a> Merger<'a> {
+    fn new(shards: &'a Path, plan: &'a ShardPlan, run: &'a RunFolder) -> Self {
+        let simulators: Vec<String> = plan.provenance.simulators.iter().map(|s| s.id.clone()).collect();
+        let metrics = Tally::new(Vec::new(), 1).metrics;
+        Self {
+            shards,
+            plan,
+            run,
+            builder: SummaryBuilder::new(&simulators, &metrics, &plan.provenance),
+            simulators,
+            seen: HashMap::new(),
+            refused: BTreeSet::new(),
+            failed: Vec::new(),
+        }
+    }
+
+    /// Returns the folders of all units.
+    fn units(&self) -> impl Iterator<Item = (usize, &'a Unit, PathBuf)> + use<'a> {
+        let shards = self.shards;
+        let all = self.plan.units.iter().enumerate();
+        all.map(move |(number, unit)| (number, unit, ShardPlan::unit_folder(shards, number, unit)))
+    }
+
+    /// Joins the rows, adds their values to the summary, and refuses scenarios whose id is taken.
+    fn rows(&mut self, done: &dyn Fn(usize)) -> Result<(), ShardError> {
+        let path = self.run.path().join(ROWS);
+        let mut out = BufWriter::new(NewFile::create(&path).map_err(cannot_write(&path))?);
+        for (number, unit, folder) in self.units() {
+            let damaged = |reason: String| ShardError::Damaged { path: folder.clone(), unit: number, reason };
+            let mut pending: Option<PendingScenario> = None;
+            for (i, text) in lines(&folder.join(ROWS))?.enumerate() {
+                let text = text.map_err(cannot_read(&folder.join(ROWS)))?;
+                let row: Row = serde_json::from_str(&text)
+                    .map_err(|error| damaged(format!("{ROWS}, line {}: {error}", i + 1)))?;
+                let place = row.place();
+                let is_next = pending.as_ref().is_none_or(|p| p.place < place);
+                if !unit.range.contains(place)
+                    || !(is_next || pending.as_ref().is_some_and(|p| p.place == place))
+                {
+                    return Err(damaged(format!("{ROWS}, line {}: the row is out of place", i + 1)));
+                }
+                if is_next {
+                    if let Some(finished) = pending.take() {
+                        self.scenario(finished, &mut out).map_err(|e| e.of(&path, &damaged))?;
+                    }
+                    pending = Some(PendingScenario::new(place, &self.simulators, &self.plan.provenance));
+                }
+                if let Some(pending) = &mut pending {
+                    pending.add(row, &text).map_err(|reason| damaged(format!("{ROWS}: {reason}")))?;
+                }
+            }
+            if let Some(finished) = pending {
+                self.scenario(finished, &mut out).map_err(|e| e.of(&path, &damaged))?;
+            }
+            done(number + 1);
+        }
+        let file = out.into_inner().map_err(|e| cannot_write(&path)(e.into_error()))?;
+        Ok(file.finish().map_err(cannot_write(&path))?)
+    }
+
+    /// Writes the rows of a scenario and adds its values to the summary, unless its id is taken.
+    fn scenario(&mut self, mut pending: PendingScenario, out: &mut impl Write) -> Result<(), RowsError> {
+        pending.end_pair().map_err(RowsError::Damaged)?;
+        let place = pending.place;
+        let Some(entry) = pending.values.entries.remove(&place) else { return Ok(()) };
+        let mut id = [0; 16];
+        id.copy_from_slice(&blake3::hash(entry.scenario.as_bytes()).as_bytes()[..16]);
+        if let Some(earlier) = self.seen.get(&id) {
+            let inputs = &self.plan.provenance.inputs;
+            self.failed.push(Failure::repeated(
+                place,
+                *earlier,
+                entry.scenario,
+                &inputs[place.input].name,
+                &inputs[earlier.input].name,
+            ));
+            self.refused.insert(place);
+            return Ok(());
+        }
+        self.seen.insert(id, place);
+        self.builder.add(&entry);
+        out.write_all(pending.lines.as_bytes()).map_err(RowsError::Write)
+    }
+
+    /// Joins the failures and adds scenarios whose id is taken.
+    fn failures(&mut self) -> Result<(), ShardError> {
+        for (number, _, folder) in self.units() {
+            let path = folder.join(FAILURES);
+            for (i, text) in lines(&path)?.enumerate() {
+                let text = text.map_err(cannot_read(&path))?;
+                let failure = serde_json::from_str(&text).map_err(|error| {
+                    let reason = format!("{FAILURES}, line {}: {error}", i + 1);
+                    ShardError::Damaged { path: folder.clone(), unit: number, reason }
+                })?;
+                self.failed.push(failure);
+            }
+        }
+        self.failed.sort();
+        let failed = &self.failed;
+        Ok(replace(&self.run.path().join(FAILURES), |out| {
+            failed.iter().try_for_each(|failure| out.write_all(line(failure).as_bytes()))
+        })?)
+    }
+
+    /// Joins the events.
+    fn events(&self) -> Result<(), ShardError> {
+        let path = self.run.path().join(EVENTS);
+        let mut out = BufWriter::new(NewFile::create(&path).map_err(cannot_write(&path))?);
+        for (number, unit, folder) in self.units() {
+            let from = folder.join(EVENTS);
+            if self.refused.iter().all(|place| !unit.range.contains(*place)) {
+                let mut file = File::open(&from).map_err(cannot_read(&from))?;
+                io::copy(&mut file, &mut out).map_err(cannot_write(&path))?;
+                continue;
+            }
+            for text in lines(&from)? {
+                let text = text.map_err(cannot_read(&from))?;
+                let place: RecordPosition = serde_json::from_str(&text).map_err(|error| {
+                    let reason = format!("{EVENTS}: {error}");
+                    ShardError::Damaged { path: folder.clone(), unit: number, reason }
+                })?;
+                if !self.refused.contains(&place) {
+                    writeln!(out, "{text}").map_err(cannot_write(&path))?;
+                }
+            }
+        }
+        let file = out.into_inner().map_err(|e| cannot_write(&path)(e.into_error()))?;
+        Ok(file.finish().map_err(cannot_write(&path))?)
+    }
+
+    /// Joins the rollouts.
+    fn rollouts(&self) -> Result<(), ShardError> {
+        let mut refused: HashMap<usize, BTreeSet<String>> = HashMap::new();
+        for failure in self.failed.iter().filter(|f| self.refused.contains(&f.place())) {
+            let unit = self.plan.units.iter().position(|unit| unit.range.contains(failure.place()));
+            if let (Some(unit), Some(id)) = (unit, &failure.scenario) {
+                refused.entry(unit).or_default().insert(id.clone());
+            }
+        }
+        let mut writer = Writer::create(self.run.path().join(ROLLOUTS)).map_err(EvaluationError::from)?;
+        for (number, _, folder) in self.units() {
+            let taken = refused.get(&number);
+            for record in read(folder.join(ROLLOUTS)).map_err(EvaluationError::from)? {
+                let record = record.map_err(EvaluationError::from)?;
+                if taken.is_none_or(|ids| !ids.contains(&record.scenario_id)) {
+                    writer.write(&record).map_err(EvaluationError::from)?;
+                }
+            }
+        }
+        Ok(writer.finish().map_err(EvaluationError::from)?)
+    }
+}
+
+/// The reason why the rows of a scenario cannot be merged.
+enum RowsError {
+    Damaged(String),
+    Write(io::Error),
+}
+
+impl RowsError {
+    fn of(self, out: &Path, damaged: &impl Fn(String) -> ShardError) -> ShardError {
+        match self {
+            Self::Damaged(reason) => damaged(format!("{ROWS}: {reason}")),
+            Self::Write(error) => cannot_write(out)(error).into(),
+        }
+    }
+}
+
+impl PendingScenario {
+    fn new(place: RecordPosition, simulators: &[String], run: &crate::evaluation::Provenance) -> Self {
+        let values = Tally::new(simulators.to_vec(), run.settings.rollouts);
+        Self { place, lines: String::new(), values, pair: Vec::new(), before: None }
+    }
+
+    fn add(&mut self, row: Row, text: &str) -> Result<(), String> {
+        if self.pair.first().is_some_and(|first| first.simulator != row.simulator) {
+            self.end_pair()?;
+        }
+        self.pair.push(row);
+        self.lines.push_str(text);
+        self.lines.push('\n');
+        Ok(())
+    }
+
+    /// Adds the values of the pair that was read.
+    fn end_pair(&mut self) -> Result<(), String> {
+        let rows = std::mem::take(&mut self.pair);
+        let Some(first) = rows.first() else { return Ok(()) };
+        let simulator = self.values.simulators.iter().position(|s| *s == first.simulator);
+        if simulator.is_none() || self.before >= simulator || !self.values.is_complete(&rows) {
+            let (scenario, simulator) = (&first.scenario, &first.simulator);
+            return Err(format!("rows of scenario `{scenario}` with `{simulator}` are incomplete"));
+        }
+        self.before = simulator;
+        self.values.add(&rows);
+        Ok(())
+    }
+}
+
+fn lines(path: &Path) -> Result<io::Lines<BufReader<File>>, ShardError> {
+    Ok(BufReader::with_capacity(1 << 18, File::open(path).map_err(cannot_read(path))?).lines())
+}

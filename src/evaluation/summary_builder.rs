@@ -1,0 +1,150 @@
+//! Summaries of scenarios that are added one after the other.
+
+use std::collections::BTreeMap;
+
+use super::blocks::BLOCK;
+use super::provenance::Provenance;
+use super::row::Failure;
+use super::samples::{NamedSamples, Part, Samples};
+use super::summary::{
+    CategorySummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
+};
+use super::tally::Entry;
+
+/// A summary that is being computed. Scenarios are added in canonical order.
+pub(super) struct SummaryBuilder<'a> {
+    provenance: &'a Provenance,
+    simulators: Vec<SimulatorTotals>,
+    pressure: [Option<usize>; 3],
+    samples: Samples,
+    deviation: NamedSamples,
+    scenarios: usize,
+    digest: blake3::Hasher,
+    direction_tracking: BTreeMap<String, usize>,
+}
+
+/// What is counted of a simulator.
+#[derive(Clone, Default)]
+struct SimulatorTotals {
+    scenarios: usize,
+    by_category: BTreeMap<String, usize>,
+    by_difficulty: BTreeMap<String, usize>,
+    /// Sum and number of the shares of rollouts with an event, for the metrics of the reactive pressure.
+    pressure: [(f64, u32); 3],
+    outcomes: BTreeMap<String, u64>,
+}
+
+impl<'a> SummaryBuilder<'a> {
+    /// Begins a summary of these simulators and metrics, by id.
+    pub(super) fn new(simulators: &[String], metrics: &[&'static str], provenance: &'a Provenance) -> Self {
+        let seed = provenance.settings.seed;
+        let reference = simulators.iter().position(|s| s == PAIRING_REFERENCE);
+        let metric = |id: &str| metrics.iter().position(|m| *m == id);
+        Self {
+            provenance,
+            simulators: vec![SimulatorTotals::default(); simulators.len()],
+            pressure: ["aav-collision", "aav-overlap", "aav-ttc"].map(metric),
+            samples: Samples::new(seed, metrics.to_vec(), simulators.len(), reference),
+            deviation: NamedSamples::new(seed),
+            scenarios: 0,
+            digest: blake3::Hasher::new(),
+            direction_tracking: BTreeMap::new(),
+        }
+    }
+
+    /// Adds the next scenario.
+    pub(super) fn add(&mut self, entry: &Entry) {
+        self.samples.add(entry);
+        self.deviation.add(&entry.deviation);
+        self.scenarios += 1;
+        self.digest.update(entry.scenario.as_bytes());
+        self.digest.update(b"\0");
+        self.digest.update(entry.digest.as_bytes());
+        self.digest.update(b"\n");
+        if let Some(method) = &entry.direction_tracking {
+            *self.direction_tracking.entry(method.clone()).or_default() += 1;
+        }
+        for (totals, cell) in self.simulators.iter_mut().zip(&entry.cells) {
+            let Some(cell) = cell else { continue };
+            totals.scenarios += 1;
+            if let Some(name) = &entry.category {
+                *totals.by_category.entry(name.clone()).or_default() += 1;
+            }
+            if let Some(name) = &entry.difficulty {
+                *totals.by_difficulty.entry(name.clone()).or_default() += 1;
+            }
+            for (sum, metric) in totals.pressure.iter_mut().zip(self.pressure) {
+                if let Some(share) = metric.and_then(|m| cell.any[m]) {
+                    *sum = (sum.0 + share, sum.1 + 1);
+                }
+            }
+            for (name, n) in &cell.outcomes {
+                *totals.outcomes.entry(name.clone()).or_default() += n;
+            }
+        }
+    }
+
+    /// Returns the summary. `failures` are in canonical order.
+    pub(super) fn finish(self, failures: &[Failure]) -> Summary {
+        let intervals = self
+            .samples
+            .are_many()
+            .then(|| format!("Poisson bootstrap over blocks of {BLOCK} consecutive scenarios"));
+        let has_reference = self.provenance.simulators.iter().any(|s| s.id == PAIRING_REFERENCE);
+        let estimates = self.samples.finish();
+        let all = self.provenance.simulators.iter().zip(self.simulators).enumerate();
+        let simulators = all.map(|(i, (simulator, totals))| {
+            let parts = |counts: BTreeMap<String, usize>, part: fn(String) -> Part| {
+                let summary = |(name, scenarios): (String, usize)| {
+                    let metrics = estimates.of(i, &part(name.clone()));
+                    (name, CategorySummary { scenarios, metrics })
+                };
+                counts.into_iter().map(summary).collect()
+            };
+            let [at_fault, overlap, risky] =
+                totals.pressure.map(|(sum, n)| (n > 0).then(|| sum / f64::from(n)));
+            let summary = SimulatorSummary {
+                scenarios: totals.scenarios,
+                failed: failed(failures, &simulator.id),
+                oracle: simulator.oracle,
+                external: simulator.external.as_ref().map(|_| simulator.access()),
+                metrics: estimates.of(i, &Part::All),
+                by_category: parts(totals.by_category, Part::Category),
+                by_difficulty: parts(totals.by_difficulty, Part::Difficulty),
+                paired_to_log_replay: match has_reference && simulator.id != PAIRING_REFERENCE {
+                    true => estimates.of(i, &Part::Paired),
+                    false => BTreeMap::new(),
+                },
+                pressure: Pressure {
+                    share_at_fault_collision: at_fault,
+                    share_any_overlap: overlap,
+                    share_risky: risky,
+                },
+                outcomes: totals.outcomes,
+            };
+            (simulator.id.clone(), summary)
+        });
+        Summary {
+            simulators: simulators.collect(),
+            deviation: self.deviation.finish(),
+            provenance: SummaryProvenance {
+                run: Provenance { keep_rollouts: None, ..self.provenance.clone() },
+                scenarios: self.scenarios,
+                scenarios_blake3: self.digest.finalize().to_hex().to_string(),
+                passed_over: 0,
+                unselected: 0,
+                missing_ids: Vec::new(),
+                unused_deviations: 0,
+                allowed: BTreeMap::new(),
+                intervals,
+                direction_tracking: self.direction_tracking,
+                failures: failures.to_vec(),
+            },
+        }
+    }
+}
+
+/// Returns the number of records that failed for a simulator.
+fn failed(failures: &[Failure], simulator: &str) -> usize {
+    failures.iter().filter(|f| f.simulator.as_deref().is_none_or(|s| s == simulator)).count()
+}
