@@ -96,7 +96,8 @@ impl RunFolder {
         if is_unbegun(path) {
             return Self::create(path, provenance);
         }
-        if path.join(SUMMARY).exists() || Self::is_of(path, provenance).is_err() {
+        let is_finished = [SUMMARY, TABLE].iter().all(|name| path.join(name).exists());
+        if is_finished || Self::is_of(path, provenance).is_err() {
             return Err(EvaluationError::Exists { path: path.to_owned() });
         }
         Self::open(path)

@@ -9,7 +9,7 @@ use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
 use crate::cli::write_file;
-use crate::evaluation::shards::{ShardPlan, run_sample};
+use crate::evaluation::shards::{ShardPlan, UnitWorker};
 use crate::evaluation::{Execution, Plan};
 
 /// Name of the file with the estimate.
@@ -45,11 +45,11 @@ impl Estimate {
     ) -> anyhow::Result<Option<Self>> {
         let stop = AtomicBool::new(false);
         let execution = Execution { jobs: 1, ..execution };
-        let run = |most| run_sample(folder, shards, plan, most, execution, &stop);
+        let worker = UnitWorker { folder, shards, plan, execution, observer: &(), stop: &stop };
         // The first record pays for what happens once per process.
-        run(1)?;
+        worker.sample(1)?;
         let begin = Instant::now();
-        let Some(sample) = run(most)? else { return Ok(None) };
+        let Some(sample) = worker.sample(most)? else { return Ok(None) };
         let (seconds, measured) = (begin.elapsed().as_secs_f64(), sample.records.max(1));
         let estimate = Self {
             measured,

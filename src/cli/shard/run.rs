@@ -10,7 +10,7 @@ use crate::cli::external::keep_stderr;
 use crate::cli::progress::Progress;
 use crate::cli::subject::JobsArg;
 use crate::cli::{ExitStatus, count, say, stop_on_interrupt};
-use crate::evaluation::shards::{ShardPlan, UnitOutcome, run_unit};
+use crate::evaluation::shards::{ShardPlan, UnitOutcome, UnitWorker};
 
 /// Arguments of `shard run`.
 #[derive(Debug, Args)]
@@ -49,7 +49,10 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
         progress.set_total(Some(shards.unit(number)?.range.count));
         let begin = Instant::now();
         let seconds = || begin.elapsed().as_secs_f64();
-        let outcome = run_unit(&args.folder, &shards, number, &plan, execution, &progress, &seconds, &stop);
+        let folder = args.folder.as_path();
+        let worker =
+            UnitWorker { folder, shards: &shards, plan: &plan, execution, observer: &progress, stop: &stop };
+        let outcome = worker.run(number, &seconds);
         progress.end();
         match outcome {
             Ok(UnitOutcome::Finished(record)) => {

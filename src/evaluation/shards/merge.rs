@@ -31,8 +31,8 @@ pub struct Merged {
 }
 
 /// Merges the results of all units into a run folder, as a run on one machine would write it. `done` is called
-/// after every unit with the number of units so far. Memory does not grow with events and rollouts, and grows
-/// by some tens of bytes per scenario beyond [`100,000`](super::super::samples::MANY).
+/// after every unit with the number of units so far. Memory does not grow with events and rollouts, and by some
+/// tens of bytes per scenario beyond the first 100,000.
 ///
 /// # Errors
 /// [`ShardError`] if units are missing, there twice, of another plan, or damaged; if `out` has anything but an

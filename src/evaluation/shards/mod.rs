@@ -21,5 +21,5 @@ mod unit;
 pub use error::ShardError;
 pub use merge::{Merged, merge};
 pub use plan::{SHARD_PLAN, ShardPlan, Unit};
-pub use sample::{SampleResults, run_sample};
-pub use unit::{UnitOutcome, UnitRecord, run_unit};
+pub use sample::SampleResults;
+pub use unit::{UnitOutcome, UnitRecord, UnitWorker};

@@ -86,90 +86,95 @@ impl ShardPlan {
     }
 }
 
-/// Carries out a unit of the run `plan` and writes its results to the folder of units. `seconds` returns the
-/// time since the unit began.
-///
-/// # Errors
-/// [`ShardError`] if the run is not the planned one, if records are missing, or if results cannot be written;
-/// nothing of the unit is kept then.
-#[expect(clippy::too_many_arguments, reason = "a run, its place and its observers")]
-pub fn run_unit(
-    folder: &Path,
-    shards: &ShardPlan,
-    number: usize,
-    plan: &Plan,
-    execution: Execution,
-    observer: &dyn RunObserver,
-    seconds: &dyn Fn() -> f64,
-    stop: &AtomicBool,
-) -> Result<UnitOutcome, ShardError> {
-    let unit = shards.unit(number)?;
-    let target = ShardPlan::unit_folder(folder, number, unit);
-    if target.exists() {
-        return Ok(UnitOutcome::WasFinished);
-    }
-    shards.check(number, plan)?;
-    let partial = folder.join(partial_name(&format!("{number:06}-{:.16}", unit.key), folder)?);
-    let done = write(&partial, number, unit, plan, execution, observer, seconds, stop);
-    let done = done.and_then(|record| {
-        let Some(record) = record else { return Ok(UnitOutcome::Interrupted) };
-        match fs::rename(&partial, &target) {
-            Ok(()) => Ok(UnitOutcome::Finished(record)),
-            Err(_) if target.exists() => Ok(UnitOutcome::WasFinished),
-            Err(error) => Err(cannot_write(&target)(error).into()),
-        }
-    });
-    if partial.exists() {
-        // The reason for which nothing is kept matters more than a folder that stays.
-        fs::remove_dir_all(&partial).ok();
-    }
-    done
+/// Carries out units of a plan in this process.
+#[derive(Clone, Copy)]
+pub struct UnitWorker<'a> {
+    /// Folder of the plan and the units.
+    pub folder: &'a Path,
+    /// The plan.
+    pub shards: &'a ShardPlan,
+    /// The planned run, prepared in this process.
+    pub plan: &'a Plan,
+    /// Threads and batches.
+    pub execution: Execution,
+    /// Receives the progress.
+    pub observer: &'a dyn RunObserver,
+    /// Ends the work when it is set.
+    pub stop: &'a AtomicBool,
 }
 
-/// Carries out a unit in a folder of its own. `None` if it was interrupted.
-#[expect(clippy::too_many_arguments, reason = "those of its only caller")]
-fn write(
-    folder: &Path,
-    number: usize,
-    unit: &Unit,
-    plan: &Plan,
-    execution: Execution,
-    observer: &dyn RunObserver,
-    seconds: &dyn Fn() -> f64,
-    stop: &AtomicBool,
-) -> Result<Option<UnitRecord>, ShardError> {
-    let run = RunFolder::create(folder, &plan.provenance())?;
-    let tally = plan.tally();
-    let results = carry_out(plan, Some(unit.range), execution, Some(&run), tally, observer, stop)?;
-    let Some(mut results) = results else { return Ok(None) };
-    if results.records != unit.range.count {
-        let (found, planned) = (results.records, unit.range.count);
-        let name = plan.sources[unit.range.input].file.name.clone();
-        return Err(ShardError::FewRecords { unit: number, name, found, planned });
+impl UnitWorker<'_> {
+    /// Carries out a unit and writes its results to the folder of units. `seconds` returns the time since the
+    /// unit began.
+    ///
+    /// # Errors
+    /// [`ShardError`] if the run is not the planned one, if records are missing, or if results cannot be
+    /// written; nothing of the unit is kept then.
+    pub fn run(&self, number: usize, seconds: &dyn Fn() -> f64) -> Result<UnitOutcome, ShardError> {
+        let unit = self.shards.unit(number)?;
+        let target = ShardPlan::unit_folder(self.folder, number, unit);
+        if target.exists() {
+            return Ok(UnitOutcome::WasFinished);
+        }
+        self.shards.check(number, self.plan)?;
+        let partial = self.folder.join(partial_name(&format!("{number:06}-{:.16}", unit.key), self.folder)?);
+        let done = self.write(&partial, number, unit, seconds).and_then(|record| {
+            let Some(record) = record else { return Ok(UnitOutcome::Interrupted) };
+            match fs::rename(&partial, &target) {
+                Ok(()) => Ok(UnitOutcome::Finished(record)),
+                Err(_) if target.exists() => Ok(UnitOutcome::WasFinished),
+                Err(error) => Err(cannot_write(&target)(error).into()),
+            }
+        });
+        if partial.exists() {
+            // The reason for which nothing is kept matters more than a folder that stays.
+            fs::remove_dir_all(&partial).ok();
+        }
+        done
     }
-    results.failures.sort();
-    run.finish(&results.tally, &results.failures)?;
-    let mut names = vec![ROWS, EVENTS, FAILURES];
-    if plan.keep_rollouts {
-        rollouts::join_parts(&run, &results.tally)?;
-        run.remove_parts()?;
-        names.push(ROLLOUTS);
+
+    /// Carries out a unit in a folder of its own. `None` if it was interrupted.
+    fn write(
+        &self,
+        folder: &Path,
+        number: usize,
+        unit: &Unit,
+        seconds: &dyn Fn() -> f64,
+    ) -> Result<Option<UnitRecord>, ShardError> {
+        let (plan, execution) = (self.plan, self.execution);
+        let run = RunFolder::create(folder, &plan.provenance())?;
+        let range = Some(unit.range);
+        let results = carry_out(plan, range, execution, Some(&run), plan.tally(), self.observer, self.stop)?;
+        let Some(mut results) = results else { return Ok(None) };
+        if results.records != unit.range.count {
+            let (found, planned) = (results.records, unit.range.count);
+            let name = plan.sources[unit.range.input].file.name.clone();
+            return Err(ShardError::FewRecords { unit: number, name, found, planned });
+        }
+        results.failures.sort();
+        run.finish(&results.tally, &results.failures)?;
+        let mut names = vec![ROWS, EVENTS, FAILURES];
+        if plan.keep_rollouts {
+            rollouts::join_parts(&run, &results.tally)?;
+            run.remove_parts()?;
+            names.push(ROLLOUTS);
+        }
+        let mut files = BTreeMap::new();
+        for name in names {
+            files.insert(name.to_owned(), CompanionRecord::of(&folder.join(name))?.blake3);
+        }
+        let record = UnitRecord {
+            key: unit.key.clone(),
+            records: results.records,
+            failed: results.failures.len(),
+            seconds: seconds(),
+            jobs: execution.jobs,
+            left_out: results.left_out,
+            files,
+        };
+        run.put(UNIT, &line(&record))?;
+        Ok(Some(record))
     }
-    let mut files = BTreeMap::new();
-    for name in names {
-        files.insert(name.to_owned(), CompanionRecord::of(&folder.join(name))?.blake3);
-    }
-    let record = UnitRecord {
-        key: unit.key.clone(),
-        records: results.records,
-        failed: results.failures.len(),
-        seconds: seconds(),
-        jobs: execution.jobs,
-        left_out: results.left_out,
-        files,
-    };
-    run.put(UNIT, &line(&record))?;
-    Ok(Some(record))
 }
 
 /// Returns a name for a folder that is being written, which no other process chooses.
