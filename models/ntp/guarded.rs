@@ -4,6 +4,7 @@ use reactsim::models::{Baseline, ModelError, Setup};
 use reactsim::rollout::Controller;
 use serde::{Deserialize, Serialize};
 
+use super::haste::Haste;
 use super::reactive::{Policy, ReactiveSimulator};
 use super::sampling::Sampling;
 use super::{Driving, entries};
@@ -24,8 +25,8 @@ pub(in crate::models) const GUARDED: Baseline = Baseline {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
-    /// Added to the logits of a vehicle per metre that a token leads ahead, 1/m.
-    haste: f64,
+    /// Makes faster tokens of vehicles likelier.
+    haste: Haste,
     /// Settings for drawing tokens.
     sampling: Sampling,
     /// When agents leave what the network proposes.

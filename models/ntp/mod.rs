@@ -6,6 +6,7 @@ pub(crate) mod drive;
 pub(super) mod entries;
 mod execute;
 pub(super) mod guarded;
+mod haste;
 pub mod learn;
 mod policy_loss;
 pub mod reactive;

@@ -12,8 +12,8 @@ use super::tokens::TOKEN_FRAMES;
 const DECELERATION: [f64; 2] = [1.5, 5.0];
 /// Range of the acceleration back to the speed of the log, m/s²: usual values of cars that set off.
 const ACCELERATION: [f64; 2] = [1.5, 3.0];
-/// Largest number of tokens during which a vehicle brakes.
-const MAX_BRAKING_TOKENS: usize = 5;
+/// Largest number of tokens during which a vehicle brakes: long enough that many come to stand.
+const MAX_BRAKING_TOKENS: usize = 8;
 /// Step from which a vehicle brakes at the latest.
 const LAST_FIRST_STEP: usize = 10;
 /// Length of a logged path in metres below which there is nothing to lose.

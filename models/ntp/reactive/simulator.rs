@@ -6,6 +6,7 @@ use reactsim::scene::{Frame, Start};
 
 use super::super::clearance::Traffic;
 use super::super::execute::Executor;
+use super::super::haste::Haste;
 use super::super::sampling::Driving;
 use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
 use super::batch::{NodeTensors, SceneRows, map_tensors, node_tensors};
@@ -22,22 +23,20 @@ use crate::models::perception::Class;
 pub struct ReactiveSimulator {
     policy: Policy,
     driving: Driving,
-    /// Added to the logits of a vehicle per metre that a token leads ahead, 1/m.
-    haste: f64,
+    haste: Option<Haste>,
     device: Device,
 }
 
 impl ReactiveSimulator {
     /// Builds a simulator of this policy, whose weights are on this device.
     pub fn new(policy: Policy, driving: Driving, device: Device) -> Self {
-        Self { policy, driving, haste: 0.0, device }
+        Self { policy, driving, haste: None, device }
     }
 
-    /// Adds this to the logits of a vehicle per metre that a token leads ahead, 1/m: longer tokens become
-    /// likelier.
+    /// Makes faster tokens of vehicles likelier.
     #[must_use]
-    pub fn with_haste(self, haste: f64) -> Self {
-        Self { haste, ..self }
+    pub fn with_haste(self, haste: Haste) -> Self {
+        Self { haste: Some(haste), ..self }
     }
 }
 
@@ -142,10 +141,10 @@ impl ReactiveSimulator {
         }
     }
 
-    /// Returns the logits of a vehicle, raised with the length of their tokens.
-    fn hasten(&self, logits: &[f32]) -> Vec<f32> {
+    /// Returns the logits of a vehicle with the bonus of each token.
+    fn hasten(&self, haste: Haste, logits: &[f32], speed: f64) -> Vec<f32> {
         let ahead = |token| self.policy.vocabulary.poses(Class::Vehicle, token)[TOKEN_FRAMES].position.x;
-        logits.iter().enumerate().map(|(token, l)| l + (self.haste * ahead(token)) as f32).collect()
+        logits.iter().enumerate().map(|(token, l)| l + haste.bonus(ahead(token), speed) as f32).collect()
     }
 
     /// Encodes the steps of some episodes.
@@ -222,7 +221,10 @@ impl PendingPlan<'_, '_> {
         for ((&slot, &class), logits) in newest.slots.iter().zip(&newest.classes).zip(logits) {
             let agent = &agents[slot];
             let track = &mut self.tracks[slot];
-            let hasty = (simulator.haste != 0.0 && class == Class::Vehicle).then(|| simulator.hasten(logits));
+            let hasty = simulator.haste.filter(|_| class == Class::Vehicle).map(|haste| {
+                let speed = track.last().copied().flatten().map_or(0.0, |s| s.forward_speed());
+                simulator.hasten(haste, logits, speed)
+            });
             let logits = hasty.as_deref().unwrap_or(logits);
             match simulator.driving.sampling.draw_first(logits, self.episode.stream) {
                 Some(order) => {
