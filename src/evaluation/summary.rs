@@ -8,7 +8,6 @@ use super::access::Access;
 use super::provenance::Provenance;
 use super::row::Failure;
 use super::statistics::Estimate;
-use super::summary_builder::SummaryBuilder;
 use super::tally::Tally;
 
 /// Id of the simulator to which paired differences are computed.
@@ -126,13 +125,6 @@ impl SimulatorSummary {
 }
 
 impl Summary {
-    /// Summarizes a run. `failures` are in canonical order.
-    pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
-        let mut builder = SummaryBuilder::new(&tally.simulators, &tally.metrics, provenance);
-        tally.entries.values().for_each(|entry| builder.add(entry));
-        builder.finish(failures)
-    }
-
     /// Returns whether this summary can be of the tally: both have the same number of results per simulator.
     pub fn is_of(&self, tally: &Tally) -> bool {
         let with_result = |i: usize| tally.entries.values().filter(|e| e.cells[i].is_some()).count();

@@ -9,7 +9,7 @@ use super::samples::{NamedSamples, Part, Samples};
 use super::summary::{
     CategorySummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
 };
-use super::tally::Entry;
+use super::tally::{Entry, Tally};
 
 /// A summary that is being computed. Scenarios are added in canonical order.
 pub(super) struct SummaryBuilder<'a> {
@@ -141,6 +141,15 @@ impl<'a> SummaryBuilder<'a> {
                 failures: failures.to_vec(),
             },
         }
+    }
+}
+
+impl Summary {
+    /// Summarizes a run. `failures` are in canonical order.
+    pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
+        let mut builder = SummaryBuilder::new(&tally.simulators, &tally.metrics, provenance);
+        tally.entries.values().for_each(|entry| builder.add(entry));
+        builder.finish(failures)
     }
 }
 

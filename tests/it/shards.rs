@@ -142,7 +142,7 @@ fn merged_units_are_the_run_on_one_machine_byte_for_byte() {
         shards.merge();
         assert_same(&whole, &shards.out);
         // Merging does not use units up, and a finished folder is not overwritten.
-        shards.refuses("merge", &[], "exists and is not empty");
+        shards.refuses("merge", &[], "has the results of this plan already");
         fs::remove_dir_all(&shards.out).unwrap();
         shards.merge();
         assert_same(&whole, &shards.out);
@@ -285,9 +285,11 @@ fn inputs_and_plans_that_change_are_named() {
     let shards = run.plan("units", 4, &[]);
     shards.run(&["0"]);
     write(Path::new(&run.arguments[1]), (1..9).map(scenario));
-    shards.refuses("run", &["1"], "unit 1 would not be of the planned run: `inputs[0].blake3` is");
-    // Units of the other file are not concerned.
+    shards.refuses("run", &["1"], "unit 1: it would not be of the planned run: `inputs[0].blake3` is");
+    // Units of the other file are not concerned, neither alone nor in the same process.
     shards.run(&["2"]);
+    shards.refuses("run", &["--missing"], "unit 1: it would not be of the planned run");
+    assert_eq!(shards.status()["missing"], serde_json::json!([1]));
     fs::write(shards.folder.join("plan.json"), "{}").unwrap();
     shards.refuses("status", &[], "is not a plan of this program");
     fs::remove_file(shards.folder.join("plan.json")).unwrap();

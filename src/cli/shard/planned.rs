@@ -9,7 +9,7 @@ use clap::{Args, Parser};
 
 use super::estimate::Estimate;
 use crate::cli::run::{self, RunArgs};
-use crate::cli::{Cli, Command, ExitStatus, count, say};
+use crate::cli::{Cli, Command, ExitStatus, count, note, say};
 use crate::evaluation::Plan;
 use crate::evaluation::shards::ShardPlan;
 use crate::external::ExternalSimulator;
@@ -48,7 +48,7 @@ pub(super) fn plan(args: &PlanArgs) -> anyhow::Result<ExitStatus> {
             None => say(format_args!("no estimate: interrupted")),
         }
     }
-    say(format_args!(
+    note(format_args!(
         "next: reactsim shard run {folder} N for every N from 0 to {}, or `--missing` for all; then reactsim \
          shard merge {folder}",
         shards.units.len() - 1
@@ -94,7 +94,8 @@ pub(super) fn prepare(shards: &ShardPlan, units: &[usize]) -> anyhow::Result<Pla
     let args = arguments(shards)?;
     let inputs: Result<BTreeSet<usize>, _> =
         units.iter().map(|number| shards.unit(*number).map(|unit| unit.range.input)).collect();
-    let sources = args.subject.known_sources(&shards.provenance.inputs, &inputs?)?;
+    let sources = args.subject.known_sources(&shards.provenance.inputs, &inputs?);
+    let sources = sources.context("paths in the plan are relative to the folder in which it was made")?;
     let (plan, external) = run::plan(&args, sources)?;
     Ok(PlannedRun { args, plan, external })
 }

@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::planned::{PlannedRun, prepare};
 use crate::cli::external::keep_stderr;
 use crate::cli::progress::Progress;
 use crate::cli::subject::JobsArg;
-use crate::cli::{ExitStatus, count, say, stop_on_interrupt};
+use crate::cli::{ExitStatus, count, is_quiet, say, stop_on_interrupt};
 use crate::evaluation::shards::{ShardPlan, UnitOutcome, UnitWorker};
 
 /// Arguments of `shard run`.
@@ -43,7 +44,7 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
     keep_stderr(&external, Some(&args.folder))?;
     let mut execution = run.work.execution();
     execution.jobs = args.jobs.or(execution.jobs);
-    let (mut failed, mut last_error) = (0, None);
+    let (mut failed, mut refused) = (0, 0);
     for &number in &units {
         let progress = Progress::new();
         progress.set_total(Some(shards.unit(number)?.range.count));
@@ -57,6 +58,9 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
         match outcome {
             Ok(UnitOutcome::Finished(record)) => {
                 failed += record.failed;
+                if is_quiet() {
+                    continue;
+                }
                 let rate = record.records as f64 / record.seconds.max(1e-3);
                 say(format_args!(
                     "unit {number}: {}, {:.1} s, {rate:.1}/s{}",
@@ -67,17 +71,19 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
             }
             Ok(UnitOutcome::WasFinished) => say(format_args!("unit {number}: already finished")),
             Ok(UnitOutcome::Interrupted) => return Ok(ExitStatus::Interrupted),
-            // Other units may well be possible.
-            Err(error) if units.len() > 1 => {
-                let error = anyhow::Error::from(error);
-                say(format_args!("warning: unit {number}: {error:#}"));
-                last_error = Some(error);
+            Err(error) => {
+                let error = anyhow!("unit {number}: {:#}", anyhow::Error::from(error));
+                if units.len() == 1 {
+                    return Err(error);
+                }
+                // Other units may well be possible.
+                say(format_args!("warning: {error}"));
+                refused += 1;
             }
-            Err(error) => return Err(error.into()),
         }
     }
-    if let Some(error) = last_error {
-        return Err(error);
+    if refused > 0 {
+        bail!("{refused} of {} are not carried out: see the warnings above", count(units.len(), "unit"));
     }
     Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }

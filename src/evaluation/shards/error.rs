@@ -26,12 +26,8 @@ pub enum ShardError {
         records: usize,
     },
     /// A file has fewer records than planned.
-    #[error(
-        "unit {unit}: {name} gave {found} of {planned} records; it was changed or cannot be read to the end here"
-    )]
+    #[error("{name} gave {found} of {planned} records; it was changed or cannot be read to the end here")]
     FewRecords {
-        /// Number of the unit.
-        unit: usize,
         /// Name of the file.
         name: String,
         /// Number of records.
@@ -40,7 +36,7 @@ pub enum ShardError {
         planned: usize,
     },
     /// There is no plan in a folder, or it cannot be read.
-    #[error("{} cannot be read: {source}; `reactsim shard plan` writes it", path.display())]
+    #[error("{} cannot be read; `reactsim shard plan` writes it", path.display())]
     NoPlan {
         /// The file.
         path: PathBuf,
@@ -63,12 +59,10 @@ pub enum ShardError {
     },
     /// The arguments of the plan lead to another run now.
     #[error(
-        "unit {unit} would not be of the planned run: `{setting}` is {planned} in the plan and {now} here; use \
-         the same program, files and kind of processor, or plan again"
+        "it would not be of the planned run: `{setting}` is {planned} in the plan and {now} here; use the same \
+         program, files and kind of processor, or plan again"
     )]
     OtherRun {
-        /// Number of the unit.
-        unit: usize,
         /// The setting.
         setting: String,
         /// Its value in the plan.
@@ -83,6 +77,12 @@ pub enum ShardError {
         unit: usize,
         /// Number of units.
         count: usize,
+    },
+    /// The results are merged already.
+    #[error("{} has the results of this plan already", path.display())]
+    Merged {
+        /// The run folder.
+        path: PathBuf,
     },
     /// Units of the plan are not finished.
     #[error(

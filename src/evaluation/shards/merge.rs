@@ -58,7 +58,12 @@ pub fn merge(
         check_files(&path, number, &record)?;
         units.push(record);
     }
-    let run = RunFolder::begin_again(out, &plan.provenance)?;
+    let run = match RunFolder::begin_again(out, &plan.provenance) {
+        Err(EvaluationError::Exists { path }) if RunFolder::is_of(&path, &plan.provenance).is_ok() => {
+            return Err(ShardError::Merged { path });
+        }
+        run => run?,
+    };
     let mut merger = Merger::new(folder, plan, &run);
     merger.rows(done)?;
     merger.failures()?;

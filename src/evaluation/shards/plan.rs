@@ -128,11 +128,17 @@ impl ShardPlan {
         self.units.get(number).ok_or(ShardError::NoUnit { unit: number, count: self.units.len() })
     }
 
-    /// Checks that a run is the planned one.
-    pub(super) fn check(&self, unit: usize, plan: &Plan) -> Result<(), ShardError> {
-        match self.provenance.difference(&plan.provenance()) {
+    /// Checks that a run is the planned one, as far as records of this input are concerned.
+    pub(super) fn check(&self, input: usize, plan: &Plan) -> Result<(), ShardError> {
+        let mut now = plan.provenance();
+        for (index, planned) in self.provenance.inputs.iter().enumerate().filter(|(i, _)| *i != input) {
+            if let Some(other) = now.inputs.get_mut(index) {
+                other.clone_from(planned);
+            }
+        }
+        match self.provenance.difference(&now) {
             None => Ok(()),
-            Some((setting, planned, now)) => Err(ShardError::OtherRun { unit, setting, planned, now }),
+            Some((setting, planned, now)) => Err(ShardError::OtherRun { setting, planned, now }),
         }
     }
 

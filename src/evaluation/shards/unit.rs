@@ -116,9 +116,9 @@ impl UnitWorker<'_> {
         if target.exists() {
             return Ok(UnitOutcome::WasFinished);
         }
-        self.shards.check(number, self.plan)?;
+        self.shards.check(unit.range.input, self.plan)?;
         let partial = self.folder.join(partial_name(&format!("{number:06}-{:.16}", unit.key), self.folder)?);
-        let done = self.write(&partial, number, unit, seconds).and_then(|record| {
+        let done = self.write(&partial, unit, seconds).and_then(|record| {
             let Some(record) = record else { return Ok(UnitOutcome::Interrupted) };
             match fs::rename(&partial, &target) {
                 Ok(()) => Ok(UnitOutcome::Finished(record)),
@@ -137,7 +137,6 @@ impl UnitWorker<'_> {
     fn write(
         &self,
         folder: &Path,
-        number: usize,
         unit: &Unit,
         seconds: &dyn Fn() -> f64,
     ) -> Result<Option<UnitRecord>, ShardError> {
@@ -149,7 +148,7 @@ impl UnitWorker<'_> {
         if results.records != unit.range.count {
             let (found, planned) = (results.records, unit.range.count);
             let name = plan.sources[unit.range.input].file.name.clone();
-            return Err(ShardError::FewRecords { unit: number, name, found, planned });
+            return Err(ShardError::FewRecords { name, found, planned });
         }
         results.failures.sort();
         run.finish(&results.tally, &results.failures)?;

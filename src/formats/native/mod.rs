@@ -55,10 +55,7 @@ impl ScenarioFormat for Native {
     }
 
     fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
-        let mut reader = Reader::over(path, TableReader::open(path)?)?;
-        let passed_over = reader.table.pass_over(first);
-        reader.record = passed_over as u64;
-        Ok(Box::new(reader.skip(first - passed_over)))
+        Reader::from(path, TableReader::open(path)?, first)
     }
 
     fn count(&self, path: &Path) -> Option<usize> {
@@ -66,13 +63,17 @@ impl ScenarioFormat for Native {
     }
 }
 
-/// Reads the content of a native file in memory, such as one embedded in the program; errors refer to it as
-/// `name`.
+/// Reads the content of a native file in memory, such as one embedded in the program, from the record with the
+/// index `first` on; errors refer to it as `name`.
 ///
 /// # Errors
 /// [`FormatError`] if the content is not a native file.
-pub fn read_bytes(name: &Path, content: &'static [u8]) -> Result<PendingScenarios, FormatError> {
-    Ok(Box::new(Reader::over(name, TableReader::of_bytes(name, content)?)?))
+pub fn read_bytes(
+    name: &Path,
+    content: &'static [u8],
+    first: usize,
+) -> Result<PendingScenarios, FormatError> {
+    Reader::from(name, TableReader::of_bytes(name, content)?, first)
 }
 
 struct Reader {
@@ -88,6 +89,14 @@ impl Reader {
     fn over(path: &Path, table: TableReader) -> Result<Self, FormatError> {
         table.require(KIND, VERSION)?;
         Ok(Self { path: path.to_owned(), table, rows: None, record: 0 })
+    }
+
+    /// Reads from the record with the index `first` on.
+    fn from(path: &Path, table: TableReader, first: usize) -> Result<PendingScenarios, FormatError> {
+        let mut reader = Self::over(path, table)?;
+        let passed_over = reader.table.pass_over(first);
+        reader.record = passed_over as u64;
+        Ok(Box::new(reader.skip(first - passed_over)))
     }
 
     fn load(&mut self, batch: &RecordBatch) -> Result<(), FormatError> {
