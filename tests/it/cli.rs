@@ -128,6 +128,7 @@ fn help_fits_a_terminal() {
       leaderboard  List references and submitted runs in one table
       view         Show run folders in a browser: tables, figures, every scene from above
       study        Run studies: replan interval, reactive against realism protocol, ablations
+      shard        Divide a run into units for clusters, carry them out, and merge their results
       inspect      Describe and draw a scenario
       export       Write runs in the formats of others
       export-av    Write the trajectories of deviated AVs without anything of the recorded future
