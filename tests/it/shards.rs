@@ -150,6 +150,21 @@ fn merged_units_are_the_run_on_one_machine_byte_for_byte() {
 }
 
 #[test]
+fn an_id_that_is_repeated_within_a_unit_keeps_its_first_scenario() {
+    let run = Run::new(3, "constant-velocity,stop");
+    write(Path::new(&run.arguments[1]), [0, 1, 1, 2, 0].map(scenario));
+    let whole = run.whole();
+    let failures = fs::read_to_string(whole.join("failures.jsonl")).unwrap();
+    assert_eq!(failures.lines().count(), 3, "{failures}");
+    for unit in [2, 3, 100] {
+        let shards = run.plan(&format!("units-of-{unit}"), unit, &[]);
+        shards.run(&["--missing"]);
+        shards.merge();
+        assert_same(&whole, &shards.out);
+    }
+}
+
+#[test]
 fn selections_and_files_of_deviations_are_merged() {
     let run = Run::new(9, "constant-velocity");
     let deviations = run.path("deviations.parquet");

@@ -3,21 +3,20 @@
 use std::path::Path;
 
 use crate::cli::{ExitStatus, write_result};
-use crate::evaluation::shards::ShardPlan;
+use crate::evaluation::shards::{ShardPlan, UnitRecord};
 
 /// Prints one line of numbers for people and scripts: units, finished units, records, finished records,
 /// failures, and core-seconds used.
 pub(super) fn status(folder: &Path) -> anyhow::Result<ExitStatus> {
     let shards = ShardPlan::read(folder)?;
     let finished = shards.finished(folder)?;
-    let sum = |of: fn(&crate::evaluation::shards::UnitRecord) -> f64| finished.values().map(of).sum::<f64>();
     let text = serde_json::json!({
         "units": shards.units.len(),
         "finished": finished.len(),
         "records": shards.records(),
         "finished_records": finished.values().map(|unit| unit.records).sum::<usize>(),
         "failed": finished.values().map(|unit| unit.failed).sum::<usize>(),
-        "core_seconds": sum(|unit| unit.seconds * unit.jobs as f64),
+        "core_seconds": finished.values().map(UnitRecord::core_seconds).sum::<f64>(),
         "missing": shards.missing(folder),
     });
     write_result(None, |out| writeln!(out, "{text}"))?;

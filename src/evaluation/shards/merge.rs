@@ -1,6 +1,6 @@
 //! The results of all units as one run folder.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use super::error::ShardError;
 use super::plan::{ShardPlan, Unit};
 use super::unit::{PARTIAL, UnitRecord, check_files, finished_number, is_abandoned, read_record};
 use crate::evaluation::folder::{
-    EVENTS, FAILURES, ROLLOUTS, ROWS, SUMMARY, cannot_read, cannot_write, line, replace,
+    EVENTS, FAILURES, ROLLOUTS, ROWS, SUMMARY, cannot_read, cannot_write, for_parsed_lines, line, replace,
 };
 use crate::evaluation::left_out::LeftOut;
 use crate::evaluation::row::{Failure, RecordPosition, Row};
@@ -30,20 +30,20 @@ pub struct Merged {
     pub abandoned: usize,
 }
 
-/// Merges the results of all units into a run folder, as a run on one machine would write it. `done` is called
-/// after every unit with the number of units so far. Memory does not grow with events and rollouts, and by some
-/// tens of bytes per scenario beyond the first 100,000.
+/// Merges the results of all units into a run folder, as a run on one machine would write it. `done` is
+/// called after every unit with the number of records so far. Memory does not grow with events and rollouts,
+/// and by some tens of bytes per scenario beyond the first 100,000.
 ///
 /// # Errors
-/// [`ShardError`] if units are missing, there twice, of another plan, or damaged; if `out` has anything but an
-/// unfinished merge of this plan; or if a file cannot be read or written. The units stay as they are.
+/// [`ShardError`] if units are missing, there twice, of another plan, or damaged; if `out` has anything but
+/// an unfinished merge of this plan; or if a file cannot be read or written. The units stay as they are.
 pub fn merge(
     folder: &Path,
     plan: &ShardPlan,
     out: &Path,
     done: &dyn Fn(usize),
 ) -> Result<Merged, ShardError> {
-    let partial = check_folders(folder, plan)?;
+    let Found { partial, mut records } = Found::in_folder(folder, plan)?;
     let missing = plan.missing(folder);
     if !missing.is_empty() {
         return Err(ShardError::Missing { missing, count: plan.units.len() });
@@ -51,10 +51,10 @@ pub fn merge(
     let mut units = Vec::with_capacity(plan.units.len());
     for (number, unit) in plan.units.iter().enumerate() {
         let path = ShardPlan::unit_folder(folder, number, unit);
-        let record = read_record(&path, number)?;
-        if record.key != unit.key || record.records != unit.range.count {
+        let record = records.remove(&number).map(|(_, record)| record);
+        let Some(record) = record.filter(|record| record.records == unit.range.count) else {
             return Err(ShardError::Foreign { path });
-        }
+        };
         check_files(&path, number, &record)?;
         units.push(record);
     }
@@ -85,27 +85,36 @@ pub fn merge(
     Ok(Merged { folder: run, summary, units, abandoned })
 }
 
-/// Checks that all folders of units are of this plan and there once. Returns the partial folders.
-fn check_folders(folder: &Path, plan: &ShardPlan) -> Result<Vec<PathBuf>, ShardError> {
-    let (mut partial, mut found) = (Vec::new(), HashMap::new());
-    for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
-        let path = entry.map_err(cannot_read(folder))?.path();
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        if name.starts_with(PARTIAL) {
-            partial.push(path);
-        } else if let Some(number) = finished_number(name) {
-            let is_planned = |unit: &Unit| read_record(&path, number).map(|r| r.key == unit.key);
-            match plan.units.get(number).map(is_planned) {
-                Some(Ok(true)) => {}
-                Some(Err(error)) => return Err(error),
-                _ => return Err(ShardError::Foreign { path }),
-            }
-            if let Some(first) = found.insert(number, path.clone()) {
-                return Err(ShardError::Twice { unit: number, first, second: path });
+/// What is in a folder of units.
+struct Found {
+    /// Folders that are being written, or were left by killed processes.
+    partial: Vec<PathBuf>,
+    /// Folders and records of finished units by number.
+    records: BTreeMap<usize, (PathBuf, UnitRecord)>,
+}
+
+impl Found {
+    /// Reads the records of all finished units; they must be of this plan and there once.
+    fn in_folder(folder: &Path, plan: &ShardPlan) -> Result<Self, ShardError> {
+        let mut found = Self { partial: Vec::new(), records: BTreeMap::new() };
+        for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
+            let path = entry.map_err(cannot_read(folder))?.path();
+            let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+            if name.starts_with(PARTIAL) {
+                found.partial.push(path);
+            } else if let Some(number) = finished_number(name) {
+                let Some(unit) = plan.units.get(number) else { return Err(ShardError::Foreign { path }) };
+                let record = read_record(&path, number)?;
+                if record.key != unit.key {
+                    return Err(ShardError::Foreign { path });
+                }
+                if let Some((first, _)) = found.records.insert(number, (path.clone(), record)) {
+                    return Err(ShardError::Twice { unit: number, first, second: path });
+                }
             }
         }
+        Ok(found)
     }
-    Ok(partial)
 }
 
 struct Merger<'a> {
@@ -159,6 +168,7 @@ impl<'a> Merger<'a> {
     fn rows(&mut self, done: &dyn Fn(usize)) -> Result<(), ShardError> {
         let path = self.run.path().join(ROWS);
         let mut out = BufWriter::new(NewFile::create(&path).map_err(cannot_write(&path))?);
+        let mut records = 0;
         for (number, unit, folder) in self.units() {
             let damaged = |reason: String| ShardError::Damaged { path: folder.clone(), unit: number, reason };
             let mut pending: Option<PendingScenario> = None;
@@ -186,7 +196,8 @@ impl<'a> Merger<'a> {
             if let Some(finished) = pending {
                 self.scenario(finished, &mut out).map_err(|e| e.of(&path, &damaged))?;
             }
-            done(number + 1);
+            records += unit.range.count;
+            done(records);
         }
         let file = out.into_inner().map_err(|e| cannot_write(&path)(e.into_error()))?;
         Ok(file.finish().map_err(cannot_write(&path))?)
@@ -218,16 +229,8 @@ impl<'a> Merger<'a> {
 
     /// Joins the failures and adds scenarios whose id is taken.
     fn failures(&mut self) -> Result<(), ShardError> {
-        for (number, _, folder) in self.units() {
-            let path = folder.join(FAILURES);
-            for (i, text) in lines(&path)?.enumerate() {
-                let text = text.map_err(cannot_read(&path))?;
-                let failure = serde_json::from_str(&text).map_err(|error| {
-                    let reason = format!("{FAILURES}, line {}: {error}", i + 1);
-                    ShardError::Damaged { path: folder.clone(), unit: number, reason }
-                })?;
-                self.failed.push(failure);
-            }
+        for (_, _, folder) in self.units() {
+            for_parsed_lines(&folder.join(FAILURES), |failure| self.failed.push(failure))?;
         }
         self.failed.sort();
         let failed = &self.failed;
@@ -242,7 +245,7 @@ impl<'a> Merger<'a> {
         let mut out = BufWriter::new(NewFile::create(&path).map_err(cannot_write(&path))?);
         for (number, unit, folder) in self.units() {
             let from = folder.join(EVENTS);
-            if self.refused.iter().all(|place| !unit.range.contains(*place)) {
+            if self.is_whole(unit) {
                 let mut file = File::open(&from).map_err(cannot_read(&from))?;
                 io::copy(&mut file, &mut out).map_err(cannot_write(&path))?;
                 continue;
@@ -262,27 +265,41 @@ impl<'a> Merger<'a> {
         Ok(file.finish().map_err(cannot_write(&path))?)
     }
 
+    /// Returns whether no scenario of a unit is refused, so that its files are joined as they are.
+    fn is_whole(&self, unit: &Unit) -> bool {
+        self.refused.iter().all(|place| !unit.range.contains(*place))
+    }
+
     /// Joins the rollouts.
     fn rollouts(&self) -> Result<(), ShardError> {
-        let mut refused: HashMap<usize, BTreeSet<String>> = HashMap::new();
-        for failure in self.failed.iter().filter(|f| self.refused.contains(&f.place())) {
-            let unit = self.plan.units.iter().position(|unit| unit.range.contains(failure.place()));
-            if let (Some(unit), Some(id)) = (unit, &failure.scenario) {
-                refused.entry(unit).or_default().insert(id.clone());
-            }
-        }
         let mut writer = Writer::create(self.run.path().join(ROLLOUTS)).map_err(EvaluationError::from)?;
-        for (number, _, folder) in self.units() {
-            let taken = refused.get(&number);
+        for (_, unit, folder) in self.units() {
+            let mut places = match self.is_whole(unit) {
+                true => None,
+                false => Some(places_of_rollouts(&folder)?.into_iter()),
+            };
             for record in read(folder.join(ROLLOUTS)).map_err(EvaluationError::from)? {
                 let record = record.map_err(EvaluationError::from)?;
-                if taken.is_none_or(|ids| !ids.contains(&record.scenario_id)) {
+                let place = places.as_mut().and_then(Iterator::next);
+                if place.is_none_or(|place| !self.refused.contains(&place)) {
                     writer.write(&record).map_err(EvaluationError::from)?;
                 }
             }
         }
         Ok(writer.finish().map_err(EvaluationError::from)?)
     }
+}
+
+/// Returns the position of the scenario of every rollout of a unit: rows and rollouts have the same order.
+/// Ids do not tell scenarios apart here.
+fn places_of_rollouts(folder: &Path) -> Result<Vec<RecordPosition>, ShardError> {
+    let mut places = Vec::new();
+    for_parsed_lines(&folder.join(ROWS), |row: Row| {
+        if row.rollout.is_some() {
+            places.push(row.place());
+        }
+    })?;
+    Ok(places)
 }
 
 /// The reason why the rows of a scenario cannot be merged.

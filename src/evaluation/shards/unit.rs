@@ -46,6 +46,13 @@ pub struct UnitRecord {
     pub(super) files: BTreeMap<String, String>,
 }
 
+impl UnitRecord {
+    /// Returns the time of all threads, seconds.
+    pub fn core_seconds(&self) -> f64 {
+        self.seconds * self.jobs as f64
+    }
+}
+
 /// How a unit ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum UnitOutcome {
